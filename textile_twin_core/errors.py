@@ -1,0 +1,23 @@
+"""What goes wrong by the user's hand: every such error is one line that says what, where and what to do."""
+
+from __future__ import annotations
+
+
+class TwinError(Exception):
+    """Base of all errors that a user can mend; the command line prints it as one line and exits with code 2."""
+
+
+class MachineError(TwinError):
+    """A machine's declaration is wrong: geometry that cannot close, a negative mass, an unknown name."""
+
+
+class SceneError(TwinError):
+    """A scene asks for what the machine or the method cannot give: an unknown output, method or parameter."""
+
+
+class MotionError(TwinError):
+    """Shaft motion that cannot be used: wrong shape, NaN or infinite values, a missing column."""
+
+
+class RecordingError(TwinError):
+    """A recording cannot be read or written: no bag, no such topic, empty, truncated, no room, no permission."""
