@@ -1,0 +1,131 @@
+"""Bring-up without a ROS installation: starts programs side by side, watches them, ends them together."""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+PATIENCE_S = 10.0
+"""How long a program may take to end by itself before it is killed."""
+
+
+@dataclass
+class Program:
+    """One running program: its name, its process, and the file that takes what it prints."""
+
+    name: str
+    process: subprocess.Popen[bytes]
+    log: Path
+
+    def last_words(self, lines: int = 15) -> str:
+        """The last lines that the program printed."""
+        return "\n".join(self.log.read_text(errors="replace").splitlines()[-lines:])
+
+
+def follow_parent_to_the_end() -> None:
+    """Asks Linux to end this process when the one that started it dies, even when that one is killed."""
+    pr_set_pdeathsig = 1
+    ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGTERM)
+
+
+def start(command: Sequence[str], log_folder: Path, taken: set[str]) -> Program:
+    """Starts a command in a session of its own, so that Ctrl-C reaches it only through us."""
+    name = Path(command[0]).name
+    name = next(n for n in (name, *(f"{name}_{i}" for i in range(2, 100))) if n not in taken)
+    log = log_folder / f"{name}.log"
+    with log.open("wb") as stream:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=stream,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=follow_parent_to_the_end,
+        )
+    return Program(name, process, log)
+
+
+def stop(programs: Sequence[Program]) -> None:
+    """Ends the programs, one after the other in the order given: asked first, killed after `PATIENCE_S`."""
+    for program in programs:
+        for signal_number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            if program.process.poll() is not None:
+                break
+            program.process.send_signal(signal_number)
+            try:
+                program.process.wait(PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                print(f"{program.name} did not end on {signal_number.name}", file=sys.stderr)
+
+
+def split_commands(words: Sequence[str]) -> list[list[str]]:
+    """Splits `a -x --- b -y` into the commands `a -x` and `b -y`."""
+    commands: list[list[str]] = [[]]
+    for word in words:
+        if word == "---":
+            commands.append([])
+        else:
+            commands[-1].append(word)
+    return [command for command in commands if command]
+
+
+def watch(programs: Sequence[Program], until: str | None) -> int:
+    """Waits for the program `until`, or for ever; returns 0, or 1 when a program ended before its time."""
+    while True:
+        os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOWAIT)
+        for program in programs:
+            code = program.process.poll()
+            if code is None:
+                continue
+            if program.name == until and code == 0:
+                return 0
+            how = f"on signal {signal.Signals(-code).name}" if code < 0 else f"with exit code {code}"
+            print(f"{program.name} ended {how}; its last words ({program.log}):", file=sys.stderr)
+            print(program.last_words(), file=sys.stderr)
+            return 1
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the programs named on the command line; see `--help`."""
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        usage="bring_up.py [--logs DIR] [--until NAME] -- COMMAND ARGS ... --- COMMAND ARGS ...",
+    )
+    parser.add_argument("--logs", type=Path, default=Path("out/logs"), help="where the programs' words go")
+    parser.add_argument("--until", help="end when this program ends well; otherwise run until Ctrl-C")
+    parser.add_argument("words", nargs=argparse.REMAINDER, help="commands, separated by ---")
+    options = parser.parse_args(arguments)
+    commands = split_commands(options.words[1:] if options.words[:1] == ["--"] else options.words)
+    if not commands:
+        parser.error("name at least one command after --")
+
+    def interrupt(signal_number: int, _frame: FrameType | None) -> None:
+        sys.exit(128 + signal_number)
+
+    for signal_number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(signal_number, interrupt)
+    options.logs.mkdir(parents=True, exist_ok=True)
+    programs: list[Program] = []
+    try:
+        for command in commands:
+            programs.append(start(command, options.logs, {program.name for program in programs}))
+        return watch(programs, options.until)
+    except OSError as error:
+        print(f"{error.filename}: cannot be started: {error.strerror}", file=sys.stderr)
+        return 2
+    finally:
+        for signal_number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(signal_number, signal.SIG_IGN)
+        stop(programs[::-1])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

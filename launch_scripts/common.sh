@@ -1,0 +1,77 @@
+# Sourced by the other scripts: makes .venv from requirements.lock when it is missing or out of date, and clears the way for the ROS wheels.
+
+root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+venv="$root/.venv"
+ros_package="$root/ros2_ws/src/textile_twin_ros"
+
+fail() { echo "$(basename "$0"): $*" >&2; exit 2; }
+
+is_suitable() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2> /dev/null; }
+
+# The first Python 3.11 to 3.13 that starts: a name in PATH may be an empty shim.
+find_python() {
+    local name
+    for name in ${PYTHON:-} python3 python3.13 python3.12 python3.11; do
+        if is_suitable "$name"; then
+            echo "$name"
+            return
+        fi
+    done
+    fail "Python 3.11, 3.12 or 3.13 is needed, found $(python3 --version 2>&1 || true); install one, or name it: PYTHON=/path/to/python3.12 $0"
+}
+
+# What the environment is made of: it is brought up to date when one of these changes or when the folder has moved.
+fingerprint() {
+    echo "$root"
+    cd "$root"
+    find requirements.lock pyproject.toml "$ros_package"/{setup.py,setup.cfg,package.xml,launch,config,urdf,rviz} \
+        -type f -not -path '*/__pycache__/*' -exec cat {} + 2>/dev/null | sha256sum
+}
+
+# Shows how far pip has come when a person looks on; the words go to the log.
+count_packages() {
+    local total count=0 line
+    total="$(grep -c '==' "$root/requirements.lock")"
+    while IFS= read -r line; do
+        echo "$line" >> "$1"
+        if [[ "$line" == Collecting* && -t 2 ]]; then
+            count=$((count + 1))
+            printf '\rSetting up .venv: %d of up to %d packages' "$count" "$total" >&2
+        fi
+    done
+    if [ -t 2 ]; then printf '\r\033[K' >&2; fi
+}
+
+make_environment() (
+    mkdir -p "$venv" "$root/out"
+    exec 9<"$venv"
+    flock 9 2>/dev/null || true # two scripts started at once: the second waits for the first
+    local print log="$root/out/setup.log"
+    print="$(fingerprint)"
+    if [ "$(cat "$venv/.made_from" 2>/dev/null)" = "$print" ]; then return; fi
+
+    echo "Setting up .venv from requirements.lock (once; one to three minutes) ..." >&2
+    if ! grep -qsF "$venv" "$venv/pyvenv.cfg" || ! is_suitable "$venv/bin/python"; then
+        local python
+        python="$(find_python)" || exit 2
+        "$python" -m venv --clear "$venv" > "$log" 2>&1 || {
+            cat "$log" >&2
+            fail "$python cannot make a virtual environment; on Debian and Ubuntu: apt-get install python3-venv"
+        }
+    fi
+    export PIP_DISABLE_PIP_VERSION_CHECK=1
+    : > "$log"
+    "$venv/bin/python" -m pip install --no-input --require-hashes -r "$root/requirements.lock" 2>&1 | count_packages "$log" &&
+        "$venv/bin/python" -m pip install --no-deps --no-build-isolation --use-pep517 \
+            -e "$root" -e "$ros_package" >> "$log" 2>&1 || {
+        tail -n 15 "$log" >&2
+        fail "the environment could not be made; the whole story is in $log"
+    }
+    echo "$print" > "$venv/.made_from"
+)
+
+# A ROS installation sourced in this shell would mix its libraries with those of the wheels.
+unset PYTHONPATH PYTHONHOME LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export AMENT_PREFIX_PATH="$venv"
+
+make_environment || exit $?

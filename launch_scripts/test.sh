@@ -1,0 +1,30 @@
+#!/usr/bin/env bash
+# Checks everything: style, types, the order of the packages, then the tests. Arguments go to pytest.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+cd "$root"
+
+# The viewer draws without a screen or a graphics card where Mesa's software Vulkan is; its tests skip elsewhere.
+if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null && ! compgen -G '/usr/share/vulkan/icd.d/lvp_icd*' > /dev/null; then
+    echo "Installing mesa-vulkan-drivers, to draw without a screen ..." >&2
+    install_vulkan() { apt-get install -y -qq --no-install-recommends mesa-vulkan-drivers libvulkan1 > /dev/null 2>&1; }
+    install_vulkan || { apt-get update -qq > /dev/null 2>&1 && install_vulkan; } ||
+        echo "it could not be installed: the tests of the drawn viewer will skip" >&2
+fi
+
+# Nothing of the person's own settings reaches the tests, and nothing of the tests reaches the network.
+scratch="$(mktemp -d)"
+trap 'rm -rf "$scratch"' EXIT
+export HOME="$scratch" ROS_LOG_DIR="$scratch/ros_log" ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1
+export PATH="$venv/bin:$PATH" MPLBACKEND=agg
+
+check() {
+    local output
+    if output="$("$@" 2>&1)"; then echo "$*: passed"; else printf '%s\n%s: FAILED\n' "$output" "$*"; exit 1; fi
+}
+check ruff check
+check ruff format --check
+check mypy
+check lint-imports
+
+python -m pytest "$@"
