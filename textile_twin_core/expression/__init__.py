@@ -1,0 +1,46 @@
+"""Scalar expressions of the shaft state: written once by the mechanics, evaluated by several back ends.
+
+The groups of a mechanism write their closed forms with these expressions. One graph then serves plain
+floats (`scalar`), numpy blocks (`blocks`), any other number type such as mpmath's (`interpret`),
+and exact partial derivatives (`derivative`). What an output does not need is never reached.
+"""
+
+from textile_twin_core.expression.derivative import derivative
+from textile_twin_core.expression.graph import (
+    Expr,
+    absolute,
+    at_least,
+    atan2,
+    const,
+    cos,
+    lookup,
+    select,
+    sign,
+    sin,
+    sqrt,
+    square,
+    substitute,
+    topological_order,
+    variable,
+)
+from textile_twin_core.expression.interpret import interpret
+
+__all__ = [
+    "Expr",
+    "absolute",
+    "at_least",
+    "atan2",
+    "const",
+    "cos",
+    "derivative",
+    "interpret",
+    "lookup",
+    "select",
+    "sign",
+    "sin",
+    "sqrt",
+    "square",
+    "substitute",
+    "topological_order",
+    "variable",
+]

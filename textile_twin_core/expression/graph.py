@@ -1,0 +1,298 @@
+"""The expression graph: immutable nodes, shared when equal, constants folded as they are made.
+
+Equal sub-expressions are one node (hash-consing), so common work is done once by every back end.
+Only identities that hold for every finite number are applied.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final
+from weakref import WeakValueDictionary
+
+Number = float | int
+
+
+class Expr:
+    """A node: an operation, its arguments and, for constants and variables, its value or name."""
+
+    __slots__ = ("__weakref__", "args", "op", "payload")
+
+    op: str
+    args: tuple[Expr, ...]
+    payload: object
+
+    def __add__(self, other: Expr | Number) -> Expr:
+        return _add(self, as_expr(other))
+
+    def __radd__(self, other: Number) -> Expr:
+        return _add(as_expr(other), self)
+
+    def __sub__(self, other: Expr | Number) -> Expr:
+        return _subtract(self, as_expr(other))
+
+    def __rsub__(self, other: Number) -> Expr:
+        return _subtract(as_expr(other), self)
+
+    def __mul__(self, other: Expr | Number) -> Expr:
+        if not isinstance(other, (Expr, float, int)):
+            return NotImplemented  # a vector multiplies itself
+        return _multiply(self, as_expr(other))
+
+    def __rmul__(self, other: Number) -> Expr:
+        return _multiply(as_expr(other), self)
+
+    def __truediv__(self, other: Expr | Number) -> Expr:
+        return _divide(self, as_expr(other))
+
+    def __rtruediv__(self, other: Number) -> Expr:
+        return _divide(as_expr(other), self)
+
+    def __neg__(self) -> Expr:
+        return _negate(self)
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether this is a number."""
+        return self.op == "const"
+
+    @property
+    def value(self) -> float:
+        """The number of a constant."""
+        if not isinstance(self.payload, float):
+            raise TypeError(f"{self!r} is not a constant")
+        return self.payload
+
+    def __repr__(self) -> str:
+        if self.op in ("const", "variable"):
+            return str(self.payload)
+        return f"{self.op}({', '.join('..' if a.args else repr(a) for a in self.args)})"
+
+
+_INTERNED: Final[WeakValueDictionary[tuple[object, ...], Expr]] = WeakValueDictionary()
+_COMMUTATIVE: Final = frozenset({"add", "mul"})
+
+
+def _node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
+    if op in _COMMUTATIVE and id(args[0]) > id(args[1]):
+        args = (args[1], args[0])
+    key = (op, payload, math.copysign(1.0, payload) if isinstance(payload, float) else None, *map(id, args))
+    found = _INTERNED.get(key)
+    if found is None:
+        found = Expr()
+        found.op, found.args, found.payload = op, args, payload
+        _INTERNED[key] = found
+    return found
+
+
+def const(value: Number) -> Expr:
+    """A number."""
+    return _node("const", payload=float(value))
+
+
+def variable(name: str) -> Expr:
+    """A named input."""
+    return _node("variable", payload=name)
+
+
+def as_expr(value: Expr | Number) -> Expr:
+    """The value itself if it is an expression, else the constant."""
+    return value if isinstance(value, Expr) else const(value)
+
+
+def _scaled(e: Expr) -> tuple[float, Expr]:
+    """Split into (factor, rest) such that e = factor * rest."""
+    if e.op == "mul":
+        for i in (0, 1):
+            if e.args[i].is_constant:
+                return e.args[i].value, e.args[1 - i]
+    if e.op == "neg":
+        return -1.0, e.args[0]
+    return 1.0, e
+
+
+def _add(a: Expr, b: Expr) -> Expr:
+    if a.is_constant and b.is_constant:
+        return const(a.value + b.value)
+    if a.is_constant and a.value == 0.0:
+        return b
+    if b.is_constant and b.value == 0.0:
+        return a
+    if b.op == "neg":
+        return _subtract(a, b.args[0])
+    if a.op == "neg":
+        return _subtract(b, a.args[0])
+    (ka, ra), (kb, rb) = _scaled(a), _scaled(b)
+    if ra is rb:
+        return const(ka + kb) * ra
+    return _node("add", (a, b))
+
+
+def _subtract(a: Expr, b: Expr) -> Expr:
+    if a.is_constant and b.is_constant:
+        return const(a.value - b.value)
+    if a.is_constant and a.value == 0.0:
+        return _negate(b)
+    if b.is_constant and b.value == 0.0:
+        return a
+    if b.op == "neg":
+        return _add(a, b.args[0])
+    if a is b:
+        return const(0.0)
+    return _node("sub", (a, b))
+
+
+def _negate(a: Expr) -> Expr:
+    if a.is_constant:
+        return const(-a.value)
+    if a.op == "neg":
+        return a.args[0]
+    if a.op == "sub":
+        return _node("sub", (a.args[1], a.args[0]))
+    factor, rest = _scaled(a)
+    if factor != 1.0:
+        return const(-factor) * rest
+    return _node("neg", (a,))
+
+
+def _multiply(a: Expr, b: Expr) -> Expr:
+    if b.is_constant:
+        a, b = b, a
+    if a.is_constant:
+        if b.is_constant:
+            return const(a.value * b.value)
+        if a.value == 0.0:
+            return const(0.0)
+        if a.value == 1.0:
+            return b
+        if a.value == -1.0:
+            return _negate(b)
+        factor, rest = _scaled(b)
+        if factor != 1.0:
+            return const(a.value * factor) * rest
+        return _node("mul", (a, b))
+    (ka, ra), (kb, rb) = _scaled(a), _scaled(b)
+    if ka * kb != 1.0:
+        return const(ka * kb) * _multiply(ra, rb)
+    if ra is not a or rb is not b:
+        return _multiply(ra, rb)
+    if a is b:
+        return _node("square", (a,))
+    return _node("mul", (a, b))
+
+
+def _divide(a: Expr, b: Expr) -> Expr:
+    if b.is_constant:
+        if a.is_constant:
+            return const(a.value / b.value)
+        return const(1.0 / b.value) * a
+    factor, rest = _scaled(a)
+    if a.is_constant and a.value == 0.0:
+        return a
+    if factor != 1.0:
+        return const(factor) * _divide(rest, b)
+    return _node("div", (a, b))
+
+
+def _function(op: str, fold: Callable[[float], float]) -> Callable[[Expr | Number], Expr]:
+    def apply(a: Expr | Number) -> Expr:
+        a = as_expr(a)
+        return const(fold(a.value)) if a.is_constant else _node(op, (a,))
+
+    apply.__name__, apply.__doc__ = op, f"{op} of an expression."
+    return apply
+
+
+sqrt = _function("sqrt", math.sqrt)
+sin = _function("sin", math.sin)
+cos = _function("cos", math.cos)
+absolute = _function("abs", abs)
+sign = _function("sign", lambda v: float((v > 0) - (v < 0)))
+
+
+def square(a: Expr | Number) -> Expr:
+    """The square of an expression."""
+    return as_expr(a) * as_expr(a)
+
+
+def atan2(y: Expr | Number, x: Expr | Number) -> Expr:
+    """The angle of the direction (x, y), in (-pi, pi]."""
+    y, x = as_expr(y), as_expr(x)
+    if y.is_constant and x.is_constant:
+        return const(math.atan2(y.value, x.value))
+    return _node("atan2", (y, x))
+
+
+def at_least(a: Expr | Number, b: Expr | Number) -> Expr:
+    """1 where a >= b, else 0."""
+    a, b = as_expr(a), as_expr(b)
+    if a.is_constant and b.is_constant:
+        return const(float(a.value >= b.value))
+    return _node("at_least", (a, b))
+
+
+def select(condition: Expr | Number, yes: Expr | Number, no: Expr | Number) -> Expr:
+    """`yes` where the condition is not 0, else `no`; both are evaluated."""
+    condition, yes, no = as_expr(condition), as_expr(yes), as_expr(no)
+    if condition.is_constant:
+        return yes if condition.value else no
+    if yes is no:
+        return yes
+    return _node("select", (condition, yes, no))
+
+
+def lookup(name: str, abscissa: Expr) -> Expr:
+    """A tabulated function, known to the evaluator by its name, at the abscissa."""
+    return _node("lookup", (abscissa,), name)
+
+
+def topological_order(outputs: Iterable[Expr]) -> list[Expr]:
+    """Every node that the outputs need, each after its arguments."""
+    order: list[Expr] = []
+    seen: set[int] = set()
+    stack: list[tuple[Expr, bool]] = [(e, False) for e in reversed(list(outputs))]
+    while stack:
+        node, ready = stack.pop()
+        if ready:
+            order.append(node)
+        elif id(node) not in seen:
+            seen.add(id(node))
+            stack.append((node, True))
+            stack.extend((a, False) for a in reversed(node.args) if id(a) not in seen)
+    return order
+
+
+_REBUILD: Final[Mapping[str, Callable[..., Expr]]] = {
+    "add": _add,
+    "sub": _subtract,
+    "mul": _multiply,
+    "div": _divide,
+    "neg": _negate,
+    "sqrt": sqrt,
+    "sin": sin,
+    "cos": cos,
+    "abs": absolute,
+    "sign": sign,
+    "square": square,
+    "atan2": atan2,
+    "at_least": at_least,
+    "select": select,
+}
+
+
+def substitute(outputs: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> list[Expr]:
+    """The outputs with nodes replaced and what then is constant folded."""
+    outputs = list(outputs)
+    new: dict[Expr, Expr] = dict(replacements)
+    for node in topological_order(outputs):
+        if node in new:
+            continue
+        args = tuple(new[a] for a in node.args)
+        if args == node.args:
+            new[node] = node
+        elif node.op == "lookup":
+            new[node] = _node("lookup", args, node.payload)
+        else:
+            new[node] = _REBUILD[node.op](*args)
+    return [new[e] for e in outputs]

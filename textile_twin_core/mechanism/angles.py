@@ -1,0 +1,40 @@
+"""The angle of a link as a continuous function of the shaft angle, without jumps at +-180 degrees."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from textile_twin_core.expression import Expr, atan2
+from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.mechanism.linkage import THETA
+from textile_twin_core.mechanism.motion import LinkMotion
+from textile_twin_core.mechanism.vector import Vector
+
+_SAMPLES = 721
+
+
+def link_angle(link: LinkMotion, shaft_direction: Vector, near_rad: float = 0.0) -> Expr:
+    """The link's angle from +x, counter-clockwise [rad].
+
+    A link that swings keeps within its range, whose middle lies within half a turn of `near_rad`;
+    one that turns with the shaft winds up with it. `shaft_direction` is the unit vector at theta.
+    """
+    if link.angle is not None:
+        return link.angle
+    theta = np.linspace(0.0, 2.0 * np.pi, _SAMPLES)
+    x, y = np.empty_like(theta), np.empty_like(theta)
+    BlockProgram([link.direction.x, link.direction.y], ["theta"])([theta], [x, y])
+    sampled = np.unwrap(np.arctan2(y, x))
+    turns = round((sampled[-1] - sampled[0]) / (2.0 * math.pi))
+    periodic = sampled - turns * theta
+    middle = float(periodic.min() + periodic.max()) / 2.0
+    middle += 2.0 * math.pi * round((near_rad - middle) / (2.0 * math.pi))
+    direction = link.direction
+    for _ in range(abs(turns)):
+        s = shaft_direction if turns > 0 else Vector(shaft_direction.x, -shaft_direction.y)
+        direction = Vector(s.dot(direction), s.cross(direction))
+    reference = Vector.of(math.cos(middle), math.sin(middle))
+    swing = atan2(reference.cross(direction), reference.dot(direction))
+    return middle + turns * THETA + swing

@@ -1,0 +1,50 @@
+"""Linkage: ground points and a chain of groups on one shaft, checked to close over its whole range."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import const, cos, sin, variable
+from textile_twin_core.mechanism.group import MAIN_SHAFT, Group, check_finite
+from textile_twin_core.mechanism.motion import Motion, PointMotion, Rotation
+from textile_twin_core.mechanism.vector import Vector, unit_direction
+
+THETA = variable("theta")
+"""The angle of the main shaft [rad]."""
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """Ground points [m] by name and groups, each built on what stands before it.
+
+    Raises MachineError when a group refers to what is not there yet.
+    """
+
+    points: Mapping[str, tuple[float, float]]
+    groups: tuple[Group, ...]
+
+    def __post_init__(self) -> None:
+        for name, (x, y) in self.points.items():
+            check_finite(x, f"point '{name}': x")
+            check_finite(y, f"point '{name}': y")
+        if not self.groups:
+            raise MachineError("a linkage needs at least one group, for example a crank")
+
+    def motion(self, phase_rad: float = 0.0) -> Motion:
+        """The motion of all points and links over theta, for a linkage set on the shaft at a phase."""
+        half = Vector(cos(0.5 * THETA), sin(0.5 * THETA)).rotated(*unit_direction(phase_rad / 2.0))
+        motion = Motion()
+        motion.rotations[MAIN_SHAFT] = Rotation(half, THETA + phase_rad, const(1.0), const(0.0))
+        for name, (x, y) in self.points.items():
+            motion.add_point(name, PointMotion.fixed(x, y), "ground")
+        for group in self.groups:
+            group.solve(motion)
+        return motion
+
+    @cached_property
+    def solved(self) -> Motion:
+        """The motion at phase 0."""
+        return self.motion()

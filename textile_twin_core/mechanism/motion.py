@@ -1,0 +1,149 @@
+"""What a mechanism does over the shaft angle: points and links with first and second derivatives.
+
+Every quantity h is a function of the shaft angle theta alone; with h' and h'' its time derivatives
+are h' omega and h'' omega^2 + h' alpha. The functions are expressions, exact and without iteration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import Expr, const
+from textile_twin_core.mechanism.vector import ZERO, Vector
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """A turning shaft: its half-angle direction, angle and derivatives with respect to theta.
+
+    The half angle keeps small distances from 0 and 180 degrees exact (sin = 2 s c, cos = (c - s)(c + s)).
+    """
+
+    half: Vector
+    angle: Expr
+    first: Expr
+    second: Expr
+
+    @property
+    def direction(self) -> Vector:
+        """The unit vector at the shaft's angle."""
+        c, s = self.half.x, self.half.y
+        return Vector((c - s) * (c + s), 2.0 * (s * c))
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A point's circular path about a fixed centre, kept for the half-angle forms of what hangs on it."""
+
+    centre: tuple[float, float]
+    radius: float
+    half: Vector
+
+
+@dataclass(frozen=True)
+class PointMotion:
+    """A point: position [m] and its derivatives with respect to theta [m, m].
+
+    `speed_squared` is |h'|^2 and `speed_product` h'.h'' in the shortest form that the group knows;
+    `circle` is set where the point rides on a crank.
+    """
+
+    position: Vector
+    first: Vector
+    second: Vector
+    speed_squared: Expr
+    speed_product: Expr
+    circle: Circle | None = None
+
+    @classmethod
+    def fixed(cls, x: float, y: float) -> PointMotion:
+        """A point of the ground."""
+        return cls(Vector.of(x, y), ZERO, ZERO, const(0.0), const(0.0))
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether it belongs to the ground."""
+        return self.first.is_zero
+
+    def fixed_position(self) -> tuple[float, float]:
+        """The coordinates of a fixed point [m]."""
+        return self.position.x.value, self.position.y.value
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """A link from point `start` to point `end`: direction, and first and second derivative of its angle.
+
+    `angle` is set where the angle itself is known without a direction: on a turning shaft.
+    """
+
+    name: str
+    start: str
+    end: str
+    length: float
+    direction: Vector
+    first: Expr
+    second: Expr
+    angle: Expr | None = None
+
+    def end_motion(self, start: PointMotion) -> PointMotion:
+        """The motion of the link's end, given its start's."""
+        r, u, p, q = self.length, self.direction, self.first, self.second
+        normal = u.turned_left()
+        first = start.first + (r * p) * normal
+        second = start.second + (r * q) * normal - (r * (p * p)) * u
+        if start.is_fixed:
+            speed_squared, speed_product = (r * r) * (p * p), (r * r) * (p * q)
+        else:
+            speed_squared, speed_product = first.dot(first), first.dot(second)
+        return PointMotion(start.position + r * u, first, second, speed_squared, speed_product)
+
+
+@dataclass
+class Motion:
+    """All points, links and rotations found so far, by name, in the order of the groups."""
+
+    points: dict[str, PointMotion] = field(default_factory=dict)
+    links: dict[str, LinkMotion] = field(default_factory=dict)
+    rotations: dict[str, Rotation] = field(default_factory=dict)
+
+    def point(self, name: str, asked_by: str) -> PointMotion:
+        """A known point. Raises MachineError when no earlier group or ground point has the name."""
+        try:
+            return self.points[name]
+        except KeyError:
+            known = ", ".join(self.points)
+            raise MachineError(
+                f"group '{asked_by}': no point '{name}' is known before it; known points: {known}"
+            ) from None
+
+    def link(self, name: str, asked_by: str) -> LinkMotion:
+        """A known link. Raises MachineError when no earlier group has it."""
+        try:
+            return self.links[name]
+        except KeyError:
+            known = ", ".join(self.links) or "none"
+            raise MachineError(
+                f"group '{asked_by}': no link '{name}' is known before it; known links: {known}"
+            ) from None
+
+    def rotation(self, name: str, asked_by: str) -> Rotation:
+        """A known turning shaft. Raises MachineError when there is none of the name."""
+        try:
+            return self.rotations[name]
+        except KeyError:
+            known = ", ".join(self.rotations)
+            raise MachineError(f"group '{asked_by}': no shaft '{name}'; known shafts: {known}") from None
+
+    def add_point(self, name: str, point: PointMotion, made_by: str) -> None:
+        """Add a new point. Raises MachineError when the name is taken."""
+        if name in self.points:
+            raise MachineError(f"group '{made_by}': point '{name}' exists already; give it another name")
+        self.points[name] = point
+
+    def add_link(self, link: LinkMotion, made_by: str) -> None:
+        """Add a new link. Raises MachineError when the name is taken."""
+        if link.name in self.links:
+            raise MachineError(f"group '{made_by}': link '{link.name}' exists already; give it another name")
+        self.links[link.name] = link

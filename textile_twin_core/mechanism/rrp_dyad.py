@@ -1,0 +1,105 @@
+"""RRP dyad: a connecting rod and a slider on a straight guide (Assur group of class II, second kind)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import Expr, const, sqrt
+from textile_twin_core.mechanism.group import Closure, check_finite, check_length
+from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion
+from textile_twin_core.mechanism.vector import Vector
+
+Sense = Literal["forward", "backward"]
+
+
+@dataclass(frozen=True)
+class RRPDyad:
+    """A rod from point `from_point` to the slider's joint `end`, and the slider on to its point `tip`.
+
+    `lengths_m` are those of rod and slider. The guide is the line through `guide_point_m` along
+    `guide_direction`; the slider's tip lies in that direction from its joint. `branch` says whether
+    the rod points along the guide's direction or against it.
+    """
+
+    rod: str
+    slider: str
+    from_point: str
+    end: str
+    tip: str
+    lengths_m: tuple[float, float]
+    guide_point_m: tuple[float, float]
+    guide_direction: tuple[float, float]
+    branch: Sense = "forward"
+
+    def __post_init__(self) -> None:
+        for link, length in zip((self.rod, self.slider), self.lengths_m, strict=True):
+            check_length(length, f"dyad '{self.name}': length of '{link}'")
+        for value in (*self.guide_point_m, *self.guide_direction):
+            check_finite(value, f"dyad '{self.name}': guide")
+        if math.hypot(*self.guide_direction) == 0.0:
+            raise MachineError(f"dyad '{self.name}': guide_direction must not be the zero vector")
+        if self.branch not in ("forward", "backward"):
+            raise MachineError(
+                f"dyad '{self.name}': branch must be 'forward' or 'backward', not {self.branch!r}"
+            )
+
+    @property
+    def name(self) -> str:
+        """The group's name in messages."""
+        return f"{self.rod}-{self.slider}"
+
+    @property
+    def axis(self) -> tuple[float, float]:
+        """The guide's unit direction."""
+        norm = math.hypot(*self.guide_direction)
+        return self.guide_direction[0] / norm, self.guide_direction[1] / norm
+
+    def offset(self, start: PointMotion) -> Expr:
+        """Distance of `from_point` from the guide, positive to the left of its direction [m]."""
+        across = Vector.of(*self.axis).turned_left()
+        return (start.position - Vector.of(*self.guide_point_m)).dot(across)
+
+    def reach(self, start: PointMotion) -> Expr:
+        """The rod's extent along the guide; its sign is the branch [m]."""
+        length, offset = self.lengths_m[0], self.offset(start)
+        return (1.0 if self.branch == "forward" else -1.0) * sqrt((length - offset) * (length + offset))
+
+    def closures(self, motion: Motion) -> tuple[Closure, ...]:
+        """The dyad opens when the rod does not reach the guide."""
+        length, offset = self.lengths_m[0], self.offset(motion.points[self.from_point])
+        how = f"rod '{self.rod}' is too short to reach the guide of '{self.slider}'"
+        return Closure(how, length - offset, length), Closure(how, length + offset, length)
+
+    def solve(self, motion: Motion) -> None:
+        """Add rod, slider, their joint and the slider's tip."""
+        start = motion.point(self.from_point, self.name)
+        rod_length, slider_length = self.lengths_m
+        along = Vector.of(*self.axis)
+        across = along.turned_left()
+        guide = Vector.of(*self.guide_point_m)
+        reach, offset = self.reach(start), self.offset(start)
+        u = (1.0 / rod_length) * (reach * along - offset * across)
+        inverse = 1.0 / reach
+        p = -(start.first.dot(across) * inverse)
+        slide_first = start.first.dot(along) + offset * p
+        p_squared = p * p
+        q = -((start.second.dot(across) + offset * p_squared) * inverse)
+        slide_second = start.second.dot(along) + offset * q - reach * p_squared
+
+        travel = (start.position - guide).dot(along) + reach
+        joint = _sliding(guide + travel * along, along, slide_first, slide_second)
+        tip = _sliding(guide + (travel + slider_length) * along, along, slide_first, slide_second)
+        motion.add_link(LinkMotion(self.rod, self.from_point, self.end, rod_length, u, p, q), self.name)
+        zero = const(0.0)
+        motion.add_link(
+            LinkMotion(self.slider, self.end, self.tip, slider_length, along, zero, zero), self.name
+        )
+        motion.add_point(self.end, joint, self.name)
+        motion.add_point(self.tip, tip, self.name)
+
+
+def _sliding(position: Vector, along: Vector, first: Expr, second: Expr) -> PointMotion:
+    return PointMotion(position, first * along, second * along, first * first, first * second)

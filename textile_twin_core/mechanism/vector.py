@@ -1,0 +1,66 @@
+"""Plane vectors of expressions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from textile_twin_core.expression import Expr, const
+from textile_twin_core.expression.graph import Number, as_expr
+
+
+@dataclass(frozen=True)
+class Vector:
+    """A vector (x, y) of the plane."""
+
+    x: Expr
+    y: Expr
+
+    @classmethod
+    def of(cls, x: Expr | Number, y: Expr | Number) -> Vector:
+        """From expressions or numbers."""
+        return cls(as_expr(x), as_expr(y))
+
+    def __add__(self, other: Vector) -> Vector:
+        return Vector(self.x + other.x, self.y + other.y)
+
+    def __sub__(self, other: Vector) -> Vector:
+        return Vector(self.x - other.x, self.y - other.y)
+
+    def __neg__(self) -> Vector:
+        return Vector(-self.x, -self.y)
+
+    def __rmul__(self, factor: Expr | Number) -> Vector:
+        return Vector(factor * self.x, factor * self.y)
+
+    def dot(self, other: Vector) -> Expr:
+        """The scalar product."""
+        return self.x * other.x + self.y * other.y
+
+    def cross(self, other: Vector) -> Expr:
+        """The z component of the vector product."""
+        return self.x * other.y - self.y * other.x
+
+    def turned_left(self) -> Vector:
+        """The vector turned by +90 degrees."""
+        return Vector(-self.y, self.x)
+
+    def rotated(self, cosine: Number, sine: Number) -> Vector:
+        """The vector turned by the angle with this cosine and sine."""
+        return Vector(cosine * self.x - sine * self.y, sine * self.x + cosine * self.y)
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether both components are the constant 0."""
+        return self.x is ZERO.x and self.y is ZERO.y
+
+
+ZERO = Vector(const(0.0), const(0.0))
+
+
+def unit_direction(angle_rad: float) -> tuple[float, float]:
+    """Cosine and sine of a declared angle, exact at whole multiples of 90 degrees."""
+    quarters = angle_rad / (math.pi / 2)
+    if abs(quarters) < 1e6 and abs(quarters - round(quarters)) < 1e-15 * max(1.0, abs(quarters)):
+        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarters) % 4]
+    return math.cos(angle_rad), math.sin(angle_rad)
