@@ -1,0 +1,29 @@
+"""From angle samples of the main shaft to its angle, speed and acceleration, with their covariance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from textile_twin_core.errors import SceneError
+from textile_twin_core.shaft.base import ShaftEstimator
+from textile_twin_core.shaft.causal import CausalEstimator
+from textile_twin_core.shaft.report import SampleReport
+from textile_twin_core.shaft.states import ShaftStates
+
+ESTIMATORS = {"causal": CausalEstimator}
+
+__all__ = ["ESTIMATORS", "SampleReport", "ShaftEstimator", "ShaftStates", "create_estimator"]
+
+
+def create_estimator(name: str, **settings: Any) -> ShaftEstimator:
+    """The estimator of that name: causal, lag or smooth.
+
+    Raises:
+        SceneError: no such estimator, or a setting that it does not have.
+    """
+    if name not in ESTIMATORS:
+        raise SceneError(f"unknown shaft estimator '{name}': choose one of {', '.join(ESTIMATORS)}")
+    try:
+        return ESTIMATORS[name](**settings)
+    except TypeError as error:
+        raise SceneError(f"shaft estimator '{name}': {error}") from error

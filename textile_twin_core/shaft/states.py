@@ -1,0 +1,77 @@
+"""The result of shaft estimation: angle, speed, acceleration and their covariance at the stamps of the samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.shaft.turns import TURN, join_turns
+
+
+@dataclass(frozen=True)
+class ShaftStates:
+    """States of the shaft, one row per accepted sample, in the order of the samples.
+
+    Attributes:
+        stamps: (n,) the samples' own stamps, with the dtype and the values they came with.
+        index: (n,) running number, from 0, of the input sample (accepted or not) that the state speaks of.
+        turns: (n,) whole turns of the shaft; with `phase_rad` the angle without loss, however many turns there are.
+        phase_rad: (n,) angle beyond the whole turns, in [-pi, pi).
+        omega_rad_s: (n,) speed.
+        alpha_rad_s2: (n,) acceleration.
+        covariance: (n, 3, 3) of (theta, omega, alpha).
+        settled: (n,) True where the estimator has found its feet.
+    """
+
+    stamps: FloatArray | IntArray
+    index: IntArray
+    turns: IntArray
+    phase_rad: FloatArray
+    omega_rad_s: FloatArray
+    alpha_rad_s2: FloatArray
+    covariance: FloatArray
+    settled: BoolArray
+
+    def __len__(self) -> int:
+        return int(self.index.size)
+
+    @property
+    def theta_rad(self) -> FloatArray:
+        """(n,) unwrapped angle; follows the input's own turn count when the input is unwrapped."""
+        return join_turns(self.turns, self.phase_rad)
+
+    @property
+    def sigma(self) -> FloatArray:
+        """(n, 3) standard deviations of theta [rad], omega [rad/s], alpha [rad/s^2]."""
+        return np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0))
+
+    def variance_of(self, gradient: FloatArray) -> FloatArray:
+        """Variance of a quantity with the given (n, 3) gradient by (theta, omega, alpha)."""
+        return np.einsum("ni,nij,nj->n", gradient, self.covariance, gradient)
+
+    @classmethod
+    def empty(cls, stamps: FloatArray | IntArray | None = None) -> ShaftStates:
+        """No states; `stamps` lends its dtype."""
+        none = np.zeros(0, dtype=np.float64 if stamps is None else stamps.dtype)
+        return cls.from_rows(none, np.zeros(0, dtype=np.int64), np.zeros((0, 5)), np.zeros((0, 3, 3)))
+
+    @classmethod
+    def from_rows(
+        cls, stamps: FloatArray | IntArray, index: IntArray, rows: FloatArray, covariance: FloatArray
+    ) -> ShaftStates:
+        """From (n, 5) rows of local angle, speed, acceleration, turn of the local origin, settled (0 or 1)."""
+        extra = np.floor(rows[:, 0] / TURN + 0.5)
+        phase = rows[:, 0] - extra * TURN
+        turns = (rows[:, 3] + extra).astype(np.int64)
+        return cls(stamps, index, turns, phase, rows[:, 1], rows[:, 2], covariance, rows[:, 4] > 0.5)
+
+    @classmethod
+    def join(cls, parts: Sequence[ShaftStates]) -> ShaftStates:
+        """One after the other; the parts must be of one stamp dtype."""
+        if len(parts) == 1:
+            return parts[0]
+        names = cls.__dataclass_fields__
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

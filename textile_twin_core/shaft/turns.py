@@ -1,0 +1,34 @@
+"""Angles as whole turns and phase: no precision is lost at a billion radians."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+
+TURN = 2.0 * math.pi
+TURN_TAIL = 2.4492935982947064e-16
+"""2 pi minus its float64 value."""
+
+
+def split_turns(angle: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Whole turns and phase in about [-pi, pi] of angles [rad], exact to the input's own rounding (two-part reduction)."""
+    turns = np.rint(np.asarray(angle, dtype=np.float64) / TURN)
+    phase = np.fmod(angle, TURN)  # exact, in the float64 period
+    phase = phase - np.rint(phase / TURN) * TURN
+    turns = np.rint((angle - phase) / TURN)
+    return turns.astype(np.int64), phase - turns * TURN_TAIL
+
+
+def split_turn(angle: float) -> tuple[int, float]:
+    """`split_turns` for one angle."""
+    phase = math.remainder(angle, TURN)  # exact, in the float64 period
+    turns = round((angle - phase) / TURN)
+    return turns, phase - turns * TURN_TAIL
+
+
+def join_turns(turns: IntArray, phase: FloatArray) -> FloatArray:
+    """The angle [rad] of whole turns and phase, rounded once at the end."""
+    return turns * TURN + (turns * TURN_TAIL + phase)
