@@ -78,7 +78,7 @@ def split_commands(words: Sequence[str]) -> list[list[str]]:
 
 
 def watch(programs: Sequence[Program], until: str | None) -> int:
-    """Waits for the program `until`, or for ever; returns 0, or 1 when a program ended before its time."""
+    """Waits for the program `until`, or for ever; returns 0, or the code of one that ended too early."""
     while True:
         os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOWAIT)
         for program in programs:
@@ -90,7 +90,7 @@ def watch(programs: Sequence[Program], until: str | None) -> int:
             how = f"on signal {signal.Signals(-code).name}" if code < 0 else f"with exit code {code}"
             print(f"{program.name} ended {how}; its last words ({program.log}):", file=sys.stderr)
             print(program.last_words(), file=sys.stderr)
-            return 1
+            return code if code > 0 else 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -22,8 +22,8 @@ check() {
     local output
     if output="$("$@" 2>&1)"; then echo "$*: passed"; else printf '%s\n%s: FAILED\n' "$output" "$*"; exit 1; fi
 }
-check ruff check
-check ruff format --check
+check ruff check --output-format concise
+check ruff format --check --quiet
 check mypy
 check lint-imports
 
