@@ -1,0 +1,219 @@
+"""Dimensional synthesis of a crank-rocker for a swing and a crank rotation, and its best designs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import SceneError
+from textile_twin_core.synthesis.crank_rocker_family import CrankRockerFamily, LinkRatios
+
+LARGEST_DEVIATION_RAD = float(np.radians(40.0))
+"""How far the transmission angle of a good design may stand from 90 deg."""
+
+WANTED_RATIO = 0.3
+"""Crank over coupler of a good beat-up: enough acceleration at the fell, loads that the bearings bear."""
+
+_WHOLE_DEGREE_SLACK = 1e-9
+
+
+@dataclass(frozen=True)
+class LinkLengths:
+    """A crank-rocker's lengths in metres."""
+
+    crank_m: float
+    coupler_m: float
+    rocker_m: float
+    ground_m: float
+
+
+@dataclass(frozen=True)
+class CrankRockerDesign:
+    """One crank-rocker: lengths over the ground link, angles in radians, transmission angle at its worst."""
+
+    beta_rad: float
+    crank: float
+    coupler: float
+    rocker: float
+    crank_over_coupler: float
+    mu_min_rad: float
+
+    @property
+    def deviation_rad(self) -> float:
+        """How far the transmission angle strays from 90 deg."""
+        return np.pi / 2 - self.mu_min_rad
+
+    @property
+    def grashof(self) -> str:
+        """`crank-rocker`, or `change point` where the four links can lie on one line (then mu_min is 0)."""
+        return "crank-rocker" if self.mu_min_rad > 1e-7 else "change point"
+
+    def scaled(self, ground_m: float) -> LinkLengths:
+        """The lengths in metres for a ground link of `ground_m`; SceneError unless that is a length."""
+        if not 0.0 < ground_m < np.inf:
+            raise SceneError(f"ground link {ground_m:g} m: give a positive length")
+        ratios = (self.crank, self.coupler, self.rocker, 1.0)
+        return LinkLengths(*(ratio * ground_m for ratio in ratios))
+
+    def to_json(self) -> dict[str, Any]:
+        """Symbols of the paper: a crank, b coupler, c rocker over the ground link, r/l crank over coupler."""
+        return {
+            "beta_deg": _rounded_degrees(self.beta_rad),
+            "beta_rad": self.beta_rad,
+            "a": self.crank,
+            "b": self.coupler,
+            "c": self.rocker,
+            "r_over_l": self.crank_over_coupler,
+            "mu_min_deg": float(np.degrees(self.mu_min_rad)),
+            "mu_min_rad": self.mu_min_rad,
+            "deviation_deg": float(np.degrees(self.deviation_rad)),
+            "grashof": self.grashof,
+        }
+
+
+@dataclass(frozen=True)
+class CrankRockerSynthesis:
+    """What a swing and a crank rotation admit.
+
+    `designs` holds every whole degree of beta (one design where phi = 180 deg + psi, the one of the best
+    transmission, Eq. 10-14). `best` is the one among them, `best_continuous` the one of the whole family,
+    with the transmission angle within 40 deg of 90 and crank over coupler nearest 0.3; None where nothing
+    comes within 40 deg. `best_transmission` has the largest mu_min of all; None at phi = 180 deg, where
+    mu_min only grows while the crank shrinks to nothing.
+    """
+
+    family: CrankRockerFamily
+    designs: tuple[CrankRockerDesign, ...]
+    best: CrankRockerDesign | None
+    best_continuous: CrankRockerDesign | None
+    best_transmission: CrankRockerDesign | None
+
+    @property
+    def case(self) -> str:
+        """Which of the paper's four cases this is."""
+        imbalance = self.family.imbalance_rad
+        if self.family.single_beta:
+            return "phi = 180 + psi"
+        if imbalance == 0.0:
+            return "phi = 180"
+        return "phi > 180" if imbalance > 0.0 else "phi < 180"
+
+    def to_json(self) -> dict[str, Any]:
+        """One object: task, bounds on beta, `designs`, `best`, `best_continuous`, `best_transmission`."""
+        family = self.family
+        low, high = family.beta_bounds_rad
+        return {
+            "kind": "crank-rocker",
+            "swing_rad": family.swing_rad,
+            "rotation_rad": np.pi + family.imbalance_rad,
+            "swing_deg": _rounded_degrees(family.swing_rad),
+            "rotation_deg": _rounded_degrees(np.pi + family.imbalance_rad),
+            "case": self.case,
+            "beta_bounds_rad": [low, high],
+            "beta_bounds_deg": [_rounded_degrees(low), _rounded_degrees(high)],
+            "designs": [design.to_json() for design in self.designs],
+            "best": _json_or_none(self.best),
+            "best_continuous": _json_or_none(self.best_continuous),
+            "best_transmission": _json_or_none(self.best_transmission),
+        }
+
+
+def crank_rocker(swing_rad: float, rotation_rad: float) -> CrankRockerSynthesis:
+    """Every crank-rocker whose rocker swings by `swing_rad` while the crank turns by `rotation_rad`.
+
+    With the crank pivot on the left, the rocker pivot on the right and the joint of coupler and rocker above
+    them, a crank that turns counter-clockwise takes the rotation from the stretched to the folded dead centre
+    and the rest of the turn back. Raises SceneError where no beta is admissible.
+
+    Source: Topalbekiroglu and Celik 2010, Eq. 1-18, after Khare and Dave 1978; beyond phi = 180 deg + psi
+    their family continued.
+    """
+    if not np.isfinite(swing_rad) or not np.isfinite(rotation_rad):
+        raise SceneError("swing and rotation must be finite numbers")
+    family = CrankRockerFamily(float(swing_rad), float(rotation_rad) - np.pi)
+    peak = _best_transmission_ratio(family)
+    designs = _whole_degrees(family, peak)
+    good = [design for design in designs if design.deviation_rad < LARGEST_DEVIATION_RAD]
+    best = min(good, key=lambda design: abs(design.crank_over_coupler - WANTED_RATIO), default=None)
+    return CrankRockerSynthesis(
+        family=family,
+        designs=designs,
+        best=best,
+        best_continuous=_best_continuous(family, peak),
+        best_transmission=_records(family.at_ratio(peak))[0] if family.imbalance_rad else None,
+    )
+
+
+def _records(links: LinkRatios) -> tuple[CrankRockerDesign, ...]:
+    columns = (
+        links.beta_rad,
+        links.crank,
+        links.coupler,
+        links.rocker,
+        links.crank_over_coupler,
+        links.mu_min_rad,
+    )
+    return tuple(
+        CrankRockerDesign(*row) for row in zip(*(column.tolist() for column in columns), strict=True)
+    )
+
+
+def _whole_degrees(family: CrankRockerFamily, peak: float) -> tuple[CrankRockerDesign, ...]:
+    if family.single_beta:
+        return _records(family.at_ratio(peak))
+    low, high = np.degrees(family.beta_bounds_rad)
+    first, last = np.ceil(low - _WHOLE_DEGREE_SLACK), np.floor(high + _WHOLE_DEGREE_SLACK)
+    beta: FloatArray = np.radians(np.arange(first, last + 1.0))
+    ratio = family.ratio_at(beta)
+    # The change points are exact where a whole degree meets them, whatever its radians were rounded to.
+    ratio[np.abs(beta - (np.pi / 2 - family.swing_rad / 2)) < np.radians(_WHOLE_DEGREE_SLACK)] = 1.0
+    # beta = 0 at phi = 180 deg is no linkage: its crank has no length.
+    return _records(family.at_ratio(ratio[ratio > 0.0]))
+
+
+def _json_or_none(design: CrankRockerDesign | None) -> dict[str, Any] | None:
+    return design.to_json() if design else None
+
+
+def _mu_min(family: CrankRockerFamily) -> Callable[[float], float]:
+    return lambda ratio: float(family.at_ratio(ratio).mu_min_rad[0])
+
+
+def _best_transmission_ratio(family: CrankRockerFamily) -> float:
+    """Ratio of the largest mu_min, which rises from one change point and falls to the other."""
+    mu_min, smallest = _mu_min(family), family.smallest_ratio
+    if family.single_beta:
+        # Eq. 11 and 12: b^2 = a (1 + a).
+        crank = np.sin(family.swing_rad / 2)
+        return float(np.sqrt(crank / (1 + crank)))
+    if 1.0 - smallest < 1e-12:
+        return 1.0
+    grid = np.linspace(smallest, 1.0, 65)[1:-1]
+    top = int(np.argmax(family.at_ratio(grid).mu_min_rad))
+    around = (grid[top - 1] if top else smallest, grid[top + 1] if top + 1 < len(grid) else 1.0)
+    low = max(around[0], np.finfo(float).tiny)
+    found = minimize_scalar(
+        lambda r: -mu_min(r), bounds=(low, around[1]), method="bounded", options={"xatol": 1e-13}
+    )
+    return float(found.x)
+
+
+def _best_continuous(family: CrankRockerFamily, peak: float) -> CrankRockerDesign | None:
+    mu_min, smallest_mu = _mu_min(family), np.pi / 2 - LARGEST_DEVIATION_RAD
+    if mu_min(peak) < smallest_mu:
+        return None
+    ratio = max(WANTED_RATIO, family.smallest_ratio)
+    if mu_min(ratio) < smallest_mu:
+        # The nearest ratio with the transmission angle still good stands between the wanted one and the peak.
+        ratio = brentq(lambda r: mu_min(r) - smallest_mu, ratio, peak, xtol=1e-15)
+    return _records(family.at_ratio(ratio))[0]
+
+
+def _rounded_degrees(angle_rad: float) -> float:
+    """Degrees without the last digits that the way through radians leaves: 48, not 48.00000000000001."""
+    return round(float(np.degrees(angle_rad)), 12)
