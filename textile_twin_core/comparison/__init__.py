@@ -1,0 +1,24 @@
+"""Measured against predicted torque: alignment in time, errors by shaft angle, sensor delay and gain."""
+
+from __future__ import annotations
+
+from textile_twin_core.comparison.alignment import AlignmentError
+from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors
+from textile_twin_core.comparison.compare import compare_torque
+from textile_twin_core.comparison.delay import SensorFit
+from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
+from textile_twin_core.comparison.statistics import ErrorStatistics
+from textile_twin_core.comparison.summary import summary_rows
+
+__all__ = [
+    "AlignmentError",
+    "AngleBins",
+    "Comparison",
+    "ComparisonEvent",
+    "ErrorStatistics",
+    "RevolutionErrors",
+    "SampleCount",
+    "SensorFit",
+    "compare_torque",
+    "summary_rows",
+]

@@ -1,0 +1,222 @@
+"""Compare measured with predicted torque: arrays in, one immutable result out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.alignment import AlignmentError, Track, build_track, time_ranges
+from textile_twin_core.comparison.by_angle import bin_by_angle, by_revolution
+from textile_twin_core.comparison.delay import SensorFit, fit_sensor
+from textile_twin_core.comparison.inputs import usable_measurements, usable_predictions
+from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
+from textile_twin_core.comparison.statistics import error_statistics
+
+_LEAST_SAMPLES = 16
+
+
+class TorqueSensorLike(Protocol):
+    """A torque sensor: `measured(t) = gain * true(t - delay) + offset`."""
+
+    @property
+    def gain(self) -> float:
+        """Dimensionless gain."""
+
+    @property
+    def offset_Nm(self) -> float:
+        """Reading at zero torque [N m]."""
+
+    @property
+    def delay_s(self) -> float:
+        """Time by which the reading lags [s]."""
+
+
+class EventLike(Protocol):
+    """An event of the turn."""
+
+    @property
+    def name(self) -> str:
+        """Name of the event."""
+
+    @property
+    def angle_rad(self) -> float:
+        """Shaft angle of the event [rad]."""
+
+
+def compare_torque(
+    measured_stamps_ns: IntArray,
+    measured_Nm: FloatArray,
+    predicted_stamps_ns: IntArray,
+    predicted_Nm: FloatArray,
+    theta_rad: FloatArray,
+    *,
+    torque_sensor: TorqueSensorLike | None = None,
+    events: Sequence[EventLike] = (),
+    settled: BoolArray | None = None,
+    predicted_sigma_Nm: FloatArray | None = None,
+    rejected: Mapping[str, int] | None = None,
+    delay_search_s: float = 0.1,
+    event_guard_s: float = 0.0005,
+    angle_bins: int = 120,
+) -> Comparison:
+    """Hold measured torque against predicted torque.
+
+    The prediction is taken at `stamp - delay` by piecewise cubic interpolation. Where the load jumps (at
+    an event over which the prediction steps, such as the needle's entry into the backing) or the predictions
+    have a gap, nothing is interpolated: measured samples in that interval, or within `event_guard_s` of the
+    jump, do not enter the numbers and are counted. So a residual is never an artefact of interpolation, and
+    a sample whose stamp cannot tell which side of a jump it belongs to does not pass for an error of the
+    machine.
+
+    Args:
+        measured_stamps_ns: (m,) stamps of the measured torque, int64 ns.
+        measured_Nm: (m,) measured torque [N m]; nan and infinite samples are rejected and counted.
+        predicted_stamps_ns: (n,) stamps of the predictions, int64 ns, on the same clock.
+        predicted_Nm: (n,) predicted balancing torque [N m], without the sensor's gain and offset.
+        theta_rad: (n,) unwrapped shaft angle at the predicted stamps [rad].
+        torque_sensor: the sensor as configured; without one gain 1, offset 0, delay 0.
+        events: events of the turn, in angle of theta_rad.
+        settled: (n,) whether the shaft estimator had settled; without it all count as settled.
+        predicted_sigma_Nm: (n,) standard deviation of the predictions, kept for the views.
+        rejected: samples that were refused before a prediction was made, by cause; they join the count.
+        delay_search_s: the delay is sought this far on either side of the configured one.
+        event_guard_s: half width of the time around a load jump that is left out.
+        angle_bins: number of bins of the shaft angle.
+
+    Raises:
+        AlignmentError: shapes differ, stamps are no integers, too few samples, or no overlap in time.
+    """
+    predictions = usable_predictions(
+        predicted_stamps_ns, predicted_Nm, theta_rad, predicted_sigma_Nm, settled
+    )
+    measured_ns, measured, causes = usable_measurements(measured_stamps_ns, measured_Nm)
+    if measured_ns.size == 0 or predictions.stamps_ns.size < 2:
+        raise AlignmentError(
+            f"too little torque to compare: {measured_ns.size} of {np.size(measured_Nm)} measured samples "
+            f"and {predictions.stamps_ns.size} of {np.size(predicted_Nm)} predictions are finite with "
+            "increasing stamps"
+        )
+    gain = 1.0 if torque_sensor is None else float(torque_sensor.gain)
+    offset = 0.0 if torque_sensor is None else float(torque_sensor.offset_Nm)
+    configured = 0.0 if torque_sensor is None else float(torque_sensor.delay_s)
+    ranges = time_ranges(measured_ns, predictions.stamps_ns)
+
+    # Seconds from the first prediction: subtracted as int64, so that 1e-9 s survives a clock of 1.7e18 ns.
+    origin = int(predictions.stamps_ns[0])
+    time: FloatArray = np.asarray((measured_ns - origin) * 1e-9, dtype=np.float64)
+    predicted_time: FloatArray = np.asarray((predictions.stamps_ns - origin) * 1e-9, dtype=np.float64)
+    track, jumps = build_track(
+        predicted_time, predictions.torque_Nm, predictions.theta_rad, [e.angle_rad for e in events]
+    )
+    index, inside = track.interval(time - configured)
+    if not inside.any():
+        raise AlignmentError(
+            f"measured and predicted torque do not overlap in time: {ranges}; "
+            "both must be stamped by the same clock"
+        )
+    ready = predictions.settled
+    calm = inside & ready[index] & ready[index + 1]
+    fit = SensorFit(configured, float("nan"), gain, offset, identifiable=False, at_limit=False)
+    if np.count_nonzero(calm) >= _LEAST_SAMPLES:
+        fit = fit_sensor(track, time[calm], measured[calm], configured, delay_search_s, event_guard_s)
+
+    used, not_used = _select(track, time - fit.delay_s, ready, event_guard_s)
+    causes.update(not_used)
+    if np.count_nonzero(used) < _LEAST_SAMPLES:
+        why = ", ".join(f"{number} {cause}" for cause, number in causes.items() if number)
+        raise AlignmentError(
+            f"only {np.count_nonzero(used)} of {measured.size} measured torque samples can be compared"
+            f"{f' (rejected: {why})' if why else ''}: {ranges}"
+        )
+    expected, angle = _expected(track, time - fit.delay_s, gain, offset)
+    expected[~used] = np.nan
+    residual = measured - expected
+    used_configured, _ = _select(track, time - configured, ready, event_guard_s)
+    if np.count_nonzero(used_configured) < _LEAST_SAMPLES:
+        used_configured = used
+    configured_Nm, _ = _expected(track, time - configured, gain, offset)
+    seen, told, turned = measured[used], expected[used], angle[used]
+    fitted = fit.gain * (told - offset) / gain + fit.offset_Nm if np.isfinite(fit.gain) else told
+
+    causes["prediction_not_usable"] = predictions.dropped
+    causes.update({f"angle_{cause}": int(number) for cause, number in (rejected or {}).items()})
+    causes = {cause: number for cause, number in causes.items() if number}
+    return Comparison(
+        stamps_ns=measured_ns,
+        measured_Nm=measured,
+        expected_Nm=expected,
+        residual_Nm=residual,
+        theta_rad=angle,
+        used=used,
+        predicted_stamps_ns=predictions.stamps_ns,
+        predicted_Nm=predictions.torque_Nm,
+        predicted_theta_rad=predictions.theta_rad,
+        predicted_sigma_Nm=predictions.sigma_Nm,
+        sensor_delay_s=configured,
+        sensor_gain=gain,
+        sensor_offset_Nm=offset,
+        fit=fit,
+        errors=error_statistics(seen, told),
+        errors_configured=error_statistics(measured[used_configured], configured_Nm[used_configured]),
+        errors_fitted=error_statistics(seen, fitted),
+        by_angle=bin_by_angle(turned, seen, told, angle_bins),
+        by_revolution=by_revolution(measured_ns[used], turned, residual[used]),
+        samples=SampleCount(
+            measured=int(np.size(measured_Nm)),
+            predicted=int(np.size(predicted_Nm)),
+            used=int(np.count_nonzero(used)),
+            rejected=sum(causes.values()),
+            by_cause=causes,
+        ),
+        revolutions=float(turned.max() - turned.min()) / (2.0 * np.pi),
+        events=tuple(
+            ComparisonEvent(event.name, float(event.angle_rad), jump)
+            for event, jump in zip(events, jumps, strict=True)
+        ),
+        notes=_notes(fit, configured, delay_search_s),
+    )
+
+
+def _select(
+    track: Track, time_s: FloatArray, ready: BoolArray, guard_s: float
+) -> tuple[BoolArray, dict[str, int]]:
+    """Which of the times enter, and how many do not, each under the first cause that holds."""
+    index, inside = track.interval(time_s)
+    left = np.ones(time_s.size, dtype=np.bool_)
+    causes: dict[str, int] = {}
+    for cause, holds in (
+        ("no_prediction", ~inside),
+        ("prediction_gap", track.gap[index]),
+        ("not_settled", ~(ready[index] & ready[index + 1])),
+        ("load_jump", track.near_jump(time_s, index, guard_s)),
+    ):
+        causes[cause] = int(np.count_nonzero(left & holds))
+        left &= ~holds
+    return left, causes
+
+
+def _expected(
+    track: Track, time_s: FloatArray, gain: float, offset_Nm: float
+) -> tuple[FloatArray, FloatArray]:
+    """What the sensor should show, and the shaft angle (nan outside the predictions), at times (m,)."""
+    index, inside = track.interval(time_s)
+    torque, _ = track.torque_at(time_s, index)
+    theta = np.where(inside, track.theta_at(time_s, index), np.nan)
+    return gain * torque + offset_Nm, theta
+
+
+def _notes(fit: SensorFit, configured_s: float, search_s: float) -> tuple[str, ...]:
+    if fit.at_limit:
+        return (
+            f"the best delay lies at the edge of the searched range ({configured_s - search_s:g} .. "
+            f"{configured_s + search_s:g} s): the clocks of angle and torque may differ by more; "
+            "the errors are at the configured delay",
+        )
+    if not fit.identifiable:
+        return (
+            "the torque does not follow the prediction well enough to tell a delay: the configured one holds",
+        )
+    return ()

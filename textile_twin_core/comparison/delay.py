@@ -1,0 +1,110 @@
+"""Delay, gain and offset of the torque sensor, from how measured torque follows the predicted one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.comparison.alignment import Track
+
+_COARSE_SAMPLES = 5000
+_COARSE_STEPS = 100  # on either side of the configured delay
+_HUBER = 1.345  # residuals beyond this many sigmas count linearly, Huber 1964
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFit:
+    """What the data say of the sensor: `measured(t) = gain * true(t - delay) + offset`.
+
+    Attributes:
+        delay_s: the estimated delay; the configured one where `identifiable` is false.
+        delay_sigma_s: its standard deviation from the residual's scatter (samples taken as independent).
+        gain: estimated gain. offset_Nm: estimated offset.
+        identifiable: whether the torque follows the prediction well enough to tell a delay.
+        at_limit: whether the best delay lies on the edge of the searched range.
+    """
+
+    delay_s: float
+    delay_sigma_s: float
+    gain: float
+    offset_Nm: float
+    identifiable: bool
+    at_limit: bool
+
+
+def usable(track: Track, time_s: FloatArray, guard_s: float) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Which of the times (m,) can be interpolated, and torque and slope there."""
+    index, inside = track.interval(time_s)
+    good = inside & ~track.gap[index] & ~track.near_jump(time_s, index, guard_s)
+    torque, slope = track.torque_at(time_s, index)
+    return good, torque, slope
+
+
+def fit_sensor(
+    track: Track,
+    time_s: FloatArray,
+    measured_Nm: FloatArray,
+    configured_s: float,
+    search_s: float,
+    guard_s: float,
+) -> SensorFit:
+    """Estimate delay, gain and offset from measured samples (m,) at `time_s`.
+
+    First the delay of the highest correlation on a grid of `search_s` around the configured delay, then
+    Gauss-Newton in (delay, gain, offset) with Huber weights, which resolves a small fraction of a sample.
+    Samples at a jump of the load are left out: there the sensor's own dynamics decide, not its delay.
+    """
+    thin = np.linspace(0, time_s.size - 1, min(time_s.size, _COARSE_SAMPLES)).astype(np.int64)
+    grid = configured_s + np.linspace(-search_s, search_s, 2 * _COARSE_STEPS + 1)
+    likeness = np.array([_correlation(track, time_s[thin] - d, measured_Nm[thin], guard_s) for d in grid])
+    best = int(np.argmax(likeness))
+    at_limit = best in (0, grid.size - 1)
+    if not likeness[best] > 0.3 or at_limit:
+        good, torque, _ = usable(track, time_s - configured_s, guard_s)
+        gain, offset = _line(torque[good], measured_Nm[good])
+        return SensorFit(configured_s, float("nan"), gain, offset, False, at_limit)
+    delay, gain, offset, sigma = float(grid[best]), 1.0, 0.0, float("nan")
+    span = float(grid[1] - grid[0])
+    for _ in range(30):
+        good, torque, slope = usable(track, time_s - delay, guard_s)
+        torque, slope, seen = torque[good], slope[good], measured_Nm[good]
+        if sigma != sigma:  # the first pass
+            gain, offset = _line(torque, seen)
+        error = seen - gain * torque - offset
+        scale = 1.4826 * float(np.median(np.abs(error))) + 1e-12 * float(np.max(np.abs(seen)))
+        weight = np.minimum(1.0, _HUBER * scale / np.maximum(np.abs(error), 1e-300))
+        columns = np.stack([-gain * slope, torque, np.ones_like(torque)])
+        normal = (columns * weight) @ columns.T
+        move = np.linalg.lstsq(normal, (columns * weight) @ error, rcond=None)[0]
+        shift = float(np.clip(move[0], -span, span))
+        delay, gain, offset = delay + shift, gain + float(move[1]), offset + float(move[2])
+        variance = float(np.sum(weight * error**2)) / max(error.size - 3, 1)
+        sigma = float(np.sqrt(max(np.linalg.pinv(normal)[0, 0], 0.0) * variance))
+        if abs(shift) < 1e-10:
+            break
+    return SensorFit(delay, sigma, gain, offset, True, abs(delay - configured_s) > search_s)
+
+
+def _correlation(track: Track, time_s: FloatArray, measured_Nm: FloatArray, guard_s: float) -> float:
+    good, torque, _ = usable(track, time_s, guard_s)
+    if np.count_nonzero(good) < 8:
+        return -1.0
+    a, b = torque[good], measured_Nm[good]
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    # A torque that does not vary tells nothing: rounding alone must not pass for likeness.
+    if size <= 1e-12 * float(np.max(np.abs(torque[good])) ** 2 + np.max(np.abs(measured_Nm)) ** 2) * a.size:
+        return 0.0
+    return float(a @ b) / size
+
+
+def _line(torque_Nm: FloatArray, measured_Nm: FloatArray) -> tuple[float, float]:
+    """Least-squares gain and offset of measured over predicted torque; nan gain for constant torque."""
+    centred = torque_Nm - torque_Nm.mean()
+    power = float(centred @ centred)
+    if power <= 1e-24 * float(np.max(np.abs(torque_Nm), initial=0.0)) ** 2 * torque_Nm.size or power == 0.0:
+        return float("nan"), float(np.mean(measured_Nm - torque_Nm))
+    gain = float(centred @ measured_Nm) / power
+    return gain, float(measured_Nm.mean() - gain * torque_Nm.mean())

@@ -1,0 +1,153 @@
+"""The outcome of a comparison: sample by sample for the views, in numbers for the report."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors
+from textile_twin_core.comparison.delay import SensorFit
+from textile_twin_core.comparison.statistics import ErrorStatistics
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonEvent:
+    """An event of the turn at `angle_rad`; `jump` tells whether the predicted torque jumps there."""
+
+    name: str
+    angle_rad: float
+    jump: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SampleCount:
+    """How many samples entered the comparison, and why the others did not.
+
+    `rejected` counts every sample that did not enter: measured ones by the causes below, and those that were
+    refused before a prediction was made, which the caller counted (causes `angle_...`).
+
+    Causes: `not_finite` (the torque is nan or infinite), `stamp_not_increasing` (repeated or older stamp),
+    `no_prediction` (stamp - delay is before the first or after the last prediction), `prediction_gap`
+    (inside a gap of the predictions), `load_jump` (between two predictions that a jump of the load parts, or
+    beside the jump: which side the sample is on cannot be told), `not_settled` (the shaft estimator had not
+    settled), `prediction_not_usable` (predictions with nan or a repeated stamp).
+    """
+
+    measured: int
+    predicted: int
+    used: int
+    rejected: int
+    by_cause: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """Measured against predicted torque.
+
+    Sample by sample, m measured samples that had a usable stamp and value:
+
+    Attributes:
+        stamps_ns: (m,) stamps of the measured samples.
+        measured_Nm: (m,) as measured.
+        expected_Nm: (m,) what the sensor should show: gain * prediction(stamp - delay) + offset, with the
+            configured gain and offset and the estimated delay; nan where not used.
+        residual_Nm: (m,) measured - expected; nan where not used.
+        theta_rad: (m,) unwrapped shaft angle at stamp - delay; nan where there is no prediction.
+        used: (m,) which samples entered the numbers.
+        predicted_stamps_ns, predicted_Nm, predicted_theta_rad, predicted_sigma_Nm: (n,) the predictions as
+            they came, the sigma nan where none was given.
+
+    In numbers:
+
+    Attributes:
+        sensor_delay_s, sensor_gain, sensor_offset_Nm: the sensor as the machine configures it.
+        fit: delay, gain and offset as the data tell them.
+        errors: at the estimated delay. errors_configured: at the configured one.
+            errors_fitted: with estimated delay, gain and offset, what no sensor setting explains.
+        by_angle, by_revolution: the residual at the estimated delay, sorted.
+        samples: used and rejected. revolutions: turns of the shaft from the first used sample to the last.
+        events: the turn's events. notes: what a reader of the numbers should know.
+    """
+
+    stamps_ns: IntArray
+    measured_Nm: FloatArray
+    expected_Nm: FloatArray
+    residual_Nm: FloatArray
+    theta_rad: FloatArray
+    used: BoolArray
+    predicted_stamps_ns: IntArray
+    predicted_Nm: FloatArray
+    predicted_theta_rad: FloatArray
+    predicted_sigma_Nm: FloatArray
+    sensor_delay_s: float
+    sensor_gain: float
+    sensor_offset_Nm: float
+    fit: SensorFit
+    errors: ErrorStatistics
+    errors_configured: ErrorStatistics
+    errors_fitted: ErrorStatistics
+    by_angle: AngleBins
+    by_revolution: RevolutionErrors
+    samples: SampleCount
+    revolutions: float
+    events: tuple[ComparisonEvent, ...]
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the numbers as one object of plain lists and numbers; what is not a number is null."""
+        torque: dict[str, Any] = {
+            **dataclasses.asdict(self.errors),
+            "delay_s": self.fit.delay_s,
+            "delay_sigma_s": self.fit.delay_sigma_s,
+            "delay_identifiable": self.fit.identifiable,
+            "gain": self.fit.gain,
+            "offset_Nm": self.fit.offset_Nm,
+            "configured": {
+                "delay_s": self.sensor_delay_s,
+                "gain": self.sensor_gain,
+                "offset_Nm": self.sensor_offset_Nm,
+                **dataclasses.asdict(self.errors_configured),
+            },
+            "fitted": dataclasses.asdict(self.errors_fitted),
+        }
+        first, last = self.stamps_ns[self.used][[0, -1]]
+        plain: dict[str, Any] = _plain(
+            {
+                "torque": torque,
+                "samples": {
+                    "measured": self.samples.measured,
+                    "predicted": self.samples.predicted,
+                    "used": self.samples.used,
+                    "rejected": self.samples.rejected,
+                    "rejected_by_cause": dict(self.samples.by_cause),
+                },
+                "revolutions": self.revolutions,
+                "time": {"start_ns": first, "end_ns": last, "duration_s": (last - first) * 1e-9},
+                "by_angle": dataclasses.asdict(self.by_angle),
+                "by_revolution": dataclasses.asdict(self.by_revolution),
+                "events": [dataclasses.asdict(event) for event in self.events],
+                "notes": list(self.notes),
+            }
+        )
+        return plain
+
+
+def _plain(value: Any) -> Any:
+    """Turn arrays into lists, numpy numbers into Python's, and nan or infinity into None."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.ndarray):
+        return [_plain(entry) for entry in value.tolist()]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,37 @@
+"""The comparison in a few lines that a person reads."""
+
+from __future__ import annotations
+
+import math
+
+from textile_twin_core.comparison.result import Comparison
+
+
+def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
+    """Return (quantity, value with unit) pairs, in the order in which an engineer asks for them."""
+    errors, fit = comparison.errors, comparison.fit
+    delay = f"{fit.delay_s * 1e3:.3f} ms" + (
+        f" +- {fit.delay_sigma_s * 1e3:.3f}" if math.isfinite(fit.delay_sigma_s) else " (configured)"
+    )
+    causes = ", ".join(
+        f"{number} {cause.replace('_', ' ')}" for cause, number in sorted(comparison.samples.by_cause.items())
+    )
+    rows = [
+        ("RMS error", f"{errors.rms_error_Nm:.4f} N m"),
+        ("RMS error over peak", f"{errors.rms_over_peak * 100.0:.2f} %"),
+        ("largest error", f"{errors.max_error_Nm:.3f} N m"),
+        ("mean error", f"{errors.bias_Nm:+.4f} N m"),
+        ("correlation", f"{errors.correlation:.6f}"),
+        ("peak torque, measured", f"{errors.peak_Nm:.3f} N m"),
+        ("sensor delay", delay),
+        ("sensor gain, offset", f"{fit.gain:.4f}, {fit.offset_Nm:+.4f} N m"),
+        (
+            f"RMS error at the configured delay of {comparison.sensor_delay_s * 1e3:g} ms",
+            f"{comparison.errors_configured.rms_error_Nm:.4f} N m",
+        ),
+        ("RMS error with delay, gain, offset fitted", f"{comparison.errors_fitted.rms_error_Nm:.4f} N m"),
+        ("revolutions", f"{comparison.revolutions:.1f}"),
+        ("samples used", f"{comparison.samples.used} of {comparison.samples.measured}"),
+        ("samples rejected", f"{comparison.samples.rejected}" + (f" ({causes})" if causes else "")),
+    ]
+    return rows + [("note", note) for note in comparison.notes]
