@@ -1,4 +1,4 @@
-"""The prediction as a function of time: interpolation that never crosses a gap or a jump of the load."""
+"""The prediction as a function of time: interpolation that never crosses a gap or an event of the load."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from textile_twin_core.errors import TwinError
 
 TWO_PI = 2.0 * np.pi
 
-#: An event is a jump when the prediction steps over it this many times further than over its neighbours.
+#: An event is a jump when the prediction steps over it this many times further than beside it.
 JUMP_RATIO = 5.0
 
 #: Two predictions further apart than this many median periods have a gap between them.
@@ -25,59 +25,62 @@ class AlignmentError(TwinError):
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A predicted torque over time, cut where it may not be interpolated.
+    """A predicted torque over time: one cubic per piece, a piece ending at each sample and at each event.
+
+    On either side of an event the torque is carried to the event's instant from its own side, by the parabola
+    through the three nearest samples; so neither a jump (the needle enters the backing) nor a kink (it turns,
+    and friction with it) is smoothed over.
 
     Attributes:
-        time_s: (n,) strictly increasing, seconds from an origin the caller keeps.
-        torque_Nm: (n,) predictions.
-        theta_rad: (n,) shaft angle, unwrapped.
-        slope_Nm_s: (n,) derivative of the torque, each from its own side of every cut.
-        gap: (n - 1,) whether the interval after sample k is a gap.
-        jump: (n - 1,) whether the load jumps in the interval after sample k.
-        jump_time_s: (j,) the instants of the jumps, increasing.
+        edge_s: (p + 1,) ends of the pieces, increasing, seconds from an origin the caller keeps.
+        theta_rad: (p + 1,) unwrapped shaft angle there.
+        start_Nm, end_Nm, start_slope, end_slope: (p,) torque [N m] and slope [N m/s] at each piece's ends.
+        after_sample: (p,) the prediction at or before each piece.
+        blocked: (p,) where nothing may be interpolated: gaps, and intervals that hold more than one event.
+        jump_time_s: (j,) the instants at which the torque jumps, increasing.
     """
 
-    time_s: FloatArray
-    torque_Nm: FloatArray
+    edge_s: FloatArray
     theta_rad: FloatArray
-    slope_Nm_s: FloatArray
-    gap: BoolArray
-    jump: BoolArray
+    start_Nm: FloatArray
+    end_Nm: FloatArray
+    start_slope: FloatArray
+    end_slope: FloatArray
+    after_sample: IntArray
+    blocked: BoolArray
     jump_time_s: FloatArray
 
-    def interval(self, time_s: FloatArray) -> tuple[IntArray, BoolArray]:
-        """Index of the interval that holds each time (m,), and whether there is one."""
-        index = np.searchsorted(self.time_s, time_s, side="right") - 1
-        inside = (index >= 0) & (time_s <= self.time_s[-1])
-        return np.clip(index, 0, self.time_s.size - 2).astype(np.int64), inside
+    def piece(self, time_s: FloatArray) -> tuple[IntArray, BoolArray]:
+        """Index of the piece that holds each time (m,), and whether there is one."""
+        index = np.searchsorted(self.edge_s, time_s, side="right") - 1
+        inside = (index >= 0) & (time_s <= self.edge_s[-1])
+        return np.clip(index, 0, self.edge_s.size - 2).astype(np.int64), inside
 
-    def torque_at(self, time_s: FloatArray, index: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Torque [N m] and its derivative [N m/s] at times (m,) in the intervals `index`: cubic Hermite."""
-        step = self.time_s[index + 1] - self.time_s[index]
-        u = (time_s - self.time_s[index]) / step
-        start, end = self.torque_Nm[index], self.torque_Nm[index + 1]
-        # Newton form on the interval: chord, then the two slopes' departures from it.
-        secant = (end - start) / step
-        first = self.slope_Nm_s[index] - secant
-        last = self.slope_Nm_s[index + 1] - secant
+    def torque_at(self, time_s: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Torque [N m] and its derivative [N m/s] at times (m,) in their pieces: cubic Hermite."""
+        step = self.edge_s[piece + 1] - self.edge_s[piece]
+        u = (time_s - self.edge_s[piece]) / step
         v = 1.0 - u
-        torque = start + step * (u * secant + u * v * (v * first - u * last))
-        slope = secant + v * (1.0 - 3.0 * u) * first + u * (3.0 * u - 2.0) * last
+        # The chord, then by how much the two end slopes depart from it.
+        chord = (self.end_Nm[piece] - self.start_Nm[piece]) / step
+        first = self.start_slope[piece] - chord
+        last = self.end_slope[piece] - chord
+        torque = self.start_Nm[piece] + step * (u * chord + u * v * (v * first - u * last))
+        slope = chord + v * (1.0 - 3.0 * u) * first + u * (3.0 * u - 2.0) * last
         return torque, slope
 
-    def theta_at(self, time_s: FloatArray, index: IntArray) -> FloatArray:
+    def theta_at(self, time_s: FloatArray, piece: IntArray) -> FloatArray:
         """Shaft angle [rad] at times (m,), linear between samples."""
-        u = (time_s - self.time_s[index]) / (self.time_s[index + 1] - self.time_s[index])
-        return self.theta_rad[index] * (1.0 - u) + self.theta_rad[index + 1] * u
+        u = (time_s - self.edge_s[piece]) / (self.edge_s[piece + 1] - self.edge_s[piece])
+        return self.theta_rad[piece] * (1.0 - u) + self.theta_rad[piece + 1] * u
 
-    def near_jump(self, time_s: FloatArray, index: IntArray, guard_s: float) -> BoolArray:
-        """Whether each time lies between two predictions that a jump parts, or within `guard_s` of a jump."""
-        near = self.jump[index]
-        if self.jump_time_s.size and guard_s > 0.0:
+    def near_jump(self, time_s: FloatArray, guard_s: float) -> BoolArray:
+        """Whether each time (m,) lies within `guard_s` of a jump of the torque."""
+        near = np.zeros(time_s.size, dtype=np.bool_)
+        if self.jump_time_s.size:
             after = np.searchsorted(self.jump_time_s, time_s)
             for k in (after - 1, after):
-                k = np.clip(k, 0, self.jump_time_s.size - 1)
-                near |= np.abs(self.jump_time_s[k] - time_s) <= guard_s
+                near |= np.abs(self.jump_time_s[np.clip(k, 0, self.jump_time_s.size - 1)] - time_s) <= guard_s
         return near
 
 
@@ -86,28 +89,34 @@ def build_track(
 ) -> tuple[Track, tuple[bool, ...]]:
     """Build the track of (n,) predictions, n >= 2, and tell which of the events are jumps of the torque.
 
-    An event angle is passed where the shaft angle crosses it, in either direction. It is a jump when the
+    An event is passed where the shaft angle crosses its angle, in either direction. It is a jump when the
     median step of the torque over it exceeds `JUMP_RATIO` times the median step over the neighbouring
     intervals: the needle's entry into the backing is one, its turning point is not.
     """
     step = np.diff(time_s)
     gap = step > GAP_PERIODS * float(np.median(step))
-    jump = np.zeros(step.size, dtype=np.bool_)
-    times: list[FloatArray] = []
-    jumps: list[bool] = []
+    found: list[tuple[IntArray, FloatArray, bool]] = []
     for angle in event_angles_rad:
         turn = np.floor((theta_rad - angle) / TWO_PI)
         crossing = np.flatnonzero((np.diff(turn) != 0.0) & ~gap)
-        is_jump = _steps_over(torque_Nm, crossing)
-        jumps.append(is_jump)
-        if is_jump:
-            jump[crossing] = True
-            level = angle + TWO_PI * np.maximum(turn[crossing], turn[crossing + 1])
-            part = (level - theta_rad[crossing]) / (theta_rad[crossing + 1] - theta_rad[crossing])
-            times.append(time_s[crossing] + np.clip(part, 0.0, 1.0) * step[crossing])
-    jump_time = np.sort(np.concatenate(times)) if times else np.empty(0)
-    slope = _slopes(step, torque_Nm, gap | jump)
-    return Track(time_s, torque_Nm, theta_rad, slope, gap, jump, jump_time), tuple(jumps)
+        level = angle + TWO_PI * np.maximum(turn[crossing], turn[crossing + 1])
+        part = (level - theta_rad[crossing]) / (theta_rad[crossing + 1] - theta_rad[crossing])
+        instant = time_s[crossing] + np.clip(part, 0.0, 1.0) * step[crossing]
+        found.append((crossing, instant, _steps_over(torque_Nm, crossing)))
+    jumps = tuple(jump for *_, jump in found)
+    crossing = np.concatenate([np.empty(0, dtype=np.int64), *(place for place, *_ in found)])
+    instant = np.concatenate([np.empty(0), *(when for _, when, _ in found)])
+    is_jump = np.concatenate(
+        [np.empty(0, dtype=np.bool_), *(np.full(place.size, jump) for place, _, jump in found)]
+    )
+    jump_time = np.sort(instant[is_jump])
+    events_in = np.bincount(crossing, minlength=step.size)
+    blocked = gap | (events_in > 1)
+    whole = (events_in[crossing] == 1) & (instant > time_s[crossing]) & (instant < time_s[crossing + 1])
+    order = np.flatnonzero(whole)[np.argsort(instant[whole])]
+    return _cut(
+        time_s, torque_Nm, theta_rad, blocked, (crossing[order], instant[order], is_jump[order]), jump_time
+    ), jumps
 
 
 def _steps_over(torque_Nm: FloatArray, crossing: IntArray) -> bool:
@@ -122,25 +131,86 @@ def _steps_over(torque_Nm: FloatArray, crossing: IntArray) -> bool:
     return bool(np.median(across) > JUMP_RATIO * max(float(np.median(np.maximum(before, after))), floor))
 
 
-def _slopes(step: FloatArray, torque_Nm: FloatArray, cut: BoolArray) -> FloatArray:
-    """Derivative at each sample: three-point parabola, taken from one side beside a cut."""
+def _cut(
+    time_s: FloatArray,
+    torque_Nm: FloatArray,
+    theta_rad: FloatArray,
+    blocked: BoolArray,
+    events: tuple[IntArray, FloatArray, BoolArray],
+    jump_time_s: FloatArray,
+) -> Track:
+    """Cut intervals at the events: their intervals, instants and whether they jump, at most one in each."""
+    crossing, instant, is_jump = events
+    closed = blocked.copy()
+    closed[crossing] = True
+    slope, curve_before, curve_after = _slopes(np.diff(time_s), torque_Nm, closed)
+
+    # From each side to the event, by the parabola of that side.
+    ahead, back = instant - time_s[crossing], instant - time_s[crossing + 1]
+    left = torque_Nm[crossing] + ahead * (slope[crossing] + ahead * curve_before[crossing])
+    right = torque_Nm[crossing + 1] + back * (slope[crossing + 1] + back * curve_after[crossing + 1])
+    left_slope = slope[crossing] + 2.0 * ahead * curve_before[crossing]
+    right_slope = slope[crossing + 1] + 2.0 * back * curve_after[crossing + 1]
+    middle = 0.5 * (left + right)  # at a kink both sides speak of the same torque
+    left, right = np.where(is_jump, left, middle), np.where(is_jump, right, middle)
+
+    sample = np.arange(time_s.size - 1)
+    after_sample = np.sort(np.concatenate([sample, crossing]))
+    first = np.searchsorted(after_sample, crossing)  # the piece before each event; the one after follows
+    starts_at_event = np.zeros(after_sample.size, dtype=np.bool_)
+    starts_at_event[first + 1] = True
+    start_Nm, start_slope = torque_Nm[after_sample].copy(), slope[after_sample].copy()
+    end_Nm, end_slope = torque_Nm[after_sample + 1].copy(), slope[after_sample + 1].copy()
+    end_Nm[first], end_slope[first] = left, left_slope
+    start_Nm[first + 1], start_slope[first + 1] = right, right_slope
+    edge = time_s[np.append(after_sample, time_s.size - 1)]
+    theta = theta_rad[np.append(after_sample, time_s.size - 1)]
+    edge[first + 1] = instant
+    part = ahead / (time_s[crossing + 1] - time_s[crossing])
+    theta[first + 1] = theta_rad[crossing] + part * (theta_rad[crossing + 1] - theta_rad[crossing])
+    return Track(
+        edge_s=edge,
+        theta_rad=theta,
+        start_Nm=start_Nm,
+        end_Nm=end_Nm,
+        start_slope=start_slope,
+        end_slope=end_slope,
+        after_sample=after_sample,
+        blocked=blocked[after_sample],
+        jump_time_s=jump_time_s,
+    )
+
+
+def _slopes(
+    step: FloatArray, torque_Nm: FloatArray, closed: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Derivative at each sample, and half the second derivative of the parabola before and after it.
+
+    Three-point parabolas, taken from one side beside a closed interval; a line where only two samples stand
+    together.
+    """
     n = torque_Nm.size
     secant = np.diff(torque_Nm) / step
     slope = np.zeros(n)
     open_left, open_right = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-    open_left[1:], open_right[:-1] = ~cut, ~cut
-    inner = np.flatnonzero(open_left & open_right)
-    left, right = step[inner - 1], step[inner]
-    slope[inner] = (right * secant[inner - 1] + left * secant[inner]) / (left + right)
-    is_inner = open_left & open_right
-    # The parabola through the three outermost samples has end slope 2 secant - next slope.
-    for ends, neighbour, interval in (
+    open_left[1:], open_right[:-1] = ~closed, ~closed
+    inner = open_left & open_right
+    at = np.flatnonzero(inner)
+    before, after = step[at - 1], step[at]
+    slope[at] = (after * secant[at - 1] + before * secant[at]) / (before + after)
+    # The parabola through the three outermost samples has end slope 2 chord - next slope.
+    for ends, to_neighbour, to_interval in (
         (np.flatnonzero(open_right & ~open_left), 1, 0),
         (np.flatnonzero(open_left & ~open_right), -1, -1),
     ):
-        chord = secant[ends + interval]
-        slope[ends] = np.where(is_inner[ends + neighbour], 2.0 * chord - slope[ends + neighbour], chord)
-    return slope
+        chord = secant[ends + to_interval]
+        slope[ends] = np.where(inner[ends + to_neighbour], 2.0 * chord - slope[ends + to_neighbour], chord)
+    curve_before, curve_after = np.zeros(n), np.zeros(n)
+    at = np.flatnonzero(open_left)
+    curve_before[at] = (slope[at] - secant[at - 1]) / step[at - 1]
+    at = np.flatnonzero(open_right)
+    curve_after[at] = (secant[at] - slope[at]) / step[at]
+    return slope, curve_before, curve_after
 
 
 def largest_distance_ns(measured_ns: IntArray, predicted_ns: IntArray) -> int:

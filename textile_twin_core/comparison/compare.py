@@ -64,11 +64,11 @@ def compare_torque(
 ) -> Comparison:
     """Hold measured torque against predicted torque.
 
-    The prediction is taken at `stamp - delay` by piecewise cubic interpolation. Where the load jumps (at
-    an event over which the prediction steps, such as the needle's entry into the backing) or the predictions
-    have a gap, nothing is interpolated: measured samples in that interval, or within `event_guard_s` of the
-    jump, do not enter the numbers and are counted. So a residual is never an artefact of interpolation, and
-    a sample whose stamp cannot tell which side of a jump it belongs to does not pass for an error of the
+    The prediction is taken at `stamp - delay` by cubic interpolation, piece by piece between the events of
+    the turn, each reached from its own side. Measured samples within `event_guard_s` of a jump of the load (an
+    event over which the prediction steps, such as the needle's entry into the backing) or in a gap of the
+    predictions do not enter the numbers and are counted. So a residual is never an artefact of interpolation,
+    and a sample whose stamp cannot tell which side of a jump it belongs to does not pass for an error of the
     machine.
 
     Args:
@@ -111,14 +111,15 @@ def compare_torque(
     track, jumps = build_track(
         predicted_time, predictions.torque_Nm, predictions.theta_rad, [e.angle_rad for e in events]
     )
-    index, inside = track.interval(time - configured)
+    piece, inside = track.piece(time - configured)
     if not inside.any():
         raise AlignmentError(
             f"measured and predicted torque do not overlap in time: {ranges}; "
             "both must be stamped by the same clock"
         )
-    ready = predictions.settled
-    calm = inside & ready[index] & ready[index + 1]
+    # A sample counts as settled when the predictions on both of its sides are.
+    ready = (predictions.settled[:-1] & predictions.settled[1:])[track.after_sample]
+    calm = inside & ready[piece]
     fit = SensorFit(configured, float("nan"), gain, offset, identifiable=False, at_limit=False)
     if np.count_nonzero(calm) >= _LEAST_SAMPLES:
         fit = fit_sensor(track, time[calm], measured[calm], configured, delay_search_s, event_guard_s)
@@ -184,14 +185,14 @@ def _select(
     track: Track, time_s: FloatArray, ready: BoolArray, guard_s: float
 ) -> tuple[BoolArray, dict[str, int]]:
     """Which of the times enter, and how many do not, each under the first cause that holds."""
-    index, inside = track.interval(time_s)
+    piece, inside = track.piece(time_s)
     left = np.ones(time_s.size, dtype=np.bool_)
     causes: dict[str, int] = {}
     for cause, holds in (
         ("no_prediction", ~inside),
-        ("prediction_gap", track.gap[index]),
-        ("not_settled", ~(ready[index] & ready[index + 1])),
-        ("load_jump", track.near_jump(time_s, index, guard_s)),
+        ("prediction_gap", track.blocked[piece]),
+        ("not_settled", ~ready[piece]),
+        ("load_jump", track.near_jump(time_s, guard_s)),
     ):
         causes[cause] = int(np.count_nonzero(left & holds))
         left &= ~holds
@@ -202,9 +203,9 @@ def _expected(
     track: Track, time_s: FloatArray, gain: float, offset_Nm: float
 ) -> tuple[FloatArray, FloatArray]:
     """What the sensor should show, and the shaft angle (nan outside the predictions), at times (m,)."""
-    index, inside = track.interval(time_s)
-    torque, _ = track.torque_at(time_s, index)
-    theta = np.where(inside, track.theta_at(time_s, index), np.nan)
+    piece, inside = track.piece(time_s)
+    torque, _ = track.torque_at(time_s, piece)
+    theta = np.where(inside, track.theta_at(time_s, piece), np.nan)
     return gain * torque + offset_Nm, theta
 
 

@@ -36,9 +36,9 @@ class SensorFit:
 
 def usable(track: Track, time_s: FloatArray, guard_s: float) -> tuple[BoolArray, FloatArray, FloatArray]:
     """Which of the times (m,) can be interpolated, and torque and slope there."""
-    index, inside = track.interval(time_s)
-    good = inside & ~track.gap[index] & ~track.near_jump(time_s, index, guard_s)
-    torque, slope = track.torque_at(time_s, index)
+    piece, inside = track.piece(time_s)
+    good = inside & ~track.blocked[piece] & ~track.near_jump(time_s, guard_s)
+    torque, slope = track.torque_at(time_s, piece)
     return good, torque, slope
 
 

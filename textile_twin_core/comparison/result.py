@@ -34,9 +34,9 @@ class SampleCount:
 
     Causes: `not_finite` (the torque is nan or infinite), `stamp_not_increasing` (repeated or older stamp),
     `no_prediction` (stamp - delay is before the first or after the last prediction), `prediction_gap`
-    (inside a gap of the predictions), `load_jump` (between two predictions that a jump of the load parts, or
-    beside the jump: which side the sample is on cannot be told), `not_settled` (the shaft estimator had not
-    settled), `prediction_not_usable` (predictions with nan or a repeated stamp).
+    (inside a gap of the predictions), `load_jump` (so near a jump of the load that the stamp cannot tell its
+    side), `not_settled` (the shaft estimator had not settled), `prediction_not_usable` (predictions with nan
+    or a repeated stamp).
     """
 
     measured: int
