@@ -1,0 +1,86 @@
+"""Outputs appear whole or not at all: written to a hidden sibling first, renamed into place when complete."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from textile_twin_core.errors import TwinError
+
+
+class OutputError(TwinError):
+    """An output cannot be written where the user wants it."""
+
+
+def _why(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()
+
+
+def partial_path(path: Path) -> Path:
+    """Hidden sibling of `path` with the same suffix, where an output grows until it is complete."""
+    return path.with_name(f".{path.stem}.partial-{os.getpid()}{path.suffix}")
+
+
+def check_folder(path: Path) -> None:
+    """Raise OutputError unless a file could be created beside `path` right now.
+
+    Tries instead of asking for permission bits, since read-only and virtual file systems ignore those.
+    """
+    if not path.name:
+        raise OutputError(f"output '{path}': not a file name; give the name of the file to write")
+    if not path.parent.exists():
+        raise OutputError(f"output {path}: the folder {path.parent} does not exist; make it first")
+    if not path.parent.is_dir():
+        raise OutputError(f"output {path}: {path.parent} is not a folder; choose another place")
+    probe = partial_path(path)
+    try:
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except FileExistsError:
+        remove(probe)
+    except OSError as error:
+        raise OutputError(
+            f"output {path}: cannot write into the folder {path.parent} ({_why(error)}); choose another"
+        ) from error
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder tree, if it is there."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def put_in_place(partial: Path, path: Path) -> None:
+    """Rename a complete `partial` to `path`; what stood there before is replaced."""
+    if path.is_dir() and not path.is_symlink():
+        old = path.with_name(f".{path.name}.replaced-{os.getpid()}")
+        path.rename(old)
+        partial.rename(path)
+        remove(old)
+    else:
+        partial.replace(path)
+
+
+@contextmanager
+def staged(path: str | Path) -> Iterator[Path]:
+    """Path to write to instead of `path`: renamed to it when the block ends well, removed when it does not.
+
+    Raises OutputError at once when the folder cannot be written, so before the work and not after it.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise OutputError(f"output {path}: a folder of that name exists; give the name of a file")
+    check_folder(path)
+    partial = partial_path(path)
+    try:
+        yield partial
+        put_in_place(partial, path)
+    except OSError as error:
+        raise OutputError(f"output {path}: {_why(error)}") from error
+    finally:
+        remove(partial)

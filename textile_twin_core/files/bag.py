@@ -1,0 +1,225 @@
+"""Recordings read into numpy arrays: rosbag2 folders and single .mcap files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files import rosbag2_metadata
+from textile_twin_core.files.cdr_decode import Layout, layouts
+from textile_twin_core.files.mcap_read import McapFile
+from textile_twin_core.files.other_storage import OtherFile
+from textile_twin_core.files.recording import Progress, Recording, TopicInfo
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+POINT = "geometry_msgs/msg/PointStamped"
+FLOAT64 = "std_msgs/msg/Float64"
+
+_Take = Callable[[str, int], FloatArray]
+"""Element k of a field of all messages of one layout: (name of the field, k) -> (n,), NaN where there is none."""
+
+
+@dataclass(frozen=True)
+class AngleSamples:
+    """Angles of one joint in the order recorded; arrays of shape (n,).
+
+    stamps: ns, from the message headers; for Float64, which has none, the times of recording (`stamped` is False).
+    velocities: rad/s, NaN where a message has none; None when no message has one.
+    """
+
+    topic: str
+    stamps: IntArray
+    angles_rad: FloatArray
+    velocities: FloatArray | None
+    stamped: bool
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+
+@dataclass(frozen=True)
+class TorqueSamples:
+    """Torques about the shaft in the order recorded; arrays of shape (n,). Stamps as in AngleSamples."""
+
+    topic: str
+    stamps: IntArray
+    torque_Nm: FloatArray
+    stamped: bool
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+
+@dataclass(frozen=True)
+class PointSamples:
+    """Points in the order recorded: stamps (n,) in ns, points_m (n, 3)."""
+
+    topic: str
+    stamps: IntArray
+    points_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+
+class Bag(Recording):
+    """An opened recording: its topics (see Recording), and its samples as arrays. Made by open_bag.
+
+    The read functions raise RecordingError, one line, when the topic is not there, empty, of another type, or never
+    names the joint asked for. Values are as recorded: NaN stays NaN.
+    """
+
+    def read_angles(
+        self, topic: str = "main_shaft/angle", joint: str = "main_shaft", progress: Progress | None = None
+    ) -> AngleSamples:
+        """Shaft angles of a JointState topic (position of `joint`) or a Float64 topic."""
+        info = self._readable(topic, JOINT_STATE, FLOAT64)
+        if info.msgtype == FLOAT64:
+            times, values = self._columns(info, lambda _, take: [take("data", 0)], progress)
+            return AngleSamples(info.name, times, values[0], None, stamped=False)
+
+        def fields(layout: Layout, take: _Take) -> list[FloatArray] | None:
+            place = _place(layout, joint, "position")
+            return None if place is None else [take("position", place), take("velocity", place)]
+
+        stamps, (angles, velocities) = self._columns(info, fields, progress, joint)
+        has_velocities = not np.isnan(velocities).all()
+        return AngleSamples(info.name, stamps, angles, velocities if has_velocities else None, stamped=True)
+
+    def read_torques(
+        self,
+        topic: str = "balancing_torque/measured",
+        joint: str = "main_shaft",
+        progress: Progress | None = None,
+    ) -> TorqueSamples:
+        """Torques of a WrenchStamped topic (torque.z), a JointState topic (effort of `joint`) or a Float64 topic."""
+        info = self._readable(topic, WRENCH, JOINT_STATE, FLOAT64)
+
+        def fields(layout: Layout, take: _Take) -> list[FloatArray] | None:
+            if info.msgtype == WRENCH:
+                return [take("wrench", 5)]
+            if info.msgtype == FLOAT64:
+                return [take("data", 0)]
+            place = _place(layout, joint, "effort")
+            return None if place is None else [take("effort", place)]
+
+        stamps, (torque,) = self._columns(info, fields, progress, joint)
+        return TorqueSamples(info.name, stamps, torque, stamped=info.msgtype != FLOAT64)
+
+    def read_points(self, topic: str, progress: Progress | None = None) -> PointSamples:
+        """Points of a PointStamped topic."""
+        info = self._readable(topic, POINT)
+        stamps, columns = self._columns(info, lambda _, take: [take("point", k) for k in range(3)], progress)
+        return PointSamples(info.name, stamps, np.stack(columns, axis=1))
+
+    def read_joint_states(self, topic: str = "joint_states") -> tuple[IntArray, dict[str, FloatArray]]:
+        """Positions of every joint of a JointState topic: stamps (n,) in ns, and joint -> (n,), NaN where not given."""
+        info = self._readable(topic, JOINT_STATE)
+        named = (
+            layout.names
+            for block in self.blocks(topic)
+            for layout, _ in layouts(block, JOINT_STATE, info.name)
+        )
+        names = sorted({name for names in named for name in names})
+
+        def fields(layout: Layout, take: _Take) -> list[FloatArray]:
+            absent = layout.fields["position"][1]
+            return [
+                take("position", layout.names.index(name) if name in layout.names else absent)
+                for name in names
+            ]
+
+        stamps, columns = self._columns(info, fields, None)
+        return stamps, dict(zip(names, columns, strict=True))
+
+    def _readable(self, topic: str, *types: str) -> TopicInfo:
+        if self.message_count == 0:
+            raise RecordingError(f"{self.path}: the bag is empty, no topic has a message; record again")
+        info = self.find_topic(topic)
+        if info.msgtype not in types:
+            needed = " or ".join(types)
+            raise RecordingError(
+                f"{self.path}: topic {info.name} is {info.msgtype}; name one of type {needed}"
+            )
+        if info.count == 0:
+            raise RecordingError(f"{self.path}: topic {info.name} has no message; was its publisher running?")
+        return info
+
+    def _columns(
+        self,
+        info: TopicInfo,
+        fields: Callable[[Layout, _Take], list[FloatArray] | None],
+        progress: Progress | None,
+        joint: str = "",
+    ) -> tuple[IntArray, list[FloatArray]]:
+        """Stamps (log times for Float64) and the columns that `fields` picks, of all messages in recorded order."""
+        pieces: list[list[FloatArray | IntArray]] = []
+        joints: set[str] = set()
+        for block in self.blocks(info.name, progress):
+            in_block: list[tuple[IntArray, list[FloatArray | IntArray]]] = []
+            for layout, chosen in layouts(block, info.msgtype, info.name):
+                joints.update(layout.names)
+                columns = fields(layout, lambda name, k, lay=layout, c=chosen: lay.read(block, c, name, k))
+                if columns is not None:
+                    stamped = info.msgtype != FLOAT64
+                    stamps = layout.stamps(block, chosen) if stamped else block.log_times_ns[chosen]
+                    in_block.append((chosen, [stamps, *columns]))
+            if len(in_block) > 1:
+                order = np.argsort(np.concatenate([chosen for chosen, _ in in_block]))
+                joined = zip(*(columns for _, columns in in_block), strict=True)
+                pieces.append([np.concatenate(column)[order] for column in joined])
+            elif in_block:
+                pieces.append(in_block[0][1])
+        if not pieces:
+            there = ", ".join(sorted(joints)) or "none"
+            raise RecordingError(
+                f"{self.path}: topic {info.name} has no value for joint '{joint}'; joints there: {there}"
+            )
+        stamps, *values = (np.concatenate(column) for column in zip(*pieces, strict=True))
+        if not stamps.any():
+            raise RecordingError(
+                f"{self.path}: every stamp on topic {info.name} is 0; its publisher must fill them in"
+            )
+        return stamps, values
+
+
+def _place(layout: Layout, joint: str, field: str) -> int | None:
+    """Where the joint's value stands in a JointState of this layout; None when it has none."""
+    if joint not in layout.names:
+        return None
+    place = layout.names.index(joint)
+    return place if place < layout.fields[field][1] else None
+
+
+def open_bag(path: str | Path) -> Bag:
+    """Open a rosbag2 folder or a single .mcap file, also one cut off by a kill or a power loss.
+
+    Raises RecordingError with one line when there is no recording, it is damaged, or of a kind that cannot be read.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise RecordingError(f"{path}: no such file or folder; give a rosbag2 folder or an .mcap file")
+    if path.is_file():
+        file = McapFile(path)
+        embedded = file.metadata.get("rosbag2", {}).get("serialized_metadata", "")
+        return Bag(path, [file], rosbag2_metadata.custom_data(rosbag2_metadata.read_embedded(embedded, path)))
+    info = rosbag2_metadata.read(path)
+    names = info.get("relative_file_paths") or sorted(entry.name for entry in path.glob("*.mcap"))
+    if not names:
+        raise RecordingError(f"{path}: not a bag, neither metadata.yaml nor an .mcap file is in this folder")
+    files = [path / Path(str(name)).name for name in names]
+    missing = [file.name for file in files if not file.exists()]
+    if missing:
+        raise RecordingError(
+            f"{path}: metadata.yaml names {missing[0]}, which is not in the folder; copy it there"
+        )
+    custom_data = rosbag2_metadata.custom_data(info)
+    if info.get("compression_mode") or any(file.suffix != ".mcap" for file in files):
+        return Bag(path, [OtherFile(path)], custom_data)
+    return Bag(path, [McapFile(file) for file in files], custom_data)

@@ -1,0 +1,212 @@
+"""Recordings written: rosbag2 folders and single .mcap files, from raw messages or from arrays."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files import cdr_encode, rosbag2_metadata
+from textile_twin_core.files.atomic import OutputError, check_folder, partial_path, put_in_place, remove
+from textile_twin_core.files.bag import FLOAT64, JOINT_STATE, POINT, WRENCH
+from textile_twin_core.files.cdr_decode import Bytes, MessageBlock, gather
+from textile_twin_core.files.mcap_write import McapFileWriter
+from textile_twin_core.files.rosbag2_metadata import OfferedQos, RecordedTopic
+from textile_twin_core.files.schemas import message_schema
+
+_FLUSH_SECONDS = 1.0
+
+
+class BagWriter:
+    """Writes one recording; use as a context manager.
+
+    A path that ends in .mcap gives a single file, any other a rosbag2 folder with metadata.yaml. The recording grows
+    in a hidden sibling and takes its name when it is complete; when the block ends with an exception, nothing is left.
+    With live=True it grows in place and is put on the disk once a second (call flush() from a timer to hold that
+    promise while no messages come): a kill loses a second at most, open_bag reads what is there, and an exception ends
+    the recording properly.
+
+    custom_data: the user's own entries of metadata.yaml. overwrite: replace what is there.
+    Raises OutputError when the place cannot be written or, without overwrite, is taken.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        custom_data: Mapping[str, str] | None = None,
+        *,
+        live: bool = False,
+        overwrite: bool = False,
+    ) -> None:
+        self.path = Path(path)
+        self._custom_data = {key: str(value) for key, value in (custom_data or {}).items()}
+        self._live = live
+        self._single = self.path.suffix == ".mcap"
+        if self.path.exists() and not overwrite:
+            raise OutputError(
+                f"output {self.path}: is there already; choose another name or ask to overwrite it"
+            )
+        check_folder(self.path)
+        if live:
+            remove(self.path)
+        self._place = self.path if live else partial_path(self.path)
+        remove(self._place)
+        if not self._single:
+            self._place.mkdir()
+        self._file_name = self.path.name if self._single else f"{self.path.name}_0.mcap"
+        self._file = McapFileWriter(self._place if self._single else self._place / self._file_name)
+        self._topics: dict[str, RecordedTopic] = {}
+        self._channels: dict[str, int] = {}
+        self._flushed = time.monotonic()
+
+    def add_topic(self, topic: str, msgtype: str, qos: OfferedQos | None = None) -> None:
+        """Declare a topic before its first message; qos: how it was offered (default reliable, volatile, depth 10).
+
+        Raises RecordingError when the definition of the type is found nowhere.
+        """
+        name = _absolute(topic)
+        if name in self._topics:
+            if self._topics[name].msgtype != msgtype:
+                raise RecordingError(
+                    f"topic {name}: is {self._topics[name].msgtype} already, cannot be {msgtype} too"
+                )
+            return
+        schema = message_schema(msgtype)
+        qos = qos or OfferedQos()
+        metadata = {
+            "offered_qos_profiles": rosbag2_metadata.dump(qos.profiles()),
+            "topic_type_hash": schema.type_hash,
+        }
+        self._channels[name] = self._file.add_channel(name, msgtype, schema.text, metadata)
+        self._topics[name] = RecordedTopic(name, msgtype, schema.type_hash, qos)
+
+    def write(self, topic: str, log_time_ns: int, cdr: bytes) -> None:
+        """Append one serialised message to a declared topic."""
+        self._file.write(self._channel(topic), log_time_ns, cdr)
+        self._flush_when_due()
+
+    def write_block(self, topic: str, block: MessageBlock) -> None:
+        """Append a block of messages of another recording as they are."""
+        channel = self._channel(topic)
+        if len(block) and (block.sizes == block.sizes[0]).all():
+            rows = gather(block.buffer, block.starts, f"V{int(block.sizes[0])}")
+            self._file.write_rows(channel, block.log_times_ns, rows.view(np.uint8).reshape(len(block), -1))
+        else:
+            for i in range(len(block)):
+                self._file.write(channel, int(block.log_times_ns[i]), block.message(i))
+        self._flush_when_due()
+
+    def write_joint_states(
+        self,
+        topic: str,
+        stamps_ns: IntArray,
+        names: Sequence[str],
+        positions: FloatArray | None,
+        velocities: FloatArray | None = None,
+        efforts: FloatArray | None = None,
+        frame_id: str = "",
+        log_times_ns: IntArray | None = None,
+    ) -> None:
+        """Append JointStates: values (n, joints), or (n,) for one joint; None leaves a field empty.
+
+        Here and in the functions below the topic is declared when it is not yet, and log times default to the stamps.
+        """
+        rows = cdr_encode.encode_joint_states(stamps_ns, names, positions, velocities, efforts, frame_id)
+        self._write_rows(topic, JOINT_STATE, stamps_ns if log_times_ns is None else log_times_ns, rows)
+
+    def write_wrenches(
+        self,
+        topic: str,
+        stamps_ns: IntArray,
+        torque_z: FloatArray,
+        frame_id: str = "main_shaft",
+        log_times_ns: IntArray | None = None,
+    ) -> None:
+        """Append WrenchStamped messages with a torque about z, (n,) in N m."""
+        rows = cdr_encode.encode_wrenches(stamps_ns, torque_z, frame_id)
+        self._write_rows(topic, WRENCH, stamps_ns if log_times_ns is None else log_times_ns, rows)
+
+    def write_points(
+        self,
+        topic: str,
+        stamps_ns: IntArray,
+        points_m: FloatArray,
+        frame_id: str = "base",
+        log_times_ns: IntArray | None = None,
+    ) -> None:
+        """Append PointStamped messages, points (n, 3) in m."""
+        rows = cdr_encode.encode_points(stamps_ns, points_m, frame_id)
+        self._write_rows(topic, POINT, stamps_ns if log_times_ns is None else log_times_ns, rows)
+
+    def write_floats(self, topic: str, log_times_ns: IntArray, values: FloatArray) -> None:
+        """Append Float64 messages, values (n,)."""
+        self._write_rows(topic, FLOAT64, log_times_ns, cdr_encode.encode_floats(values))
+
+    def _write_rows(self, topic: str, msgtype: str, log_times_ns: IntArray, rows: Bytes) -> None:
+        self.add_topic(topic, msgtype)
+        self._file.write_rows(self._channel(topic), np.asarray(log_times_ns, np.int64), rows)
+        self._flush_when_due()
+
+    def _channel(self, topic: str) -> int:
+        try:
+            return self._channels[_absolute(topic)]
+        except KeyError:
+            raise RecordingError(
+                f"topic {_absolute(topic)}: not declared; call add_topic before writing"
+            ) from None
+
+    def _flush_when_due(self) -> None:
+        if self._live and time.monotonic() - self._flushed >= _FLUSH_SECONDS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Put what was written so far on the disk (live recordings; others are complete or nothing)."""
+        if self._live:
+            self._file.flush()
+            self._flushed = time.monotonic()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages written so far, by absolute topic name."""
+        return {name: self._file.counts[channel] for name, channel in self._channels.items()}
+
+    def close(self) -> None:
+        """Complete the recording and give it its name."""
+        self._file.flush()
+        for name, count in self.counts.items():
+            self._topics[name].count = count
+        info = rosbag2_metadata.information(
+            self._file_name, list(self._topics.values()), self._file.span_ns, self._custom_data
+        )
+        self._file.add_metadata("rosbag2", {"serialized_metadata": rosbag2_metadata.dump(info)})
+        self._file.close()
+        if not self._single:
+            rosbag2_metadata.write(self._place, info)
+        if not self._live:
+            put_in_place(self._place, self.path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None or self._live:
+                self.close()
+        except OSError as failure:
+            raise OutputError(f"output {self.path}: {failure.strerror or failure}") from failure
+        finally:
+            self._file.abandon()
+            if not self._live:
+                remove(self._place)
+
+
+def _absolute(topic: str) -> str:
+    return "/" + topic.strip("/")

@@ -1,0 +1,186 @@
+"""ROS messages to numpy in bulk: fields of equally laid out CDR messages are gathered without a loop over messages."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.errors import RecordingError
+
+Bytes = npt.NDArray[np.uint8]
+
+_MOST_LAYOUTS = 16
+"""Layouts tried in bulk per block; messages that follow none of them are read one by one."""
+
+
+@dataclass(frozen=True)
+class MessageBlock:
+    """Messages of one channel, in the order of the file.
+
+    buffer: the bytes around them; starts, sizes: where each message's CDR lies in it; log_times_ns: when recorded.
+    """
+
+    buffer: Bytes
+    starts: IntArray
+    sizes: IntArray
+    log_times_ns: IntArray
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def message(self, i: int) -> bytes:
+        """CDR bytes of message i, with the 4 bytes of encapsulation."""
+        start = int(self.starts[i])
+        return self.buffer[start : start + int(self.sizes[i])].tobytes()
+
+
+def gather(buffer: Bytes, starts: IntArray, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """Values of `dtype` at the byte positions `starts` of `buffer`, aligned or not; shape (len(starts),)."""
+    kind = np.dtype(dtype)
+    if len(starts) == 0:
+        return np.empty(0, kind)
+    overlapping: npt.NDArray[Any] = np.ndarray((len(buffer) - kind.itemsize + 1,), kind, buffer, 0, (1,))
+    return overlapping[starts]
+
+
+@dataclass
+class Layout:
+    """Where things lie in a message: bytes that all messages of this layout share, and the fields to read."""
+
+    size: int = 0
+    order: str = "<"
+    fixed: list[tuple[int, bytes]] = field(default_factory=list)
+    fields: dict[str, tuple[int, int]] = field(default_factory=dict)
+    names: tuple[str, ...] = ()
+
+    def follows(self, block: MessageBlock, chosen: IntArray) -> npt.NDArray[np.bool_]:
+        """Which of the chosen messages have this layout; shape (len(chosen),)."""
+        fits = block.sizes[chosen] >= self.size
+        for offset, expected in self.fixed:
+            inside = np.flatnonzero(fits)
+            found = gather(block.buffer, block.starts[chosen[inside]] + offset, f"V{len(expected)}")
+            same = found.view(np.uint8).reshape(-1, len(expected)) == np.frombuffer(expected, np.uint8)
+            fits[inside] = same.all(axis=1)
+        return fits
+
+    def read(self, block: MessageBlock, chosen: IntArray, name: str, element: int) -> FloatArray:
+        """One element of a float64 field of the chosen messages, NaN when the layout has none; shape (len(chosen),)."""
+        offset, length = self.fields[name]
+        if element >= length:
+            return np.full(len(chosen), np.nan)
+        return gather(block.buffer, block.starts[chosen] + offset + 8 * element, f"{self.order}f8").astype(
+            np.float64
+        )
+
+    def stamps(self, block: MessageBlock, chosen: IntArray) -> IntArray:
+        """Header stamps in nanoseconds; shape (len(chosen),)."""
+        seconds = gather(block.buffer, block.starts[chosen] + 4, f"{self.order}i4").astype(np.int64)
+        return seconds * 1_000_000_000 + gather(block.buffer, block.starts[chosen] + 8, f"{self.order}u4")
+
+
+class _Cursor:
+    """Walks through one message and notes what its layout fixes."""
+
+    def __init__(self, cdr: bytes) -> None:
+        if len(cdr) < 4 or cdr[0] != 0 or cdr[1] > 1:
+            raise ValueError("its encapsulation is not plain CDR")
+        self.cdr, self.position = cdr, 4
+        self.layout = Layout(order="<" if cdr[1] else ">", fixed=[(0, cdr[:2])])
+
+    def align(self, to: int) -> None:
+        self.position += -(self.position - 4) % to
+
+    def take(self, count: int) -> int:
+        start, self.position = self.position, self.position + count
+        if self.position > len(self.cdr):
+            raise ValueError("it ends too early")
+        return start
+
+    def length(self) -> int:
+        self.align(4)
+        start = self.take(4)
+        self.layout.fixed.append((start, self.cdr[start : start + 4]))
+        return int(struct.unpack_from(f"{self.layout.order}I", self.cdr, start)[0])
+
+    def string(self) -> str:
+        count = self.length()
+        start = self.take(count)
+        if count:
+            self.layout.fixed.append((start, self.cdr[start : start + count]))
+        return self.cdr[start : start + max(count - 1, 0)].decode(errors="replace")
+
+    def doubles(self, name: str, count: int) -> None:
+        if count:
+            self.align(8)
+        self.layout.fields[name] = (self.take(8 * count), count)
+
+    def header(self) -> None:
+        self.take(8)
+        self.string()
+
+    def end(self) -> Layout:
+        self.layout.size = self.position
+        return self.layout
+
+
+def _joint_state(cdr: bytes) -> Layout:
+    cursor = _Cursor(cdr)
+    cursor.header()
+    cursor.layout.names = tuple(cursor.string() for _ in range(cursor.length()))
+    for name in ("position", "velocity", "effort"):
+        cursor.doubles(name, cursor.length())
+    return cursor.end()
+
+
+def _stamped(name: str, count: int) -> Callable[[bytes], Layout]:
+    def read(cdr: bytes) -> Layout:
+        cursor = _Cursor(cdr)
+        cursor.header()
+        cursor.doubles(name, count)
+        return cursor.end()
+
+    return read
+
+
+def _float64(cdr: bytes) -> Layout:
+    cursor = _Cursor(cdr)
+    cursor.doubles("data", 1)
+    return cursor.end()
+
+
+LAYOUT_READERS: dict[str, Callable[[bytes], Layout]] = {
+    "sensor_msgs/msg/JointState": _joint_state,
+    "geometry_msgs/msg/WrenchStamped": _stamped("wrench", 6),
+    "geometry_msgs/msg/PointStamped": _stamped("point", 3),
+    "std_msgs/msg/Float64": _float64,
+}
+"""The message types that are decoded, by how one message tells its layout."""
+
+
+def layouts(block: MessageBlock, msgtype: str, topic: str) -> Iterator[tuple[Layout, IntArray]]:
+    """Split a block into groups of one layout each: (layout, indices of its messages), every message in one group.
+
+    Raises RecordingError for a message that cannot be decoded, with its number on the topic within the block.
+    """
+    read_layout = LAYOUT_READERS[msgtype]
+    left = np.arange(len(block))
+    tried = 0
+    while len(left):
+        first = int(left[0])
+        try:
+            layout = read_layout(block.message(first))
+        except (ValueError, struct.error) as error:
+            raise RecordingError(
+                f"topic {topic}: the message recorded at {int(block.log_times_ns[first])} ns is no {msgtype}: {error};"
+                " the recording is damaged there"
+            ) from error
+        tried += 1
+        same = layout.follows(block, left) if tried <= _MOST_LAYOUTS else left == first
+        yield layout, left[same]
+        left = left[~same]

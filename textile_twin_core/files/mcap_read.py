@@ -1,0 +1,283 @@
+"""MCAP files into blocks of messages: one walk over the records serves complete, unchunked and cut-off files alike."""
+
+from __future__ import annotations
+
+import mmap
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata, Schema
+
+from textile_twin_core.arrays import IntArray
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files.cdr_decode import Bytes, MessageBlock, gather
+
+MAGIC = b"\x89MCAP0\r\n"
+_HEAD = struct.Struct("<BQ")
+_LOOSE_BYTES = 1 << 20
+"""Unchunked messages are handed on in blocks of about this many bytes."""
+
+
+def _decompress(compression: str, data: bytes, size: int) -> bytes:
+    if compression == "zstd":
+        import zstandard
+
+        return zstandard.decompress(data, size)
+    if compression == "lz4":
+        import lz4.frame
+
+        unpacked: bytes = lz4.frame.decompress(data)
+        return unpacked
+    if compression:
+        raise ValueError(f"compression '{compression}' is not known")
+    return data
+
+
+@dataclass
+class Part:
+    """A chunk, or a stretch of messages outside chunks: where it lies and, when the file tells, what it holds."""
+
+    start: int
+    end: int
+    first_ns: int
+    last_ns: int
+    chunked: bool
+    index: dict[int, IntArray] = field(default_factory=dict)
+    """Channel -> rows (log time, offset) of its messages; empty when the file does not tell."""
+
+
+@dataclass
+class Messages:
+    """All messages of one part: one entry per message, in the order of the file."""
+
+    buffer: Bytes
+    heads: IntArray
+
+    def channels(self) -> IntArray:
+        return gather(self.buffer, self.heads + 9, "<u2").astype(np.int64)
+
+    def block(self, which: IntArray) -> MessageBlock:
+        heads = self.heads[which]
+        sizes = gather(self.buffer, heads + 1, "<u8").astype(np.int64) - 22
+        return MessageBlock(
+            self.buffer, heads + 31, sizes, gather(self.buffer, heads + 15, "<u8").astype(np.int64)
+        )
+
+
+class McapFile:
+    """One MCAP file, opened: its channels, its message counts and its messages in blocks.
+
+    `truncated` is set when the file ends without a footer, as after a kill or a power loss; what is whole is read.
+    Raises RecordingError for a file that is no MCAP file or is damaged in the middle.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.parts: list[Part] = []
+        self.truncated = True
+        try:
+            with path.open("rb") as file:
+                head = file.read(len(MAGIC))
+                if head != MAGIC:
+                    raise RecordingError(
+                        f"{path}: {_what_it_is(head)}; give a rosbag2 folder or an .mcap file"
+                    )
+                self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error
+        self._bytes: Bytes = np.frombuffer(self._map, np.uint8)
+        self._scan()
+        self.counts = self._count()
+
+    @property
+    def topics(self) -> dict[int, tuple[str, str]]:
+        """Channel -> (topic, message type)."""
+        types = {schema.id: schema.name for schema in self.schemas.values()}
+        return {
+            channel.id: (channel.topic, types.get(channel.schema_id, ""))
+            for channel in self.channels.values()
+        }
+
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and last message; None without messages."""
+        filled = [part for part in self.parts if part.last_ns]
+        if not filled:
+            return None
+        return min(part.first_ns for part in filled), max(part.last_ns for part in filled)
+
+    def _record(self, opcode: int, body: bytes) -> None:
+        """Take in a record that describes others."""
+        stream = ReadDataStream(BytesIO(body))
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            self.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(stream)
+            self.channels[channel.id] = channel
+        elif opcode == Opcode.METADATA:
+            metadata = Metadata.read(stream)
+            self.metadata[metadata.name] = metadata.metadata
+
+    def _walk(
+        self, buffer: Bytes | mmap.mmap | bytes, start: int, end: int
+    ) -> Iterator[tuple[int, int, int]]:
+        """Records between start and end: (opcode, position of the record, its end); stops before an incomplete one."""
+        unpack = _HEAD.unpack_from
+        while start + 9 <= end:
+            opcode, length = unpack(buffer, start)
+            after = start + 9 + length
+            if after > end:
+                return
+            yield opcode, start, after
+            start = after
+
+    def _scan(self) -> None:
+        loose: Part | None = None
+        for opcode, start, end in self._walk(self._map, len(MAGIC), len(self._map)):
+            if opcode == Opcode.MESSAGE:
+                (time,) = struct.unpack_from("<Q", self._map, start + 15)
+                if loose is None or start - loose.start > _LOOSE_BYTES:
+                    loose = Part(start, end, time, time, chunked=False)
+                    self.parts.append(loose)
+                loose.end, loose.first_ns, loose.last_ns = (
+                    end,
+                    min(time, loose.first_ns),
+                    max(time, loose.last_ns),
+                )
+            elif opcode == Opcode.CHUNK:
+                first, last = struct.unpack_from("<QQ", self._map, start + 9)
+                self.parts.append(Part(start, end, first, last, chunked=True))
+            elif opcode == Opcode.MESSAGE_INDEX and self.parts:
+                channel, length = struct.unpack_from("<HI", self._map, start + 9)
+                rows = np.frombuffer(self._map, "<u8", length // 8, start + 15).astype(np.int64)
+                self.parts[-1].index[channel] = rows.reshape(-1, 2)
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
+                self._record(opcode, self._map[start + 9 : end])
+            elif opcode == Opcode.FOOTER:
+                self.truncated = False
+                break
+        if self.truncated and self.parts:
+            # The index of the last chunk may be cut off between two channels: find its messages by walking.
+            self.parts[-1].index.clear()
+
+    def _count(self) -> dict[int, int]:
+        counts: dict[int, int] = {}
+        for part in self.parts:
+            found = {channel: len(rows) for channel, rows in part.index.items()}
+            if not found or not all(channel in self.channels for channel in found):
+                # No index, or no summary: the channels are declared inside the chunks alone.
+                ids, numbers = np.unique(self.messages(part).channels(), return_counts=True)
+                found = {int(channel): int(number) for channel, number in zip(ids, numbers, strict=True)}
+            for channel, number in found.items():
+                counts[channel] = counts.get(channel, 0) + number
+        unknown = sorted(channel for channel in counts if channel not in self.channels)
+        if unknown:
+            raise RecordingError(
+                f"{self.path}: messages of channel {unknown[0]}, which the file does not declare"
+            )
+        return counts
+
+    def _unpack(self, part: Part) -> bytes:
+        _, _, size, crc, name_length = struct.unpack_from("<QQQII", self._map, part.start + 9)
+        name_start = part.start + 9 + 32
+        compression = self._map[name_start : name_start + name_length].decode(errors="replace")
+        data = self._map[name_start + name_length + 8 : part.end]
+        try:
+            unpacked = _decompress(compression, data, size)
+        except ImportError as error:
+            raise RecordingError(
+                f"{self.path}: compressed with {compression}; pip install {error.name}"
+            ) from error
+        except (ValueError, RuntimeError) as error:
+            raise self._damaged(part, str(error)) from error
+        except Exception as error:  # zstandard and lz4 each have an error class of their own
+            raise self._damaged(part, f"{compression} cannot unpack it") from error
+        if len(unpacked) != size or (crc and zlib.crc32(unpacked) != crc):
+            raise self._damaged(part, "its checksum does not match")
+        return unpacked
+
+    def _damaged(self, part: Part, why: str) -> RecordingError:
+        return RecordingError(f"{self.path}: the chunk at byte {part.start} is damaged: {why}")
+
+    def messages(self, part: Part) -> Messages:
+        """Messages of a part, found by its index where that is complete, by walking where it is not."""
+        if not part.chunked:
+            heads = [
+                start
+                for opcode, start, _ in self._walk(self._map, part.start, part.end)
+                if opcode == Opcode.MESSAGE
+            ]
+            return Messages(self._bytes, np.array(heads, np.int64))
+        unpacked = self._unpack(part)
+        buffer: Bytes = np.frombuffer(unpacked, np.uint8)
+        heads = self._indexed(buffer, part)
+        gaps = _gaps(buffer, heads)
+        if gaps is None:
+            heads, gaps = np.empty(0, np.int64), [(0, len(buffer))]
+        extra: list[int] = []
+        for gap_start, gap_end in gaps:
+            for opcode, start, end in self._walk(unpacked, gap_start, gap_end):
+                if opcode == Opcode.MESSAGE:
+                    extra.append(start)
+                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    self._record(opcode, unpacked[start + 9 : end])
+        if extra:
+            heads = np.sort(np.concatenate([heads, np.array(extra, np.int64)]))
+        return Messages(buffer, heads)
+
+    def _indexed(self, buffer: Bytes, part: Part) -> IntArray:
+        if not part.index:
+            return np.empty(0, np.int64)
+        return np.sort(np.concatenate([rows[:, 1] for rows in part.index.values()]))
+
+    def blocks(
+        self, channels: set[int], progress: Callable[[int], object] | None = None
+    ) -> Iterator[MessageBlock]:
+        """Messages of the given channels, part by part; parts that hold none of them are not unpacked."""
+        for part in self.parts:
+            if part.index and channels.isdisjoint(part.index):
+                continue
+            messages = self.messages(part)
+            which = np.flatnonzero(np.isin(messages.channels(), list(channels)))
+            if progress is not None:
+                progress(len(which))
+            if len(which):
+                yield messages.block(which)
+
+
+def _gaps(buffer: Bytes, heads: IntArray) -> list[tuple[int, int]] | None:
+    """Stretches of the chunk that its indexed messages leave; None when the index does not fit the chunk."""
+    if len(heads) == 0:
+        return [(0, len(buffer))]
+    if heads[0] < 0 or heads[-1] + 31 > len(buffer) or not (buffer[heads] == Opcode.MESSAGE).all():
+        return None
+    ends = heads + 9 + gather(buffer, heads + 1, "<u8").astype(np.int64)
+    starts_of_gaps = np.concatenate([[0], ends])
+    ends_of_gaps = np.concatenate([heads, [len(buffer)]])
+    if (ends_of_gaps < starts_of_gaps).any():
+        return None
+    wide = np.flatnonzero(ends_of_gaps > starts_of_gaps)
+    return [(int(starts_of_gaps[k]), int(ends_of_gaps[k])) for k in wide]
+
+
+def _what_it_is(head: bytes) -> str:
+    """What a file that is no MCAP file seems to be, from its first bytes."""
+    if not head:
+        return "the file is empty"
+    if head.startswith(b"#ROSBAG"):
+        return "a ROS 1 bag, convert it first (rosbags-convert --src FILE --dst FOLDER)"
+    if head.startswith(b"SQLite"):
+        return "an SQLite file without its rosbag2 folder, give the folder with metadata.yaml"
+    if head.startswith(b"RRF"):
+        return "a rerun recording, no bag"
+    return "not a bag"

@@ -1,0 +1,220 @@
+"""MCAP files written in bulk: whole chunks are laid out in numpy, the records around them by the mcap library."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from pathlib import Path
+
+import mcap.records as records
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+
+from textile_twin_core.arrays import IntArray
+from textile_twin_core.files.cdr_decode import Bytes
+from textile_twin_core.files.mcap_read import MAGIC
+
+_CHUNK_BYTES = 1 << 20
+_MESSAGE_HEAD = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log", "<u8"),
+        ("publish", "<u8"),
+    ]
+)
+_HEAD = struct.Struct("<BQHIQQ").pack
+_INDEX_HEAD = struct.Struct("<BQHI").pack
+
+
+class McapFileWriter:
+    """One MCAP file of profile ros2, compressed with zstd in chunks of about a megabyte, indexed.
+
+    Schemas and channels are declared outside the chunks and again in the summary.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("xb")
+        self._builder = RecordBuilder()
+        self._schemas: dict[str, records.Schema] = {}
+        self._channels: list[records.Channel] = []
+        self.counts: dict[int, int] = {}
+        self._chunks: list[records.ChunkIndex] = []
+        self._metadata: list[records.MetadataIndex] = []
+        self._compressor = zstandard.ZstdCompressor()
+        self._chunk = bytearray()
+        self._rows: dict[int, list[IntArray | tuple[int, int]]] = {}
+        self.span_ns: tuple[int, int] | None = None
+        self._chunk_span: tuple[int, int] | None = None
+        self._file.write(MAGIC)
+        self._emit(records.Header(profile="ros2", library="textile-twin"))
+
+    def _emit(self, record: records.McapRecord) -> tuple[int, int]:
+        """Write a record to the file: its position and length."""
+        record.write(self._builder)
+        data = self._builder.end()
+        start = self._file.tell()
+        self._file.write(data)
+        return start, len(data)
+
+    def add_channel(self, topic: str, msgtype: str, schema_text: str, metadata: dict[str, str]) -> int:
+        """Declare a topic; its channel number."""
+        self._end_chunk()
+        schema = self._schemas.get(msgtype)
+        if schema is None:
+            schema = records.Schema(
+                id=len(self._schemas) + 1, name=msgtype, encoding="ros2msg", data=schema_text.encode()
+            )
+            self._schemas[msgtype] = schema
+            self._emit(schema)
+        channel = records.Channel(
+            id=len(self._channels) + 1,
+            topic=topic,
+            message_encoding="cdr",
+            metadata=metadata,
+            schema_id=schema.id,
+        )
+        self._channels.append(channel)
+        self.counts[channel.id] = 0
+        self._emit(channel)
+        return channel.id
+
+    def write(self, channel: int, log_time_ns: int, cdr: bytes) -> None:
+        """Append one message."""
+        sequence = self.counts[channel] & 0xFFFFFFFF
+        self._rows.setdefault(channel, []).append((log_time_ns, len(self._chunk)))
+        self._chunk += _HEAD(Opcode.MESSAGE, 22 + len(cdr), channel, sequence, log_time_ns, log_time_ns)
+        self._chunk += cdr
+        self._note(channel, 1, log_time_ns, log_time_ns)
+        if len(self._chunk) >= _CHUNK_BYTES:
+            self._end_chunk()
+
+    def write_rows(self, channel: int, log_times_ns: IntArray, rows: Bytes) -> None:
+        """Append messages of equal length: log times (n,), CDR bytes (n, size)."""
+        at_once = max(1, _CHUNK_BYTES // (31 + rows.shape[1]))
+        for start in range(0, len(rows), at_once):
+            times, cdr = log_times_ns[start : start + at_once], rows[start : start + at_once]
+            messages = np.empty((len(cdr), 31 + cdr.shape[1]), np.uint8)
+            heads = np.empty(len(cdr), _MESSAGE_HEAD)
+            heads["opcode"], heads["length"], heads["channel"] = Opcode.MESSAGE, 22 + cdr.shape[1], channel
+            heads["sequence"] = (self.counts[channel] + np.arange(len(cdr))) & 0xFFFFFFFF
+            heads["log"] = heads["publish"] = times
+            messages[:, :31] = heads.view(np.uint8).reshape(-1, 31)
+            messages[:, 31:] = cdr
+            offsets = len(self._chunk) + np.arange(len(cdr)) * messages.shape[1]
+            self._rows.setdefault(channel, []).append(np.stack([times, offsets], axis=1))
+            self._chunk += messages.tobytes()
+            self._note(channel, len(cdr), int(times.min()), int(times.max()))
+            if len(self._chunk) >= _CHUNK_BYTES // 2:
+                self._end_chunk()
+
+    def _note(self, channel: int, count: int, first_ns: int, last_ns: int) -> None:
+        self.counts[channel] += count
+        if self._chunk_span is not None:
+            first_ns, last_ns = min(first_ns, self._chunk_span[0]), max(last_ns, self._chunk_span[1])
+        self._chunk_span = (first_ns, last_ns)
+
+    def _end_chunk(self) -> None:
+        """Write the pending messages as one chunk with its index."""
+        if self._chunk_span is None:
+            return
+        data = bytes(self._chunk)
+        packed = self._compressor.compress(data)
+        first, last = self._chunk_span
+        start, length = self._emit(
+            records.Chunk(
+                message_start_time=first,
+                message_end_time=last,
+                uncompressed_size=len(data),
+                uncompressed_crc=zlib.crc32(data),
+                compression="zstd",
+                data=packed,
+            )
+        )
+        index_start = self._file.tell()
+        offsets: dict[int, int] = {}
+        for channel, pieces in self._rows.items():
+            offsets[channel] = self._file.tell()
+            table = np.concatenate([np.atleast_2d(np.asarray(piece, np.int64)) for piece in pieces])
+            body = table[np.argsort(table[:, 0], kind="stable")].astype("<u8").tobytes()
+            self._file.write(_INDEX_HEAD(Opcode.MESSAGE_INDEX, 6 + len(body), channel, len(body)) + body)
+        self._chunks.append(
+            records.ChunkIndex(
+                message_start_time=first,
+                message_end_time=last,
+                chunk_start_offset=start,
+                chunk_length=length,
+                message_index_offsets=offsets,
+                message_index_length=self._file.tell() - index_start,
+                compression="zstd",
+                compressed_size=len(packed),
+                uncompressed_size=len(data),
+            )
+        )
+        whole = self.span_ns or self._chunk_span
+        self.span_ns = (min(first, whole[0]), max(last, whole[1]))
+        self._chunk, self._rows, self._chunk_span = bytearray(), {}, None
+
+    def flush(self) -> None:
+        """Put everything written so far on the disk, so that neither a kill nor a power loss takes it."""
+        self._end_chunk()
+        self._file.flush()
+        os.fdatasync(self._file.fileno())
+
+    def add_metadata(self, name: str, entries: dict[str, str]) -> None:
+        """Write a metadata record."""
+        self._end_chunk()
+        start, length = self._emit(records.Metadata(name=name, metadata=entries))
+        self._metadata.append(records.MetadataIndex(offset=start, length=length, name=name))
+
+    def close(self) -> None:
+        """Write the summary and the footer."""
+        self._end_chunk()
+        self._emit(records.DataEnd(data_section_crc=0))
+        summary_start = self._file.tell()
+        first, last = self.span_ns or (0, 0)
+        statistics = records.Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=dict(self.counts),
+            chunk_count=len(self._chunks),
+            message_count=sum(self.counts.values()),
+            message_end_time=last,
+            message_start_time=first,
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
+        groups: list[tuple[Opcode, list[records.McapRecord]]] = [
+            (Opcode.SCHEMA, list(self._schemas.values())),
+            (Opcode.CHANNEL, list(self._channels)),
+            (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, list(self._chunks)),
+            (Opcode.METADATA_INDEX, list(self._metadata)),
+        ]
+        offsets = []
+        for opcode, group in groups:
+            if group:
+                start = self._file.tell()
+                length = sum(self._emit(record)[1] for record in group)
+                offsets.append(
+                    records.SummaryOffset(group_opcode=opcode, group_start=start, group_length=length)
+                )
+        offset_start = self._file.tell()
+        for offset in offsets:
+            self._emit(offset)
+        self._emit(
+            records.Footer(summary_start=summary_start, summary_offset_start=offset_start, summary_crc=0)
+        )
+        self._file.write(MAGIC)
+        self._file.flush()
+        os.fdatasync(self._file.fileno())
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        self._file.close()

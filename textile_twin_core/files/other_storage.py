@@ -1,0 +1,79 @@
+"""Bags in other storage than plain MCAP (SQLite, compressed files or messages), read through the rosbags library."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files.cdr_decode import MessageBlock
+
+if TYPE_CHECKING:
+    from rosbags.rosbag2 import Reader
+
+_BLOCK = 20_000
+"""Messages gathered before a block is handed on."""
+
+
+class OtherFile:
+    """A rosbag2 folder that only rosbags can read, behind the same face as McapFile."""
+
+    truncated = False
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.topics: dict[int, tuple[str, str]] = {}
+        self.counts: dict[int, int] = {}
+        with self._open() as reader:
+            for connection in reader.connections:
+                self.topics[connection.id] = (connection.topic, connection.msgtype)
+                self.counts[connection.id] = connection.msgcount
+            filled = reader.message_count > 0
+            self._span = (reader.start_time, reader.end_time - 1) if filled else None
+
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and last message; None without messages."""
+        return self._span
+
+    @contextmanager
+    def _open(self) -> Iterator[Reader]:
+        try:
+            from rosbags.rosbag2 import Reader, ReaderError
+        except ImportError as error:
+            raise RecordingError(f"{self.path}: not plain MCAP; pip install rosbags to read it") from error
+        try:
+            with Reader(self.path) as reader:
+                yield reader
+        except (ReaderError, OSError) as error:
+            raise RecordingError(f"{self.path}: cannot be read: {error}") from error
+
+    def blocks(
+        self, channels: set[int], progress: Callable[[int], object] | None = None
+    ) -> Iterator[MessageBlock]:
+        """Messages of the given channels in blocks, in log-time order."""
+        with self._open() as reader:
+            wanted = [c for c in reader.connections if c.id in channels]
+            times: list[int] = []
+            data: list[bytes] = []
+            for _, time, cdr in reader.messages(wanted) if wanted else ():
+                times.append(time)
+                data.append(bytes(cdr))
+                if len(times) == _BLOCK:
+                    if progress is not None:
+                        progress(len(times))
+                    yield _pack(times, data)
+                    times, data = [], []
+            if times:
+                if progress is not None:
+                    progress(len(times))
+                yield _pack(times, data)
+
+
+def _pack(times: list[int], data: list[bytes]) -> MessageBlock:
+    sizes = np.array([len(cdr) for cdr in data], np.int64)
+    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
+    return MessageBlock(np.frombuffer(b"".join(data), np.uint8), starts, sizes, np.array(times, np.int64))

@@ -1,0 +1,123 @@
+"""The messages of a recording, whatever its files: topics, counts, raw messages in blocks or in order of time."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files.cdr_decode import MessageBlock
+
+Progress = Callable[[int], object]
+"""Called with the number of messages just read."""
+
+
+class RecordedFile(Protocol):
+    """One readable file of a recording; topics: channel -> (topic, message type), counts: channel -> messages."""
+
+    path: Path
+    truncated: bool
+    counts: dict[int, int]
+
+    @property
+    def topics(self) -> dict[int, tuple[str, str]]: ...
+
+    def span_ns(self) -> tuple[int, int] | None: ...
+
+    def blocks(self, channels: set[int], progress: Progress | None = None) -> Iterator[MessageBlock]: ...
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic of a bag: its absolute name, message type and number of messages."""
+
+    name: str
+    msgtype: str
+    count: int
+
+
+class Recording:
+    """Topics and raw messages of one recording.
+
+    topics: absolute name -> TopicInfo; start_ns, end_ns: log times of the first and last message;
+    metadata: the custom_data of the recording; truncated: it was cut off (kill, power loss) and ends early;
+    notices: what the user should know about the recording, one line each.
+    """
+
+    def __init__(self, path: Path, files: Sequence[RecordedFile], metadata: dict[str, str]) -> None:
+        self.path = path
+        self.metadata = metadata
+        self.truncated = any(file.truncated for file in files)
+        self.notices: list[str] = []
+        self._files = files
+        self._channels: dict[str, list[set[int]]] = {}
+        self.topics: dict[str, TopicInfo] = {}
+        spans = [span for file in files if (span := file.span_ns()) is not None]
+        for number, file in enumerate(files):
+            for channel, (name, msgtype) in file.topics.items():
+                before = self.topics.get(name)
+                if before is not None and before.msgtype != msgtype:
+                    raise RecordingError(
+                        f"{path}: topic {name} carries two types, {before.msgtype} and {msgtype}"
+                    )
+                count = file.counts.get(channel, 0) + (before.count if before else 0)
+                self.topics[name] = TopicInfo(name, msgtype, count)
+                self._channels.setdefault(name, [set() for _ in files])[number].add(channel)
+        self.start_ns = min((first for first, _ in spans), default=0)
+        self.end_ns = max((last for _, last in spans), default=0)
+        if self.truncated:
+            cut = next(file.path for file in files if file.truncated)
+            self.notices.append(f"{cut}: the recording was cut off; what was written before that is read")
+
+    @property
+    def message_count(self) -> int:
+        """Number of messages of all topics."""
+        return sum(topic.count for topic in self.topics.values())
+
+    def find_topic(self, name: str) -> TopicInfo:
+        """The topic of that name: with or without leading slash, or the only one that ends with it (a namespace before).
+
+        Raises RecordingError, with the topics there are, when there is none or more than one.
+        """
+        absolute = "/" + name.strip("/")
+        if absolute in self.topics:
+            return self.topics[absolute]
+        matches = [topic for topic in self.topics.values() if topic.name.endswith(absolute)]
+        if len(matches) == 1:
+            return matches[0]
+        if matches:
+            names = ", ".join(sorted(topic.name for topic in matches))
+            raise RecordingError(
+                f"{self.path}: topic {name} is there more than once: {names}; name one in full"
+            )
+        there = ", ".join(f"{t.name} ({t.msgtype}, {t.count})" for _, t in sorted(self.topics.items()))
+        raise RecordingError(f"{self.path}: no topic {absolute}; topics there: {there or 'none'}")
+
+    def has_topic(self, name: str) -> bool:
+        """Whether find_topic would give a topic with messages."""
+        try:
+            return self.find_topic(name).count > 0
+        except RecordingError:
+            return False
+
+    def blocks(self, topic: str, progress: Progress | None = None) -> Iterator[MessageBlock]:
+        """Messages of one topic in blocks of raw bytes, file by file."""
+        found = self.find_topic(topic)
+        for file, channels in zip(self._files, self._channels[found.name], strict=True):
+            if channels:
+                yield from file.blocks(channels, progress)
+
+    def raw_messages(self, topics: list[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+        """Every message as (topic, log time in ns, CDR bytes) in log-time order; one block per topic is held."""
+        names = list(self.topics) if topics is None else [self.find_topic(topic).name for topic in topics]
+        yield from heapq.merge(*(self._one_topic(name) for name in names), key=lambda message: message[1])
+
+    def _one_topic(self, name: str) -> Iterator[tuple[str, int, bytes]]:
+        for block in self.blocks(name):
+            for i in np.argsort(block.log_times_ns, kind="stable"):
+                yield name, int(block.log_times_ns[i]), block.message(int(i))
