@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,14 +23,14 @@ POINT = "geometry_msgs/msg/PointStamped"
 FLOAT64 = "std_msgs/msg/Float64"
 
 _Take = Callable[[str, int], FloatArray]
-"""Element k of a field of all messages of one layout: (name of the field, k) -> (n,), NaN where there is none."""
+"""Element k of a field of all messages of one layout: (field, k) -> (n,), NaN where there is none."""
 
 
 @dataclass(frozen=True)
 class AngleSamples:
     """Angles of one joint in the order recorded; arrays of shape (n,).
 
-    stamps: ns, from the message headers; for Float64, which has none, the times of recording (`stamped` is False).
+    stamps: ns, from the message headers; for Float64, which has none, when recorded (`stamped` is False).
     velocities: rad/s, NaN where a message has none; None when no message has one.
     """
 
@@ -71,8 +72,8 @@ class PointSamples:
 class Bag(Recording):
     """An opened recording: its topics (see Recording), and its samples as arrays. Made by open_bag.
 
-    The read functions raise RecordingError, one line, when the topic is not there, empty, of another type, or never
-    names the joint asked for. Values are as recorded: NaN stays NaN.
+    The read functions raise RecordingError, one line, when the topic is not there, empty, of another type,
+    or never names the joint asked for. Values are as recorded: NaN stays NaN.
     """
 
     def read_angles(
@@ -98,7 +99,7 @@ class Bag(Recording):
         joint: str = "main_shaft",
         progress: Progress | None = None,
     ) -> TorqueSamples:
-        """Torques of a WrenchStamped topic (torque.z), a JointState topic (effort of `joint`) or a Float64 topic."""
+        """Torques of a topic of WrenchStamped (torque.z), JointState (effort of `joint`) or Float64."""
         info = self._readable(topic, WRENCH, JOINT_STATE, FLOAT64)
 
         def fields(layout: Layout, take: _Take) -> list[FloatArray] | None:
@@ -119,7 +120,7 @@ class Bag(Recording):
         return PointSamples(info.name, stamps, np.stack(columns, axis=1))
 
     def read_joint_states(self, topic: str = "joint_states") -> tuple[IntArray, dict[str, FloatArray]]:
-        """Positions of every joint of a JointState topic: stamps (n,) in ns, and joint -> (n,), NaN where not given."""
+        """Positions of every joint of a JointState topic: stamps (n,) in ns, joint -> (n,), NaN if none."""
         info = self._readable(topic, JOINT_STATE)
         named = (
             layout.names
@@ -158,14 +159,14 @@ class Bag(Recording):
         progress: Progress | None,
         joint: str = "",
     ) -> tuple[IntArray, list[FloatArray]]:
-        """Stamps (log times for Float64) and the columns that `fields` picks, of all messages in recorded order."""
+        """Stamps (log times for Float64) and the columns that `fields` picks, of all messages as recorded."""
         pieces: list[list[FloatArray | IntArray]] = []
         joints: set[str] = set()
         for block in self.blocks(info.name, progress):
             in_block: list[tuple[IntArray, list[FloatArray | IntArray]]] = []
             for layout, chosen in layouts(block, info.msgtype, info.name):
                 joints.update(layout.names)
-                columns = fields(layout, lambda name, k, lay=layout, c=chosen: lay.read(block, c, name, k))
+                columns = fields(layout, partial(layout.read, block, chosen))
                 if columns is not None:
                     stamped = info.msgtype != FLOAT64
                     stamps = layout.stamps(block, chosen) if stamped else block.log_times_ns[chosen]
@@ -200,7 +201,7 @@ def _place(layout: Layout, joint: str, field: str) -> int | None:
 def open_bag(path: str | Path) -> Bag:
     """Open a rosbag2 folder or a single .mcap file, also one cut off by a kill or a power loss.
 
-    Raises RecordingError with one line when there is no recording, it is damaged, or of a kind that cannot be read.
+    Raises RecordingError, one line, when there is no recording, it is damaged or of an unknown kind.
     """
     path = Path(path)
     if not path.exists():

@@ -26,11 +26,11 @@ _FLUSH_SECONDS = 1.0
 class BagWriter:
     """Writes one recording; use as a context manager.
 
-    A path that ends in .mcap gives a single file, any other a rosbag2 folder with metadata.yaml. The recording grows
-    in a hidden sibling and takes its name when it is complete; when the block ends with an exception, nothing is left.
-    With live=True it grows in place and is put on the disk once a second (call flush() from a timer to hold that
-    promise while no messages come): a kill loses a second at most, open_bag reads what is there, and an exception ends
-    the recording properly.
+    A path that ends in .mcap gives a single file, any other a rosbag2 folder with metadata.yaml. It grows in a
+    hidden sibling and takes its name when it is complete; after an exception nothing is left of it.
+    With live=True it grows in place and is put on the disk once a second (call flush() from a timer to hold
+    that promise while no messages come): a kill loses a second at most, open_bag reads what is there, and an
+    exception ends the recording properly.
 
     custom_data: the user's own entries of metadata.yaml. overwrite: replace what is there.
     Raises OutputError when the place cannot be written or, without overwrite, is taken.
@@ -66,7 +66,7 @@ class BagWriter:
         self._flushed = time.monotonic()
 
     def add_topic(self, topic: str, msgtype: str, qos: OfferedQos | None = None) -> None:
-        """Declare a topic before its first message; qos: how it was offered (default reliable, volatile, depth 10).
+        """Declare a topic before its first message; qos: how it was offered (default: reliable, volatile).
 
         Raises RecordingError when the definition of the type is found nowhere.
         """
@@ -115,7 +115,7 @@ class BagWriter:
     ) -> None:
         """Append JointStates: values (n, joints), or (n,) for one joint; None leaves a field empty.
 
-        Here and in the functions below the topic is declared when it is not yet, and log times default to the stamps.
+        Here and in the functions below the topic is declared if need be, and log times default to the stamps.
         """
         rows = cdr_encode.encode_joint_states(stamps_ns, names, positions, velocities, efforts, frame_id)
         self._write_rows(topic, JOINT_STATE, stamps_ns if log_times_ns is None else log_times_ns, rows)

@@ -1,4 +1,4 @@
-"""ROS messages to numpy in bulk: fields of equally laid out CDR messages are gathered without a loop over messages."""
+"""ROS messages to numpy in bulk: fields of CDR messages of one layout are gathered without a loop."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MOST_LAYOUTS = 16
 class MessageBlock:
     """Messages of one channel, in the order of the file.
 
-    buffer: the bytes around them; starts, sizes: where each message's CDR lies in it; log_times_ns: when recorded.
+    buffer: the bytes around them; starts, sizes: where each CDR lies in it; log_times_ns: when recorded.
     """
 
     buffer: Bytes
@@ -70,7 +70,7 @@ class Layout:
         return fits
 
     def read(self, block: MessageBlock, chosen: IntArray, name: str, element: int) -> FloatArray:
-        """One element of a float64 field of the chosen messages, NaN when the layout has none; shape (len(chosen),)."""
+        """One element of a float64 field of the chosen messages, NaN when there is none; shape (n,)."""
         offset, length = self.fields[name]
         if element >= length:
             return np.full(len(chosen), np.nan)
@@ -81,7 +81,10 @@ class Layout:
     def stamps(self, block: MessageBlock, chosen: IntArray) -> IntArray:
         """Header stamps in nanoseconds; shape (len(chosen),)."""
         seconds = gather(block.buffer, block.starts[chosen] + 4, f"{self.order}i4").astype(np.int64)
-        return seconds * 1_000_000_000 + gather(block.buffer, block.starts[chosen] + 8, f"{self.order}u4")
+        nanoseconds: IntArray = gather(block.buffer, block.starts[chosen] + 8, f"{self.order}u4").astype(
+            np.int64
+        )
+        return seconds * 1_000_000_000 + nanoseconds
 
 
 class _Cursor:
@@ -164,9 +167,9 @@ LAYOUT_READERS: dict[str, Callable[[bytes], Layout]] = {
 
 
 def layouts(block: MessageBlock, msgtype: str, topic: str) -> Iterator[tuple[Layout, IntArray]]:
-    """Split a block into groups of one layout each: (layout, indices of its messages), every message in one group.
+    """Split a block into groups of one layout: (layout, indices of its messages), every message in one group.
 
-    Raises RecordingError for a message that cannot be decoded, with its number on the topic within the block.
+    Raises RecordingError for a message that cannot be decoded, with the time it was recorded.
     """
     read_layout = LAYOUT_READERS[msgtype]
     left = np.arange(len(block))
@@ -177,8 +180,8 @@ def layouts(block: MessageBlock, msgtype: str, topic: str) -> Iterator[tuple[Lay
             layout = read_layout(block.message(first))
         except (ValueError, struct.error) as error:
             raise RecordingError(
-                f"topic {topic}: the message recorded at {int(block.log_times_ns[first])} ns is no {msgtype}: {error};"
-                " the recording is damaged there"
+                f"topic {topic}: the message recorded at {int(block.log_times_ns[first])} ns is no {msgtype}:"
+                f" {error}; the recording is damaged there"
             ) from error
         tried += 1
         same = layout.follows(block, left) if tried <= _MOST_LAYOUTS else left == first

@@ -79,7 +79,7 @@ def encode_joint_states(
     efforts: FloatArray | None = None,
     frame_id: str = "",
 ) -> Bytes:
-    """sensor_msgs/JointState: values of shape (n, joints), or (n,) for one joint; None leaves a field empty."""
+    """sensor_msgs/JointState: values (n, joints), or (n,) for one joint; None leaves a field empty."""
     count = len(stamps_ns)
     message = _Template()
     message.header(stamps_ns, frame_id)

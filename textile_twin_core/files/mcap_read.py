@@ -1,4 +1,4 @@
-"""MCAP files into blocks of messages: one walk over the records serves complete, unchunked and cut-off files alike."""
+"""MCAP files into blocks of messages: one walk serves complete, unchunked and cut-off files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _decompress(compression: str, data: bytes, size: int) -> bytes:
 
 @dataclass
 class Part:
-    """A chunk, or a stretch of messages outside chunks: where it lies and, when the file tells, what it holds."""
+    """A chunk, or a stretch of messages outside chunks: where it lies, and what it holds if the file tells."""
 
     start: int
     end: int
@@ -61,9 +61,11 @@ class Messages:
     heads: IntArray
 
     def channels(self) -> IntArray:
+        """Channel of each message."""
         return gather(self.buffer, self.heads + 9, "<u2").astype(np.int64)
 
     def block(self, which: IntArray) -> MessageBlock:
+        """The chosen messages."""
         heads = self.heads[which]
         sizes = gather(self.buffer, heads + 1, "<u8").astype(np.int64) - 22
         return MessageBlock(
@@ -74,7 +76,7 @@ class Messages:
 class McapFile:
     """One MCAP file, opened: its channels, its message counts and its messages in blocks.
 
-    `truncated` is set when the file ends without a footer, as after a kill or a power loss; what is whole is read.
+    `truncated` is set when the file ends without a footer, as after a kill; what is whole is read.
     Raises RecordingError for a file that is no MCAP file or is damaged in the middle.
     """
 
@@ -128,10 +130,8 @@ class McapFile:
             metadata = Metadata.read(stream)
             self.metadata[metadata.name] = metadata.metadata
 
-    def _walk(
-        self, buffer: Bytes | mmap.mmap | bytes, start: int, end: int
-    ) -> Iterator[tuple[int, int, int]]:
-        """Records between start and end: (opcode, position of the record, its end); stops before an incomplete one."""
+    def _walk(self, buffer: mmap.mmap | bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:
+        """Records between start and end: (opcode, position, end), without an incomplete last one."""
         unpack = _HEAD.unpack_from
         while start + 9 <= end:
             opcode, length = unpack(buffer, start)
@@ -212,12 +212,12 @@ class McapFile:
     def messages(self, part: Part) -> Messages:
         """Messages of a part, found by its index where that is complete, by walking where it is not."""
         if not part.chunked:
-            heads = [
+            found = [
                 start
                 for opcode, start, _ in self._walk(self._map, part.start, part.end)
                 if opcode == Opcode.MESSAGE
             ]
-            return Messages(self._bytes, np.array(heads, np.int64))
+            return Messages(self._bytes, np.array(found, np.int64))
         unpacked = self._unpack(part)
         buffer: Bytes = np.frombuffer(unpacked, np.uint8)
         heads = self._indexed(buffer, part)

@@ -1,4 +1,4 @@
-"""MCAP files written in bulk: whole chunks are laid out in numpy, the records around them by the mcap library."""
+"""MCAP files written in bulk: chunks are laid out in numpy, the records around them by the mcap library."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class McapFileWriter:
     def _emit(self, record: records.McapRecord) -> tuple[int, int]:
         """Write a record to the file: its position and length."""
         record.write(self._builder)
-        data = self._builder.end()
+        data: bytes = self._builder.end()  # type: ignore[no-untyped-call]
         start = self._file.tell()
         self._file.write(data)
         return start, len(data)

@@ -1,4 +1,4 @@
-"""Bags in other storage than plain MCAP (SQLite, compressed files or messages), read through the rosbags library."""
+"""Bags in other storage than plain MCAP (SQLite, compressed files), read by the rosbags library."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The messages of a recording, whatever its files: topics, counts, raw messages in blocks or in order of time."""
+"""The messages of a recording, whatever its files: topics, counts, raw messages in blocks or by time."""
 
 from __future__ import annotations
 
@@ -18,18 +18,21 @@ Progress = Callable[[int], object]
 
 
 class RecordedFile(Protocol):
-    """One readable file of a recording; topics: channel -> (topic, message type), counts: channel -> messages."""
+    """One readable file of a recording; counts: channel -> number of messages."""
 
     path: Path
     truncated: bool
     counts: dict[int, int]
 
     @property
-    def topics(self) -> dict[int, tuple[str, str]]: ...
+    def topics(self) -> dict[int, tuple[str, str]]:
+        """Channel -> (topic, message type)."""
 
-    def span_ns(self) -> tuple[int, int] | None: ...
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and last message; None without messages."""
 
-    def blocks(self, channels: set[int], progress: Progress | None = None) -> Iterator[MessageBlock]: ...
+    def blocks(self, channels: set[int], progress: Progress | None = None) -> Iterator[MessageBlock]:
+        """Messages of the given channels in blocks."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ class Recording:
         return sum(topic.count for topic in self.topics.values())
 
     def find_topic(self, name: str) -> TopicInfo:
-        """The topic of that name: with or without leading slash, or the only one that ends with it (a namespace before).
+        """The topic of that name, with or without leading slash, or the only one that ends so.
 
         Raises RecordingError, with the topics there are, when there is none or more than one.
         """
@@ -113,7 +116,7 @@ class Recording:
                 yield from file.blocks(channels, progress)
 
     def raw_messages(self, topics: list[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Every message as (topic, log time in ns, CDR bytes) in log-time order; one block per topic is held."""
+        """Every message as (topic, log time in ns, CDR bytes), by log time; one block per topic is held."""
         names = list(self.topics) if topics is None else [self.find_topic(topic).name for topic in topics]
         yield from heapq.merge(*(self._one_topic(name) for name in names), key=lambda message: message[1])
 

@@ -66,7 +66,7 @@ def information(
     span_ns: tuple[int, int] | None,
     custom_data: Mapping[str, str],
 ) -> dict[str, Any]:
-    """The rosbag2 information of a recording of one file; span_ns: log times of its first and last message."""
+    """The rosbag2 information of one file; span_ns: log times of its first and last messages."""
     first, last = span_ns or (0, 0)
     start = {"nanoseconds_since_epoch": int(first)}
     duration = {"nanoseconds": int(last - first)}
@@ -117,7 +117,7 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 def read_embedded(text: str, file: Path) -> dict[str, Any]:
-    """The same information from the copy that rosbag2 leaves in the .mcap file; empty text gives an empty one."""
+    """The same from the copy that rosbag2 leaves in the .mcap file; empty text gives an empty one."""
     return _load(text, file) if text else {}
 
 

@@ -31,7 +31,7 @@ class MessageSchema:
 def message_schema(msgtype: str) -> MessageSchema:
     """Schema of a type such as sensor_msgs/msg/JointState.
 
-    Common types come with the rosbags library, in the form of ROS 2 Jazzy; others are read from the ROS packages that
+    Common types come with the rosbags library, as in ROS 2 Jazzy; others are read from the ROS packages that
     AMENT_PREFIX_PATH lists. Raises RecordingError for a type found in neither.
     """
     from rosbags.typesys import Stores, get_typestore
