@@ -78,19 +78,22 @@ def split_commands(words: Sequence[str]) -> list[list[str]]:
 
 
 def watch(programs: Sequence[Program], until: str | None) -> int:
-    """Waits for the program `until`, or for ever; returns 0, or the code of one that ended too early."""
-    while True:
+    """Waits until the program `until` ends; without it, until any ends. Returns the exit code that tells."""
+    running = list(programs)
+    while running:
         os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOWAIT)
-        for program in programs:
-            code = program.process.poll()
-            if code is None:
-                continue
-            if program.name == until and code == 0:
+        for program in [program for program in running if program.process.poll() is not None]:
+            running.remove(program)
+            code = program.process.returncode
+            if code == 0 and program.name == until:
                 return 0
+            if code == 0 and until is not None:
+                continue
             how = f"on signal {signal.Signals(-code).name}" if code < 0 else f"with exit code {code}"
             print(f"{program.name} ended {how}; its last words ({program.log}):", file=sys.stderr)
             print(program.last_words(), file=sys.stderr)
             return code if code > 0 else 1
+    return 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -100,7 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         usage="bring_up.py [--logs DIR] [--until NAME] -- COMMAND ARGS ... --- COMMAND ARGS ...",
     )
     parser.add_argument("--logs", type=Path, default=Path("out/logs"), help="where the programs' words go")
-    parser.add_argument("--until", help="end when this program ends well; otherwise run until Ctrl-C")
+    parser.add_argument("--until", help="end all when this program has ended; without it, run until Ctrl-C")
     parser.add_argument("words", nargs=argparse.REMAINDER, help="commands, separated by ---")
     options = parser.parse_args(arguments)
     commands = split_commands(options.words[1:] if options.words[:1] == ["--"] else options.words)
