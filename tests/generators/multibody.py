@@ -97,8 +97,8 @@ class Multibody:
         _, jacobian, _ = self._constraints(q, drive, theta)
         q1 = np.linalg.solve(jacobian, drive[..., None])[..., 0]
         _, _, curvature = self._constraints(q, q1, theta)
-        q2 = np.linalg.solve(jacobian, curvature[..., None])[..., 0]
-        np.negative(q2, out=q2)
+        q2 = np.zeros_like(q)
+        q2 -= np.linalg.solve(jacobian, curvature[..., None])[..., 0]
         return Turn(theta, q, q1, q2)
 
     def inertia(self, turn: Turn) -> tuple[Floats, Floats]:
