@@ -26,8 +26,8 @@ _FLUSH_SECONDS = 1.0
 class BagWriter:
     """Writes one recording; use as a context manager.
 
-    A path that ends in .mcap gives a single file, any other a rosbag2 folder with metadata.yaml. It grows in a
-    hidden sibling and takes its name when it is complete; after an exception nothing is left of it.
+    A path that ends in .mcap gives a single file, any other a rosbag2 folder with metadata.yaml. It grows in
+    a hidden sibling and takes its name when it is complete; after an exception nothing is left of it.
     With live=True it grows in place and is put on the disk once a second (call flush() from a timer to hold
     that promise while no messages come): a kill loses a second at most, open_bag reads what is there, and an
     exception ends the recording properly.

@@ -62,12 +62,26 @@ class Layout:
     def follows(self, block: MessageBlock, chosen: IntArray) -> npt.NDArray[np.bool_]:
         """Which of the chosen messages have this layout; shape (len(chosen),)."""
         fits = block.sizes[chosen] >= self.size
-        for offset, expected in self.fixed:
-            inside = np.flatnonzero(fits)
-            found = gather(block.buffer, block.starts[chosen[inside]] + offset, f"V{len(expected)}")
-            same = found.view(np.uint8).reshape(-1, len(expected)) == np.frombuffer(expected, np.uint8)
-            fits[inside] = same.all(axis=1)
+        inside = chosen if fits.all() else chosen[fits]
+        same = np.ones(len(inside), np.bool_)
+        for offset, kind, expected in self._words():
+            same &= gather(block.buffer, block.starts[inside] + offset, kind) == expected
+        fits[fits] = same
         return fits
+
+    def _words(self) -> Iterator[tuple[int, str, int]]:
+        """The fixed bytes as few unsigned words: (offset, type, value); the last of a stretch may overlap."""
+        stretches: list[tuple[int, bytes]] = []
+        for offset, expected in self.fixed:
+            if stretches and stretches[-1][0] + len(stretches[-1][1]) == offset:
+                stretches[-1] = (stretches[-1][0], stretches[-1][1] + expected)
+            else:
+                stretches.append((offset, expected))
+        for offset, expected in stretches:
+            width = next(size for size in (8, 4, 2, 1) if size <= len(expected))
+            for start in (*range(0, len(expected) - width, width), len(expected) - width):
+                word = int.from_bytes(expected[start : start + width], "little")
+                yield offset + start, f"<u{width}", word
 
     def read(self, block: MessageBlock, chosen: IntArray, name: str, element: int) -> FloatArray:
         """One element of a float64 field of the chosen messages, NaN when there is none; shape (n,)."""

@@ -42,7 +42,7 @@ def _decompress(compression: str, data: bytes, size: int) -> bytes:
 
 @dataclass
 class Part:
-    """A chunk, or a stretch of messages outside chunks: where it lies, and what it holds if the file tells."""
+    """A chunk, or a stretch of messages outside chunks: where it lies and, if the file tells, what it has."""
 
     start: int
     end: int
@@ -164,7 +164,7 @@ class McapFile:
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
                 self._record(opcode, self._map[start + 9 : end])
             elif opcode == Opcode.FOOTER:
-                self.truncated = False
+                self.truncated = self._map[end : end + len(MAGIC)] != MAGIC
                 break
         if self.truncated and self.parts:
             # The index of the last chunk may be cut off between two channels: find its messages by walking.

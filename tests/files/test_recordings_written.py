@@ -1,0 +1,324 @@
+"""What BagWriter writes is read back by the rosbags library, by rclpy and by ourselves."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files import LATCHED, BagWriter, OutputError, open_bag
+from textile_twin_core.files.cdr_encode import encode_string
+from textile_twin_core.files.schemas import message_schema
+
+N = 5_000
+EPOCH = 1_700_000_000_000_000_000
+NAMES = ["main_shaft", "coupler", "rocker", "rod", "needle_bar"]
+
+
+@pytest.fixture(scope="module")
+def truth() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(11)
+    stamps = EPOCH + np.cumsum(rng.integers(1_900_000, 2_100_000, N))
+    return {
+        "stamps": stamps,
+        "log": stamps + rng.integers(0, 300_000, N),
+        "angle": rng.normal(size=N),
+        "velocity": rng.normal(size=N),
+        "torque": rng.normal(size=N),
+        "points": rng.normal(size=(N, 3)),
+        "joints": rng.normal(size=(N, len(NAMES))),
+    }
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory, truth: dict[str, np.ndarray]) -> Path:
+    path = tmp_path_factory.mktemp("bags") / "written"
+    with BagWriter(path, custom_data={"source": "made up"}) as out:
+        out.add_topic("robot_description", "std_msgs/msg/String", LATCHED)
+        out.write("robot_description", EPOCH, encode_string("<robot/>"))
+        for part in np.array_split(np.arange(N), 7):
+            stamps, log = truth["stamps"][part], truth["log"][part]
+            out.write_joint_states(
+                "main_shaft/angle", stamps, ["main_shaft"], truth["angle"][part], truth["velocity"][part],
+                log_times_ns=log,
+            )  # fmt: skip
+            out.write_joint_states("joint_states", stamps, NAMES, truth["joints"][part], frame_id="base")
+            out.write_wrenches("/balancing_torque/measured", stamps, truth["torque"][part], log_times_ns=log)
+            out.write_points("needle/position", stamps, truth["points"][part], "base")
+            out.write_floats("plain", log, truth["angle"][part])
+    return path
+
+
+def test_the_rosbags_library_reads_every_message(bag: Path, truth: dict[str, np.ndarray]) -> None:
+    got: dict[str, list[tuple[float, ...]]] = {}
+    with AnyReader([bag]) as reader:
+        assert reader.message_count == 5 * N + 1
+        for connection, log_time, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            rows = got.setdefault(connection.topic, [])
+            if connection.msgtype == "std_msgs/msg/Float64":
+                rows.append((log_time, message.data))
+            elif connection.msgtype == "std_msgs/msg/String":
+                assert message.data == "<robot/>"
+            else:
+                stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+                if connection.topic == "/main_shaft/angle":
+                    assert message.name == ["main_shaft"]
+                    assert len(message.effort) == 0
+                    rows.append((log_time, stamp, message.position[0], message.velocity[0]))
+                elif connection.topic == "/joint_states":
+                    assert message.name == NAMES
+                    assert message.header.frame_id == "base"
+                    rows.append((stamp, *message.position))
+                elif connection.topic == "/needle/position":
+                    rows.append((stamp, message.point.x, message.point.y, message.point.z))
+                else:
+                    assert message.header.frame_id == "main_shaft"
+                    assert (message.wrench.force.x, message.wrench.torque.y) == (0.0, 0.0)
+                    rows.append((log_time, stamp, message.wrench.torque.z))
+    by_log = np.argsort(truth["log"], kind="stable")
+
+    def same(topic: str, *columns: np.ndarray, order: np.ndarray) -> None:
+        expected = list(zip(*(column[order].tolist() for column in columns), strict=True))
+        assert got[topic] == expected
+
+    in_order = np.arange(N)
+    same("/main_shaft/angle", *(truth[k] for k in ("log", "stamps", "angle", "velocity")), order=by_log)
+    same("/balancing_torque/measured", truth["log"], truth["stamps"], truth["torque"], order=by_log)
+    same("/plain", truth["log"], truth["angle"], order=by_log)
+    same("/joint_states", truth["stamps"], *truth["joints"].T, order=in_order)
+    same("/needle/position", truth["stamps"], *truth["points"].T, order=in_order)
+
+
+def test_our_reader_gives_the_same_numbers_bit_for_bit(bag: Path, truth: dict[str, np.ndarray]) -> None:
+    opened = open_bag(bag)
+    assert opened.metadata == {"source": "made up"}
+    assert not opened.truncated
+    assert opened.topics["/needle/position"].count == N
+    assert opened.start_ns == EPOCH
+    assert opened.end_ns == truth["log"].max()
+    angles = opened.read_angles()
+    assert angles.stamped
+    for got, expected in (
+        (angles.stamps, "stamps"),
+        (angles.angles_rad, "angle"),
+        (angles.velocities, "velocity"),
+    ):
+        np.testing.assert_array_equal(got, truth[expected])
+    torques = opened.read_torques("balancing_torque/measured")
+    np.testing.assert_array_equal(torques.torque_Nm, truth["torque"])
+    np.testing.assert_array_equal(opened.read_points("/needle/position").points_m, truth["points"])
+    stamps, joints = opened.read_joint_states()
+    np.testing.assert_array_equal(stamps, truth["stamps"])
+    np.testing.assert_array_equal(np.stack([joints[name] for name in NAMES], axis=1), truth["joints"])
+    plain = opened.read_angles("plain")
+    assert not plain.stamped
+    np.testing.assert_array_equal(plain.stamps, truth["log"])
+
+
+def test_raw_messages_come_in_order_of_time_and_rclpy_understands_them(
+    bag: Path, truth: dict[str, np.ndarray]
+) -> None:
+    serialization = pytest.importorskip("rclpy.serialization")
+    from geometry_msgs.msg import PointStamped, WrenchStamped
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import Float64, String
+
+    classes = {
+        "/main_shaft/angle": JointState,
+        "/joint_states": JointState,
+        "/balancing_torque/measured": WrenchStamped,
+        "/needle/position": PointStamped,
+        "/plain": Float64,
+        "/robot_description": String,
+    }
+    last = 0
+    seen: dict[str, int] = {}
+    by_log = np.argsort(truth["log"], kind="stable")
+    for topic, log_time, cdr in open_bag(bag).raw_messages():
+        assert log_time >= last
+        last = log_time
+        k = seen.get(topic, 0)
+        seen[topic] = k + 1
+        if k % 97:
+            continue
+        message = serialization.deserialize_message(cdr, classes[topic])
+        if topic == "/joint_states":
+            assert list(message.position) == truth["joints"][k].tolist()
+            assert (list(message.name), len(message.velocity), len(message.effort)) == (NAMES, 0, 0)
+        elif topic == "/main_shaft/angle":
+            assert message.position[0] == truth["angle"][by_log[k]]
+            assert message.velocity[0] == truth["velocity"][by_log[k]]
+        elif topic == "/balancing_torque/measured":
+            assert message.wrench.torque.z == truth["torque"][by_log[k]]
+            stamp = message.header.stamp
+            assert stamp.sec * 10**9 + stamp.nanosec == truth["stamps"][by_log[k]]
+        elif topic == "/needle/position":
+            assert [message.point.x, message.point.y, message.point.z] == truth["points"][k].tolist()
+    assert sum(seen.values()) == 5 * N + 1
+
+
+def test_what_rclpy_serialises_is_decoded(tmp_path: Path) -> None:
+    serialization = pytest.importorskip("rclpy.serialization")
+    from sensor_msgs.msg import JointState
+
+    with BagWriter(tmp_path / "b") as out:
+        out.add_topic("main_shaft/angle", "sensor_msgs/msg/JointState")
+        for k in range(50):
+            message = JointState()
+            message.header.stamp.sec, message.header.stamp.nanosec = 1000 + k, 5
+            message.header.frame_id = "x" * (k % 6)
+            message.name = ["other", "main_shaft"][k % 2 :]
+            message.position = [float(k), 2.5 * k][k % 2 :]
+            message.velocity = [0.0, 3.5] if k % 4 == 0 else []
+            cdr = serialization.serialize_message(message)
+            out.write("main_shaft/angle", k + 1, cdr)
+    angles = open_bag(tmp_path / "b").read_angles()
+    np.testing.assert_array_equal(angles.angles_rad, 2.5 * np.arange(50))
+    np.testing.assert_array_equal(angles.stamps, (1000 + np.arange(50)) * 10**9 + 5)
+    assert angles.velocities is not None
+    np.testing.assert_array_equal(angles.velocities, np.where(np.arange(50) % 4 == 0, 3.5, np.nan))
+
+
+def test_metadata_says_what_rosbag2_of_jazzy_says(bag: Path) -> None:
+    info = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert info["version"] == 9
+    assert info["storage_identifier"] == "mcap"
+    assert info["relative_file_paths"] == ["written_0.mcap"]
+    assert info["custom_data"] == {"source": "made up"}
+    assert info["files"][0]["message_count"] == info["message_count"] == 5 * N + 1
+    topics = {
+        entry["topic_metadata"]["name"]: entry["topic_metadata"]
+        for entry in info["topics_with_message_count"]
+    }
+    assert topics["/robot_description"]["offered_qos_profiles"][0]["durability"] == "transient_local"
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for topic in topics.values():
+        assert topic["type_description_hash"] == store.hash_rihs01(topic["type"])
+    with Reader(bag) as reader:
+        assert reader.duration == info["duration"]["nanoseconds"] + 1
+        qos = {connection.topic: connection.ext.offered_qos_profiles[0] for connection in reader.connections}
+    assert qos["/robot_description"].durability.name == "TRANSIENT_LOCAL"
+
+
+@pytest.mark.parametrize("msgtype", ["lifecycle_msgs/msg/TransitionEvent", "sensor_msgs/msg/JointState"])
+def test_installed_definitions_agree_with_the_rosbags_library(
+    msgtype: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The fall-back for unknown types, tried on known ones: same hash, same fields of every type needed."""
+    from rosbags.typesys import get_types_from_msg
+
+    from textile_twin_core.files import schemas
+
+    monkeypatch.setenv("AMENT_PREFIX_PATH", sys.prefix)
+    if not (Path(sys.prefix) / "share" / "lifecycle_msgs").exists():
+        pytest.skip("no ROS message packages beside this Python")
+    installed, known = schemas._installed_schema(msgtype), message_schema(msgtype)
+    assert installed.type_hash == known.type_hash
+    assert (
+        get_types_from_msg(installed.text, msgtype).keys() == get_types_from_msg(known.text, msgtype).keys()
+    )
+
+
+def test_a_type_that_is_known_nowhere_is_an_error(tmp_path: Path) -> None:
+    with (
+        pytest.raises(RecordingError, match=r"mill_msgs/msg/Loom.*AMENT_PREFIX_PATH"),
+        BagWriter(tmp_path / "b") as out,
+    ):
+        out.add_topic("loom", "mill_msgs/msg/Loom")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_single_file_carries_its_custom_data(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "one.mcap", custom_data={"seed": "7"}) as out:
+        out.write_floats("x", np.array([1, 2]), np.array([0.5, 1.5]))
+    opened = open_bag(tmp_path / "one.mcap")
+    assert opened.metadata == {"seed": "7"}
+    np.testing.assert_array_equal(opened.read_angles("x").angles_rad, [0.5, 1.5])
+
+
+def test_nothing_is_left_of_a_recording_that_fails(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), BagWriter(tmp_path / "b") as out:
+        out.write_floats("x", np.array([1]), np.array([0.5]))
+        assert not (tmp_path / "b").exists()
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_there_is_replaced_only_when_asked(tmp_path: Path) -> None:
+    for value in (1.0, 2.0):
+        with BagWriter(tmp_path / "b", overwrite=value > 1) as out:
+            out.write_floats("x", np.array([1]), np.array([value]))
+    with pytest.raises(OutputError, match="is there already"):
+        BagWriter(tmp_path / "b")
+    assert open_bag(tmp_path / "b").read_angles("x").angles_rad.tolist() == [2.0]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["b"]
+
+
+@pytest.mark.parametrize("place", ["missing/b", "file/b"])
+def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path, place: str) -> None:
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(OutputError) as caught:
+        BagWriter(tmp_path / place)
+    assert "\n" not in str(caught.value)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file"]
+
+
+_LIVE = """
+import sys, time
+import numpy as np
+from textile_twin_core.files import BagWriter
+with BagWriter(sys.argv[1], live=True) as out:
+    out.add_topic("x", "std_msgs/msg/Float64")
+    start = time.monotonic()
+    k = 0
+    while True:
+        out.write("x", time.monotonic_ns(), b"\\0\\1\\0\\0" + np.float64(k).tobytes())
+        k += 1
+        if k % 100 == 0:
+            print(k, flush=True)
+        time.sleep(0.001)
+"""
+
+
+def test_a_killed_live_recording_loses_a_second_at_most(tmp_path: Path) -> None:
+    writer = subprocess.Popen(
+        [sys.executable, "-c", _LIVE, str(tmp_path / "b")], stdout=subprocess.PIPE, text=True, env=os.environ
+    )
+    assert writer.stdout is not None
+    written = 0
+    seen_ns = 0
+    deadline = time.monotonic() + 60
+    while written < 1700 and time.monotonic() < deadline:
+        written = int(writer.stdout.readline())
+        seen_ns = time.monotonic_ns()
+    writer.send_signal(signal.SIGKILL)
+    writer.wait()
+    writer.stdout.close()
+    assert written >= 1700
+    opened = open_bag(tmp_path / "b")
+    assert opened.truncated
+    assert any("cut off" in notice for notice in opened.notices)
+    samples = opened.read_angles("x")
+    np.testing.assert_array_equal(samples.angles_rad, np.arange(len(samples)))
+    assert seen_ns - samples.stamps[-1] < 1.5e9
+
+
+def test_a_live_recording_is_completed_after_an_exception(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), BagWriter(tmp_path / "b", live=True) as out:
+        out.write_floats("x", np.array([1]), np.array([0.5]))
+        raise ZeroDivisionError
+    opened = open_bag(tmp_path / "b")
+    assert not opened.truncated
+    assert opened.topics["/x"].count == 1
