@@ -68,7 +68,10 @@ class BlockProgram:
                 if stop - start < buffers.shape[1]:
                     buffers = buffers[:, : stop - start]
                 self._run(
-                    [a[start:stop] for a in inputs], [a[start:stop] for a in outputs], list(buffers), self._constants
+                    [a[start:stop] for a in inputs],
+                    [a[start:stop] for a in outputs],
+                    list(buffers),
+                    self._constants,
                 )
 
     def _buffers(self, length: int) -> FloatArray:

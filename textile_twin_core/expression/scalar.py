@@ -47,8 +47,10 @@ def scalar_source(outputs: Sequence[Expr], inputs: Sequence[str], result: str = 
                 text[node], depth[node] = name, 0
             else:
                 text[node] = body
-    returned = result.format(*(text[e] for e in outputs)) if "{0}" in result else result.format(
-        ", ".join(text[e] for e in outputs)
+    returned = (
+        result.format(*(text[e] for e in outputs))
+        if "{0}" in result
+        else result.format(", ".join(text[e] for e in outputs))
     )
     return "\n".join([f"def f({', '.join(inputs)}):", *lines, f"    return {returned}"])
 
@@ -61,7 +63,9 @@ def compile_scalar(outputs: Sequence[Expr], inputs: Sequence[str]) -> ScalarFunc
     return _compiled(scalar_source(outputs, inputs))
 
 
-def compile_scalar_mapping(outputs: Mapping[str, Expr], inputs: Sequence[str]) -> Callable[..., dict[str, float]]:
+def compile_scalar_mapping(
+    outputs: Mapping[str, Expr], inputs: Sequence[str]
+) -> Callable[..., dict[str, float]]:
     """As `compile_scalar`, but the function returns a dict by output name."""
     entries = ", ".join(f"{name!r}: {{{i}}}" for i, name in enumerate(outputs))
     source = scalar_source(list(outputs.values()), inputs, "{{" + entries + "}}")

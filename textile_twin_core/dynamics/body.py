@@ -1,0 +1,39 @@
+"""Bodies: mass, centroid and inertia of what a link carries."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from textile_twin_core.errors import MachineError
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body on a link.
+
+    `centroid` is given as fractions of the link's length, along it from its start and across it to
+    the left; `inertia_kgm2` is about the centroid. A point mass has inertia 0.
+    """
+
+    on: str
+    mass_kg: float
+    inertia_kgm2: float = 0.0
+    centroid: tuple[float, float] = (0.5, 0.0)
+
+    def __post_init__(self) -> None:
+        for what, value in (("mass_kg", self.mass_kg), ("inertia_kgm2", self.inertia_kgm2)):
+            if not (math.isfinite(value) and value >= 0.0):
+                raise MachineError(
+                    f"body on '{self.on}': {what} must be zero or positive and finite, not {value!r}"
+                )
+        if not all(math.isfinite(v) for v in self.centroid):
+            raise MachineError(
+                f"body on '{self.on}': centroid must be two finite fractions, not {self.centroid!r}"
+            )
+
+    @classmethod
+    def bar(cls, on: str, length_m: float, density_kg_m3: float, width_m: float, thickness_m: float) -> Body:
+        """A straight bar of rectangular section over the whole link; `width_m` lies in the plane of motion."""
+        mass = density_kg_m3 * length_m * width_m * thickness_m
+        return cls(on, mass, mass * (length_m**2 + width_m**2) / 12.0)

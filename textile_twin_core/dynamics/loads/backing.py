@@ -1,0 +1,74 @@
+"""Backing: friction of a needle, one force while it is through the backing and one while it is free."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from textile_twin_core.dynamics.loads.load import Crossing, LoadContext
+from textile_twin_core.dynamics.wrenches import Wrenches
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import Expr, absolute, at_least, select, sign
+from textile_twin_core.mechanism import Travel
+from textile_twin_core.mechanism.vector import Vector
+
+
+@dataclass(frozen=True)
+class Backing:
+    """Friction that opposes the travel `on`: `force_N` while the needle is in the backing, else `free_force_N`.
+
+    The needle is in the backing while its travel is at or beyond the plane: `entry_plane_m` while it
+    goes in, `exit_plane_m` while it comes out. At rest there is no friction.
+    Xu et al. 2016 give 1000 N "on" and "under" the backing and the angles of entry and exit.
+    """
+
+    on: str
+    force_N: float
+    entry_plane_m: float
+    exit_plane_m: float
+    free_force_N: float = 0.0
+
+    def __post_init__(self) -> None:
+        for what in ("force_N", "entry_plane_m", "exit_plane_m", "free_force_N"):
+            if not math.isfinite(getattr(self, what)):
+                raise MachineError(f"backing on '{self.on}': {what} must be a finite number")
+
+    def parameters(self) -> Mapping[str, float]:
+        """The two friction forces."""
+        return {"backing_force_N": self.force_N, "free_force_N": self.free_force_N}
+
+    def inside(self, context: LoadContext) -> Expr:
+        """1 while the needle is in the backing."""
+        travel = context.displacements[self.on]
+        if self.entry_plane_m == self.exit_plane_m:
+            return at_least(travel.position, self.entry_plane_m)
+        going_in = at_least(travel.first * context.shaft.omega, 0.0)
+        plane = select(going_in, self.entry_plane_m, self.exit_plane_m)
+        return at_least(travel.position, plane)
+
+    def coefficients(self, context: LoadContext) -> Mapping[str, Expr]:
+        """Friction opposes the travel: minus |h'| sign(omega), inside or outside."""
+        drag = -(absolute(context.displacements[self.on].first) * sign(context.shaft.omega))
+        inside = self.inside(context)
+        return {"backing_force_N": drag * inside, "free_force_N": drag * (1.0 - inside)}
+
+    def apply(self, context: LoadContext, wrenches: Wrenches) -> None:
+        """The friction force at the travel's point, against its velocity."""
+        measure = context.measures[self.on]
+        if not isinstance(measure, Travel):
+            raise MachineError(f"backing on '{self.on}': this must be a straight travel")
+        velocity = context.displacements[self.on].first * context.shaft.omega
+        inside = self.inside(context)
+        size = self.force_N * inside + self.free_force_N * (1.0 - inside)
+        norm = math.hypot(*measure.direction)
+        direction = Vector.of(measure.direction[0] / norm, measure.direction[1] / norm)
+        wrenches.pull_on_point(measure.point, -(size * sign(velocity)) * direction)
+
+    def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
+        """The needle enters and leaves the backing."""
+        travel = context.displacements[self.on].position
+        return (
+            Crossing(f"{self.on}_enters_backing", travel - self.entry_plane_m, rising=True),
+            Crossing(f"{self.on}_leaves_backing", travel - self.exit_plane_m, rising=False),
+        )

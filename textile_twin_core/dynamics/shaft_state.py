@@ -1,0 +1,26 @@
+"""The state of the main shaft as expressions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from textile_twin_core.expression import Expr, square, variable
+from textile_twin_core.mechanism import THETA
+
+OMEGA = variable("omega")
+ALPHA = variable("alpha")
+INPUTS = ("theta", "omega", "alpha")
+
+
+@dataclass(frozen=True)
+class ShaftState:
+    """Angle [rad], speed [rad/s], acceleration [rad/s^2] of the main shaft and the speed's square."""
+
+    theta: Expr = THETA
+    omega: Expr = OMEGA
+    alpha: Expr = ALPHA
+
+    @property
+    def omega_squared(self) -> Expr:
+        """omega^2 [rad^2/s^2]."""
+        return square(self.omega)

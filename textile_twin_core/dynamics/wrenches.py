@@ -1,0 +1,57 @@
+"""Forces and moments gathered on links while Newton-Euler's equations are solved from the outside in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from textile_twin_core.expression import Expr, const
+from textile_twin_core.mechanism import LinkMotion, Motion
+from textile_twin_core.mechanism.vector import ZERO, Vector
+
+
+@dataclass
+class Wrenches:
+    """Per link the sum of applied and inertia forces [N] and their moment about the link's start point [N m].
+
+    `torque_on` gathers moments on turning shafts, `reactions` the joint forces found, by pin.
+    """
+
+    motion: Motion
+    force: dict[str, Vector] = field(default_factory=dict)
+    moment: dict[str, Expr] = field(default_factory=dict)
+    torque_on: dict[str, Expr] = field(default_factory=dict)
+    reactions: dict[str, Vector] = field(default_factory=dict)
+    guide_reactions: dict[str, Expr] = field(default_factory=dict)
+    transmitted: dict[str, Expr] = field(default_factory=dict)
+
+    def on(self, link: str) -> tuple[Vector, Expr]:
+        """What has been gathered on a link."""
+        return self.force.get(link, ZERO), self.moment.get(link, const(0.0))
+
+    def add(self, link: str, force: Vector, moment: Expr) -> None:
+        """Add a force and its moment about the link's start point."""
+        f, m = self.on(link)
+        self.force[link], self.moment[link] = f + force, m + moment
+
+    def add_at(self, link: LinkMotion, lever: Vector, force: Vector) -> None:
+        """Add a force that acts at `lever` from the link's start point."""
+        self.add(link.name, force, lever.cross(force))
+
+    def pull_on_point(self, point: str, force: Vector) -> None:
+        """Put a force on the link that carries a joint; what acts on the ground is dropped."""
+        carrier = self.carrier(point)
+        if carrier is not None:
+            self.add_at(carrier, carrier.length * carrier.direction, force)
+
+    def carrier(self, point: str) -> LinkMotion | None:
+        """The link on whose end a point lies: the last one made, as the rocker after its coupler."""
+        found = [link for link in self.motion.links.values() if link.end == point]
+        return found[-1] if found else None
+
+    def add_torque(self, shaft: str, torque: Expr) -> None:
+        """Add a moment on a turning shaft."""
+        self.torque_on[shaft] = self.torque_on.get(shaft, const(0.0)) + torque
+
+    def add_reaction(self, pin: str, force: Vector) -> None:
+        """Book the force in a pin; several links on one ground pin add up."""
+        self.reactions[pin] = self.reactions.get(pin, ZERO) + force

@@ -1,0 +1,59 @@
+"""The machines: published ones by name, each a short declaration, and a user's own from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from inspect import signature
+from pathlib import Path
+
+from textile_twin_core.errors import MachineError
+from textile_twin_core.machines.events import Event
+from textile_twin_core.machines.machine import (
+    Encoder,
+    Machine,
+    Scene,
+    Sensors,
+    ShaftPlace,
+    TorqueSensor,
+)
+from textile_twin_core.machines.tufting import tufting
+
+_FACTORIES: Mapping[str, Callable[..., Machine]] = {"tufting": tufting}
+NAMES: tuple[str, ...] = tuple(_FACTORIES)
+
+
+def create(name: str, **overrides: float) -> Machine:
+    """A published machine by name, with parameters overridden.
+
+    Raises MachineError for an unknown machine or parameter, with the nearest names.
+    """
+    factory = _FACTORIES.get(name)
+    if factory is None:
+        near = get_close_matches(name, NAMES, n=2) or NAMES
+        hint = (
+            "give the path of a machine file" if Path(name).suffix else f"did you mean {' or '.join(near)}?"
+        )
+        raise MachineError(f"there is no machine '{name}'; {hint}; machines: {', '.join(NAMES)}")
+    known = signature(factory).parameters
+    for parameter in overrides:
+        if parameter not in known:
+            near = get_close_matches(parameter, known, n=3) or list(known)[:5]
+            raise MachineError(
+                f"machine '{name}' has no parameter '{parameter}'; did you mean {' or '.join(near)}?"
+            )
+    return factory(**overrides)
+
+
+__all__ = [
+    "NAMES",
+    "Encoder",
+    "Event",
+    "Machine",
+    "Scene",
+    "Sensors",
+    "ShaftPlace",
+    "TorqueSensor",
+    "create",
+    "tufting",
+]

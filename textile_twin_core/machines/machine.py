@@ -1,0 +1,191 @@
+"""Machine: the declaration of a linkage machine, from which everything else is derived."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
+
+from textile_twin_core.dynamics.body import Body
+from textile_twin_core.dynamics.loads.load import Load
+from textile_twin_core.errors import MachineError
+from textile_twin_core.mechanism import MAIN_SHAFT, Closeness, Crank, Group, Linkage, Measure, check_assembly
+from textile_twin_core.mechanism.assembly import FULL_TURN
+
+if TYPE_CHECKING:
+    from textile_twin_core.machines.events import Event
+    from textile_twin_core.machines.joints import Joint
+    from textile_twin_core.machines.model import MachineModel
+
+
+def default_joint_names(groups: tuple[Group, ...]) -> dict[str, str]:
+    """A joint name for each link that moves on its own: the shaft's for its first crank, else the link's."""
+    names: dict[str, str] = {}
+    for group in groups:
+        for role in ("coupler", "rocker", "rod", "slider"):
+            link = getattr(group, role, None)
+            if link is not None:
+                names[link] = link
+        if isinstance(group, Crank):
+            names[group.name] = group.name if MAIN_SHAFT in names.values() else MAIN_SHAFT
+    return names
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """How the measured angle relates to the shaft's: shaft = (measured - zero) * direction * ratio."""
+
+    zero_rad: float = 0.0
+    direction: int = 1
+    ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.direction not in (1, -1):
+            raise MachineError(f"encoder: direction must be 1 or -1, not {self.direction!r}")
+        if not (math.isfinite(self.ratio) and self.ratio > 0 and math.isfinite(self.zero_rad)):
+            raise MachineError("encoder: ratio must be positive and zero_rad finite")
+
+
+@dataclass(frozen=True)
+class TorqueSensor:
+    """How the measured torque relates to the true one: measured(t) = gain * true(t - delay) + offset."""
+
+    gain: float = 1.0
+    offset_Nm: float = 0.0
+    delay_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.gain) and self.gain != 0 and math.isfinite(self.offset_Nm)):
+            raise MachineError("torque sensor: gain must not be zero, and gain and offset_Nm finite")
+        if not (math.isfinite(self.delay_s) and abs(self.delay_s) < 10.0):
+            raise MachineError("torque sensor: delay_s must be a time in seconds below 10 s")
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """The sensors on the shaft."""
+
+    encoder: Encoder = Encoder()
+    torque: TorqueSensor = TorqueSensor()
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a machine file asks to model: outputs, method and tolerance."""
+
+    outputs: tuple[str, ...] = ("balancing_torque_Nm",)
+    method: str = "auto"
+    tolerance: float = 1e-12
+
+
+@dataclass(frozen=True)
+class ShaftPlace:
+    """One linkage's place on the shaft: its crank stands `phase_rad` before the shaft angle."""
+
+    phase_rad: float = 0.0
+
+
+class Link(NamedTuple):
+    """A link of the skeleton, from one point to another."""
+
+    name: str
+    start: str
+    end: str
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine with one degree of freedom: ground points, groups, bodies, loads, measures and sensors.
+
+    Several equal linkages can sit on one shaft; torque and energy are their sums, positions and
+    reactions those of the first. `angle_near_rad` names, per link, the turn in which its printed
+    angle lies. `transmitted` names outputs for the torque that a link applies to an arm fixed to it.
+    Raises MachineError, with the shaft angle, when the linkage cannot close over `range_rad`.
+    """
+
+    name: str
+    points: Mapping[str, tuple[float, float]]
+    groups: tuple[Group, ...]
+    bodies: tuple[Body, ...] = ()
+    loads: tuple[Load, ...] = ()
+    measures: tuple[Measure, ...] = ()
+    gravity_m_s2: tuple[float, float] = (0.0, -9.81)
+    sensors: Sensors = Sensors()
+    linkages: tuple[ShaftPlace, ...] = (ShaftPlace(),)
+    scene: Scene = Scene()
+    joint_names: Mapping[str, str] = field(default_factory=dict)
+    angle_near_rad: Mapping[str, float] = field(default_factory=dict)
+    transmitted: Mapping[str, str] = field(default_factory=dict)
+    missing_for_torque: tuple[str, ...] = ()
+    range_rad: tuple[float, float] = FULL_TURN
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.linkages:
+            raise MachineError(f"machine '{self.name}': it needs at least one linkage on its shaft")
+        names = self.joint_names or default_joint_names(self.groups)
+        object.__setattr__(self, "joint_names", MappingProxyType(dict(names)))
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        _ = self.closeness, self.model.outputs  # refuse a wrong declaration at once
+
+    @cached_property
+    def linkage(self) -> Linkage:
+        """Points and groups alone."""
+        return Linkage(self.points, self.groups)
+
+    @cached_property
+    def closeness(self) -> tuple[Closeness, ...]:
+        """How near each group comes to a change point, and its transmission angle."""
+        try:
+            return check_assembly(self.linkage, self.range_rad)
+        except MachineError as error:
+            raise MachineError(f"machine '{self.name}': {error}") from None
+
+    @cached_property
+    def model(self) -> MachineModel:
+        """Expressions of all outputs, built when asked for."""
+        from textile_twin_core.machines.model import MachineModel
+
+        return MachineModel(self)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Every output that can be asked for."""
+        return self.model.outputs
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The skeleton for drawing."""
+        return tuple(Link(k.name, k.start, k.end) for k in self.linkage.solved.links.values())
+
+    @property
+    def point_names(self) -> tuple[str, ...]:
+        """All points, fixed and moving."""
+        return tuple(self.linkage.solved.points)
+
+    @cached_property
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints of the robot description, passive ones too."""
+        from textile_twin_core.machines.joints import machine_joints
+
+        return machine_joints(self)
+
+    def urdf(self) -> str:
+        """The robot description (URDF) of the first linkage."""
+        from textile_twin_core.machines.urdf import machine_urdf
+
+        return machine_urdf(self)
+
+    def events(self) -> tuple[Event, ...]:
+        """Angles of one turn at which something happens: entry and exit of loads, dead centres of measures."""
+        return self._events
+
+    @cached_property
+    def _events(self) -> tuple[Event, ...]:
+        from textile_twin_core.machines.events import machine_events
+
+        return machine_events(self)

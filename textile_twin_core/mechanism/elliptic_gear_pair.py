@@ -1,0 +1,178 @@
+"""Elliptic gear pair: two equal ellipses, each turning about a focus, that roll on each other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import Expr, atan2, sqrt
+from textile_twin_core.mechanism.group import MAIN_SHAFT, Closure, check_finite
+from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion, Rotation
+from textile_twin_core.mechanism.vector import Vector, unit_direction
+
+
+@dataclass(frozen=True)
+class GearMesh:
+    """Where the pitch ellipses touch and how steep they stand there.
+
+    The pitch radii [m] lie on the centre line; `along` is its unit vector from driver to driven gear.
+    `steepness` is the tangent of the angle from the normal of the centre line, counter-clockwise, to the
+    common tangent of the ellipses.
+    """
+
+    along: Vector
+    driver_radius: Expr
+    driven_radius: Expr
+    steepness: Expr
+
+
+@dataclass(frozen=True)
+class EllipticGearPair:
+    """Gear `driver` turns with the shaft `driven_by` about the point `at`, gear `driven` about `driven_at`.
+
+    Half the distance of the two points is the major half axis a of both pitch ellipses, `axis_ratio` k = b/a
+    with e^2 = 1 - k^2. A gear is a link from its axis to its other focus, given a name in `ends`; its
+    centroid is mid-link. `driven` is a shaft as well: its angle is that of its link, and it turns the other
+    way. `mesh` names the point where the ellipses touch, on the centre line. `phase_rad` says how far the
+    driver, at shaft angle 0, stands past the smallest ratio of the pair. With f1, f2 counted from there
+
+        tan(f2/2) = (1 - e)/(1 + e) tan(f1/2),  df2/df1 = (1 - e^2)/(1 + e^2 + 2 e cos f1),
+
+    which Zhao, Ren and Chen 2011 write with an arc cosine (Eq. 4). The teeth press along the common tangent
+    turned by `pressure_angle_rad` towards the gear that is pressed.
+    """
+
+    driver: str
+    driven: str
+    at: str
+    driven_at: str
+    ends: tuple[str, str]
+    axis_ratio: float
+    phase_rad: float = 0.0
+    mesh: str = "P"
+    pressure_angle_rad: float = math.radians(20.0)
+    driven_by: str = MAIN_SHAFT
+
+    def __post_init__(self) -> None:
+        check_finite(self.phase_rad, f"gears '{self.name}': phase_rad")
+        if not 0.0 <= self.pressure_angle_rad < math.pi / 4:
+            raise MachineError(
+                f"gears '{self.name}': pressure_angle_rad must lie from 0 to pi/4,"
+                f" not {self.pressure_angle_rad!r}"
+            )
+        steepest = math.sin(self.pressure_angle_rad)
+        if not steepest < self.axis_ratio <= 1.0:
+            raise MachineError(
+                f"gears '{self.name}': axis_ratio must lie above {steepest:.4g}, where the teeth would jam, "
+                f"and not above 1, not {self.axis_ratio}"
+            )
+
+    @property
+    def name(self) -> str:
+        """The group's name in messages."""
+        return f"{self.driver}-{self.driven}"
+
+    @property
+    def eccentricity(self) -> float:
+        """e of the pitch ellipses."""
+        return math.sqrt((1.0 - self.axis_ratio) * (1.0 + self.axis_ratio))
+
+    @property
+    def ratio_range(self) -> tuple[float, float]:
+        """Smallest and largest speed of the driven gear over the driver's."""
+        e = self.eccentricity
+        return (1.0 - e) / (1.0 + e), (1.0 + e) / (1.0 - e)
+
+    def driven_turn(self, driver_turn_rad: float) -> float:
+        """f2 at f1, both from the smallest ratio, unwound over any number of turns [rad]."""
+        e = self.eccentricity
+        c, s = math.cos(driver_turn_rad / 2.0), math.sin(driver_turn_rad / 2.0)
+        return driver_turn_rad - 2.0 * math.atan2(2.0 * e * s * c, (1.0 + e) * c * c + (1.0 - e) * s * s)
+
+    def solve(self, motion: Motion) -> None:
+        """Add both gears, their other foci, the driven shaft and the point where they touch."""
+        distance, line = self._centre_line(motion)
+        shaft = motion.rotation(self.driven_by, self.name)
+        half, e = self._half_turn(motion), self.eccentricity
+        c, s = half.x, half.y
+        near, far = (1.0 + e) * c, (1.0 - e) * s
+        norm_squared = near * near + far * far
+        norm = sqrt(norm_squared)
+        ratio = (1.0 - e * e) / norm_squared
+        growth = (4.0 * e) * (s * c) * ratio / norm_squared
+        lead = shaft.angle + self.phase_rad
+        lag = 2.0 * atan2((2.0 * e) * (s * c), (1.0 + e) * (c * c) + (1.0 - e) * (s * s))
+
+        # At the smallest ratio both gears point along the centre line, from the driven axis to the driver's.
+        rest = line + math.pi
+        turned = unit_direction(rest / 2.0)
+        p, q = shaft.first, shaft.second
+        driver = Rotation(half.rotated(*turned), lead + rest, p, q)
+        driven_half = Vector(near / norm, -(far / norm)).rotated(*turned)
+        driven = Rotation(driven_half, lag - lead + rest, -(ratio * p), -(growth * (p * p) + ratio * q))
+        motion.rotations[self.driven] = driven
+        for gear, axis, end, rotation in (
+            (self.driver, self.at, self.ends[0], driver),
+            (self.driven, self.driven_at, self.ends[1], driven),
+        ):
+            direction, first, second = rotation.direction, rotation.first, rotation.second
+            link = LinkMotion(gear, axis, end, e * distance, direction, first, second, rotation.angle)
+            motion.add_link(link, self.name)
+            motion.add_point(end, link.end_motion(motion.points[axis]), self.name)
+        motion.add_point(self.mesh, self._touching_point(motion), self.name)
+
+    def closures(self, motion: Motion) -> tuple[Closure, ...]:
+        """None: equal ellipses roll on each other for ever."""
+        return ()
+
+    def contact(self, motion: Motion) -> GearMesh:
+        """The pitch radii and the common tangent over the motion."""
+        distance, line = self._centre_line(motion)
+        half, e = self._half_turn(motion), self.eccentricity
+        c, s = half.x, half.y
+        width = self._width(half)
+        near, far = (1.0 + e) * c, (1.0 - e) * s
+        radius = distance / 2.0
+        return GearMesh(
+            along=Vector.of(*unit_direction(line)),
+            driver_radius=radius * (1.0 - e * e) / width,
+            driven_radius=radius * (near * near + far * far) / width,
+            steepness=(2.0 * e) * (s * c) / width,
+        )
+
+    def _touching_point(self, motion: Motion) -> PointMotion:
+        mesh, shaft, e = self.contact(motion), motion.rotation(self.driven_by, self.name), self.eccentricity
+        half, width = self._half_turn(motion), self._width(self._half_turn(motion))
+        c, s = half.x, half.y
+        slope = mesh.driver_radius * mesh.steepness
+        bend = mesh.driver_radius * (e * ((1.0 + e) * (c * c) - (1.0 - e) * (s * s))) / (width * width)
+        first = slope * shaft.first
+        second = (bend + slope * mesh.steepness) * (shaft.first * shaft.first) + slope * shaft.second
+        position = motion.points[self.at].position + mesh.driver_radius * mesh.along
+        return PointMotion(position, first * mesh.along, second * mesh.along, first * first, first * second)
+
+    def _half_turn(self, motion: Motion) -> Vector:
+        """Direction of half the driver's turn from the smallest ratio."""
+        shaft = motion.rotation(self.driven_by, self.name)
+        return shaft.half.rotated(*unit_direction(self.phase_rad / 2.0))
+
+    def _width(self, half: Vector) -> Expr:
+        """1 + e cos f1, without cancellation for a flat ellipse."""
+        e = self.eccentricity
+        return (1.0 + e) * (half.x * half.x) + (1.0 - e) * (half.y * half.y)
+
+    def _centre_line(self, motion: Motion) -> tuple[float, float]:
+        """Length and direction of the line from the driver's axis to the driven gear's [m, rad]."""
+        axes = [motion.point(name, self.name) for name in (self.at, self.driven_at)]
+        if not all(axis.is_fixed for axis in axes):
+            raise MachineError(
+                f"gears '{self.name}': '{self.at}' and '{self.driven_at}' must be fixed to the ground"
+            )
+        (ox, oy), (ax, ay) = (axis.fixed_position() for axis in axes)
+        distance = math.hypot(ax - ox, ay - oy)
+        if distance == 0.0:
+            raise MachineError(
+                f"gears '{self.name}': '{self.at}' and '{self.driven_at}' are one point; set them apart"
+            )
+        return distance, math.atan2(ay - oy, ax - ox)

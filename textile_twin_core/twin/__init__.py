@@ -1,0 +1,6 @@
+"""Twins: machines compiled for the outputs of a scene, and sessions that feed them with angle samples."""
+
+from textile_twin_core.twin.compiled import Twin, compile_machine
+from textile_twin_core.twin.session import Samples, Session
+
+__all__ = ["Samples", "Session", "Twin", "compile_machine"]

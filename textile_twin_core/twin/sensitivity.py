@@ -1,0 +1,33 @@
+"""How the torque follows the shaft's state: its exact partial derivatives, for the sigma of a prediction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics import INPUTS
+from textile_twin_core.expression import derivative, variable
+from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.scalar import compile_scalar
+from textile_twin_core.machines.machine import Machine
+
+_FEW = 16
+
+
+class TorqueSensitivity:
+    """Gradient of the balancing torque by (theta, omega, alpha)."""
+
+    def __init__(self, machine: Machine) -> None:
+        torque = machine.model.output("balancing_torque_Nm")
+        slopes = [derivative([torque], variable(name))[0] for name in INPUTS]
+        self._scalar = compile_scalar(slopes, INPUTS)
+        self._program = BlockProgram(slopes, INPUTS)
+
+    def gradient(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:
+        """(n, 3) gradient [N m/rad, N m s/rad, N m s^2/rad] at (n,) states."""
+        if theta.size <= _FEW:
+            states = zip(theta.tolist(), omega.tolist(), alpha.tolist(), strict=True)
+            return np.array([self._scalar(*state) for state in states]).reshape(-1, 3)
+        out = np.empty((3, theta.size))
+        self._program([theta, omega, alpha], list(out))
+        return np.ascontiguousarray(out.T)

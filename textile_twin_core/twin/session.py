@@ -1,0 +1,155 @@
+"""Session: what lives between samples. Angle samples go in, in blocks of any size; predictions come out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
+from textile_twin_core.twin.sensitivity import TorqueSensitivity
+
+if TYPE_CHECKING:
+    from textile_twin_core.twin.compiled import Twin
+
+_FEW = 16
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Predictions at accepted samples, each with its sample's own stamp.
+
+    states: the shaft's estimated states (stamps, index, omega_rad_s, alpha_rad_s2, covariance, settled).
+    outputs: (n,) arrays by output name.
+    """
+
+    states: ShaftStates
+    outputs: Mapping[str, FloatArray]
+    _sensitivity: TorqueSensitivity | None
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return self.outputs[name]
+
+    @property
+    def stamps(self) -> FloatArray | IntArray:
+        """(n,) stamps as they came in."""
+        return self.states.stamps
+
+    @property
+    def index(self) -> IntArray:
+        """(n,) running number of the input sample, from 0."""
+        return self.states.index
+
+    @property
+    def theta_rad(self) -> FloatArray:
+        """(n,) shaft angle, unwrapped [rad]."""
+        return self.states.theta_rad
+
+    @property
+    def omega_rad_s(self) -> FloatArray:
+        """(n,) shaft speed [rad/s]."""
+        return self.states.omega_rad_s
+
+    @property
+    def alpha_rad_s2(self) -> FloatArray:
+        """(n,) shaft acceleration [rad/s^2]."""
+        return self.states.alpha_rad_s2
+
+    @property
+    def settled(self) -> BoolArray:
+        """(n,) whether the estimator had settled."""
+        return self.states.settled
+
+    @cached_property
+    def torque_sigma_Nm(self) -> FloatArray:
+        """(n,) standard deviation of the balancing torque that follows from the shaft state's [N m].
+
+        NaN for a machine without a torque.
+        """
+        if self._sensitivity is None:
+            return np.full(len(self), math.nan)
+        s = self.states
+        gradient = self._sensitivity.gradient(s.phase_rad, s.omega_rad_s, s.alpha_rad_s2)
+        variance: FloatArray = s.variance_of(gradient)
+        return np.sqrt(np.maximum(variance, 0.0))
+
+
+class Session:
+    """A twin that is fed with angle samples of its encoder."""
+
+    def __init__(self, twin: Twin, shaft: str, **settings: Any) -> None:
+        self.twin = twin
+        self._estimator = create_estimator(shaft, **settings)
+        self._encoder = twin.machine.sensors.encoder
+        self._winding = _windings(twin)
+
+    @property
+    def report(self) -> SampleReport:
+        """Counts of samples accepted and rejected, and the estimator's state."""
+        return self._estimator.report
+
+    def step(
+        self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
+    ) -> Samples:
+        """Take angle samples and predict.
+
+        stamps: integers [ns] or floats [s]; angles [rad] as the encoder measures them, wrapped or not;
+        velocities [rad/s] where the encoder gives them. From the third accepted sample on,
+        each accepted sample gets one prediction (with estimators that look ahead: later, or from `finish`).
+        """
+        e = self._encoder
+        factor = e.direction * e.ratio
+        angle = (np.asarray(angles, dtype=np.float64) - e.zero_rad) * factor
+        velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * factor
+        return self._predict(self._estimator.step(stamps, angle, velocity))
+
+    def finish(self) -> Samples:
+        """Predictions for the samples that the estimator still holds."""
+        return self._predict(self._estimator.finish())
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._estimator.reset()
+
+    @cached_property
+    def _sensitivity(self) -> TorqueSensitivity | None:
+        machine = self.twin.machine
+        return None if machine.missing_for_torque else TorqueSensitivity(machine)
+
+    def _predict(self, states: ShaftStates) -> Samples:
+        n = len(states)
+        outputs = {name: np.empty(n) for name in self.twin.outputs}
+        if 0 < n <= _FEW:
+            rows = zip(
+                states.phase_rad.tolist(),
+                states.omega_rad_s.tolist(),
+                states.alpha_rad_s2.tolist(),
+                strict=True,
+            )
+            for i, row in enumerate(rows):
+                for name, value in self.twin.evaluate(*row).items():
+                    outputs[name][i] = value
+        elif n:
+            self.twin.evaluate(states.phase_rad, states.omega_rad_s, states.alpha_rad_s2, out=outputs)
+        for name, winding in self._winding.items():
+            outputs[name] += winding * states.turns
+        return Samples(states, outputs, self._sensitivity)
+
+
+def _windings(twin: Twin) -> dict[str, float]:
+    """Outputs that wind up with the shaft, such as its angle: their growth over one turn."""
+    begin, end = twin.evaluate(0.0, 0.0, 0.0), twin.evaluate(2.0 * math.pi, 0.0, 0.0)
+    return {
+        name: 2.0 * math.pi * round((end[name] - begin[name]) / (2.0 * math.pi))
+        for name in twin.outputs
+        if abs(end[name] - begin[name]) > 1.0
+    }
