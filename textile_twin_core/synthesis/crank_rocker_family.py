@@ -64,7 +64,7 @@ class CrankRockerFamily:
         if not low - ROUNDING_RAD <= np.pi + imbalance <= high + ROUNDING_RAD:
             raise SceneError(
                 f"rotation {np.degrees(np.pi + imbalance):g} deg: no admissible beta; for a swing of"
-                f" {np.degrees(swing):g} deg give a rotation from {np.degrees(low):g} to {np.degrees(high):g} deg"
+                f" {np.degrees(swing):g} deg give one from {np.degrees(low):g} to {np.degrees(high):g} deg"
             )
 
     @property
