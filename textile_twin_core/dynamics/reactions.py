@@ -7,14 +7,24 @@ balancing torque, by another way than the reduction.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from functools import singledispatch
 
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.dynamics.shaft_state import ShaftState
 from textile_twin_core.dynamics.wrenches import Wrenches
-from textile_twin_core.expression import Expr
-from textile_twin_core.mechanism import Crank, Group, LinkMotion, Motion, RigidArm, RRPDyad, RRRDyad
+from textile_twin_core.expression import Expr, at_least, const, select
+from textile_twin_core.mechanism import (
+    Crank,
+    EllipticGearPair,
+    Group,
+    LinkMotion,
+    Motion,
+    RigidArm,
+    RRPDyad,
+    RRRDyad,
+)
 from textile_twin_core.mechanism.vector import Vector
 
 
@@ -112,3 +122,22 @@ def _(group: RRPDyad, wrenches: Wrenches) -> None:
     wrenches.add_reaction(group.from_point, first)
     wrenches.guide_reactions[group.slider] = -(lateral + slider_force.dot(across))
     wrenches.pull_on_point(group.from_point, -first)
+
+
+@transmit.register
+def _(group: EllipticGearPair, wrenches: Wrenches) -> None:
+    mesh = group.contact(wrenches.motion)
+    driver_force, driver_moment = wrenches.on(group.driver)
+    driven_force, driven_moment = wrenches.on(group.driven)
+    load = driven_moment + wrenches.torque_on.pop(group.driven, const(0.0))
+    across = load / mesh.driven_radius
+    # the flank that bears turns the force away from the common tangent so that it pushes the gears apart
+    k = math.tan(group.pressure_angle_rad)
+    pressing = (mesh.steepness - k) / (1.0 + k * mesh.steepness)
+    other = (mesh.steepness + k) / (1.0 - k * mesh.steepness)
+    slant = select(at_least(across, 0.0), pressing, other)
+    tooth = across * (mesh.along.turned_left() - slant * mesh.along)
+    wrenches.add_reaction(group.mesh, tooth)
+    wrenches.add_reaction(group.driven_at, -tooth - driven_force)
+    wrenches.add_reaction(group.at, tooth - driver_force)
+    wrenches.add_torque(group.driven_by, driver_moment - mesh.driver_radius * across)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from textile_twin_core.expression import Expr, const
-from textile_twin_core.mechanism import Crank, Motion, RigidArm, RRPDyad, RRRDyad
+from textile_twin_core.mechanism import Crank, EllipticGearPair, Motion, RigidArm, RRPDyad, RRRDyad
 from textile_twin_core.mechanism.vector import Vector
 
 if TYPE_CHECKING:
@@ -44,6 +44,9 @@ def machine_joints(machine: Machine) -> tuple[Joint, ...]:
         match group:
             case Crank():
                 joints.append(_pivot(motion, names, group.name, group.at))
+            case EllipticGearPair():
+                joints.append(_pivot(motion, names, group.driver, group.at))
+                joints.append(_pivot(motion, names, group.driven, group.driven_at))
             case RigidArm():
                 host = motion.links[group.on]
                 joints.append(

@@ -2,6 +2,7 @@
 
 from textile_twin_core.mechanism.assembly import Closeness, check_assembly
 from textile_twin_core.mechanism.crank import Crank
+from textile_twin_core.mechanism.elliptic_gear_pair import EllipticGearPair
 from textile_twin_core.mechanism.group import MAIN_SHAFT, Closure, Group
 from textile_twin_core.mechanism.linkage import THETA, Linkage
 from textile_twin_core.mechanism.measure import Arc, Displacement, Measure, Travel
@@ -18,6 +19,7 @@ __all__ = [
     "Closure",
     "Crank",
     "Displacement",
+    "EllipticGearPair",
     "Group",
     "LinkMotion",
     "Linkage",
