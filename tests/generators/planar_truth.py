@@ -1,8 +1,8 @@
 """Planar loops to any number of digits: four-bar and slider-crank, positions and exact derivatives.
 
-Vectors are complex numbers. A dyad is closed by the triangle of its lengths over the line between its ends; the
-derivatives come from the loop equation itself, differentiated and solved as a linear equation. At fifty digits
-the cancellation near dead centres and change points, which ruins double precision, does not matter.
+Vectors are complex numbers. A dyad is closed by the triangle of its lengths over the line of its ends;
+the derivatives come from the loop equation itself, differentiated and solved as a linear equation. At fifty
+digits the cancellation near dead centres and change points, which ruins double precision, does not matter.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -111,6 +112,12 @@ class Linkage:
         return j + part * dj, c + part * dc, g + part * dg, s + part * ds, s1 + part * ds1
 
 
+@cache
+def tabulated_linkage() -> Linkage:
+    """The linkage, tabulated once."""
+    return Linkage()
+
+
 State = tuple[float, float, float, float]
 
 
@@ -119,7 +126,7 @@ class Machine:
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
-        self.linkage = Linkage()
+        self.linkage = tabulated_linkage()
 
     def at_rest(self) -> State:
         """Brake on, crank hanging in the shaft: the angle where the twist carries the linkage's weight."""
