@@ -112,6 +112,11 @@ class Session:
         velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * factor
         return self._predict(self._estimator.step(stamps, angle, velocity))
 
+    def use(self, twin: Twin) -> None:
+        """Go on with another twin of the same machine: other outputs, the shaft's state is kept."""
+        self.twin = twin
+        self._winding = _windings(twin)
+
     def finish(self) -> Samples:
         """Predictions for the samples that the estimator still holds."""
         return self._predict(self._estimator.finish())
