@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from textile_twin_core import machines
 from textile_twin_core.errors import MachineError, MotionError, RecordingError, SceneError, TwinError
-from textile_twin_core.machines import Machine
-from textile_twin_core.twin import Samples, Session, Twin
-from textile_twin_core.twin import compile_machine as compile
+
+if TYPE_CHECKING:
+    from textile_twin_core import machines
+    from textile_twin_core.machines import Machine
+    from textile_twin_core.twin import Samples, Session, Twin
+    from textile_twin_core.twin import compile_machine as compile
 
 __all__ = [
     "Machine",
@@ -24,6 +28,24 @@ __all__ = [
     "load_machine",
     "machines",
 ]
+
+# The engine is imported when it is first used, so that commands which do not need it start at once.
+_ENGINE = {
+    "Machine": ("machines", "Machine"),
+    "Samples": ("twin", "Samples"),
+    "Session": ("twin", "Session"),
+    "Twin": ("twin", "Twin"),
+    "compile": ("twin", "compile_machine"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "machines":
+        return import_module("textile_twin_core.machines")
+    if name in _ENGINE:
+        module, attribute = _ENGINE[name]
+        return getattr(import_module(f"textile_twin_core.{module}"), attribute)
+    raise AttributeError(f"module 'textile_twin_core' has no attribute '{name}'")
 
 
 def load_machine(path: str | Path) -> Machine:

@@ -1,0 +1,172 @@
+"""Tables of shaft motion in and of outputs out: CSV and Parquet, one row per sample."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import MotionError
+from textile_twin_core.files.atomic import OutputError, staged
+
+if TYPE_CHECKING:
+    import pyarrow
+
+_NEEDED = ("theta_rad", "omega_rad_s", "alpha_rad_s2")
+_TIME = "time_s"
+TABLE_SUFFIXES = (".csv", ".parquet")
+
+
+@dataclass(frozen=True)
+class MotionTable:
+    """Shaft motion sample by sample; arrays of shape (n,), all finite. time_s, where given, increases."""
+
+    theta_rad: FloatArray
+    omega_rad_s: FloatArray
+    alpha_rad_s2: FloatArray
+    time_s: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.theta_rad)
+
+    def columns(self) -> dict[str, FloatArray]:
+        """The columns by name, in the order in which tables carry them."""
+        columns = {name: getattr(self, name) for name in _NEEDED}
+        return columns if self.time_s is None else columns | {_TIME: self.time_s}
+
+
+def read_motion_table(path: str | Path) -> MotionTable:
+    """Read a table with the columns theta_rad, omega_rad_s, alpha_rad_s2 and, if there, time_s; others are left.
+
+    Raises MotionError for a missing file or column and for a cell that is no finite number, with its line.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise MotionError(f"{path}: no such file; give a .csv or .parquet table of the shaft's motion")
+    if path.suffix == ".csv":
+        table = _read_csv(path)
+    elif path.suffix == ".parquet":
+        table = _read_parquet(path)
+    else:
+        raise MotionError(f"{path}: a table of motion must be .csv or .parquet")
+    if table.num_rows == 0:
+        raise MotionError(f"{path}: no rows below the header; give at least one sample")
+    columns: dict[str, FloatArray] = {}
+    for name in table.column_names:
+        values = table[name].to_numpy().astype(np.float64, copy=False)
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise _bad_cell(path) or MotionError(f"{path}, row {row + 1}: {name} is {values[row]}; {_FIX}")
+        columns[name] = values
+    time = columns.get(_TIME)
+    if time is not None and not (np.diff(time) > 0).all():
+        row = int(np.flatnonzero(np.diff(time) <= 0)[0])
+        raise MotionError(f"{path}, row {row + 2}: time_s does not increase; sort the rows by time")
+    return MotionTable(*(columns[name] for name in _NEEDED), time_s=time)
+
+
+_FIX = "give a finite number"
+
+
+def _wanted(path: Path, there: list[str]) -> list[str]:
+    """Columns to read; an error names those missing."""
+    missing = [name for name in _NEEDED if name not in there]
+    if missing:
+        raise MotionError(
+            f"{path}: column {', '.join(missing)} is missing; there are: {', '.join(there) or 'none'}"
+        )
+    return [*_NEEDED, *([_TIME] if _TIME in there else [])]
+
+
+def _header(path: Path) -> list[str]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            return [name.strip() for name in next(csv.reader(file), [])]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise MotionError(f"{path}: not a CSV file of text; give one with a header line") from error
+
+
+def _read_csv(path: Path) -> pyarrow.Table:
+    import pyarrow
+    import pyarrow.csv
+
+    names = _header(path)
+    wanted = _wanted(path, names)
+    try:
+        return pyarrow.csv.read_csv(
+            path,
+            read_options=pyarrow.csv.ReadOptions(column_names=names, skip_rows=1),
+            convert_options=pyarrow.csv.ConvertOptions(
+                include_columns=wanted, column_types=dict.fromkeys(wanted, pyarrow.float64())
+            ),
+        )
+    except pyarrow.ArrowInvalid as error:
+        # Slow but exact: find the cell and its line only when there is one to complain about.
+        raise _bad_cell(path) or MotionError(f"{path}: not a table: {error}") from error
+
+
+def _bad_cell(path: Path) -> MotionError | None:
+    """The first cell of a CSV file that is no finite number, with the line of the file it stands on."""
+    if path.suffix != ".csv":
+        return None
+    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+        reader = csv.reader(file)
+        names = [name.strip() for name in next(reader)]
+        wanted = [(name, names.index(name)) for name in _wanted(path, names)]
+        for row in reader:
+            if not row:
+                continue
+            for name, place in wanted:
+                text = row[place].strip() if place < len(row) else ""
+                try:
+                    good = math.isfinite(float(text))
+                except ValueError:
+                    good = False
+                if not good:
+                    return MotionError(f"{path}, line {reader.line_num}: {name} is '{text}'; {_FIX}")
+            if len(row) != len(names):
+                return MotionError(
+                    f"{path}, line {reader.line_num}: {len(row)} cells, but the header has {len(names)}"
+                )
+    return None
+
+
+def _read_parquet(path: Path) -> pyarrow.Table:
+    import pyarrow
+    import pyarrow.parquet
+
+    try:
+        wanted = _wanted(path, pyarrow.parquet.read_schema(path).names)
+        table = pyarrow.parquet.read_table(path, columns=wanted)
+        return table.cast(pyarrow.schema([(name, pyarrow.float64()) for name in wanted]))
+    except (pyarrow.ArrowException, OSError) as error:
+        first = str(error).splitlines()[0]
+        raise MotionError(f"{path}: not a Parquet table of numbers: {first}") from error
+
+
+def write_table(path: str | Path, columns: Mapping[str, FloatArray]) -> None:
+    """Write equally long columns as .csv (shortest text that reads back to the same float) or .parquet.
+
+    The file appears when it is complete. Raises OutputError for another suffix or a place that cannot be written.
+    """
+    import pyarrow
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    path = Path(path)
+    if path.suffix not in TABLE_SUFFIXES:
+        raise OutputError(f"output {path}: a table must end in {' or '.join(TABLE_SUFFIXES)}")
+    with staged(path) as partial:
+        table = pyarrow.table({name: pyarrow.array(np.ascontiguousarray(values)) for name, values in columns.items()})
+        if path.suffix == ".parquet":
+            pyarrow.parquet.write_table(table, partial)
+            return
+        with pyarrow.OSFile(str(partial), "wb") as file:
+            file.write((",".join(table.column_names) + "\n").encode())
+            pyarrow.csv.write_csv(table, file, pyarrow.csv.WriteOptions(include_header=False))
