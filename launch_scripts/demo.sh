@@ -1,0 +1,37 @@
+#!/usr/bin/env bash
+# Plays a recording of a tufting machine through the nodes, records what they publish, and compares it with the measured torque.
+set -euo pipefail
+
+if [[ "${1:-}" == -* || $# -gt 1 ]]; then
+    cat >&2 <<'HELP'
+usage: launch_scripts/demo.sh [RATE]
+RATE: speed of playing, 1 is that of the machine, 4 when not given. The results go to out/demo.
+HELP
+    exit 2
+fi
+rate="${1:-4}"
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+cd "$root"
+
+played=bags/tufting_160rpm_synthetic
+rm -rf out/demo
+mkdir -p out/demo
+# Nobody else's nodes join in: this computer only, and a domain of our own.
+export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID="$((1 + $$ % 100))" ROS_LOG_DIR="$root/out/demo/log"
+
+echo "Playing $played at $rate times its speed through replay_node, twin_node and record_node ..."
+node() { echo "---" "$venv/bin/$1" --ros-args --params-file launch_scripts/demo.yaml; }
+"$venv/bin/python" launch_scripts/bring_up.py --logs out/demo/log --until record_node -- \
+    $(node record_node) $(node twin_node) $(node replay_node) -p "rate:=$rate"
+
+"$venv/bin/textile-twin" compare out/demo/bag --machine tufting --predicted recorded \
+    --json out/demo/comparison.json --rrd out/demo/comparison.rrd --png out/demo/comparison.png > out/demo/log/compare.log
+"$venv/bin/python" launch_scripts/demo_report.py "$played" out/demo/bag out/demo/comparison.json
+
+cat <<'FURTHER'
+
+Look further:
+  out/demo/comparison.png                            measured and predicted torque by shaft angle
+  .venv/bin/textile-twin view out/demo/comparison.rrd   the machine in motion beside its torque
+  .venv/bin/textile-twin compare out/demo/bag --machine tufting   the whole comparison
+FURTHER
