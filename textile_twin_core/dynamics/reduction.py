@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const
+from textile_twin_core.expression.graph import scaled
 from textile_twin_core.mechanism import Motion
 from textile_twin_core.mechanism.vector import Vector
 
@@ -61,14 +62,42 @@ def reduce_bodies(motion: Motion, bodies: Iterable[Body], gravity: Vector) -> Re
             across_potential += (-moment) * gravity.dot(u.turned_left())
             across_pull += moment * (p * gravity.dot(u))
     inertia, half_slope, potential, pull = across_inertia, across_slope, across_potential, across_pull
+    squares, products = _Sum(), _Sum()
+    weight, pulls = _Sum(), _Sum()
     for name, mass in mass_at.items():
         point = motion.points[name]
-        inertia += mass * point.speed_squared
-        half_slope += mass * point.speed_product
-        potential += (-mass) * gravity.dot(point.position)
-        pull += (-mass) * gravity.dot(point.first)
+        squares.add(mass, point.speed_squared)
+        products.add(mass, point.speed_product)
+        for g, height, slope in (
+            (gravity.x, point.position.x, point.first.x),
+            (gravity.y, point.position.y, point.first.y),
+        ):
+            weight.add(-mass, g * height)
+            pulls.add(-mass, g * slope)
     for name, value in inertia_of.items():
         link = motion.links[name]
-        inertia += value * (link.first * link.first)
-        half_slope += value * (link.first * link.second)
-    return Reduction(inertia, half_slope, potential, pull)
+        squares.add(value, link.first * link.first)
+        products.add(value, link.first * link.second)
+    return Reduction(
+        inertia + squares.total(),
+        half_slope + products.total(),
+        potential + weight.total(),
+        pull + pulls.total(),
+    )
+
+
+class _Sum:
+    """A weighted sum in which equal terms are met once, as the two ends of a slider."""
+
+    def __init__(self) -> None:
+        self._weights: dict[Expr, float] = defaultdict(float)
+
+    def add(self, weight: float, term: Expr) -> None:
+        factor, rest = scaled(term)
+        self._weights[rest] += weight * factor
+
+    def total(self) -> Expr:
+        result = const(0.0)
+        for term, weight in self._weights.items():
+            result += weight * term
+        return result

@@ -101,7 +101,7 @@ def as_expr(value: Expr | Number) -> Expr:
     return value if isinstance(value, Expr) else const(value)
 
 
-def _scaled(e: Expr) -> tuple[float, Expr]:
+def scaled(e: Expr) -> tuple[float, Expr]:
     """Split into (factor, rest) such that e = factor * rest."""
     if e.op == "mul":
         for i in (0, 1):
@@ -123,7 +123,7 @@ def _add(a: Expr, b: Expr) -> Expr:
         return _subtract(a, b.args[0])
     if a.op == "neg":
         return _subtract(b, a.args[0])
-    (ka, ra), (kb, rb) = _scaled(a), _scaled(b)
+    (ka, ra), (kb, rb) = scaled(a), scaled(b)
     if ra is rb:
         return const(ka + kb) * ra
     return _node("add", (a, b))
@@ -150,7 +150,7 @@ def _negate(a: Expr) -> Expr:
         return a.args[0]
     if a.op == "sub":
         return _node("sub", (a.args[1], a.args[0]))
-    factor, rest = _scaled(a)
+    factor, rest = scaled(a)
     if factor != 1.0:
         return const(-factor) * rest
     return _node("neg", (a,))
@@ -168,11 +168,11 @@ def _multiply(a: Expr, b: Expr) -> Expr:
             return b
         if a.value == -1.0:
             return _negate(b)
-        factor, rest = _scaled(b)
+        factor, rest = scaled(b)
         if factor != 1.0:
             return const(a.value * factor) * rest
         return _node("mul", (a, b))
-    (ka, ra), (kb, rb) = _scaled(a), _scaled(b)
+    (ka, ra), (kb, rb) = scaled(a), scaled(b)
     if ka * kb != 1.0:
         return const(ka * kb) * _multiply(ra, rb)
     if ra is not a or rb is not b:
@@ -187,7 +187,7 @@ def _divide(a: Expr, b: Expr) -> Expr:
         if a.is_constant:
             return const(a.value / b.value)
         return const(1.0 / b.value) * a
-    factor, rest = _scaled(a)
+    factor, rest = scaled(a)
     if a.is_constant and a.value == 0.0:
         return a
     if factor != 1.0:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from textile_twin_core.expression.graph import Expr, topological_order
@@ -60,7 +60,8 @@ def compile_scalar(outputs: Sequence[Expr], inputs: Sequence[str]) -> ScalarFunc
 
     It raises ValueError where a square root has a negative argument: the linkage cannot close there.
     """
-    return _compiled(scalar_source(outputs, inputs))
+    function: ScalarFunction = _compiled(scalar_source(outputs, inputs))
+    return function
 
 
 def compile_scalar_mapping(
@@ -80,9 +81,8 @@ def _template(op: str) -> str:
     raise TypeError(f"'{op}' has no scalar form")
 
 
-def _compiled(source: str, extra: Iterable[tuple[str, Any]] = ()) -> Any:
+def _compiled(source: str) -> Any:
     namespace: dict[str, Any] = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "atan2")}
     namespace["abs"] = math.fabs
-    namespace.update(extra)
     exec(compile(source, "<twin>", "exec"), namespace)
     return namespace["f"]

@@ -49,7 +49,8 @@ def crossings(level: Expr) -> tuple[list[float], list[float]]:
     values = np.empty_like(theta)
     BlockProgram([level], ["theta"])([theta], [values])
     function = compile_scalar([level], ["theta"])
-    rising, falling = [], []
+    rising: list[float] = []
+    falling: list[float] = []
     positive = values >= 0.0
     for i in np.flatnonzero(positive[1:] != positive[:-1]):
         angle = _root(lambda t: function(t)[0], float(theta[i]), float(theta[i + 1])) % (2.0 * math.pi)

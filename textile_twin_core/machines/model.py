@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 from textile_twin_core.dynamics.loads.load import LoadContext, generalised_force
@@ -14,7 +14,8 @@ from textile_twin_core.dynamics.shaft_state import ShaftState
 from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.expression import Expr, const
-from textile_twin_core.mechanism import MAIN_SHAFT, Displacement, Motion, RRPDyad
+from textile_twin_core.machines.joints import Joint, joint_state
+from textile_twin_core.mechanism import MAIN_SHAFT, Crank, Displacement, Group, Motion, RigidArm, RRPDyad
 from textile_twin_core.mechanism.angles import link_angle
 from textile_twin_core.mechanism.vector import Vector
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from textile_twin_core.machines.machine import Machine
 
 Builder = Callable[[], Expr]
-TORQUE_OUTPUTS = ("balancing_torque_Nm", "torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm")
 
 
 class LinkageModel:
@@ -50,12 +50,15 @@ class LinkageModel:
         return reduce_bodies(self.motion, self.machine.bodies, self.gravity)
 
     @cached_property
+    def inertial_torque(self) -> Expr:
+        """J alpha + J'/2 omega^2 [N m]."""
+        reduced = self.reduction
+        return reduced.inertia * self.shaft.alpha + reduced.half_slope * self.shaft.omega_squared
+
+    @cached_property
     def load_torque(self) -> Expr:
         """What the drive must add for the loads [N m]."""
-        total = const(0.0)
-        for load in self.machine.loads:
-            total -= generalised_force(load, self.load_context)
-        return total
+        return -total(generalised_force(load, self.load_context) for load in self.machine.loads)
 
     @cached_property
     def wrenches(self) -> Wrenches:
@@ -75,14 +78,24 @@ class MachineModel:
 
     def __init__(self, machine: Machine, shaft: ShaftState | None = None) -> None:
         self.machine, self.shaft = machine, shaft or ShaftState()
-        self._linkages = [LinkageModel(machine, place.phase_rad, self.shaft) for place in machine.linkages]
-        self._builders = self._catalogue()
+        self.linkages = [LinkageModel(machine, place.phase_rad, self.shaft) for place in machine.linkages]
+        self._builders: dict[str, Builder] = {}
         self._built: dict[str, Expr] = {}
+        self._list_shaft_outputs()
+        self._list_measures()
+        self._list_reactions()
+        self._list_links()
+        self._list_points_and_joints()
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """All output names."""
         return tuple(self._builders)
+
+    @property
+    def first(self) -> LinkageModel:
+        """The first linkage on the shaft."""
+        return self.linkages[0]
 
     def output(self, name: str) -> Expr:
         """The expression of an output. Raises SceneError, with near names, for an unknown one."""
@@ -96,147 +109,123 @@ class MachineModel:
             self._built[name] = builder()
         return self._built[name]
 
-    @property
-    def first(self) -> LinkageModel:
-        """The first linkage on the shaft."""
-        return self._linkages[0]
-
-    def _sum(self, part: Callable[[LinkageModel], Expr]) -> Expr:
-        total = const(0.0)
-        for linkage in self._linkages:
-            total += part(linkage)
-        return total
-
-    def _dynamic(self, part: Callable[[LinkageModel], Expr]) -> Builder:
-        def build() -> Expr:
-            if self.machine.missing_for_torque:
-                raise MachineError(
-                    f"machine '{self.machine.name}' has no masses, so no torque, energy or reaction; "
-                    f"give {', '.join(self.machine.missing_for_torque)}"
-                )
-            return self._sum(part)
-
-        return build
-
-    def _inertial(self, linkage: LinkageModel) -> Expr:
-        r = linkage.reduction
-        return r.inertia * self.shaft.alpha + r.half_slope * self.shaft.omega_squared
-
-    def _catalogue(self) -> dict[str, Builder]:
-        found: dict[str, Builder] = {}
-        dynamic = self._dynamic
-        found["balancing_torque_Nm"] = dynamic(
-            lambda k: self._inertial(k) + k.reduction.potential_slope + k.load_torque
-        )
-        found["torque_inertial_Nm"] = dynamic(self._inertial)
-        found["torque_gravity_Nm"] = dynamic(lambda k: k.reduction.potential_slope)
-        found["torque_load_Nm"] = dynamic(lambda k: k.load_torque)
-        found["balancing_torque_newton_euler_Nm"] = dynamic(lambda k: -k.wrenches.torque_on[MAIN_SHAFT])
-        found["equivalent_inertia_kgm2"] = dynamic(lambda k: k.reduction.inertia)
-        found["equivalent_inertia_slope_kgm2"] = dynamic(lambda k: 2.0 * k.reduction.half_slope)
-        found["kinetic_energy_J"] = dynamic(lambda k: 0.5 * k.reduction.inertia * self.shaft.omega_squared)
-        found["potential_energy_J"] = dynamic(lambda k: k.reduction.potential)
-        self._add_measures(found)
-        for output, arm in self.machine.transmitted.items():
-            found[output] = self._first(lambda k, arm=arm: k.wrenches.transmitted[arm])
-        self._add_reactions(found)
-        self._add_links(found)
-        self._add_points(found)
-        self._add_joints(found)
-        return found
-
-    def _first(self, part: Callable[[LinkageModel], Expr]) -> Builder:
-        def build() -> Expr:
-            if self.machine.missing_for_torque:
-                return self._dynamic(part)()
-            return part(self.first)
-
-        return build
-
-    def _add_measures(self, found: dict[str, Builder]) -> None:
-        shaft = self.shaft
-        for measure in self.machine.measures:
-
-            def get(name: str = measure.name) -> Displacement:
-                return self.first.displacements[name]
-
-            name = measure.name
-            found[f"{name}_position_m"] = lambda get=get: get().position
-            found[f"{name}_velocity_m_s"] = lambda get=get: get().first * shaft.omega
-            found[f"{name}_acceleration_m_s2"] = lambda get=get: (
-                get().second * shaft.omega_squared + get().first * shaft.alpha
-            )
-
-    def _add_reactions(self, found: dict[str, Builder]) -> None:
-        for pin in pins(self.machine):
-            found[f"reaction_{pin}_x_N"] = self._first(lambda k, pin=pin: k.wrenches.reactions[pin].x)
-            found[f"reaction_{pin}_y_N"] = self._first(lambda k, pin=pin: k.wrenches.reactions[pin].y)
-        sliders = [g.slider for g in self.machine.groups if isinstance(g, RRPDyad)]
-        for slider in sliders:
-            name = "reaction_guide_N" if len(sliders) == 1 else f"reaction_guide_{slider}_N"
-            found[name] = self._first(lambda k, s=slider: k.wrenches.guide_reactions[s])
-
-    def _add_links(self, found: dict[str, Builder]) -> None:
-        shaft = self.shaft
-        for name, link in self.first.motion.links.items():
-            number = link_number(name)
-            found[f"theta_{number}_rad"] = lambda name=name: self.link_angle(name)
-            found[f"omega_{number}_rad_s"] = lambda link=link: link.first * shaft.omega
-            found[f"alpha_{number}_rad_s2"] = lambda link=link: (
-                link.second * shaft.omega_squared + link.first * shaft.alpha
-            )
-            bodies = [b for b in self.machine.bodies if b.on == name]
-            found[f"inertia_force_{number}_x_N"] = self._first(
-                lambda k, bodies=bodies: _total([inertia_force(k.motion, b, shaft)[0].x for b in bodies])
-            )
-            found[f"inertia_force_{number}_y_N"] = self._first(
-                lambda k, bodies=bodies: _total([inertia_force(k.motion, b, shaft)[0].y for b in bodies])
-            )
-            found[f"inertia_torque_{number}_Nm"] = self._first(
-                lambda k, bodies=bodies: _total([inertia_force(k.motion, b, shaft)[1] for b in bodies])
-            )
-
-    def _add_points(self, found: dict[str, Builder]) -> None:
-        for name, point in self.first.motion.points.items():
-            found[f"point_{name}_x_m"] = lambda point=point: point.position.x
-            found[f"point_{name}_y_m"] = lambda point=point: point.position.y
-
-    def _add_joints(self, found: dict[str, Builder]) -> None:
-        for name in self.machine.joint_names.values():
-            found[f"joint_{name}_position"] = lambda name=name: self.joint(name)[0]
-            found[f"joint_{name}_velocity"] = lambda name=name: self.joint(name)[1]
-
-    def joint(self, name: str) -> tuple[Expr, Expr]:
-        """Position and velocity of a joint of the robot description [rad, rad/s or m, m/s]."""
-        from textile_twin_core.machines.joints import joint_state
-
-        joint = next(j for j in self.machine.joints if j.name == name)
-        return joint_state(self, joint)
-
     def link_angle(self, name: str) -> Expr:
         """The angle of a link of the first linkage, continuous over the turn [rad]."""
         motion = self.first.motion
         near = self.machine.angle_near_rad.get(name, 0.0)
         return link_angle(motion.links[name], motion.rotations[MAIN_SHAFT].direction, near)
 
+    def _list_shaft_outputs(self) -> None:
+        parts: dict[str, Callable[[LinkageModel], Expr]] = {
+            "balancing_torque_Nm": lambda k: k.inertial_torque + k.reduction.potential_slope + k.load_torque,
+            "torque_inertial_Nm": lambda k: k.inertial_torque,
+            "torque_gravity_Nm": lambda k: k.reduction.potential_slope,
+            "torque_load_Nm": lambda k: k.load_torque,
+            "balancing_torque_newton_euler_Nm": lambda k: -k.wrenches.torque_on[MAIN_SHAFT],
+            "equivalent_inertia_kgm2": lambda k: k.reduction.inertia,
+            "equivalent_inertia_slope_kgm2": lambda k: 2.0 * k.reduction.half_slope,
+            "kinetic_energy_J": lambda k: 0.5 * k.reduction.inertia * self.shaft.omega_squared,
+            "potential_energy_J": lambda k: k.reduction.potential,
+        }
+        for name, part in parts.items():
+            self._builders[name] = partial(self._sum, part)
 
-def pins(machine: Machine) -> tuple[str, ...]:
-    """The turning joints of a machine, by point, in the order of the groups."""
+    def _list_measures(self) -> None:
+        for measure in self.machine.measures:
+            get = partial(self.first.displacements.__getitem__, measure.name)
+            self._builders[f"{measure.name}_position_m"] = partial(_position, get)
+            self._builders[f"{measure.name}_velocity_m_s"] = partial(_velocity, get, self.shaft)
+            self._builders[f"{measure.name}_acceleration_m_s2"] = partial(_acceleration, get, self.shaft)
+
+    def _list_reactions(self) -> None:
+        for output, arm in self.machine.transmitted.items():
+            self._builders[output] = partial(self._wrench, lambda w, arm: w.transmitted[arm], arm)
+        for pin in pins(self.machine.groups):
+            self._builders[f"reaction_{pin}_x_N"] = partial(self._wrench, lambda w, p: w.reactions[p].x, pin)
+            self._builders[f"reaction_{pin}_y_N"] = partial(self._wrench, lambda w, p: w.reactions[p].y, pin)
+        sliders = [g.slider for g in self.machine.groups if isinstance(g, RRPDyad)]
+        for slider in sliders:
+            name = "reaction_guide_N" if len(sliders) == 1 else f"reaction_guide_{slider}_N"
+            self._builders[name] = partial(self._wrench, lambda w, s: w.guide_reactions[s], slider)
+
+    def _list_links(self) -> None:
+        for name in self.first.motion.links:
+            k = link_number(name)
+            self._builders[f"theta_{k}_rad"] = partial(self.link_angle, name)
+            self._builders[f"omega_{k}_rad_s"] = partial(self._link_speed, name)
+            self._builders[f"alpha_{k}_rad_s2"] = partial(self._link_acceleration, name)
+            self._builders[f"inertia_force_{k}_x_N"] = partial(self._inertia, name, lambda f, _: f.x)
+            self._builders[f"inertia_force_{k}_y_N"] = partial(self._inertia, name, lambda f, _: f.y)
+            self._builders[f"inertia_torque_{k}_Nm"] = partial(self._inertia, name, lambda _, couple: couple)
+
+    def _list_points_and_joints(self) -> None:
+        for name in self.first.motion.points:
+            self._builders[f"point_{name}_x_m"] = partial(self._coordinate, name, "x")
+            self._builders[f"point_{name}_y_m"] = partial(self._coordinate, name, "y")
+        for joint in self.machine.joints:
+            if joint.kind != "fixed":
+                self._builders[f"joint_{joint.name}_position"] = partial(self._joint, joint, 0)
+                self._builders[f"joint_{joint.name}_velocity"] = partial(self._joint, joint, 1)
+
+    def _check_masses(self) -> None:
+        if self.machine.missing_for_torque:
+            raise MachineError(
+                f"machine '{self.machine.name}' has no masses, so no torque, energy or reaction; "
+                f"give {', '.join(self.machine.missing_for_torque)}"
+            )
+
+    def _sum(self, part: Callable[[LinkageModel], Expr]) -> Expr:
+        self._check_masses()
+        return total(part(linkage) for linkage in self.linkages)
+
+    def _wrench(self, pick: Callable[[Wrenches, str], Expr], name: str) -> Expr:
+        self._check_masses()
+        return pick(self.first.wrenches, name)
+
+    def _link_speed(self, name: str) -> Expr:
+        return self.first.motion.links[name].first * self.shaft.omega
+
+    def _link_acceleration(self, name: str) -> Expr:
+        link = self.first.motion.links[name]
+        return link.second * self.shaft.omega_squared + link.first * self.shaft.alpha
+
+    def _inertia(self, link: str, pick: Callable[[Vector, Expr], Expr]) -> Expr:
+        self._check_masses()
+        bodies = [b for b in self.machine.bodies if b.on == link]
+        return total(pick(*inertia_force(self.first.motion, body, self.shaft)) for body in bodies)
+
+    def _coordinate(self, point: str, axis: str) -> Expr:
+        position = self.first.motion.points[point].position
+        return position.x if axis == "x" else position.y
+
+    def _joint(self, joint: Joint, which: int) -> Expr:
+        return joint_state(self, joint)[which]
+
+
+def _position(get: Callable[[], Displacement]) -> Expr:
+    return get().position
+
+
+def _velocity(get: Callable[[], Displacement], shaft: ShaftState) -> Expr:
+    return get().first * shaft.omega
+
+
+def _acceleration(get: Callable[[], Displacement], shaft: ShaftState) -> Expr:
+    displacement = get()
+    return displacement.second * shaft.omega_squared + displacement.first * shaft.alpha
+
+
+def pins(groups: Iterable[Group]) -> tuple[str, ...]:
+    """The turning joints of a chain, by point, in the order of the groups; free ends are none."""
+    groups = tuple(groups)
     found: dict[str, None] = {}
-    for group in machine.groups:
-        for attribute in ("at", "ground", "from_point", "end"):
-            point = getattr(group, attribute, None)
-            if isinstance(point, str):
-                found[point] = None
-    loose = _loose_ends(machine)
-    return tuple(p for p in found if p not in loose)
-
-
-def _loose_ends(machine: Machine) -> set[str]:
-    """Ends of cranks and arms on which nothing hangs: no joint there."""
-    ends = {g.end for g in machine.groups if hasattr(g, "end") and not hasattr(g, "from_point")}
-    used = {getattr(g, a) for g in machine.groups for a in ("from_point", "ground", "at") if hasattr(g, a)}
-    return ends - used
+    for group in groups:
+        for role in ("at", "driven_at", "mesh", "ground", "from_point", "end"):
+            if hasattr(group, role):
+                found[getattr(group, role)] = None
+    held = {getattr(g, role) for g in groups for role in ("at", "ground", "from_point") if hasattr(g, role)}
+    free = {g.end for g in groups if isinstance(g, (Crank, RigidArm))} - held
+    return tuple(point for point in found if point not in free)
 
 
 def link_number(link: str) -> str:
@@ -244,8 +233,9 @@ def link_number(link: str) -> str:
     return link[1:] if link[:1] == "l" and link[1:].isdigit() else link
 
 
-def _total(terms: list[Expr]) -> Expr:
-    total = const(0.0)
+def total(terms: Iterable[Expr]) -> Expr:
+    """The sum of expressions."""
+    result = const(0.0)
     for term in terms:
-        total += term
-    return total
+        result += term
+    return result

@@ -37,4 +37,5 @@ def link_angle(link: LinkMotion, shaft_direction: Vector, near_rad: float = 0.0)
         direction = Vector(s.dot(direction), s.cross(direction))
     reference = Vector.of(math.cos(middle), math.sin(middle))
     swing = atan2(reference.cross(direction), reference.dot(direction))
-    return middle + turns * THETA + swing
+    wound: Expr = turns * THETA
+    return swing + middle + wound

@@ -53,8 +53,8 @@ def check_assembly(linkage: Linkage, range_rad: tuple[float, float] = FULL_TURN)
             if not value >= -_ROUNDING * closure.scale:
                 opens = _opens_at(closure.value, range_rad, theta)
                 raise MachineError(
-                    f"group '{group.name}' cannot close: at a shaft angle of {math.degrees(opens):.4f} deg {closure.how}; "
-                    "change its lengths or where it is fixed"
+                    f"group '{group.name}' cannot close: at a shaft angle of {math.degrees(opens):.4f} deg "
+                    f"{closure.how}; change its lengths or where it is fixed"
                 )
         margin, theta = min((v / c.scale, t) for c, (t, v) in zip(found, minima, strict=True))
         reports.append(Closeness(group.name, max(margin, 0.0), theta, _transmission(group, minima)))

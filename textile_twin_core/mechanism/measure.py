@@ -26,7 +26,7 @@ class Displacement:
 
 @runtime_checkable
 class Measure(Protocol):
-    """A named displacement of a machine; it gives outputs NAME_position_m, _velocity_m_s, _acceleration_m_s2."""
+    """A named displacement of a machine; it gives NAME_position_m, _velocity_m_s, _acceleration_m_s2."""
 
     @property
     def name(self) -> str:
@@ -87,7 +87,7 @@ class Arc:
 
 
 def _smallest(swing: Expr) -> float:
-    """The smallest value over a turn, to rounding: its curvature makes a fine grid's parabola exact enough."""
+    """The smallest value over a turn, to rounding: the grid closes in on it."""
     theta = np.linspace(0.0, 2.0 * np.pi, 4097)[:-1]
     values = np.empty_like(theta)
     program = BlockProgram([swing], ["theta"])

@@ -100,7 +100,7 @@ def compile_machine(
 ) -> Twin:
     """Compile a machine for the outputs asked; None takes those of the machine's scene.
 
-    Raises SceneError for an unknown output or method, MachineError where the machine lacks what an output needs.
+    Raises SceneError for an unknown output or method, MachineError where the machine lacks what one needs.
     """
     if isinstance(outputs, str):
         raise SceneError(f"outputs must be a list of names, such as ['{outputs}']")

@@ -1,0 +1,73 @@
+"""Sessions: stamps, blocks, encoders and the sigma of the torque."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+import textile_twin_core as ttc
+
+OUTPUTS = ["balancing_torque_Nm", "needle_position_m", "joint_main_shaft_position", "joint_coupler_position"]
+
+
+def motion(n: int = 1500) -> tuple[np.ndarray, np.ndarray]:
+    stamps = 1_700_000_000_000_000_000 + np.arange(n, dtype=np.int64) * 2_000_000
+    return stamps, 16.755 * np.arange(n) * 0.002
+
+
+def test_blocks_of_any_size_give_the_same_numbers() -> None:
+    twin = ttc.compile(ttc.machines.tufting(), OUTPUTS, method="exact")
+    stamps, theta = motion()
+    whole = twin.session().step(stamps, theta)
+    session, cuts = twin.session(), [0, 1, 2, 3, 500, 517, 1500]
+    parts = [session.step(stamps[a:b], theta[a:b]) for a, b in pairwise(cuts)]
+    assert np.array_equal(np.concatenate([p.stamps for p in parts]), whole.stamps)
+    for name in OUTPUTS:
+        assert np.allclose(np.concatenate([p[name] for p in parts]), whole[name], rtol=0, atol=1e-11)
+
+
+def test_each_sample_from_the_third_on_gets_its_own_stamp() -> None:
+    twin = ttc.compile(ttc.machines.tufting(), OUTPUTS, method="exact")
+    stamps, theta = motion()
+    theta[700] = math.nan
+    samples = twin.session().step(stamps, theta)
+    expected = np.delete(np.arange(1500), [0, 1, 700])
+    assert np.array_equal(samples.index, expected)
+    assert np.array_equal(samples.stamps, stamps[expected])
+
+
+def test_encoder_is_undone() -> None:
+    plain, turned = ttc.machines.tufting(), ttc.machines.tufting(encoder_zero_rad=0.4)
+    stamps, theta = motion()
+    a = ttc.compile(plain, OUTPUTS, method="exact").session().step(stamps, theta)
+    b = ttc.compile(turned, OUTPUTS, method="exact").session().step(stamps, theta + 0.4)
+    assert np.allclose(a["balancing_torque_Nm"], b["balancing_torque_Nm"], atol=1e-9)
+
+
+def test_winding_angles_go_on_while_the_phase_stays_exact() -> None:
+    twin = ttc.compile(ttc.machines.tufting(), OUTPUTS, method="exact")
+    stamps, theta = motion()
+    samples = twin.session().step(stamps, theta)
+    assert np.allclose(samples["joint_main_shaft_position"], samples.theta_rad, atol=1e-12)
+    assert abs(np.diff(samples["joint_coupler_position"])).max() < 0.1  # no leap at the turn of the angle
+
+
+def test_sigma_of_the_torque_follows_from_the_state() -> None:
+    machine = ttc.machines.tufting()
+    twin = ttc.compile(machine, ["torque_inertial_Nm"], method="exact")
+    stamps, theta = motion()
+    samples = twin.session().step(stamps, theta)
+    smooth = ttc.compile(machine, ["balancing_torque_Nm"], method="exact")
+    i, step = 1000, 1e-6
+    state = [samples.theta_rad[i], samples.omega_rad_s[i], samples.alpha_rad_s2[i]]
+    slopes = []
+    for k in range(3):
+        up, down = list(state), list(state)
+        up[k] += step
+        down[k] -= step
+        ends = [smooth.evaluate(*map(float, s))["balancing_torque_Nm"] for s in (up, down)]
+        slopes.append((ends[0] - ends[1]) / (2 * step))
+    expected = math.sqrt(np.array(slopes) @ samples.states.covariance[i] @ np.array(slopes))
+    assert abs(samples.torque_sigma_Nm[i] - expected) < 1e-5 * expected
