@@ -143,7 +143,7 @@ class Session:
             for i, row in enumerate(rows):
                 for name, value in self.twin.evaluate(*row).items():
                     outputs[name][i] = value
-        elif n:
+        elif n and outputs:
             self.twin.evaluate(states.phase_rad, states.omega_rad_s, states.alpha_rad_s2, out=outputs)
         for name, winding in self._winding.items():
             outputs[name] += winding * states.turns
