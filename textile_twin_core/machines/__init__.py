@@ -8,7 +8,9 @@ from inspect import signature
 from pathlib import Path
 
 from textile_twin_core.errors import MachineError
+from textile_twin_core.machines.elliptic_gear_beatup import elliptic_gear_beatup
 from textile_twin_core.machines.events import Event
+from textile_twin_core.machines.handloom_beatup import handloom_beatup
 from textile_twin_core.machines.machine import (
     Encoder,
     Machine,
@@ -19,7 +21,11 @@ from textile_twin_core.machines.machine import (
 )
 from textile_twin_core.machines.tufting import tufting
 
-_FACTORIES: Mapping[str, Callable[..., Machine]] = {"tufting": tufting}
+_FACTORIES: Mapping[str, Callable[..., Machine]] = {
+    "tufting": tufting,
+    "handloom_beatup": handloom_beatup,
+    "elliptic_gear_beatup": elliptic_gear_beatup,
+}
 NAMES: tuple[str, ...] = tuple(_FACTORIES)
 
 
@@ -31,17 +37,13 @@ def create(name: str, **overrides: float) -> Machine:
     factory = _FACTORIES.get(name)
     if factory is None:
         near = get_close_matches(name, NAMES, n=2) or NAMES
-        hint = (
-            "give the path of a machine file" if Path(name).suffix else f"did you mean {' or '.join(near)}?"
-        )
+        hint = "give the path of a machine file" if Path(name).suffix else f"did you mean {' or '.join(near)}?"
         raise MachineError(f"there is no machine '{name}'; {hint}; machines: {', '.join(NAMES)}")
     known = signature(factory).parameters
     for parameter in overrides:
         if parameter not in known:
             near = get_close_matches(parameter, known, n=3) or list(known)[:5]
-            raise MachineError(
-                f"machine '{name}' has no parameter '{parameter}'; did you mean {' or '.join(near)}?"
-            )
+            raise MachineError(f"machine '{name}' has no parameter '{parameter}'; did you mean {' or '.join(near)}?")
     return factory(**overrides)
 
 
@@ -55,5 +57,7 @@ __all__ = [
     "ShaftPlace",
     "TorqueSensor",
     "create",
+    "elliptic_gear_beatup",
+    "handloom_beatup",
     "tufting",
 ]

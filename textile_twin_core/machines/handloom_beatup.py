@@ -1,0 +1,84 @@
+"""Beat-up mechanism of a handmade carpet loom: a crank-rocker whose rocker carries the beater.
+
+Topalbekiroglu and Celik 2010: crank DC on the main shaft D, coupler CB, rocker AB about A, and the beater arm
+AE rigid with it; the design of beta = 48 deg at a crank rotation of 180 deg, scaled by 0.3 m.
+"""
+
+from __future__ import annotations
+
+import math
+
+from textile_twin_core.dynamics import Body
+from textile_twin_core.machines.machine import Encoder, Machine, Sensors, TorqueSensor
+from textile_twin_core.mechanism import Arc, Crank, RigidArm, RRRDyad
+
+
+def handloom_beatup(
+    *,
+    crank_m: float = 0.0597,
+    coupler_m: float = 0.2007,
+    rocker_m: float = 0.23082,
+    ground_m: float = 0.3,
+    arm_m: float = 0.3001,
+    arm_angle_rad: float = 0.0,
+    ground_angle_rad: float = 0.0,
+    crank_kg: float = 0.129,
+    coupler_kg: float = 0.434,
+    rocker_kg: float = 0.0,
+    arm_kg: float = 0.649,
+    beater_kg: float = 2.5,
+    crank_kgm2: float = 4.073e-5,
+    coupler_kgm2: float = 0.0015,
+    rocker_kgm2: float = 0.0,
+    arm_kgm2: float = 0.0049,
+    beater_kgm2: float = 0.0,
+    gravity_m_s2: float = 9.81,
+    encoder_zero_rad: float = 0.0,
+    torque_sensor_gain: float = 1.0,
+    torque_sensor_offset_Nm: float = 0.0,
+    torque_sensor_delay_s: float = 0.0,
+) -> Machine:
+    """The beat-up mechanism; masses and inertias as printed, for cast iron of 30 x 10 mm.
+
+    The rocker AB is a part of the one bar AE (`arm_angle_rad` 0), so it has no mass of its own. The printed
+    crank inertia is that of a bar 15 mm wide; 30 mm gives 4.80e-5 kg m^2. How the mechanism stands in the
+    room is not in the text: `ground_angle_rad` is the direction from the shaft D to the pivot A, which only
+    gravity feels. The beater's position counts along its arc from the rear dead centre; it beats up at the
+    other one, crank and coupler stretched.
+    """
+    parameters = {name: float(value) for name, value in locals().items()}
+    pivot = (ground_m * math.cos(ground_angle_rad), ground_m * math.sin(ground_angle_rad))
+    return Machine(
+        name="handloom_beatup",
+        description="beat-up mechanism of a handmade carpet loom (Topalbekiroglu and Celik 2010)",
+        points={"D": (0.0, 0.0), "A": pivot},
+        groups=(
+            Crank("l1", at="D", end="C", length_m=crank_m),
+            RRRDyad(
+                "l2",
+                "l3",
+                from_point="C",
+                ground="A",
+                end="B",
+                lengths_m=(coupler_m, rocker_m),
+                branch="left",
+            ),
+            RigidArm("l4", on="l3", end="E", length_m=arm_m, angle_rad=arm_angle_rad),
+        ),
+        bodies=(
+            Body("l1", crank_kg, crank_kgm2),
+            Body("l2", coupler_kg, coupler_kgm2),
+            Body("l3", rocker_kg, rocker_kgm2),
+            Body("l4", arm_kg, arm_kgm2),
+            Body("l4", beater_kg, beater_kgm2, centroid=(1.0, 0.0)),
+        ),
+        measures=(Arc("beater", link="l4", radius_m=arm_m, sense=-1),),
+        gravity_m_s2=(0.0, -gravity_m_s2),
+        sensors=Sensors(
+            Encoder(zero_rad=encoder_zero_rad),
+            TorqueSensor(torque_sensor_gain, torque_sensor_offset_Nm, torque_sensor_delay_s),
+        ),
+        joint_names={"l1": "main_shaft", "l2": "coupler", "l3": "rocker"},
+        angle_near_rad={"l2": ground_angle_rad + 1.0, "l3": ground_angle_rad + 1.6, "l4": ground_angle_rad + 1.6},
+        parameters=parameters,
+    )
