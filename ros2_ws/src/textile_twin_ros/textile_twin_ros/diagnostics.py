@@ -1,0 +1,135 @@
+"""What the nodes say of themselves: states for /diagnostics, and a watch over inputs that stay silent."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+_REPEAT_S = 10.0
+
+
+@dataclass(frozen=True)
+class Status:
+    """One line of the diagnostics: its name, level and message, and the values behind it."""
+
+    name: str
+    level: bytes
+    message: str
+    values: Mapping[str, object] = field(default_factory=dict)
+
+
+class DiagnosticsPublisher:
+    """Publishes on /diagnostics once a second what a function tells.
+
+    Args:
+        node: the node that the statuses speak of; its full name stands before each of theirs.
+        hardware: what machine they speak of.
+        collect: returns the statuses of this moment.
+    """
+
+    def __init__(self, node: Node, hardware: Callable[[], str], collect: Callable[[], list[Status]]) -> None:
+        self._node, self._hardware, self._collect = node, hardware, collect
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self._timer = node.create_timer(1.0, self.publish)
+
+    def publish(self) -> None:
+        """Publish the statuses of this moment."""
+        statuses = self._collect()
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        own_name = self._node.get_fully_qualified_name().lstrip("/")
+        for status in statuses:
+            values = [KeyValue(key=key, value=_text(value)) for key, value in status.values.items()]
+            message.status.append(
+                DiagnosticStatus(
+                    level=status.level,
+                    name=f"{own_name}: {status.name}",
+                    message=status.message,
+                    hardware_id=self._hardware(),
+                    values=values,
+                )
+            )
+        self._publisher.publish(message)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return "none" if math.isnan(value) else f"{value:.6g}"
+    return str(value)
+
+
+class InputWatch:
+    """Watches one input topic: its rate and age, and says so when nothing comes, every ten seconds again.
+
+    Args:
+        node: the node that listens.
+        topic: the input, as resolved.
+        timeout_s: silence that is worth a warning.
+        describe: tells who publishes there.
+    """
+
+    def __init__(self, node: Node, topic: str, timeout_s: Callable[[], float], describe: Callable[[], str]) -> None:
+        self._node, self._topic = node, topic
+        self._timeout_s, self._describe = timeout_s, describe
+        self.received = 0
+        self.refused = 0
+        self.refusal = ""
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin to wait anew, with all counts at zero."""
+        self.received = self.refused = 0
+        self.refusal = ""
+        self._since = self._last = time.monotonic()
+        self._counted, self._counted_at = 0, self._since
+        self._warned_at: float | None = None
+
+    def took(self, count: int = 1) -> None:
+        """Note messages that have come in."""
+        self.received += count
+        self._last = time.monotonic()
+
+    def refuse(self, reason: str) -> None:
+        """Note a message that cannot be used; the reason is logged when it is a new one."""
+        self.refused += 1
+        if reason != self.refusal:
+            self.refusal = reason
+            self._node.get_logger().warning(f"a message on {self._topic} {reason}: such messages are left out")
+
+    @property
+    def silent_s(self) -> float:
+        """Seconds since the last message, or since the watch began."""
+        return time.monotonic() - self._last
+
+    def status(self, name: str, values: Mapping[str, object]) -> Status:
+        """The input's status of this moment; logs a warning when the input has been silent for long."""
+        now = time.monotonic()
+        rate = (self.received - self._counted) / max(now - self._counted_at, 1e-9)
+        self._counted, self._counted_at = self.received, now
+        told = {
+            "topic": self._topic,
+            "rate_hz": rate,
+            "age_s": self.silent_s if self.received else math.nan,
+            "received": self.received,
+            "unreadable": self.refused,
+            **values,
+        }
+        if self.silent_s <= self._timeout_s():
+            if self._warned_at is not None:
+                self._node.get_logger().info(f"data on {self._topic} again")
+                self._warned_at = None
+            if not self.received:
+                return Status(name, WARN, "waiting for the first message", told)
+            return Status(name, WARN if self.refusal else OK, self.refusal or f"{rate:.1f} Hz", told)
+        text = f"no data on {self._topic} for {self.silent_s:.1f} s: {self._describe()}"
+        if self._warned_at is None or now - self._warned_at >= _REPEAT_S:
+            self._warned_at = now
+            self._node.get_logger().warning(text)
+        return Status(name, STALE if self.received else ERROR, text, told)

@@ -1,0 +1,76 @@
+"""Quality of service of the topics, and what is seen on one: for people who wait for data."""
+
+from __future__ import annotations
+
+import math
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from textile_twin_core.files import OfferedQos
+
+RELIABILITY = {"reliable": ReliabilityPolicy.RELIABLE, "best_effort": ReliabilityPolicy.BEST_EFFORT}
+
+
+def depth_for(rate_hz: float, seconds: float = 1.0) -> int:
+    """Queue depth that holds this many seconds of messages."""
+    return max(10, math.ceil(rate_hz * seconds))
+
+
+def samples_qos(depth: int, reliability: str = "reliable") -> QoSProfile:
+    """For a stream of samples, none of which is to be lost while the queue holds them."""
+    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=RELIABILITY[reliability])
+
+
+def latched_qos() -> QoSProfile:
+    """For what a late subscriber needs too: the last message is kept for it."""
+    return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def is_latched(topic: str) -> bool:
+    """Whether late subscribers of this topic need its last message."""
+    return topic.rsplit("/", 1)[-1] in ("robot_description", "tf_static", "map")
+
+
+def relative_name(topic: str) -> str:
+    """A recorded topic's name without leading slash, so that a namespace can go before it; /tf and the like stay."""
+    return topic if topic in ("/tf", "/tf_static", "/diagnostics", "/clock") else topic.lstrip("/")
+
+
+def describe_publishers(node: Node, topic: str, msgtype: str) -> str:
+    """Who publishes on a topic, with type and reliability; if nobody does, where else the type is found."""
+    resolved = node.resolve_topic_name(topic)
+    publishers = node.get_publishers_info_by_topic(resolved)
+    if publishers:
+        return "; ".join(_publisher(info, msgtype) for info in publishers)
+    elsewhere = [name for name, types in node.get_topic_names_and_types() if msgtype in types and name != resolved]
+    elsewhere = [name for name in elsewhere if node.count_publishers(name)]
+    seen = f"; {msgtype} is published on {', '.join(sorted(elsewhere))}" if elsewhere else ""
+    return f"nobody publishes there{seen}"
+
+
+def _publisher(info: TopicEndpointInfo, msgtype: str) -> str:
+    name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+    text = f"{name} publishes {info.topic_type}, {info.qos_profile.reliability.name.lower().replace('_', ' ')}"
+    return text if info.topic_type == msgtype else f"{text} (this node wants {msgtype})"
+
+
+def recording_qos(publishers: list[TopicEndpointInfo], depth: int) -> QoSProfile:
+    """What hears all of these publishers, as well as they offer."""
+    profiles = [info.qos_profile for info in publishers]
+    reliable = all(profile.reliability is ReliabilityPolicy.RELIABLE for profile in profiles)
+    latched = bool(profiles) and all(profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def offered_qos(profile: QoSProfile) -> OfferedQos:
+    """The profile as recordings keep it."""
+    return OfferedQos(
+        reliability=profile.reliability.name.lower(), durability=profile.durability.name.lower(), depth=profile.depth
+    )

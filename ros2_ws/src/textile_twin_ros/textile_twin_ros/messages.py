@@ -1,0 +1,212 @@
+"""Messages as the bytes that go over the wire: single values read from them and written into them (CDR).
+
+Typed (de)serialisation in Python costs more than everything else a node does with a sample. Messages of one layout are
+therefore read at the places found in the first of them, and sent as patched copies of one template.
+"""
+
+from __future__ import annotations
+
+import importlib
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.files.cdr_decode import LAYOUT_READERS, Bytes, Layout
+from textile_twin_core.files.cdr_encode import encode_joint_states, encode_points, encode_wrenches
+
+SECOND_NS = 1_000_000_000
+JOINT_STATE = "sensor_msgs/msg/JointState"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+POINT = "geometry_msgs/msg/PointStamped"
+FLOAT64 = "std_msgs/msg/Float64"
+TORQUE_Z = 5
+
+_ONE = np.zeros(1, np.int64)
+_STAMP = struct.Struct("<iI")
+
+
+class MessageError(ValueError):
+    """The message is not what the topic needs; the text says what it is instead."""
+
+
+def message_class(name: str) -> Any:
+    """The Python class of `package/msg/Type`.
+
+    Raises:
+        LookupError: its package is not installed here.
+    """
+    try:
+        package, kind, type_name = name.split("/")
+        return getattr(importlib.import_module(f"{package}.{kind}"), type_name)
+    except (ValueError, ImportError, AttributeError) as error:
+        raise LookupError(f"message type '{name}' is not installed here") from error
+
+
+class FieldReader:
+    """Reads the stamp and single float64 fields of messages of one type.
+
+    Args:
+        msgtype: JOINT_STATE, WRENCH, POINT or FLOAT64.
+    """
+
+    def __init__(self, msgtype: str) -> None:
+        self._msgtype = msgtype
+        self._size = -1
+        self._fixed: list[tuple[int, int, bytes]] = []
+        self._stamp = _STAMP
+        self.layout = Layout()
+
+    def follow(self, raw: bytes) -> bool:
+        """Make the layout that of this message; True when it is another one than before.
+
+        Raises:
+            MessageError: the bytes are no message of this type.
+        """
+        if len(raw) >= self._size > 0 and all(raw[start:end] == fixed for start, end, fixed in self._fixed):
+            return False
+        try:
+            self.layout = LAYOUT_READERS[self._msgtype](raw)
+        except (ValueError, struct.error) as error:
+            raise MessageError(f"is no {self._msgtype}: {error}") from error
+        self._size = self.layout.size
+        self._fixed = [(start, start + len(fixed), fixed) for start, fixed in self.layout.fixed]
+        self._stamp = struct.Struct(f"{self.layout.order}iI")
+        return True
+
+    def stamp_ns(self, raw: bytes) -> int:
+        """The header's stamp [ns] of the message followed last."""
+        seconds, nanoseconds = self._stamp.unpack_from(raw, 4)
+        return int(seconds * SECOND_NS + nanoseconds)
+
+    def field(self, name: str, number: int) -> struct.Struct | None:
+        """How to unpack value `number` of a field from a whole message; None where the message has no such value."""
+        start, count = self.layout.fields[name]
+        return struct.Struct(f"{self.layout.order}{start + 8 * number}xd") if number < count else None
+
+
+class JointReader:
+    """Reads one joint of JointState messages.
+
+    Args:
+        joint: the joint's name.
+        fields: what to read of it, of "position", "velocity" and "effort".
+    """
+
+    def __init__(self, joint: str, fields: Sequence[str]) -> None:
+        self._joint, self._names = joint, tuple(fields)
+        self._reader = FieldReader(JOINT_STATE)
+        self._fields: list[struct.Struct | None] = []
+
+    def read(self, raw: bytes) -> tuple[int, list[float | None]]:
+        """Stamp [ns] and the fields asked for, None for each that the message does not fill.
+
+        Raises:
+            MessageError: no JointState, or one without this joint.
+        """
+        if self._reader.follow(raw) or not self._fields:
+            joints = self._reader.layout.names
+            if self._joint not in joints:
+                self._fields = []
+                raise MessageError(f"has no joint '{self._joint}', only: {', '.join(joints) or 'none at all'}")
+            number = joints.index(self._joint)
+            self._fields = [self._reader.field(name, number) for name in self._names]
+        values = [None if field is None else field.unpack_from(raw)[0] for field in self._fields]
+        return self._reader.stamp_ns(raw), values
+
+
+class TorqueReader:
+    """Reads torque.z of WrenchStamped messages."""
+
+    def __init__(self) -> None:
+        self._reader = FieldReader(WRENCH)
+        self._torque: struct.Struct | None = None
+
+    def read(self, raw: bytes) -> tuple[int, float]:
+        """Stamp [ns] and torque about z [N m].
+
+        Raises:
+            MessageError: no WrenchStamped.
+        """
+        if self._reader.follow(raw) or self._torque is None:
+            self._torque = self._reader.field("wrench", TORQUE_Z)
+        assert self._torque is not None
+        return self._reader.stamp_ns(raw), self._torque.unpack_from(raw)[0]
+
+
+def read_float64(raw: bytes) -> float:
+    """The number in a std_msgs/Float64.
+
+    Raises:
+        MessageError: the bytes are no such message.
+    """
+    if len(raw) < 12:
+        raise MessageError(f"is no {FLOAT64}: it ends too early")
+    return float(struct.unpack_from("<d" if raw[1] else ">d", raw, 4)[0])
+
+
+class _Template:
+    """One message as bytes, in which the stamp and float64 values are patched for each sending."""
+
+    def __init__(self, msgtype: str, rows: Bytes) -> None:
+        self._bytes = bytearray(rows[0].tobytes())
+        self.layout = LAYOUT_READERS[msgtype](bytes(self._bytes))
+
+    def _patched(self, stamp_ns: int, field: str, values: Sequence[float], first: int = 0) -> None:
+        start, _ = self.layout.fields[field]
+        struct.pack_into(f"<{len(values)}d", self._bytes, start + 8 * first, *values)
+        _STAMP.pack_into(self._bytes, 4, *divmod(stamp_ns, SECOND_NS))
+
+
+class WrenchTemplate(_Template):
+    """WrenchStamped with nothing but a torque about z."""
+
+    def __init__(self, frame: str) -> None:
+        super().__init__(WRENCH, encode_wrenches(_ONE, np.zeros(1), frame))
+
+    def message(self, stamp_ns: int, torque_Nm: float) -> bytes:
+        """The message's bytes."""
+        self._patched(stamp_ns, "wrench", (torque_Nm,), TORQUE_Z)
+        return bytes(self._bytes)
+
+
+class PointTemplate(_Template):
+    """PointStamped in the plane z = 0."""
+
+    def __init__(self, frame: str) -> None:
+        super().__init__(POINT, encode_points(_ONE, np.zeros((1, 3)), frame))
+
+    def message(self, stamp_ns: int, x_m: float, y_m: float) -> bytes:
+        """The message's bytes."""
+        self._patched(stamp_ns, "point", (x_m, y_m))
+        return bytes(self._bytes)
+
+
+class JointTemplate(_Template):
+    """JointState with positions and velocities; efforts stay empty, as there is nothing to say of them."""
+
+    def __init__(self, joints: Sequence[str], velocities: bool = True) -> None:
+        zeros = np.zeros((1, len(joints)))
+        super().__init__(JOINT_STATE, encode_joint_states(_ONE, joints, zeros, zeros if velocities else None))
+
+    def message(self, stamp_ns: int, positions: Sequence[float], velocities: Sequence[float] = ()) -> bytes:
+        """The message's bytes; positions in rad or m, velocities in rad/s or m/s, in the order of the joints."""
+        self._patched(stamp_ns, "position", positions)
+        if velocities:
+            self._patched(stamp_ns, "velocity", velocities)
+        return bytes(self._bytes)
+
+
+def has_header(message_type: Any) -> bool:
+    """Whether messages of this class begin with a std_msgs/Header."""
+    first = next(iter(message_type.get_fields_and_field_types().values()), "")
+    return bool(first == "std_msgs/Header")
+
+
+def shift_stamp(raw: bytes, by_ns: int) -> bytes:
+    """The same message, which must begin with a header, with its stamp moved by so many nanoseconds."""
+    stamp = struct.Struct("<iI" if raw[1] else ">iI")
+    seconds, nanoseconds = stamp.unpack_from(raw, 4)
+    moved = stamp.pack(*divmod(seconds * SECOND_NS + nanoseconds + by_ns, SECOND_NS))
+    return raw[:4] + moved + raw[12:]

@@ -1,0 +1,150 @@
+"""Parameters declared in one place per node: a dataclass whose fields carry default, description, range and choices."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import InvalidParameterTypeException, ParameterUninitializedException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from textile_twin_core.errors import SceneError
+
+Declaration = TypeVar("Declaration")
+
+
+def parameter(
+    default: bool | int | float | str | tuple[str, ...],
+    description: str,
+    *,
+    between: tuple[float, float] | None = None,
+    choices: Sequence[str] = (),
+    live: bool = False,
+) -> Any:
+    """One field of a node's parameter dataclass.
+
+    Args:
+        default: what holds when nobody sets it; its type is the parameter's type.
+        description: one line, with the unit.
+        between: smallest and largest value allowed.
+        choices: the values allowed, for strings.
+        live: True when it can be changed while the node runs; otherwise it is read-only.
+    """
+    metadata = {"description": description, "between": between, "choices": tuple(choices), "live": live}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def declare(node: Node, declaration: type[Declaration], on_change: Callable[[str], None] | None = None) -> Declaration:
+    """Declare every field of a parameter dataclass on a node and return the values that hold.
+
+    Live parameters are written into the returned object when they are set; `on_change` is then called with the name.
+
+    Raises:
+        SceneError: a value given at the start has the wrong type, is out of range or is none of the choices.
+    """
+    fields = {field.name: field for field in dataclasses.fields(declaration)}  # type: ignore[arg-type]
+    values = {name: _declare_one(node, field) for name, field in fields.items()}
+    held = declaration(**values)
+
+    def check(changes: list[Parameter]) -> SetParametersResult:
+        for change in changes:
+            if change.name in fields:
+                try:
+                    _checked(fields[change.name], change.value)
+                except ValueError as error:
+                    return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def take(changes: list[Parameter]) -> None:
+        for change in changes:
+            if change.name in fields:
+                setattr(held, change.name, _checked(fields[change.name], change.value))
+                if on_change is not None:
+                    on_change(change.name)
+
+    node.add_on_set_parameters_callback(check)
+    node.add_post_set_parameters_callback(take)
+    _warn_of_unknown(node, fields)
+    return held
+
+
+def _declare_one(node: Node, field: dataclasses.Field[Any]) -> Any:
+    kind = Parameter.Type.from_parameter_value(field.default)
+    descriptor = ParameterDescriptor(
+        description=_described(field),
+        read_only=not field.metadata["live"],
+        # `rate:=2` is what people write for a float: whole numbers are taken too, and checked here.
+        dynamic_typing=kind is Parameter.Type.DOUBLE,
+    )
+    if kind is Parameter.Type.DOUBLE and field.metadata["between"]:
+        low, high = field.metadata["between"]
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)]
+    try:
+        if field.default == ():
+            # An empty list has no type of its own in a parameter: declare the type and leave it unset.
+            node.declare_parameter(field.name, Parameter.Type.STRING_ARRAY, descriptor)
+            try:
+                given = node.get_parameter(field.name).value
+            except ParameterUninitializedException:
+                given = ()
+        else:
+            given = node.declare_parameter(field.name, field.default, descriptor).value
+        return _checked(field, given)
+    except InvalidParameterTypeException as error:
+        raise SceneError(f"parameter '{field.name}' must be {_kind_name(field)}: {error}") from error
+    except ValueError as error:
+        raise SceneError(str(error)) from error
+    except Exception as error:  # rclpy raises several kinds for a value out of its declared range
+        if type(error).__module__.startswith("rclpy"):
+            raise SceneError(f"parameter '{field.name}': {error}") from error
+        raise
+
+
+def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
+    """The value in the field's type.
+
+    Raises:
+        ValueError: with a line for the person who set it.
+    """
+    name, default = field.name, field.default
+    if isinstance(default, tuple):
+        if not isinstance(value, Sequence) or not all(isinstance(item, str) for item in value):
+            raise ValueError(f"parameter '{name}' must be {_kind_name(field)}, not {value!r}")
+        return tuple(value)
+    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not type(default):
+        raise ValueError(f"parameter '{name}' must be {_kind_name(field)}, not {value!r}")
+    if field.metadata["choices"] and value not in field.metadata["choices"]:
+        raise ValueError(f"parameter '{name}' is '{value}': choose one of {', '.join(field.metadata['choices'])}")
+    if field.metadata["between"]:
+        low, high = field.metadata["between"]
+        if not low <= value <= high:
+            raise ValueError(f"parameter '{name}' is {value}: it must lie between {low:g} and {high:g}")
+    return value
+
+
+def _described(field: dataclasses.Field[Any]) -> str:
+    choices = field.metadata["choices"]
+    description: str = field.metadata["description"]
+    return f"{description} (one of {', '.join(choices)})" if choices else description
+
+
+def _kind_name(field: dataclasses.Field[Any]) -> str:
+    names = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", tuple: "a list of texts"}
+    return names[type(field.default)]
+
+
+def _warn_of_unknown(node: Node, known: dict[str, Any]) -> None:
+    """ROS ignores a parameter that no node declares: a slip of the pen would go unnoticed."""
+    own = {"use_sim_time", "start_type_description_service"}
+    for name in getattr(node, "_parameter_overrides", {}):
+        if name in known or name in own or name.startswith("qos_overrides."):
+            continue
+        nearest = difflib.get_close_matches(name, known, n=1)
+        hint = f"; did you mean '{nearest[0]}'?" if nearest else f"; there are {', '.join(sorted(known))}"
+        node.get_logger().warning(f"parameter '{name}' is not one of this node's{hint}")

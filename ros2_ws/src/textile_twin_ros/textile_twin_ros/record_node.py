@@ -1,0 +1,210 @@
+"""Records topics as they come off the wire into a rosbag2 folder that a power loss shortens by a second at most."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from textile_twin_core.errors import RecordingError, SceneError
+from textile_twin_core.files import BagWriter
+from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
+from textile_twin_ros.endpoints import depth_for, describe_publishers, offered_qos, recording_qos
+from textile_twin_ros.messages import message_class
+from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.spinning import EXECUTORS, run
+
+# What nodes tell each other, not what a machine does.
+_OWN_BUSINESS = ("/rosout", "/parameter_events")
+# Goes on for as long as any node lives.
+_NEVER_SILENT = ("/diagnostics", "/clock")
+_LOOK_S = 0.1
+_HOUSEKEEPING_S = 0.25
+
+
+@dataclass
+class RecordParameters:
+    """Parameters of record_node."""
+
+    bag: str = parameter("", "folder to write; a later recording of the same node gets _2, _3 and so on")
+    topics: tuple[str, ...] = parameter((), "topics to record; none given means all there are and come to be")
+    types: tuple[str, ...] = parameter(
+        (), "message types known beforehand, as main_shaft/angle=sensor_msgs/msg/JointState; others are discovered"
+    )
+    start: bool = parameter(True, "begin to record at once; otherwise at the service ~/start")
+    overwrite: bool = parameter(False, "replace a recording of that name")
+    rate_hz: float = parameter(
+        1000.0, "messages a second of the fastest topic: queues hold some seconds", between=(1.0, 1e5)
+    )
+    queue_s: float = parameter(5.0, "how many seconds of messages the queues hold", between=(0.01, 1e4))
+    stop_when_idle_s: float = parameter(
+        0.0, "end after so long without a message, once there was one; 0 is never", between=(0.0, 1e6)
+    )
+    no_data_timeout_s: float = parameter(
+        2.0, "say so when a topic stays silent for so long", between=(0.1, 1e6), live=True
+    )
+    executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
+
+
+class RecordNode(Node):
+    """Subscribes to bytes and writes them as they are; the log time is when they were taken."""
+
+    def __init__(self) -> None:
+        super().__init__("record_node")
+        self.settings = declare(self, RecordParameters)
+        if not self.settings.bag:
+            raise RecordingError("parameter 'bag' is not set: give the folder to write, -p bag:=FOLDER")
+        self.executor_name = self.settings.executor
+        self.finished = Future()
+        self._types = dict(self._parse_type(text) for text in self.settings.types)
+        self._wanted = {self.resolve_topic_name(topic) for topic in self.settings.topics}
+        self._inlets: dict[str, Subscription] = {}
+        self._refused: set[str] = set()
+        self._writer: BagWriter | None = None
+        self._runs = 0
+        self.counts: Counter[str] = Counter()
+        self._last = time.monotonic()
+        self._anything = self._told_silent = False
+        for topic in self._wanted & set(self._types):
+            self._subscribe(topic, self._types[topic])
+        if self.settings.start:
+            self._open()
+        self.create_service(Trigger, "~/start", self._on_start)
+        self.create_service(Trigger, "~/stop", self._on_stop)
+        self.create_timer(_LOOK_S, self._discover)
+        self.create_timer(_HOUSEKEEPING_S, self._keep_house)
+        self._diagnostics = DiagnosticsPublisher(self, lambda: "", self._statuses)
+        self._discover()
+
+    def close(self) -> None:
+        """Complete the recording and say what is in it."""
+        if self._writer is None:
+            return
+        writer, self._writer = self._writer, None
+        counts = ", ".join(f"{topic} {count}" for topic, count in sorted(self.counts.items()) if count)
+        writer.close()
+        print(f"recorded {self.counts.total()} messages in {writer.path}: {counts or 'nothing came'}", flush=True)
+
+    def _parse_type(self, text: str) -> tuple[str, str]:
+        topic, _, msgtype = text.partition("=")
+        if not topic or not msgtype:
+            raise SceneError(f"parameter 'types': '{text}' is not written as topic=package/msg/Type")
+        return self.resolve_topic_name(topic), msgtype
+
+    def _open(self) -> None:
+        path = Path(self.settings.bag)
+        if self._runs:
+            path = path.with_name(f"{path.name}_{self._runs + 1}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._writer = BagWriter(path, live=True, overwrite=self.settings.overwrite)
+        self._runs += 1
+        self.counts.clear()
+        self._anything = False
+        self._last = time.monotonic()
+        for topic, subscription in self._inlets.items():
+            self._declare(topic, subscription)
+        self.get_logger().info(f"recording to {path}")
+
+    def _declare(self, topic: str, subscription: Subscription) -> None:
+        if self._writer is not None:
+            qos = offered_qos(subscription.qos_profile)
+            self._writer.add_topic(topic, self._types[topic], qos)
+
+    def _discover(self) -> None:
+        """Subscribe to wanted topics whose type is known by now."""
+        if self._wanted and self._wanted <= self._inlets.keys():
+            return
+        for topic, types in self.get_topic_names_and_types():
+            if topic in self._inlets or topic in self._refused:
+                continue
+            wanted = topic in self._wanted if self._wanted else topic not in _OWN_BUSINESS
+            if wanted and self.count_publishers(topic):
+                self._subscribe(topic, types[0])
+
+    def _subscribe(self, topic: str, msgtype: str) -> None:
+        try:
+            message_type = message_class(msgtype)
+        except LookupError as error:
+            self._refused.add(topic)
+            self.get_logger().error(f"{topic} is not recorded: {error}")
+            return
+        depth = depth_for(self.settings.rate_hz, self.settings.queue_s)
+        qos: QoSProfile = recording_qos(self.get_publishers_info_by_topic(topic), depth)
+        self._types[topic] = msgtype
+        subscription = self.create_subscription(message_type, topic, partial(self._take, topic), qos, raw=True)
+        self._inlets[topic] = subscription
+        self._declare(topic, subscription)
+
+    def _take(self, topic: str, raw: bytes) -> None:
+        if self._writer is None:
+            return
+        self._writer.write(topic, time.time_ns(), raw)
+        self.counts[topic] += 1
+        if topic not in _NEVER_SILENT:
+            self._last = time.monotonic()
+            self._anything = True
+
+    def _keep_house(self) -> None:
+        if self._writer is None:
+            return
+        self._writer.flush()
+        now = time.monotonic()
+        idle = self.settings.stop_when_idle_s
+        if idle and self._anything and now - self._last > idle and not self.finished.done():
+            self.finished.set_result(0)
+        silent = now - self._last > self.settings.no_data_timeout_s
+        if silent and not self._told_silent:
+            self.get_logger().warning(self._silence())
+        self._told_silent = silent
+
+    def _silence(self) -> str:
+        if not self._wanted:
+            return f"nothing to record for {self.settings.no_data_timeout_s:g} s"
+        missing = sorted(topic for topic in self._wanted if not self.counts[topic])
+        told = "; ".join(
+            f"{topic}: {describe_publishers(self, topic, self._types.get(topic, ''))}" for topic in missing
+        )
+        return f"no data to record for {self.settings.no_data_timeout_s:g} s: {told or 'all topics fell silent'}"
+
+    def _statuses(self) -> list[Status]:
+        values: dict[str, object] = {topic: self.counts[topic] for topic in sorted(self._inlets)}
+        if self._writer is None:
+            return [Status("recording", OK, "not recording", values)]
+        if self._told_silent:
+            return [Status("recording", WARN, self._silence(), values)]
+        return [Status("recording", OK, f"recording to {self._writer.path}", values)]
+
+    def _on_start(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._writer is not None:
+            response.success, response.message = False, f"already recording to {self._writer.path}"
+            return response
+        try:
+            self._open()
+        except RecordingError as error:
+            response.success, response.message = False, str(error)
+            return response
+        assert self._writer is not None
+        response.success, response.message = True, str(self._writer.path)
+        return response
+
+    def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._writer is None:
+            response.success, response.message = False, "not recording: call ~/start first"
+            return response
+        path, total = self._writer.path, self.counts.total()
+        self.close()
+        response.success, response.message = True, f"{total} messages in {path}"
+        return response
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run record_node."""
+    return run("record_node", RecordNode, arguments)

@@ -1,0 +1,178 @@
+"""Input topics of the twin: subscriptions that take everything that waits at once and hand it on in blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSPolicyKind
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+
+from textile_twin_ros.diagnostics import InputWatch, Status
+from textile_twin_ros.endpoints import describe_publishers, samples_qos
+from textile_twin_ros.messages import (
+    FLOAT64,
+    JOINT_STATE,
+    WRENCH,
+    JointReader,
+    MessageError,
+    TorqueReader,
+    message_class,
+    read_float64,
+)
+
+#: Stamp [ns], or None where the message has none; value; rate of the value where the message has it, otherwise NaN.
+Sample: TypeAlias = "tuple[int | None, float, float]"
+Reader: TypeAlias = Callable[[bytes], Sample]
+_BLOCK = 512
+_NAN = float("nan")
+
+
+def _joint_angle(joint: str) -> Reader:
+    joints = JointReader(joint, ("position", "velocity"))
+
+    def read(raw: bytes) -> Sample:
+        stamp, (angle, velocity) = joints.read(raw)
+        if angle is None:
+            raise MessageError(f"has no position of joint '{joint}'")
+        return stamp, angle, _NAN if velocity is None else velocity
+
+    return read
+
+
+def _joint_effort(joint: str) -> Reader:
+    joints = JointReader(joint, ("effort",))
+
+    def read(raw: bytes) -> Sample:
+        stamp, (effort,) = joints.read(raw)
+        if effort is None:
+            raise MessageError(f"has no effort of joint '{joint}'")
+        return stamp, effort, _NAN
+
+    return read
+
+
+def _wrench_torque(_joint: str) -> Reader:
+    wrenches = TorqueReader()
+    return lambda raw: (*wrenches.read(raw), _NAN)
+
+
+def _plain_number(_joint: str) -> Reader:
+    return lambda raw: (None, read_float64(raw), _NAN)
+
+
+#: By the value of the parameter: message type, and what makes a reader for a joint.
+ANGLE_READERS: dict[str, tuple[str, Callable[[str], Reader]]] = {
+    "joint_state": (JOINT_STATE, _joint_angle),
+    "float64": (FLOAT64, _plain_number),
+}
+TORQUE_READERS: dict[str, tuple[str, Callable[[str], Reader]]] = {
+    "wrench": (WRENCH, _wrench_torque),
+    "joint_state": (JOINT_STATE, _joint_effort),
+    "float64": (FLOAT64, _plain_number),
+}
+
+
+class SampleInput:
+    """One input topic: bytes in, blocks of samples out, watched for silence.
+
+    A reliable subscription does not hear best-effort publishers. With reliability `auto` the input begins reliable and
+    goes over to best effort when such a publisher appears.
+
+    Args:
+        node: the node that listens.
+        topic: the input's name.
+        kind: message type and reader.
+        joint: the joint that is read, in types that have joints.
+        depth: messages that may wait.
+        reliability: "auto", "reliable" or "best_effort".
+        silence_s: returns after how many seconds silence is worth a warning.
+        take: called with the block's samples.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        kind: tuple[str, Callable[[str], Reader]],
+        joint: str,
+        depth: int,
+        reliability: str,
+        silence_s: Callable[[], float],
+        take: Callable[[list[Sample]], None],
+    ) -> None:
+        self._node, self._topic, self._depth, self._take = node, topic, depth, take
+        self.msgtype, create_reader = kind
+        self._message_class = message_class(self.msgtype)
+        self._read = create_reader(joint)
+        self._automatic = reliability == "auto"
+        self._renew_due = False
+        self.name = node.resolve_topic_name(topic)
+        self.watch = InputWatch(node, self.name, silence_s, lambda: describe_publishers(node, topic, self.msgtype))
+        self._subscription = self._subscribe("reliable" if self._automatic else reliability)
+
+    def status(self, **values: object) -> Status:
+        """The input's diagnostics of this moment."""
+        return self.watch.status(self._topic, values)
+
+    def has_publishers(self) -> bool:
+        """Whether anybody publishes there."""
+        return bool(self._node.count_publishers(self.name))
+
+    def renew(self) -> None:
+        """Subscribe anew where a best-effort publisher has appeared; not from within the subscription's own events."""
+        if self._renew_due:
+            self._renew_due = False
+            self.destroy()
+            self._subscription = self._subscribe("best_effort")
+
+    def destroy(self) -> None:
+        """End the subscription."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _subscribe(self, reliability: str) -> Subscription:
+        return self._node.create_subscription(
+            self._message_class,
+            self._topic,
+            self._on_message,
+            samples_qos(self._depth, reliability),
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            raw=True,
+        )
+
+    def _on_incompatible(self, event: QoSRequestedIncompatibleQoSInfo) -> None:
+        policy = QoSPolicyKind(int(event.last_policy_kind)).name.lower()
+        seen = describe_publishers(self._node, self._topic, self.msgtype)
+        if self._automatic and policy == "reliability":
+            self._automatic, self._renew_due = False, True
+            self._node.get_logger().info(f"listening on {self.name} with best effort, as it is published: {seen}")
+            return
+        self._node.get_logger().warning(
+            f"a publisher on {self.name} offers less than this node asks for ({policy}) and is not heard: {seen};"
+            " change its quality of service, or the parameters qos_reliability and qos_overrides of this node"
+        )
+
+    def _on_message(self, raw: bytes) -> None:
+        """Read this message and all that wait behind it."""
+        block: list[Sample] = []
+        waiting: bytes | None = raw
+        received = 0
+        while waiting is not None:
+            received += 1
+            try:
+                block.append(self._read(waiting))
+            except MessageError as error:
+                self.watch.refuse(str(error))
+            waiting = self._next() if received < _BLOCK else None
+        self.watch.took(received)
+        if block:
+            self._take(block)
+
+    def _next(self) -> bytes | None:
+        with self._subscription.handle as handle:
+            taken: Any = handle.take_message(self._message_class, True)
+        return None if taken is None else taken[0]

@@ -1,0 +1,86 @@
+"""A simulated main shaft that runs up to a speed with ripple, and what its encoder and its torque sensor show."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from random import Random
+
+TURN = 2.0 * math.pi
+
+
+@dataclass
+class ShaftMotion:
+    """Angle, speed and acceleration of a shaft over time, in closed form.
+
+    The angle is phi + ripple * sin(phi) with a phase phi that runs up at constant acceleration and then goes on at
+    constant speed: the speed is then 1 + ripple * cos(phi) times that of the phase.
+
+    Args:
+        rpm: speed after the run-up; negative runs backwards.
+        run_up_s: seconds from standstill to that speed.
+        ripple: relative amplitude of the speed's ripple, once a turn.
+    """
+
+    rpm: float
+    run_up_s: float = 0.0
+    ripple: float = 0.0
+
+    def at(self, time_s: float) -> tuple[float, float, float]:
+        """theta [rad], omega [rad/s], alpha [rad/s^2] at a time from the start."""
+        full = self.rpm * TURN / 60.0
+        if time_s < self.run_up_s:
+            rate = full / self.run_up_s
+            phase, speed = 0.5 * rate * time_s**2, rate * time_s
+        else:
+            rate = 0.0
+            phase, speed = full * (time_s - 0.5 * self.run_up_s), full
+        slope = 1.0 + self.ripple * math.cos(phase)
+        bend = -self.ripple * math.sin(phase)
+        return phase + self.ripple * math.sin(phase), slope * speed, slope * rate + bend * speed**2
+
+
+@dataclass
+class Encoder:
+    """Wrapped angle of an absolute encoder.
+
+    Args:
+        bits: resolution; 0 is exact.
+        zero_rad, direction, ratio: as in shaft angle = (measured angle - zero) * direction * ratio.
+    """
+
+    bits: int
+    zero_rad: float = 0.0
+    direction: float = 1.0
+    ratio: float = 1.0
+
+    def read(self, theta_rad: float) -> float:
+        """What it shows at this shaft angle, in [0, 2 pi)."""
+        angle = (theta_rad / (self.direction * self.ratio) + self.zero_rad) % TURN
+        if not self.bits:
+            return angle
+        steps = 1 << self.bits
+        return math.floor(angle / TURN * steps) % steps * (TURN / steps)
+
+
+@dataclass
+class TorqueSensor:
+    """A torque sensor with gain, offset and noise; its delay is a matter of when it is asked.
+
+    Args:
+        gain, offset_Nm: measured = gain * true + offset.
+        noise_Nm: standard deviation of the noise.
+        seed: of the noise.
+    """
+
+    gain: float = 1.0
+    offset_Nm: float = 0.0
+    noise_Nm: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        self._random = Random(self.seed)
+
+    def read(self, torque_Nm: float) -> float:
+        """What it shows at this torque."""
+        return self.gain * torque_Nm + self.offset_Nm + self._random.gauss(0.0, self.noise_Nm)

@@ -1,0 +1,215 @@
+"""The digital twin: from each sample of the shaft angle to torque, joints and tool, with that sample's stamp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.task import Future
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+import textile_twin_core as ttc
+from textile_twin_core.errors import TwinError
+from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
+from textile_twin_ros.endpoints import depth_for, latched_qos
+from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Sample, SampleInput
+from textile_twin_ros.spinning import EXECUTORS, run
+from textile_twin_ros.twin_stream import TwinStream
+
+_LOOK_S = 0.05
+_SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+@dataclass
+class TwinParameters:
+    """Parameters of twin_node."""
+
+    machine: str = parameter("tufting", "machine name, or path of a machine file")
+    shaft: str = parameter("causal", "estimator of the shaft's state", choices=("causal", "lag"))
+    shaft_lag_s: float = parameter(0.04, "with shaft lag: how long it looks ahead", between=(0.001, 1.0))
+    angle_type: str = parameter("joint_state", "type of main_shaft/angle", choices=tuple(ANGLE_READERS))
+    torque_type: str = parameter("wrench", "type of balancing_torque/measured", choices=tuple(TORQUE_READERS))
+    joint: str = parameter("main_shaft", "name of the shaft's joint in JointState inputs")
+    rate_hz: float = parameter(1000.0, "samples a second at most: queues hold a second of them", between=(1.0, 1e5))
+    qos_depth: int = parameter(0, "depth of the queues; 0 holds a second at rate_hz", between=(0, 10_000_000))
+    qos_reliability: str = parameter(
+        "auto", "of the inputs; auto goes by the publishers", choices=("auto", "reliable", "best_effort")
+    )
+    joint_states_rate_hz: float = parameter(
+        0.0, "largest rate of joint_states; 0 is every sample", between=(0.0, 1e5), live=True
+    )
+    no_data_timeout_s: float = parameter(
+        2.0, "say so when an input stays silent so long", between=(0.1, 1e6), live=True
+    )
+    autostart: bool = parameter(True, "configure and activate at the start; otherwise by lifecycle services")
+    wait_for: tuple[str, ...] = parameter(
+        (), "outputs that need a subscriber before autostart activates, such as balancing_torque/predicted"
+    )
+    executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
+
+
+class TwinNode(LifecycleNode):
+    """Lifecycle node around one TwinStream.
+
+    unconfigured: knows nothing. inactive: machine compiled, robot_description out, topics there, samples ignored.
+    active: samples in, predictions out.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("twin_node")
+        self.settings = declare(self, TwinParameters)
+        self.executor_name = self.settings.executor
+        self.finished = Future()
+        self._stream: TwinStream | None = None
+        self._angle: SampleInput | None = None
+        self._torque: SampleInput | None = None
+        self._description: Any = None
+        self._active = False
+        self._error: TwinError | None = None
+        self._starting = self.settings.autostart
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self._diagnostics = DiagnosticsPublisher(self, lambda: self.settings.machine, self._statuses)
+        if self._starting and self.trigger_configure() is not _SUCCESS and self._error is not None:
+            raise self._error
+        self._look_timer = self.create_timer(_LOOK_S, self._look)
+
+    def close(self) -> None:
+        """Nothing is left open: what was published is with the middleware."""
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Compile the machine and create the topics."""
+        settings = self.settings
+        try:
+            machine = load_machine(settings.machine)
+            depth = settings.qos_depth or depth_for(settings.rate_hz)
+            estimator = {"shaft_lag_s": settings.shaft_lag_s} if settings.shaft == "lag" else {}
+            self._stream = TwinStream(
+                self, machine, settings.shaft, estimator, depth, lambda: settings.joint_states_rate_hz
+            )
+            unknown = [topic for topic in settings.wait_for if topic not in self._stream.publishers]
+            if unknown:
+                raise TwinError(
+                    f"parameter 'wait_for': no output '{unknown[0]}'; there are {', '.join(self._stream.publishers)}"
+                )
+        except TwinError as error:
+            self._error = error
+            if not self._starting:
+                self.get_logger().error(str(error))
+            return _FAILURE
+        self._description = self.create_publisher(String, "robot_description", latched_qos())
+        self._description.publish(String(data=machine.urdf()))
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen."""
+        settings, stream = self.settings, self._stream
+        assert stream is not None
+        stream.reset()
+        depth = settings.qos_depth or depth_for(settings.rate_hz)
+        common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
+        self._angle = SampleInput(
+            self, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, self._on_angles
+        )
+        self._torque = SampleInput(
+            self, "balancing_torque/measured", TORQUE_READERS[settings.torque_type], *common, self._on_torques
+        )
+        self._active = True
+        result = super().on_activate(state)
+        self.get_logger().info(f"{settings.machine}: predicting from {self._angle.name}, estimator {settings.shaft}")
+        return result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Give what the estimator still holds, and stop listening."""
+        if self._stream is not None:
+            self._stream.flush()
+        self._stop_listening()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the machine and remove the topics."""
+        self._stop_listening()
+        if self._stream is not None:
+            self._stream.destroy()
+            self.destroy_publisher(self._description)
+            self._stream = None
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the node."""
+        self._stop_listening()
+        self.finished.set_result(0)
+        return super().on_shutdown(state)
+
+    def _stop_listening(self) -> None:
+        self._active = False
+        for source in (self._angle, self._torque):
+            if source is not None:
+                source.destroy()
+        self._angle = self._torque = None
+
+    def _on_angles(self, block: list[Sample]) -> None:
+        if self._stream is not None and self._active:
+            now = self.get_clock().now().nanoseconds
+            self._stream.take_angles([(now if stamp is None else stamp, value, rate) for stamp, value, rate in block])
+
+    def _on_torques(self, block: list[Sample]) -> None:
+        if self._stream is not None and self._active:
+            now = self.get_clock().now().nanoseconds
+            self._stream.take_torques([(now if stamp is None else stamp, value) for stamp, value, _ in block])
+
+    def _look(self) -> None:
+        """What has to be looked after between samples: who listens, whether to start, whether the input has ended."""
+        stream = self._stream
+        if stream is None:
+            return
+        stream.choose_outputs(measured=self._torque is not None and self._torque.has_publishers())
+        if self._starting and all(
+            stream.publishers[topic].get_subscription_count() for topic in self.settings.wait_for
+        ):
+            self._starting = False
+            self.trigger_activate()
+        if self._active and self._angle is not None and self._torque is not None:
+            self._angle.renew()
+            self._torque.renew()
+            if self._angle.watch.received and self._angle.watch.silent_s > max(1.0, 5.0 * self.settings.shaft_lag_s):
+                stream.flush()
+
+    def _statuses(self) -> list[Status]:
+        stream, angle, torque = self._stream, self._angle, self._torque
+        if stream is None or angle is None or torque is None:
+            text = "waiting for subscribers" if self._starting else "not active: activate it by its lifecycle services"
+            return [Status("twin", WARN, text)]
+        statuses = [angle.status(**stream.sample_counts()), stream.estimator_status(self.settings.shaft)]
+        if torque.watch.received or torque.has_publishers():
+            statuses.append(torque.status())
+            statuses.append(stream.residual_status())
+        outputs = ", ".join(stream.wanted_topics()) or "nothing: nobody listens"
+        return [*statuses, Status("outputs", OK, f"computing {outputs}")]
+
+    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._stream is None or self._angle is None or self._torque is None:
+            response.success, response.message = False, "not active: there is nothing to reset"
+            return response
+        self._stream.reset()
+        self._angle.watch.restart()
+        self._torque.watch.restart()
+        response.success, response.message = True, "estimator, residuals and counts begin anew"
+        return response
+
+
+def load_machine(name: str) -> ttc.Machine:
+    """A machine by its name, or from a machine file.
+
+    Raises:
+        MachineError: no such machine, or a file that declares none.
+    """
+    return ttc.load_machine(name) if Path(name).suffix in (".yaml", ".yml") else ttc.machines.create(name)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run twin_node."""
+    return run("twin_node", TwinNode, arguments)

@@ -1,0 +1,169 @@
+"""The twin between its topics: one session, the publishers, and what is computed for whom."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+import textile_twin_core as ttc
+from textile_twin_core.comparison.residual import Residual, ResidualStream, load_jumps
+from textile_twin_ros.diagnostics import OK, WARN, Status
+from textile_twin_ros.endpoints import samples_qos
+from textile_twin_ros.messages import WRENCH, message_class
+from textile_twin_ros.restart import RestartWatch
+from textile_twin_ros.twin_outputs import RESIDUAL_TOPIC, TORQUE, Output, ResidualMessages, outputs_of, twins_of
+
+
+class TwinStream:
+    """Angle samples and measured torques in, messages out, by one session of the engine.
+
+    Args:
+        node: gives the publishers.
+        machine: what the twin is of.
+        shaft: the estimator, with its settings.
+        depth: of the publishers' queues.
+        joint_rate_hz: returns the largest rate of joint_states.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        machine: ttc.Machine,
+        shaft: str,
+        settings: Mapping[str, float],
+        depth: int,
+        joint_rate_hz: Callable[[], float],
+    ) -> None:
+        self._node = node
+        self._compile = twins_of(machine)
+        self._idle = ttc.Twin(machine, (), "exact", machine.scene.tolerance)
+        self._outputs = outputs_of(machine, joint_rate_hz, self._compile)
+        self._has_torque = TORQUE in machine.outputs and not machine.missing_for_torque
+        jumps = load_jumps(self._compile((TORQUE,))) if self._has_torque else ()
+        self._residuals = ResidualStream(machine.sensors.torque, jumps)
+        self._residual_messages = ResidualMessages()
+        self._session = self._idle.session(shaft, **settings)
+        self._restarts = RestartWatch()
+        self._wanted: list[Output] = []
+        self._wants_residual = False
+        self._warm_up()
+        topics = {output.topic: output.msgtype for output in self._outputs}
+        if self._has_torque:
+            topics[RESIDUAL_TOPIC] = WRENCH
+        self.publishers: dict[str, LifecyclePublisher] = {
+            topic: node.create_lifecycle_publisher(
+                message_class(msgtype),
+                topic,
+                samples_qos(depth),
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            )
+            for topic, msgtype in topics.items()
+        }
+
+    def destroy(self) -> None:
+        """Remove the publishers."""
+        for publisher in self.publishers.values():
+            self._node.destroy_lifecycle_publisher(publisher)
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self._session.reset()
+        self._residuals.reset()
+        self._restarts.reset()
+
+    def choose_outputs(self, measured: bool) -> None:
+        """Compile for what somebody listens to now.
+
+        Args:
+            measured: whether there is measured torque, so that residuals can be.
+        """
+        wanted = [output for output in self._outputs if self.publishers[output.topic].get_subscription_count()]
+        residual = self._has_torque and measured
+        if wanted == self._wanted and residual == self._wants_residual:
+            return
+        self._wanted, self._wants_residual = wanted, residual
+        needs = [name for output in wanted for name in output.needs] + ([TORQUE] if residual else [])
+        self._session.use(self._compile(tuple(dict.fromkeys(needs))) if needs else self._idle)
+
+    def wanted_topics(self) -> list[str]:
+        """The topics that are computed at present."""
+        return [output.topic for output in self._wanted] + ([RESIDUAL_TOPIC] if self._wants_residual else [])
+
+    def take_angles(self, block: list[tuple[int, float, float]]) -> None:
+        """Predict from samples: stamp [ns], angle [rad], speed [rad/s] or NaN."""
+        for stamp, _, _ in block:
+            if self._restarts.restarted(stamp):
+                self._node.get_logger().warning(
+                    "the stamps of the shaft angle went back and go on from there: all begins anew"
+                )
+                self.reset()
+        stamps, angles, speeds = zip(*block, strict=True)
+        velocities = np.array(speeds)
+        known = None if np.isnan(velocities).all() else velocities
+        self._publish(self._session.step(np.array(stamps, dtype=np.int64), np.array(angles), known))
+
+    def take_torques(self, block: list[tuple[int, float]]) -> None:
+        """Hold measured torques against the prediction: stamp [ns], torque [N m]."""
+        if self._wants_residual:
+            for stamp, torque in block:
+                self._publish_residuals(self._residuals.measured(stamp, torque))
+
+    def flush(self) -> None:
+        """Publish what an estimator that looks ahead still holds."""
+        self._publish(self._session.finish())
+
+    def sample_counts(self) -> dict[str, object]:
+        """What became of the angle samples."""
+        report = self._session.report
+        counts: dict[str, object] = {"accepted": report.accepted}
+        counts |= {f"rejected_{cause}": count for cause, count in report.rejected.items()}
+        return counts | {"gaps": report.gaps, "reversals": report.reversals, "longest_gap_s": report.longest_gap_s}
+
+    def estimator_status(self, shaft: str) -> Status:
+        """How the estimator stands."""
+        report = self._session.report
+        level = WARN if report.state in ("waiting", "settling") else OK
+        values = {key: value for key, value in report.to_json().items() if not isinstance(value, dict | list)}
+        return Status("shaft estimator", level, f"{shaft}: {report.text()}", values)
+
+    def residual_status(self) -> Status:
+        """How far measured and predicted torque are apart."""
+        residuals = self._residuals
+        values: dict[str, object] = {"rms_Nm": residuals.rms_Nm, "given": residuals.given}
+        values |= {f"skipped_{cause.replace(' ', '_')}": count for cause, count in residuals.skipped.items()}
+        text = f"rms {residuals.rms_Nm:.4g} N m" if residuals.given else "no residual yet"
+        return Status(RESIDUAL_TOPIC, OK if residuals.given else WARN, text, values)
+
+    def _publish(self, samples: Any) -> None:
+        if not len(samples):
+            return
+        for output in self._wanted:
+            publish = self.publishers[output.topic].publish
+            for message in output.messages(samples):
+                publish(message)
+        if self._wants_residual:
+            known = self._residuals.predicted(
+                samples.stamps.tolist(), samples[TORQUE].tolist(), samples.theta_rad.tolist()
+            )
+            self._publish_residuals(known)
+
+    def _publish_residuals(self, residuals: list[Residual]) -> None:
+        if residuals and self.publishers[RESIDUAL_TOPIC].get_subscription_count():
+            for message in self._residual_messages.messages(residuals):
+                self.publishers[RESIDUAL_TOPIC].publish(message)
+
+    def _warm_up(self) -> None:
+        """Run every path once, so that the first sample is not kept waiting for what is made at first use."""
+        needs = {name: None for output in self._outputs for name in output.needs}
+        self._session.use(self._compile(tuple(needs)))
+        for first, count in ((0, 1), (1, 1), (2, 1), (3, 20)):
+            number = np.arange(first, first + count)
+            samples = self._session.step(number * 2_000_000, number * 0.03)
+        for output in self._outputs:
+            _ = list(output.messages(samples))
+        self._session.reset()
+        self._session.use(self._idle)

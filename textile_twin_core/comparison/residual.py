@@ -1,0 +1,159 @@
+"""Measured minus predicted torque sample by sample, while both are still coming in."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections import Counter, deque
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from textile_twin_core.comparison.compare import TorqueSensorLike
+from textile_twin_core.twin import Twin
+
+TWO_PI = 2.0 * math.pi
+_RECENT = 1000
+_PROBES = 64
+_BESIDE_RAD = 1e-7
+_JUMP_OVER_PEAK = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """One residual: measured - (gain * predicted(stamp - delay) + offset), at the stamp of the measured sample."""
+
+    stamp_ns: int
+    residual_Nm: float
+
+
+@dataclass
+class ResidualStream:
+    """Pairs a stream of measured torques with a stream of predictions, whichever comes first.
+
+    The prediction at `stamp - delay` is interpolated linearly between its two neighbours. No residual is given where
+    they say nothing about the time between them: over a gap, and where the load jumps between them (the needle
+    enters the backing). Each such sample is counted in `skipped`, by cause.
+
+    Args:
+        sensor: delay, gain and offset of the torque sensor.
+        jump_angles_rad: shaft angles at which the predicted torque jumps.
+        longest_interval_s: predictions further apart than this have a gap between them.
+        memory_s: how long a prediction, or a measured sample, waits for its counterpart.
+    """
+
+    sensor: TorqueSensorLike
+    jump_angles_rad: Sequence[float] = ()
+    longest_interval_s: float = 0.05
+    memory_s: float = 2.0
+    given: int = 0
+    skipped: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples and counts."""
+        self._stamps: list[int] = []
+        self._torques: list[float] = []
+        self._thetas: list[float] = []
+        self._waiting: deque[tuple[int, float]] = deque()
+        self._recent: deque[float] = deque(maxlen=_RECENT)
+        self._delay_ns = round(self.sensor.delay_s * 1e9)
+        self._last_measured_ns: int | None = None
+        self.given = 0
+        self.skipped.clear()
+
+    @property
+    def rms_Nm(self) -> float:
+        """Root mean square of the latest residuals (up to 1000), nan without any."""
+        if not self._recent:
+            return math.nan
+        return math.sqrt(math.fsum(value * value for value in self._recent) / len(self._recent))
+
+    def predicted(
+        self, stamps_ns: Iterable[int], torques_Nm: Iterable[float], thetas_rad: Iterable[float]
+    ) -> list[Residual]:
+        """Take predictions, in order of time, and return the residuals that they make known."""
+        self._stamps.extend(stamps_ns)
+        self._torques.extend(torques_Nm)
+        self._thetas.extend(thetas_rad)
+        ready = []
+        while self._waiting and self._stamps and self._stamps[-1] >= self._waiting[0][0] - self._delay_ns:
+            ready += self._residual(*self._waiting.popleft())
+        self._forget()
+        return ready
+
+    def measured(self, stamp_ns: int, torque_Nm: float) -> list[Residual]:
+        """Take one measured torque [N m] and return its residual when its prediction is known already."""
+        if not math.isfinite(torque_Nm):
+            self.skipped["not finite"] += 1
+            return []
+        if self._last_measured_ns is not None and stamp_ns <= self._last_measured_ns:
+            self.skipped["stamp not after the one before"] += 1
+            return []
+        self._last_measured_ns = stamp_ns
+        if self._waiting or not self._stamps or self._stamps[-1] < stamp_ns - self._delay_ns:
+            self._waiting.append((stamp_ns, torque_Nm))
+            self._forget()
+            return []
+        return self._residual(stamp_ns, torque_Nm)
+
+    def _residual(self, stamp_ns: int, torque_Nm: float) -> list[Residual]:
+        at = stamp_ns - self._delay_ns
+        after = bisect_left(self._stamps, at)
+        if self._stamps[after] == at:
+            predicted = self._torques[after]
+        elif after == 0:
+            self.skipped["before the first prediction"] += 1
+            return []
+        else:
+            before = after - 1
+            step = self._stamps[after] - self._stamps[before]
+            if step > self.longest_interval_s * 1e9:
+                self.skipped["gap between predictions"] += 1
+                return []
+            if self._jumps(self._thetas[before], self._thetas[after]):
+                self.skipped["load jumps there"] += 1
+                return []
+            part = (at - self._stamps[before]) / step
+            predicted = self._torques[before] * (1.0 - part) + self._torques[after] * part
+        residual = torque_Nm - (self.sensor.gain * predicted + self.sensor.offset_Nm)
+        self.given += 1
+        self._recent.append(residual)
+        return [Residual(stamp_ns, residual)]
+
+    def _jumps(self, theta: float, next_theta: float) -> bool:
+        return any(
+            math.floor((theta - angle) / TWO_PI) != math.floor((next_theta - angle) / TWO_PI)
+            for angle in self.jump_angles_rad
+        )
+
+    def _forget(self) -> None:
+        """Keep `memory_s` of both streams; measured samples without a prediction are counted as they go."""
+        memory_ns = round(self.memory_s * 1e9)
+        while self._waiting and self._waiting[-1][0] - self._waiting[0][0] > memory_ns:
+            self._waiting.popleft()
+            self.skipped["no prediction came"] += 1
+        # Twice the memory, so that the lists are cut seldom.
+        if self._stamps and self._stamps[-1] - self._stamps[0] > 2 * memory_ns:
+            first = bisect_left(self._stamps, self._stamps[-1] - memory_ns)
+            del self._stamps[:first], self._torques[:first], self._thetas[:first]
+
+
+def load_jumps(twin: Twin) -> tuple[float, ...]:
+    """Shaft angles [rad] at which the balancing torque of a machine jumps, found among its events.
+
+    Args:
+        twin: compiled for `balancing_torque_Nm`, among others.
+    """
+    scale = max(abs(_torque(twin, TWO_PI * k / _PROBES)) for k in range(_PROBES))
+    return tuple(
+        event.angle_rad
+        for event in twin.machine.events()
+        if abs(_torque(twin, event.angle_rad + _BESIDE_RAD) - _torque(twin, event.angle_rad - _BESIDE_RAD))
+        > _JUMP_OVER_PEAK * scale
+    )
+
+
+def _torque(twin: Twin, theta_rad: float) -> float:
+    return float(twin.evaluate(theta_rad, 1.0, 0.0)["balancing_torque_Nm"])
