@@ -122,19 +122,12 @@ class Bag(Recording):
     def read_joint_states(self, topic: str = "joint_states") -> tuple[IntArray, dict[str, FloatArray]]:
         """Positions of every joint of a JointState topic: stamps (n,) in ns, joint -> (n,), NaN if none."""
         info = self._readable(topic, JOINT_STATE)
-        named = (
-            layout.names
-            for block in self.blocks(topic)
-            for layout, _ in layouts(block, JOINT_STATE, info.name)
-        )
+        named = (layout.names for block in self.blocks(topic) for layout, _ in layouts(block, JOINT_STATE, info.name))
         names = sorted({name for names in named for name in names})
 
         def fields(layout: Layout, take: _Take) -> list[FloatArray]:
             absent = layout.fields["position"][1]
-            return [
-                take("position", layout.names.index(name) if name in layout.names else absent)
-                for name in names
-            ]
+            return [take("position", layout.names.index(name) if name in layout.names else absent) for name in names]
 
         stamps, columns = self._columns(info, fields, None)
         return stamps, dict(zip(names, columns, strict=True))
@@ -145,9 +138,7 @@ class Bag(Recording):
         info = self.find_topic(topic)
         if info.msgtype not in types:
             needed = " or ".join(types)
-            raise RecordingError(
-                f"{self.path}: topic {info.name} is {info.msgtype}; name one of type {needed}"
-            )
+            raise RecordingError(f"{self.path}: topic {info.name} is {info.msgtype}; name one of type {needed}")
         if info.count == 0:
             raise RecordingError(f"{self.path}: topic {info.name} has no message; was its publisher running?")
         return info
@@ -184,9 +175,7 @@ class Bag(Recording):
             )
         stamps, *values = (np.concatenate(column) for column in zip(*pieces, strict=True))
         if not stamps.any():
-            raise RecordingError(
-                f"{self.path}: every stamp on topic {info.name} is 0; its publisher must fill them in"
-            )
+            raise RecordingError(f"{self.path}: every stamp on topic {info.name} is 0; its publisher must fill them in")
         return stamps, values
 
 
@@ -217,9 +206,7 @@ def open_bag(path: str | Path) -> Bag:
     files = [path / Path(str(name)).name for name in names]
     missing = [file.name for file in files if not file.exists()]
     if missing:
-        raise RecordingError(
-            f"{path}: metadata.yaml names {missing[0]}, which is not in the folder; copy it there"
-        )
+        raise RecordingError(f"{path}: metadata.yaml names {missing[0]}, which is not in the folder; copy it there")
     custom_data = rosbag2_metadata.custom_data(info)
     if info.get("compression_mode") or any(file.suffix != ".mcap" for file in files):
         return Bag(path, [OtherFile(path)], custom_data)

@@ -49,9 +49,7 @@ class BagWriter:
         self._live = live
         self._single = self.path.suffix == ".mcap"
         if self.path.exists() and not overwrite:
-            raise OutputError(
-                f"output {self.path}: is there already; choose another name or ask to overwrite it"
-            )
+            raise OutputError(f"output {self.path}: is there already; choose another name or ask to overwrite it")
         check_folder(self.path)
         if live:
             remove(self.path)
@@ -73,9 +71,7 @@ class BagWriter:
         name = _absolute(topic)
         if name in self._topics:
             if self._topics[name].msgtype != msgtype:
-                raise RecordingError(
-                    f"topic {name}: is {self._topics[name].msgtype} already, cannot be {msgtype} too"
-                )
+                raise RecordingError(f"topic {name}: is {self._topics[name].msgtype} already, cannot be {msgtype} too")
             return
         schema = message_schema(msgtype)
         qos = qos or OfferedQos()
@@ -157,9 +153,7 @@ class BagWriter:
         try:
             return self._channels[_absolute(topic)]
         except KeyError:
-            raise RecordingError(
-                f"topic {_absolute(topic)}: not declared; call add_topic before writing"
-            ) from None
+            raise RecordingError(f"topic {_absolute(topic)}: not declared; call add_topic before writing") from None
 
     def _flush_when_due(self) -> None:
         if self._live and time.monotonic() - self._flushed >= _FLUSH_SECONDS:

@@ -88,16 +88,12 @@ class Layout:
         offset, length = self.fields[name]
         if element >= length:
             return np.full(len(chosen), np.nan)
-        return gather(block.buffer, block.starts[chosen] + offset + 8 * element, f"{self.order}f8").astype(
-            np.float64
-        )
+        return gather(block.buffer, block.starts[chosen] + offset + 8 * element, f"{self.order}f8").astype(np.float64)
 
     def stamps(self, block: MessageBlock, chosen: IntArray) -> IntArray:
         """Header stamps in nanoseconds; shape (len(chosen),)."""
         seconds = gather(block.buffer, block.starts[chosen] + 4, f"{self.order}i4").astype(np.int64)
-        nanoseconds: IntArray = gather(block.buffer, block.starts[chosen] + 8, f"{self.order}u4").astype(
-            np.int64
-        )
+        nanoseconds: IntArray = gather(block.buffer, block.starts[chosen] + 8, f"{self.order}u4").astype(np.int64)
         return seconds * 1_000_000_000 + nanoseconds
 
 

@@ -48,9 +48,7 @@ class _Template:
     def header(self, stamps_ns: IntArray, frame_id: str) -> None:
         seconds, nanoseconds = np.divmod(np.asarray(stamps_ns, np.int64), 1_000_000_000)
         if len(seconds) and (seconds.min() < -(2**31) or seconds.max() >= 2**31):
-            raise RecordingError(
-                "a stamp lies outside 1901..2038, which a ROS header cannot carry; check the clock"
-            )
+            raise RecordingError("a stamp lies outside 1901..2038, which a ROS header cannot carry; check the clock")
         words = np.stack([seconds, nanoseconds], axis=1).astype("<i4")
         self.column(words.view(np.uint8).reshape(len(words), 8), 4)
         self.string(frame_id)

@@ -68,9 +68,7 @@ class Messages:
         """The chosen messages."""
         heads = self.heads[which]
         sizes = gather(self.buffer, heads + 1, "<u8").astype(np.int64) - 22
-        return MessageBlock(
-            self.buffer, heads + 31, sizes, gather(self.buffer, heads + 15, "<u8").astype(np.int64)
-        )
+        return MessageBlock(self.buffer, heads + 31, sizes, gather(self.buffer, heads + 15, "<u8").astype(np.int64))
 
 
 class McapFile:
@@ -91,9 +89,7 @@ class McapFile:
             with path.open("rb") as file:
                 head = file.read(len(MAGIC))
                 if head != MAGIC:
-                    raise RecordingError(
-                        f"{path}: {_what_it_is(head)}; give a rosbag2 folder or an .mcap file"
-                    )
+                    raise RecordingError(f"{path}: {_what_it_is(head)}; give a rosbag2 folder or an .mcap file")
                 self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error
@@ -105,10 +101,7 @@ class McapFile:
     def topics(self) -> dict[int, tuple[str, str]]:
         """Channel -> (topic, message type)."""
         types = {schema.id: schema.name for schema in self.schemas.values()}
-        return {
-            channel.id: (channel.topic, types.get(channel.schema_id, ""))
-            for channel in self.channels.values()
-        }
+        return {channel.id: (channel.topic, types.get(channel.schema_id, "")) for channel in self.channels.values()}
 
     def span_ns(self) -> tuple[int, int] | None:
         """Log times of the first and last message; None without messages."""
@@ -182,9 +175,7 @@ class McapFile:
                 counts[channel] = counts.get(channel, 0) + number
         unknown = sorted(channel for channel in counts if channel not in self.channels)
         if unknown:
-            raise RecordingError(
-                f"{self.path}: messages of channel {unknown[0]}, which the file does not declare"
-            )
+            raise RecordingError(f"{self.path}: messages of channel {unknown[0]}, which the file does not declare")
         return counts
 
     def _unpack(self, part: Part) -> bytes:
@@ -195,9 +186,7 @@ class McapFile:
         try:
             unpacked = _decompress(compression, data, size)
         except ImportError as error:
-            raise RecordingError(
-                f"{self.path}: compressed with {compression}; pip install {error.name}"
-            ) from error
+            raise RecordingError(f"{self.path}: compressed with {compression}; pip install {error.name}") from error
         except (ValueError, RuntimeError) as error:
             raise self._damaged(part, str(error)) from error
         except Exception as error:  # zstandard and lz4 each have an error class of their own
@@ -213,9 +202,7 @@ class McapFile:
         """Messages of a part, found by its index where that is complete, by walking where it is not."""
         if not part.chunked:
             found = [
-                start
-                for opcode, start, _ in self._walk(self._map, part.start, part.end)
-                if opcode == Opcode.MESSAGE
+                start for opcode, start, _ in self._walk(self._map, part.start, part.end) if opcode == Opcode.MESSAGE
             ]
             return Messages(self._bytes, np.array(found, np.int64))
         unpacked = self._unpack(part)
@@ -240,9 +227,7 @@ class McapFile:
             return np.empty(0, np.int64)
         return np.sort(np.concatenate([rows[:, 1] for rows in part.index.values()]))
 
-    def blocks(
-        self, channels: set[int], progress: Callable[[int], object] | None = None
-    ) -> Iterator[MessageBlock]:
+    def blocks(self, channels: set[int], progress: Callable[[int], object] | None = None) -> Iterator[MessageBlock]:
         """Messages of the given channels, part by part; parts that hold none of them are not unpacked."""
         for part in self.parts:
             if part.index and channels.isdisjoint(part.index):

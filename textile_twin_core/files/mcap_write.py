@@ -201,15 +201,11 @@ class McapFileWriter:
             if group:
                 start = self._file.tell()
                 length = sum(self._emit(record)[1] for record in group)
-                offsets.append(
-                    records.SummaryOffset(group_opcode=opcode, group_start=start, group_length=length)
-                )
+                offsets.append(records.SummaryOffset(group_opcode=opcode, group_start=start, group_length=length))
         offset_start = self._file.tell()
         for offset in offsets:
             self._emit(offset)
-        self._emit(
-            records.Footer(summary_start=summary_start, summary_offset_start=offset_start, summary_crc=0)
-        )
+        self._emit(records.Footer(summary_start=summary_start, summary_offset_start=offset_start, summary_crc=0))
         self._file.write(MAGIC)
         self._file.flush()
         os.fdatasync(self._file.fileno())

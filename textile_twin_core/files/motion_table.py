@@ -68,7 +68,7 @@ def read_motion_table(path: str | Path) -> MotionTable:
     if time is not None and not (np.diff(time) > 0).all():
         row = int(np.flatnonzero(np.diff(time) <= 0)[0])
         raise MotionError(f"{path}, row {row + 2}: time_s does not increase; sort the rows by time")
-    return MotionTable(*(columns[name] for name in _NEEDED), time_s=time)
+    return MotionTable(columns["theta_rad"], columns["omega_rad_s"], columns["alpha_rad_s2"], time)
 
 
 _FIX = "give a finite number"
@@ -78,9 +78,7 @@ def _wanted(path: Path, there: list[str]) -> list[str]:
     """Columns to read; an error names those missing."""
     missing = [name for name in _NEEDED if name not in there]
     if missing:
-        raise MotionError(
-            f"{path}: column {', '.join(missing)} is missing; there are: {', '.join(there) or 'none'}"
-        )
+        raise MotionError(f"{path}: column {', '.join(missing)} is missing; there are: {', '.join(there) or 'none'}")
     return [*_NEEDED, *([_TIME] if _TIME in there else [])]
 
 
@@ -131,9 +129,7 @@ def _bad_cell(path: Path) -> MotionError | None:
                 if not good:
                     return MotionError(f"{path}, line {reader.line_num}: {name} is '{text}'; {_FIX}")
             if len(row) != len(names):
-                return MotionError(
-                    f"{path}, line {reader.line_num}: {len(row)} cells, but the header has {len(names)}"
-                )
+                return MotionError(f"{path}, line {reader.line_num}: {len(row)} cells, but the header has {len(names)}")
     return None
 
 

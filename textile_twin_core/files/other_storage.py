@@ -51,9 +51,7 @@ class OtherFile:
         except (ReaderError, OSError) as error:
             raise RecordingError(f"{self.path}: cannot be read: {error}") from error
 
-    def blocks(
-        self, channels: set[int], progress: Callable[[int], object] | None = None
-    ) -> Iterator[MessageBlock]:
+    def blocks(self, channels: set[int], progress: Callable[[int], object] | None = None) -> Iterator[MessageBlock]:
         """Messages of the given channels in blocks, in log-time order."""
         with self._open() as reader:
             wanted = [c for c in reader.connections if c.id in channels]

@@ -65,9 +65,7 @@ class Recording:
             for channel, (name, msgtype) in file.topics.items():
                 before = self.topics.get(name)
                 if before is not None and before.msgtype != msgtype:
-                    raise RecordingError(
-                        f"{path}: topic {name} carries two types, {before.msgtype} and {msgtype}"
-                    )
+                    raise RecordingError(f"{path}: topic {name} carries two types, {before.msgtype} and {msgtype}")
                 count = file.counts.get(channel, 0) + (before.count if before else 0)
                 self.topics[name] = TopicInfo(name, msgtype, count)
                 self._channels.setdefault(name, [set() for _ in files])[number].add(channel)
@@ -95,9 +93,7 @@ class Recording:
             return matches[0]
         if matches:
             names = ", ".join(sorted(topic.name for topic in matches))
-            raise RecordingError(
-                f"{self.path}: topic {name} is there more than once: {names}; name one in full"
-            )
+            raise RecordingError(f"{self.path}: topic {name} is there more than once: {names}; name one in full")
         there = ", ".join(f"{t.name} ({t.msgtype}, {t.count})" for _, t in sorted(self.topics.items()))
         raise RecordingError(f"{self.path}: no topic {absolute}; topics there: {there or 'none'}")
 

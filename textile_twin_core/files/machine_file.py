@@ -1,0 +1,211 @@
+"""Machine files: a machine as YAML, from the same groups, bodies and loads as the published ones, and back."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from textile_twin_core import mechanism
+from textile_twin_core.dynamics import Body, loads
+from textile_twin_core.errors import MachineError
+from textile_twin_core.files.atomic import staged
+from textile_twin_core.files.declarations import build, convert, list_at, mapping_at, plain, type_tag, unknown
+from textile_twin_core.files.strict_yaml import read_yaml
+from textile_twin_core.machines import NAMES, Machine, Scene, Sensors, ShaftPlace, create
+from textile_twin_core.mechanism import Linkage
+
+
+def _tagged(module: Any, method: str) -> dict[str, type]:
+    """The declarations a module offers, by the word a file uses for them."""
+    offered = (getattr(module, name) for name in module.__all__)
+    return {
+        type_tag(cls): cls
+        for cls in offered
+        if isinstance(cls, type) and dataclasses.is_dataclass(cls) and hasattr(cls, method)
+    }
+
+
+GROUPS = _tagged(mechanism, "solve")
+MEASURES = _tagged(mechanism, "displacement")
+LOADS = _tagged(loads, "coefficients")
+
+_MASS_BY_DENSITY = {"density_kg_m3", "width_m", "thickness_m"}
+_DEFAULT: dict[str, Any] = {"sensors": Sensors(), "linkages": (ShaftPlace(),), "scene": Scene()}
+_APART = tuple(_DEFAULT)
+"""What a user sets on any machine, whatever its geometry."""
+_ON_A_PUBLISHED_MACHINE = ("machine", "name", "parameters", "sensors", "linkages", "scene")
+
+
+def load_machine_file(path: str | Path) -> Machine:
+    """The machine that a YAML file declares; without a name it is called as the file.
+
+    Either a declaration from groups:
+
+        points: {O: [0, 0], C: [0.3, 0]}
+        groups:
+          - {type: crank, name: crank, at: O, end: A, length_m: 0.06}
+          - {type: rrr_dyad, coupler: l2, rocker: l3, from: A, ground: C, end: B, lengths_m: [0.2, 0.23], branch: left}
+        bodies: {l2: {mass_kg: 0.4, inertia_kgm2: 0.0015, centroid: [0.5, 0]}}
+        measures: [{type: arc, name: sley, link: l3, radius_m: 0.23}]
+
+    or a published machine with the user's own numbers:
+
+        machine: tufting
+        parameters: {backing_force_N: 900}
+        sensors: {encoder: {zero_rad: 0.1}, torque: {delay_s: 0.002}}
+
+    Raises MachineError with the file and the key at fault.
+    """
+    path = Path(path)
+    document = read_yaml(path, MachineError)
+    try:
+        entries = mapping_at(document, "the file")
+        if "machine" in entries:
+            return _published(entries, path)
+        return _declared(entries, path)
+    except MachineError as error:
+        raise MachineError(f"{path}: {error}") from error
+
+
+def _published(entries: dict[str, Any], path: Path) -> Machine:
+    for key in entries:
+        if key not in _ON_A_PUBLISHED_MACHINE:
+            raise MachineError(f"{key}: {unknown('key', key, list(_ON_A_PUBLISHED_MACHINE))}")
+    parameters = convert(entries.get("parameters", {}), Mapping[str, float], "parameters")
+    machine = create(str(entries["machine"]), **parameters)
+    changes: dict[str, Any] = {
+        key: reader(entries[key], key)
+        for key, reader in _TOP_LEVEL.items()
+        if key in entries and key in _ON_A_PUBLISHED_MACHINE
+    }
+    return dataclasses.replace(machine, **changes) if changes else machine
+
+
+def _declared(entries: dict[str, Any], path: Path) -> Machine:
+    plain_fields = (
+        "points",
+        "gravity_m_s2",
+        "joint_names",
+        "angle_near_rad",
+        "transmitted",
+        "range_rad",
+        "description",
+    )
+    keys = [*_TOP_LEVEL, *plain_fields, "bodies", "machine"]
+    for key in entries:
+        if key not in keys:
+            raise MachineError(f"{key}: {unknown('key', key, keys)}")
+    for key in ("points", "groups"):
+        if key not in entries:
+            raise MachineError(f"key '{key}' is missing; a machine needs ground points and groups")
+    declared: dict[str, Any] = {key: read(entries[key], key) for key, read in _TOP_LEVEL.items() if key in entries}
+    hints = {"points": Mapping[str, tuple[float, float]], "gravity_m_s2": tuple[float, float],
+             "joint_names": Mapping[str, str], "angle_near_rad": Mapping[str, float],
+             "transmitted": Mapping[str, str], "range_rad": tuple[float, float], "description": str}  # fmt: skip
+    declared |= {key: convert(entries[key], hints[key], key) for key in plain_fields if key in entries}
+    declared.setdefault("name", path.stem)
+    declared["bodies"] = _bodies(entries.get("bodies") or {}, Linkage(declared["points"], declared["groups"]))
+    return Machine(**declared)
+
+
+def _several(kinds: Mapping[str, type]) -> Callable[[Any, str], tuple[Any, ...]]:
+    """Reads a list of declarations, each with its type."""
+
+    def read(value: Any, place: str) -> tuple[Any, ...]:
+        out = []
+        for k, entry in enumerate(list_at(value, place)):
+            at = f"{place}[{k}]"
+            entries = mapping_at(entry, at)
+            tag = str(entries.pop("type", ""))
+            if not tag:
+                raise MachineError(f"{at}: key 'type' is missing; there are: {', '.join(kinds)}")
+            if tag not in kinds:
+                raise MachineError(f"{at}.type: {unknown('type', tag, list(kinds))}")
+            out.append(build(kinds[tag], entries, at))
+        return tuple(out)
+
+    return read
+
+
+def _places(value: Any, place: str) -> tuple[ShaftPlace, ...]:
+    return tuple(build(ShaftPlace, entry, f"{place}[{k}]") for k, entry in enumerate(list_at(value, place)))
+
+
+_TOP_LEVEL: dict[str, Callable[[Any, str], Any]] = {
+    "name": lambda value, place: convert(value, str, place),
+    "groups": _several(GROUPS),
+    "measures": _several(MEASURES),
+    "loads": _several(LOADS),
+    "sensors": lambda value, place: build(Sensors, value, place),
+    "linkages": _places,
+    "scene": lambda value, place: build(Scene, value, place),
+}
+
+
+def _bodies(value: Any, linkage: Linkage) -> tuple[Body, ...]:
+    """Bodies by link, one or a list of them: mass and inertia, or density and section of a straight bar."""
+    links = linkage.solved.links
+    out: list[Body] = []
+    for link, entry in mapping_at(value, "bodies").items():
+        if link not in links:
+            raise MachineError(f"bodies.{link}: {unknown('link', link, list(links))}")
+        for k, body in enumerate(entry if isinstance(entry, list) else [entry]):
+            place = f"bodies.{link}[{k}]" if isinstance(entry, list) else f"bodies.{link}"
+            if isinstance(body, dict) and _MASS_BY_DENSITY & body.keys():
+                out.append(_bar(mapping_at(body, place), place, link, links[link].length))
+            else:
+                out.append(build(Body, body, place, on=link))
+    return tuple(out)
+
+
+def _bar(entries: dict[str, Any], place: str, link: str, length_m: float) -> Body:
+    for key in entries:
+        if key not in _MASS_BY_DENSITY:
+            raise MachineError(
+                f"{place}.{key}: not together with a density; a bar has {', '.join(sorted(_MASS_BY_DENSITY))}"
+            )
+    for key in sorted(_MASS_BY_DENSITY - entries.keys()):
+        raise MachineError(f"{place}: key '{key}' is missing; a bar has {', '.join(sorted(_MASS_BY_DENSITY))}")
+    sizes = {key: convert(entry, float, f"{place}.{key}") for key, entry in entries.items()}
+    return Body.bar(link, length_m, **sizes)
+
+
+def machine_document(machine: Machine) -> dict[str, Any]:
+    """What a file says to declare this machine: a published one by name and parameters, else its groups."""
+    changed = {key: plain(getattr(machine, key)) for key in _APART if getattr(machine, key) != _DEFAULT[key]}
+    if _is_published(machine):
+        usual = create(machine.name).parameters
+        parameters = {name: value for name, value in machine.parameters.items() if value != usual[name]}
+        return {"machine": machine.name, **({"parameters": parameters} if parameters else {}), **changed}
+    document: dict[str, Any] = plain(machine, leave_out=(*_APART, "parameters", "bodies", "missing_for_torque"))
+    for key in ("groups", "measures", "loads"):
+        if getattr(machine, key):
+            document[key] = [{"type": type_tag(type(entry)), **plain(entry)} for entry in getattr(machine, key)]
+    bodies: dict[str, list[Any]] = {}
+    for body in machine.bodies:
+        bodies.setdefault(body.on, []).append(plain(body, leave_out=("on",)))
+    if bodies:
+        document["bodies"] = {link: entries[0] if len(entries) == 1 else entries for link, entries in bodies.items()}
+    return document | changed
+
+
+def _is_published(machine: Machine) -> bool:
+    """Whether it is a published machine, apart from parameters, sensors, scene and places on the shaft."""
+    if machine.name not in NAMES:
+        return False
+    try:
+        again = create(machine.name, **machine.parameters)
+    except MachineError:
+        return False
+    return dataclasses.replace(again, **{key: getattr(machine, key) for key in _APART}) == machine
+
+
+def save_machine_file(machine: Machine, path: str | Path) -> None:
+    """Write a machine as a YAML file that load_machine_file reads back. Raises OutputError."""
+    text: str = yaml.safe_dump(machine_document(machine), sort_keys=False, default_flow_style=None, width=110)
+    with staged(path) as partial:
+        partial.write_text(text, encoding="utf-8")
