@@ -42,9 +42,7 @@ def dead_centre(a: float, b: float, c: float, start: float) -> tuple[mp.mpf, mp.
         def rocker(angle: mp.mpf) -> mp.mpf:
             return assemble(a, b, c, angle)[0]
 
-        crank_angle = mp.findroot(
-            lambda angle: mp.diff(rocker, angle), (start - 1e-3, start + 1e-3), tol=1e-30
-        )
+        crank_angle = mp.findroot(lambda angle: mp.diff(rocker, angle), (start - 1e-3, start + 1e-3), tol=1e-30)
         return crank_angle, rocker(crank_angle)
 
 
@@ -91,9 +89,7 @@ def test_every_whole_degree_is_a_crank_rocker_of_the_task(rotation: int) -> None
     result = crank_rocker(SWING, np.radians(rotation))
     low, high = np.degrees(result.family.beta_bounds_rad)
     beta = [round(float(np.degrees(design.beta_rad)), 9) for design in result.designs]
-    assert beta == [
-        k for k in range(181) if low - 1e-9 <= k <= high + 1e-9 and not (k == 0 and rotation == 180)
-    ]
+    assert beta == [k for k in range(181) if low - 1e-9 <= k <= high + 1e-9 and not (k == 0 and rotation == 180)]
     for design in result.designs:
         sides = sorted([design.crank, design.coupler, design.rocker, 1.0])
         slack = sides[1] + sides[2] - sides[0] - sides[3]
@@ -109,9 +105,7 @@ def test_no_crank_rocker_outside_the_bounds() -> None:
     for rotation in (110, 140, 170, 180, 195, 215, 250):
         low, high = np.degrees(CrankRockerFamily(SWING, np.radians(rotation) - np.pi).beta_bounds_rad)
         for beta in (low - 1, high + 1):
-            a, b, c = (
-                float(x) for x in printed_equations(mp.radians(30), mp.radians(rotation), mp.radians(beta))
-            )
+            a, b, c = (float(x) for x in printed_equations(mp.radians(30), mp.radians(rotation), mp.radians(beta)))
             sides = sorted([a, b, c, 1.0])
             grashof = min(a, b, c) > 0 and sides[0] + sides[3] < sides[1] + sides[2] and a == sides[0]
             if grashof:

@@ -70,7 +70,7 @@ def elliptic_gear_beatup(
         pressure_angle_rad=pressure_angle_rad,
     )
     gear_2_in_front = centre_line_rad + math.pi - gears.driven_turn(gears.phase_rad)
-    front = ground_angle_rad + _stretched_angle(crank_m + coupler_m, rocker_m, ground_m)
+    front = ground_angle_rad + stretched_angle(crank_m, coupler_m, rocker_m, ground_m)
     return Machine(
         name="elliptic_gear_beatup",
         description="elliptic-gear crank-rocker beat-up of a power loom (Zhao, Ren and Chen 2011)",
@@ -123,12 +123,16 @@ _BODY_NAMES = {
 }
 
 
-def _stretched_angle(stretched: float, rocker: float, ground: float) -> float:
-    """Angle at the crank's axis between the ground link and the stretched crank and coupler [rad]."""
-    cosine = (stretched**2 + ground**2 - rocker**2) / (2.0 * stretched * ground)
+def stretched_angle(crank: float, coupler: float, rocker: float, ground: float) -> float:
+    """Angle at the crank's axis from the ground link to crank and coupler in one line [rad].
+
+    Raises MachineError where these lengths [m] form no triangle.
+    """
+    reach = crank + coupler
+    cosine = (reach**2 + ground**2 - rocker**2) / (2.0 * reach * ground)
     if not abs(cosine) <= 1.0:
         raise MachineError(
-            f"machine 'elliptic_gear_beatup': crank and coupler of {stretched:g} m, rocker of {rocker:g} m and "
-            f"ground of {ground:g} m form no triangle when stretched; change their lengths"
+            f"machine 'elliptic_gear_beatup': stretched crank and coupler of {reach:g} m, rocker of {rocker:g} m "
+            f"and ground of {ground:g} m form no triangle; change their lengths"
         )
     return math.acos(cosine)

@@ -158,9 +158,7 @@ def _records(links: LinkRatios) -> tuple[CrankRockerDesign, ...]:
         links.crank_over_coupler,
         links.mu_min_rad,
     )
-    return tuple(
-        CrankRockerDesign(*row) for row in zip(*(column.tolist() for column in columns), strict=True)
-    )
+    return tuple(CrankRockerDesign(*row) for row in zip(*(column.tolist() for column in columns), strict=True))
 
 
 def _whole_degrees(family: CrankRockerFamily, peak: float) -> tuple[CrankRockerDesign, ...]:
@@ -197,9 +195,7 @@ def _best_transmission_ratio(family: CrankRockerFamily) -> float:
     top = int(np.argmax(family.at_ratio(grid).mu_min_rad))
     around = (grid[top - 1] if top else smallest, grid[top + 1] if top + 1 < len(grid) else 1.0)
     low = max(around[0], np.finfo(float).tiny)
-    found = minimize_scalar(
-        lambda r: -mu_min(r), bounds=(low, around[1]), method="bounded", options={"xatol": 1e-13}
-    )
+    found = minimize_scalar(lambda r: -mu_min(r), bounds=(low, around[1]), method="bounded", options={"xatol": 1e-13})
     return float(found.x)
 
 

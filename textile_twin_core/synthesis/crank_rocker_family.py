@@ -94,9 +94,7 @@ class CrankRockerFamily:
 
     def ratio_at(self, beta_rad: FloatArray | float) -> FloatArray:
         """Crank over coupler at beta (n,), held within the family's range; of no use where `single_beta`."""
-        ratio = np.tan(np.asarray(beta_rad, dtype=np.float64) + self.imbalance_rad / 2) * np.tan(
-            self.skew_rad
-        )
+        ratio = np.tan(np.asarray(beta_rad, dtype=np.float64) + self.imbalance_rad / 2) * np.tan(self.skew_rad)
         return np.asarray(np.clip(ratio, self.smallest_ratio, 1.0), dtype=np.float64)
 
     def at_ratio(self, crank_over_coupler: FloatArray | float) -> LinkRatios:
