@@ -86,9 +86,7 @@ def _minimum(value: Expr, range_rad: tuple[float, float]) -> tuple[float, float]
     i = int(np.argmin(sampled))
     function = compile_scalar([value], ["theta"])
     low, high = thetas[max(i - 1, 0)], thetas[min(i + 1, _SAMPLES - 1)]
-    best = minimize_scalar(
-        lambda t: function(t)[0], bounds=(low, high), method="bounded", options={"xatol": 1e-10}
-    )
+    best = minimize_scalar(lambda t: function(t)[0], bounds=(low, high), method="bounded", options={"xatol": 1e-10})
     if best.fun < sampled[i]:
         return float(best.x), float(best.fun)
     return float(thetas[i]), float(sampled[i])

@@ -44,7 +44,7 @@ class Crank:
             second=(r * q) * normal - (r * (p * p)) * direction,
             speed_squared=(r * r) * (p * p),
             speed_product=(r * r) * (p * q),
-            circle=Circle(centre.fixed_position(), r, half),
+            circle=Circle(centre.fixed_position(), r, half, shaft),
         )
         motion.add_point(self.end, end, self.name)
         angle = shaft.angle + self.phase_rad

@@ -58,8 +58,7 @@ class EllipticGearPair:
         check_finite(self.phase_rad, f"gears '{self.name}': phase_rad")
         if not 0.0 <= self.pressure_angle_rad < math.pi / 4:
             raise MachineError(
-                f"gears '{self.name}': pressure_angle_rad must lie from 0 to pi/4,"
-                f" not {self.pressure_angle_rad!r}"
+                f"gears '{self.name}': pressure_angle_rad must lie from 0 to pi/4, not {self.pressure_angle_rad!r}"
             )
         steepest = math.sin(self.pressure_angle_rad)
         if not steepest < self.axis_ratio <= 1.0:
@@ -166,13 +165,9 @@ class EllipticGearPair:
         """Length and direction of the line from the driver's axis to the driven gear's [m, rad]."""
         axes = [motion.point(name, self.name) for name in (self.at, self.driven_at)]
         if not all(axis.is_fixed for axis in axes):
-            raise MachineError(
-                f"gears '{self.name}': '{self.at}' and '{self.driven_at}' must be fixed to the ground"
-            )
+            raise MachineError(f"gears '{self.name}': '{self.at}' and '{self.driven_at}' must be fixed to the ground")
         (ox, oy), (ax, ay) = (axis.fixed_position() for axis in axes)
         distance = math.hypot(ax - ox, ay - oy)
         if distance == 0.0:
-            raise MachineError(
-                f"gears '{self.name}': '{self.at}' and '{self.driven_at}' are one point; set them apart"
-            )
+            raise MachineError(f"gears '{self.name}': '{self.at}' and '{self.driven_at}' are one point; set them apart")
         return distance, math.atan2(ay - oy, ax - ox)

@@ -59,9 +59,7 @@ class Travel:
             return x * vx + y * vy
 
         offset = p.position - o.position
-        return Displacement(
-            along(offset.x, offset.y), along(p.first.x, p.first.y), along(p.second.x, p.second.y)
-        )
+        return Displacement(along(offset.x, offset.y), along(p.first.x, p.first.y), along(p.second.x, p.second.y))
 
 
 @dataclass(frozen=True)

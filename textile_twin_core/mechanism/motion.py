@@ -34,11 +34,15 @@ class Rotation:
 
 @dataclass(frozen=True)
 class Circle:
-    """A point's circular path about a fixed centre, kept for the half-angle forms of what hangs on it."""
+    """A crank end's path: centre, radius, the half-angle direction of the crank, and the shaft that turns it.
+
+    It is kept for the half-angle forms of what hangs on the crank.
+    """
 
     centre: tuple[float, float]
     radius: float
     half: Vector
+    shaft: Rotation
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, sqrt
 from textile_twin_core.mechanism.group import Closure, check_finite, check_length
 from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion
+from textile_twin_core.mechanism.slider_crank import SliderCrank
 from textile_twin_core.mechanism.vector import Vector
 
 Sense = Literal["forward", "backward"]
@@ -42,9 +43,7 @@ class RRPDyad:
         if math.hypot(*self.guide_direction) == 0.0:
             raise MachineError(f"dyad '{self.name}': guide_direction must not be the zero vector")
         if self.branch not in ("forward", "backward"):
-            raise MachineError(
-                f"dyad '{self.name}': branch must be 'forward' or 'backward', not {self.branch!r}"
-            )
+            raise MachineError(f"dyad '{self.name}': branch must be 'forward' or 'backward', not {self.branch!r}")
 
     @property
     def name(self) -> str:
@@ -64,14 +63,29 @@ class RRPDyad:
 
     def reach(self, start: PointMotion) -> Expr:
         """The rod's extent along the guide; its sign is the branch [m]."""
+        crank = self._slider_crank(start)
+        if crank is not None:
+            return crank.reach
         length, offset = self.lengths_m[0], self.offset(start)
-        return (1.0 if self.branch == "forward" else -1.0) * sqrt((length - offset) * (length + offset))
+        return self._sense * sqrt((length - offset) * (length + offset))
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
         """The dyad opens when the rod does not reach the guide."""
-        length, offset = self.lengths_m[0], self.offset(motion.points[self.from_point])
+        start, length = motion.points[self.from_point], self.lengths_m[0]
+        crank = self._slider_crank(start)
+        offset = self.offset(start)
+        less, more = (length - offset, length + offset) if crank is None else crank.factors
         how = f"rod '{self.rod}' is too short to reach the guide of '{self.slider}'"
-        return Closure(how, length - offset, length), Closure(how, length + offset, length)
+        return Closure(how, less, length), Closure(how, more, length)
+
+    @property
+    def _sense(self) -> float:
+        return 1.0 if self.branch == "forward" else -1.0
+
+    def _slider_crank(self, start: PointMotion) -> SliderCrank | None:
+        if start.circle is None:
+            return None
+        return SliderCrank(start.circle, self.lengths_m[0], self.guide_point_m, self.axis, self._sense)
 
     def solve(self, motion: Motion) -> None:
         """Add rod, slider, their joint and the slider's tip."""
@@ -82,23 +96,31 @@ class RRPDyad:
         guide = Vector.of(*self.guide_point_m)
         reach, offset = self.reach(start), self.offset(start)
         u = (1.0 / rod_length) * (reach * along - offset * across)
-        inverse = 1.0 / reach
-        p = -(start.first.dot(across) * inverse)
+        drift = start.first.dot(across)
+        p, q = self._rod_rates(start)
         slide_first = start.first.dot(along) + offset * p
-        p_squared = p * p
-        q = -((start.second.dot(across) + offset * p_squared) * inverse)
-        slide_second = start.second.dot(along) + offset * q - reach * p_squared
+        slide_second = start.second.dot(along) + offset * q + drift * p
 
         travel = (start.position - guide).dot(along) + reach
         joint = _sliding(guide + travel * along, along, slide_first, slide_second)
         tip = _sliding(guide + (travel + slider_length) * along, along, slide_first, slide_second)
         motion.add_link(LinkMotion(self.rod, self.from_point, self.end, rod_length, u, p, q), self.name)
         zero = const(0.0)
-        motion.add_link(
-            LinkMotion(self.slider, self.end, self.tip, slider_length, along, zero, zero), self.name
-        )
+        motion.add_link(LinkMotion(self.slider, self.end, self.tip, slider_length, along, zero, zero), self.name)
         motion.add_point(self.end, joint, self.name)
         motion.add_point(self.tip, tip, self.name)
+
+    def _rod_rates(self, start: PointMotion) -> tuple[Expr, Expr]:
+        """First and second derivative of the rod's angle with respect to theta."""
+        crank = self._slider_crank(start)
+        if crank is not None and start.circle is not None:
+            p, q = crank.rod_rates()
+            shaft = start.circle.shaft
+            return p * shaft.first, q * (shaft.first * shaft.first) + p * shaft.second
+        across = Vector.of(*self.axis).turned_left()
+        inverse = 1.0 / self.reach(start)
+        p = -(start.first.dot(across) * inverse)
+        return p, -((start.second.dot(across) + self.offset(start) * (p * p)) * inverse)
 
 
 def _sliding(position: Vector, along: Vector, first: Expr, second: Expr) -> PointMotion:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, const, sqrt
+from textile_twin_core.expression import Expr, sqrt
+from textile_twin_core.mechanism.four_bar import FourBar, Rates
 from textile_twin_core.mechanism.group import Closure, check_length
-from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion
+from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion, Rotation
+from textile_twin_core.mechanism.vector import Vector
 
 Side = Literal["left", "right"]
 
@@ -23,7 +24,7 @@ class RRRDyad:
 
     The triangle's area comes from the two factors of Heron's formula,
     P = (l2 + l3)^2 - D^2 and Q = D^2 - (l2 - l3)^2 with D the distance of the outer joints,
-    so that near a change point nothing cancels that the crank's half angle does not.
+    and on a crank from its half angle (see `four_bar`).
     """
 
     coupler: str
@@ -50,31 +51,42 @@ class RRRDyad:
         a, c = motion.point(self.from_point, self.name), motion.point(self.ground, self.name)
         l2, l3 = self.lengths_m
         d = c.position - a.position
-        stretched, folded = self.heron_factors(a, c)
+        _, folded = self.heron_factors(a, c)
         root = self.root(a, c)
-        half_inverse = 0.5 / self.distance_squared(stretched, folded)
+        half_inverse = 0.5 / (folded + (l2 - l3) ** 2)
         along = half_inverse * root
-        share = half_inverse * (l2 * l2 - l3 * l3)
+        share = half_inverse * ((l2 - l3) * (l2 + l3))
         normal = d.turned_left()
-        u2 = (1.0 / l2) * ((share + 0.5) * d + along * normal)
-        u3 = (1.0 / l3) * ((share - 0.5) * d + along * normal)
+        u2 = ((share + 0.5) * (1.0 / l2)) * d + (along * (1.0 / l2)) * normal
+        u3 = ((share - 0.5) * (1.0 / l3)) * d + (along * (1.0 / l3)) * normal
 
-        double_inverse = 2.0 / root  # 1 / (l2 l3 sin)
-        cosine = (0.25 / (l2 * l3)) * (stretched - folded)
-        v = c.first - a.first
-        p2 = (l3 * double_inverse) * v.dot(u3)
-        p3 = (l2 * double_inverse) * v.dot(u2)
-        w = c.second - a.second
-        a2, a3 = l2 * (p2 * p2), l3 * (p3 * p3)
-        q2 = (l3 * double_inverse) * (w.dot(u3) + a2 * cosine - a3)
-        q3 = (l2 * double_inverse) * (w.dot(u2) + a2 - a3 * cosine)
-
-        coupler = LinkMotion(self.coupler, self.from_point, self.end, l2, u2, p2, q2)
-        rocker = LinkMotion(self.rocker, self.ground, self.end, l3, u3, p3, q3)
-        joint = rocker.end_motion(c)
+        four_bar = self._four_bar(a, c)
+        rates = self._rates(a, c, u2, u3) if four_bar is None else _driven(four_bar.rates(), four_bar.circle.shaft)
+        coupler = LinkMotion(self.coupler, self.from_point, self.end, l2, u2, rates.first[0], rates.second[0])
+        rocker = LinkMotion(self.rocker, self.ground, self.end, l3, u3, rates.first[1], rates.second[1])
         motion.add_link(coupler, self.name)
         motion.add_link(rocker, self.name)
-        motion.add_point(self.end, joint, self.name)
+        motion.add_point(self.end, rocker.end_motion(c), self.name)
+
+    def _four_bar(self, a: PointMotion, c: PointMotion) -> FourBar | None:
+        if a.circle is None or not c.is_fixed:
+            return None
+        side = 1.0 if self.branch == "left" else -1.0
+        return FourBar(a.circle, c.fixed_position(), *self.lengths_m, side)
+
+    def _rates(self, a: PointMotion, c: PointMotion, u2: Vector, u3: Vector) -> Rates:
+        """Derivatives of the links' angles for any motion of the outer joints, from the loop's closure."""
+        l2, l3 = self.lengths_m
+        inverse = 2.0 / self.root(a, c)  # 1 / (l2 l3 sin)
+        stretched, folded = self.heron_factors(a, c)
+        cosine = (0.25 / (l2 * l3)) * (stretched - folded)
+        v, w = c.first - a.first, c.second - a.second
+        p2 = (l3 * inverse) * v.dot(u3)
+        p3 = (l2 * inverse) * v.dot(u2)
+        a2, a3 = l2 * (p2 * p2), l3 * (p3 * p3)
+        q2 = (l3 * inverse) * (w.dot(u3) + a2 * cosine - a3)
+        q3 = (l2 * inverse) * (w.dot(u2) + a2 - a3 * cosine)
+        return Rates((p2, p3), (q2, q3))
 
     def root(self, a: PointMotion, c: PointMotion) -> Expr:
         """2 l2 l3 times the sine of the angle from coupler to rocker; its sign is the branch [m^2]."""
@@ -91,30 +103,18 @@ class RRRDyad:
         )
 
     def heron_factors(self, a: PointMotion, c: PointMotion) -> tuple[Expr, Expr]:
-        """P and Q: both are positive where the dyad closes; P = 0 stretched, Q = 0 folded [m^2].
+        """P and Q: both are positive where the dyad closes; P = 0 stretched, Q = 0 folded [m^2]."""
+        four_bar = self._four_bar(a, c)
+        if four_bar is not None:
+            return four_bar.heron_factors
+        d = c.position - a.position
+        distance = sqrt(d.dot(d))
+        longest, shortest = sum(self.lengths_m), abs(self.lengths_m[0] - self.lengths_m[1])
+        return (longest - distance) * (longest + distance), (distance - shortest) * (distance + shortest)
 
-        On a crank about O with ground OC: P = (l2+l3-l1-g)(l2+l3+l1+g) + 4 g l1 cos^2(phi/2) and
-        Q = (g-l1-l2+l3)(g-l1+l2-l3) + 4 g l1 sin^2(phi/2), phi from OC to the crank.
-        """
-        l2, l3 = self.lengths_m
-        if a.circle is None or not c.is_fixed:
-            d = c.position - a.position
-            distance = sqrt(d.dot(d))
-            return (
-                ((l2 + l3) - distance) * ((l2 + l3) + distance),
-                (distance - abs(l2 - l3)) * (distance + abs(l2 - l3)),
-            )
-        (cx, cy), (ox, oy) = c.fixed_position(), a.circle.centre
-        g, l1 = math.hypot(cx - ox, cy - oy), a.circle.radius
-        ground_angle = math.atan2(cy - oy, cx - ox)
-        gc, gs = math.cos(ground_angle / 2.0), math.sin(ground_angle / 2.0)
-        half = a.circle.half
-        cosine, sine = gc * half.x + gs * half.y, gc * half.y - gs * half.x
-        stretched = const((l2 + l3 - l1 - g) * (l2 + l3 + l1 + g)) + (4.0 * g * l1) * (cosine * cosine)
-        folded = const((g - l1 - l2 + l3) * (g - l1 + l2 - l3)) + (4.0 * g * l1) * (sine * sine)
-        return stretched, folded
 
-    def distance_squared(self, stretched: Expr, folded: Expr) -> Expr:
-        """D^2 from the smaller-rounding of the two factors [m^2]."""
-        l2, l3 = self.lengths_m
-        return folded + (l2 - l3) ** 2
+def _driven(rates: Rates, shaft: Rotation) -> Rates:
+    """From derivatives with respect to the crank's angle to those with respect to theta."""
+    p, q = shaft.first, shaft.second
+    (p2, p3), (q2, q3) = rates.first, rates.second
+    return Rates((p2 * p, p3 * p), (q2 * (p * p) + p2 * q, q3 * (p * p) + p3 * q))

@@ -1,0 +1,69 @@
+"""The rod and slider on a crank: the slider-crank linkage in half-angle form, derivatives included.
+
+With chi from the guide to the crank, a = cos(chi/2) - sin(chi/2), b = cos(chi/2) + sin(chi/2): the rod's
+length minus and plus its start's offset from the guide are L = L0 + r a^2 and M = M0 + r b^2, its reach along
+the guide R = sqrt(L M), and it turns at -r a b / R; the derivative of that, -r (M0 a^2 L - L0 b^2 M) / (2 R^3),
+keeps its digits near the change point of equal crank and rod, where L0 or M0 is small.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from textile_twin_core.expression import Expr, sqrt
+from textile_twin_core.mechanism.motion import Circle
+
+
+@dataclass(frozen=True)
+class SliderCrank:
+    """A crank on a circle, a rod's length and a guide (point, unit direction); `sense` +1 forward, -1 backward."""
+
+    circle: Circle
+    rod: float
+    guide_point: tuple[float, float]
+    axis: tuple[float, float]
+    sense: float
+
+    @property
+    def centre_offset(self) -> float:
+        """Distance of the crank's centre from the guide, to the left of its direction [m]."""
+        x, y = self.circle.centre[0] - self.guide_point[0], self.circle.centre[1] - self.guide_point[1]
+        return self.axis[0] * y - self.axis[1] * x
+
+    @property
+    def half_angle_sums(self) -> tuple[Expr, Expr]:
+        """a and b."""
+        c, s = self._turned_half()
+        return c - s, c + s
+
+    def _turned_half(self) -> tuple[Expr, Expr]:
+        angle = math.atan2(self.axis[1], self.axis[0]) / 2.0
+        gc, gs, half = math.cos(angle), math.sin(angle), self.circle.half
+        return gc * half.x + gs * half.y, gc * half.y - gs * half.x
+
+    @property
+    def margins(self) -> tuple[float, float]:
+        """L0 and M0 [m], summed without rounding."""
+        offset, r = self.centre_offset, self.circle.radius
+        return math.fsum((self.rod, -offset, -r)), math.fsum((self.rod, offset, -r))
+
+    @property
+    def factors(self) -> tuple[Expr, Expr]:
+        """L and M [m]; both are positive where the rod reaches the guide."""
+        (a, b), (less, more), r = self.half_angle_sums, self.margins, self.circle.radius
+        return r * (a * a) + less, r * (b * b) + more
+
+    @property
+    def reach(self) -> Expr:
+        """The rod's extent along the guide, with the sign of the branch [m]."""
+        less, more = self.factors
+        return self.sense * sqrt(less * more)
+
+    def rod_rates(self) -> tuple[Expr, Expr]:
+        """First and second derivative of the rod's angle with respect to the crank's."""
+        (a, b), (less0, more0), r = self.half_angle_sums, self.margins, self.circle.radius
+        less, more = self.factors
+        inverse = 1.0 / self.reach
+        bend = more0 * (a * a) * less - less0 * (b * b) * more
+        return -r * (a * b * inverse), (-0.5 * r) * (bend * (inverse * (inverse * inverse)))
