@@ -71,9 +71,7 @@ def four_bar(
         return {"th2": th2, "th3": th3, "p2": p2, "p3": p3, "q2": q2, "q3": q3, "mu": mu, "h": h}
 
 
-def slider_crank(
-    crank: Number, rod: Number, offset: Number, theta: Number, *, digits: int = 50
-) -> dict[str, Number]:
+def slider_crank(crank: Number, rod: Number, offset: Number, theta: Number, *, digits: int = 50) -> dict[str, Number]:
     """Slider on a line parallel to x at height `offset`, ahead of the crank.
 
     Returns x and its derivatives dx, d2x by the crank angle, rod_angle (from the crank pin to the slider) and

@@ -40,9 +40,7 @@ def assert_digits(found: Any, printed: str, digits: int = 28) -> None:
 @pytest.mark.parametrize("case", cases("fourbar"))
 def test_four_bar_cases(case: dict[str, Any]) -> None:
     sizes = [float(case[name]) for name in ("l1", "l2", "l3", "ground", "theta1")]
-    found = four_bar(
-        *sizes, ground_angle=float(case["ground_angle"]), left=case["branch"] == "left", digits=70
-    )
+    found = four_bar(*sizes, ground_angle=float(case["ground_angle"]), left=case["branch"] == "left", digits=70)
     for name, printed in case["expected"].items():
         assert_digits(found[name], printed)
 

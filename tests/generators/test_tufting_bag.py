@@ -37,12 +37,8 @@ def messages(path: Path) -> dict[str, tuple[np.ndarray[Any, Any], np.ndarray[Any
             message: Any = bag.deserialize(raw, connection.msgtype)
             stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec - START_NS
             is_angle = connection.topic == ANGLE_TOPIC
-            rows[connection.topic].append(
-                (stamp, message.position[0] if is_angle else message.wrench.torque.z)
-            )
-    return {
-        topic: (np.array([r[0] for r in row]), np.array([r[1] for r in row])) for topic, row in rows.items()
-    }
+            rows[connection.topic].append((stamp, message.position[0] if is_angle else message.wrench.torque.z))
+    return {topic: (np.array([r[0] for r in row]), np.array([r[1] for r in row])) for topic, row in rows.items()}
 
 
 def test_work_of_the_shaft_is_stored_or_lost(start_up: Run) -> None:
@@ -53,9 +49,7 @@ def test_work_of_the_shaft_is_stored_or_lost(start_up: Run) -> None:
     turn = 2.0 * math.pi * np.arange(4097) / 4096
     heights = 9.81 * (tufting_multibody().turn(turn).q[:, 1::3] @ masses)
     stored = 0.5 * inertia * omega**2 + np.interp(theta % (2.0 * math.pi), turn, heights)
-    bearing = rig.bearing_viscous_Nms * omega + rig.bearing_coulomb_Nm * np.tanh(
-        omega / rig.bearing_creep_rad_s
-    )
+    bearing = rig.bearing_viscous_Nms * omega + rig.bearing_coulomb_Nm * np.tanh(omega / rig.bearing_creep_rad_s)
     force = rig.backing_force_N * np.clip(0.5 + (below - rig.backing_plane_m) / rig.needle_spread_m, 0.0, 1.0)
     backing = slope * force * np.tanh(slope * omega / rig.backing_creep_m_s)
     power = (start_up.shaft_torque_Nm - bearing - backing) * omega
@@ -80,10 +74,7 @@ def test_sensors_do_what_the_metadata_says() -> None:
     sensors = SHORT.sensors
     angles, torques, truth = record(SHORT)
     for samples, phase in ((angles, 0.0), (torques, sensors.torque_phase_s)):
-        grid = (
-            np.rint((1e-9 * (samples.stamps_ns - START_NS) - phase) * sensors.rate_hz) / sensors.rate_hz
-            + phase
-        )
+        grid = np.rint((1e-9 * (samples.stamps_ns - START_NS) - phase) * sensors.rate_hz) / sensors.rate_hz + phase
         error = 1e-9 * (samples.stamps_ns - START_NS) - grid
         assert error.std() == pytest.approx(sensors.stamp_error_s, rel=0.1)
         assert 0.0 < 1.0 - samples.values.size / (SHORT.duration_s * sensors.rate_hz) < 0.03
@@ -98,9 +89,7 @@ def test_sensors_do_what_the_metadata_says() -> None:
             gain, offset = np.polyfit(true, samples.values, 1)
             assert gain == pytest.approx(sensors.torque_gain, abs=1e-3)
             assert offset == pytest.approx(sensors.torque_offset_Nm, abs=0.01)
-            assert (samples.values - gain * true - offset).std() == pytest.approx(
-                sensors.torque_noise_Nm, rel=0.1
-            )
+            assert (samples.values - gain * true - offset).std() == pytest.approx(sensors.torque_noise_Nm, rel=0.1)
 
 
 def test_same_seed_same_bytes(tmp_path: Path) -> None:
@@ -138,12 +127,7 @@ def test_recording_is_close_to_the_linkage_but_not_the_linkage(start_up: Run) ->
     alpha = np.gradient(omega, start_up.time_s)
     theta, omega, alpha = (np.interp(time, start_up.time_s, x) for x in (start_up.theta_rad, omega, alpha))
     inertia, half_slope, gravity, below, slope = linkage_at(theta)
-    linkage = (
-        inertia * alpha
-        + half_slope * omega**2
-        + gravity
-        + np.where(below > 0.55784, 1000.0 * np.abs(slope), 0)
-    )
+    linkage = inertia * alpha + half_slope * omega**2 + gravity + np.where(below > 0.55784, 1000.0 * np.abs(slope), 0)
     measured = torque[part]
     rms = np.sqrt(np.mean((measured - linkage) ** 2)) / np.abs(measured).max()
     assert 0.01 < rms < 0.04

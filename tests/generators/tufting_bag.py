@@ -114,9 +114,7 @@ def write_bag(path: Path, recording: Recording) -> None:
     for stamp_ns, arrival_ns, value in zip(*_lists(angles), strict=True):
         head = header(stamp=stamp(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9), frame_id="")
         position = np.array([value])
-        state = joint_state(
-            header=head, name=["main_shaft"], position=position, velocity=nothing, effort=nothing
-        )
+        state = joint_state(header=head, name=["main_shaft"], position=position, velocity=nothing, effort=nothing)
         messages.append((arrival_ns, ANGLE_TOPIC, state))
     for stamp_ns, arrival_ns, value in zip(*_lists(torques), strict=True):
         head = header(stamp=stamp(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9), frame_id="main_shaft")
@@ -149,9 +147,7 @@ def _lists(samples: Samples) -> tuple[list[int], list[int], list[float]]:
     return samples.stamps_ns.tolist(), samples.arrivals_ns.tolist(), samples.values.tolist()
 
 
-def _through_the_wire(
-    time: Floats, values: Floats, error_s: float, loss: float, rng: np.random.Generator
-) -> Samples:
+def _through_the_wire(time: Floats, values: Floats, error_s: float, loss: float, rng: np.random.Generator) -> Samples:
     """Stamp with an error (whole microseconds), lose samples one by one and in short runs, arrive later."""
     error = np.clip(error_s * rng.standard_normal(time.size), -5.0 * error_s, 5.0 * error_s)
     stamps = np.rint((time + error) * 1e6).astype(np.int64) * 1000 + START_NS
@@ -183,9 +179,7 @@ def main() -> None:
     """Command line: where to write, how long, which seed."""
     parser = argparse.ArgumentParser(description="Write a synthetic recording of the tufting machine.")
     parser.add_argument("out", type=Path, help="directory to make")
-    parser.add_argument(
-        "--duration", type=float, default=Recording.duration_s, metavar="S", help="seconds recorded"
-    )
+    parser.add_argument("--duration", type=float, default=Recording.duration_s, metavar="S", help="seconds recorded")
     parser.add_argument("--seed", type=int, default=Recording.seed)
     args = parser.parse_args()
     write_bag(args.out, Recording(duration_s=args.duration, seed=args.seed))

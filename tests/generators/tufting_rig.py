@@ -155,9 +155,7 @@ class Machine:
         inertia, half_slope, gravity, drop, drop_slope = self.linkage.at(theta)
         shaft = self.shaft_torque(state)
         load = half_slope * omega * omega + gravity
-        load += rig.bearing_viscous_Nms * omega + rig.bearing_coulomb_Nm * math.tanh(
-            omega / rig.bearing_creep_rad_s
-        )
+        load += rig.bearing_viscous_Nms * omega + rig.bearing_coulomb_Nm * math.tanh(omega / rig.bearing_creep_rad_s)
         inside = 0.5 + (drop - rig.backing_plane_m) / rig.needle_spread_m
         if inside > 0.0:
             force = rig.backing_force_N * min(1.0, inside)

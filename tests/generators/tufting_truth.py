@@ -35,6 +35,7 @@ PARAMETERS: dict[str, str] = {
     "J3_kgm2": "10.77e-3",
     "J4_kgm2": "6.69e-3",
     "J5_kgm2": "0.91e-3",
+    "J6_kgm2": "19.15e-3",
     "gravity_m_s2": "9.81",
     "backing_force_N": "1000",
     "free_force_N": "0",
@@ -71,7 +72,7 @@ class _Machine:
         self.value, self.omega, self.alpha = value, omega, alpha
         self.length = [value[f"l{k}_m"] for k in range(1, 7)]
         self.mass = [value[f"m{k}_kg"] for k in range(1, 7)]
-        self.inertia = [value[f"J{k}_kgm2"] for k in range(1, 6)]
+        self.inertia = [value[f"J{k}_kgm2"] for k in range(1, 7)]
         self.pins: dict[str, Jet] = {}
         self.angles: list[Jet] = []
         self._close_loops(theta)
@@ -101,7 +102,8 @@ class _Machine:
         rod: Jet = (swing, turn, turn2)
         slider = _link(elbow, l5, rod)
 
-        self.angles = [(theta, mp.mpf(1), mp.mpf(0)), coupler, rocker, arm, rod]
+        upright: Jet = (3 * mp.pi / 2, mp.mpf(0), mp.mpf(0))
+        self.angles = [(theta, mp.mpf(1), mp.mpf(0)), coupler, rocker, arm, rod, upright]
         self.pins = {
             "O": origin,
             "A": crank,
@@ -141,14 +143,12 @@ class _Machine:
         slope += sum(j * a[1] * a[2] for j, a in zip(self.inertia, self.angles, strict=True))
         height = sum(m * mp.im(c[0]) for m, c in zip(self.mass, self.centroids, strict=True))
         climb = sum(m * mp.im(c[1]) for m, c in zip(self.mass, self.centroids, strict=True))
-        found["equivalent_inertia_kgm2"] = inertia
+        found["equivalent_inertia_kgm2"], found["equivalent_inertia_slope_kgm2"] = inertia, 2 * slope
         found["kinetic_energy_J"], found["potential_energy_J"] = inertia * omega**2 / 2, gravity * height
         found["torque_inertial_Nm"] = inertia * alpha + slope * omega**2
         found["torque_gravity_Nm"] = gravity * climb
         found["torque_load_Nm"] = -upward * mp.im(tip[1])
-        found["balancing_torque_Nm"] = mp.fsum(
-            found[f"torque_{part}_Nm"] for part in ("inertial", "gravity", "load")
-        )
+        found["balancing_torque_Nm"] = mp.fsum(found[f"torque_{part}_Nm"] for part in ("inertial", "gravity", "load"))
         if reactions:
             self._add_reactions(found, upward)
         return found
@@ -176,8 +176,7 @@ class _Machine:
                 right[row] += mp.re(needed)
                 right[row + 1] += mp.im(needed)
                 right[row + 2] += _cross(self.centroids[link - 1][0], needed)
-                if link < 6:
-                    right[row + 2] += self.inertia[link - 1] * self._acceleration(self.angles[link - 1])
+                right[row + 2] += self.inertia[link - 1] * self._acceleration(self.angles[link - 1])
         tip = self.pins["E"][0]
         right[13] -= upward
         right[14] -= mp.re(tip) * upward

@@ -1,0 +1,1 @@
+"""Outside engines on the same linkages: Pinocchio for torque and reactions, pylinkage for positions."""
