@@ -13,16 +13,18 @@ rate="${1:-4}"
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
-played=bags/tufting_160rpm_synthetic
+played=bags/tufting_160rpm_synthetic # also in demo.yaml
 rm -rf out/demo
 mkdir -p out/demo
 # Nobody else's nodes join in: this computer only, and a domain of our own.
 export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID="$((1 + $$ % 100))" ROS_LOG_DIR="$root/out/demo/log"
 
 echo "Playing $played at $rate times its speed through replay_node, twin_node and record_node ..."
-node() { echo "---" "$venv/bin/$1" --ros-args --params-file launch_scripts/demo.yaml; }
-"$venv/bin/python" launch_scripts/bring_up.py --logs out/demo/log --until record_node -- \
-    $(node record_node) $(node twin_node) $(node replay_node) -p "rate:=$rate"
+programs=()
+for node in record_node twin_node replay_node; do
+    programs+=(--- "$venv/bin/$node" --ros-args --params-file launch_scripts/demo.yaml)
+done
+"$venv/bin/python" launch_scripts/bring_up.py --logs out/demo/log --until record_node -- "${programs[@]}" -p "rate:=$rate"
 
 "$venv/bin/textile-twin" compare out/demo/bag --machine tufting --predicted recorded \
     --json out/demo/comparison.json --rrd out/demo/comparison.rrd --png out/demo/comparison.png > out/demo/log/compare.log
