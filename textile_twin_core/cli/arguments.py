@@ -1,0 +1,137 @@
+"""Arguments that several commands share, read strictly: a mistake is one line that names what would be right."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from textile_twin_core.errors import TwinError
+
+if TYPE_CHECKING:
+    from textile_twin_core.machines import Machine
+
+MACHINE_SUFFIXES = (".yaml", ".yml")
+
+
+class UsageError(TwinError):
+    """The command line itself is wrong."""
+
+
+def nearest(given: str, known: Iterable[str]) -> str:
+    """Half a sentence that names the nearest of the known words, or all of them."""
+    words = list(known)
+    near = get_close_matches(given, words, n=3, cutoff=0.5)
+    return f"did you mean {' or '.join(near)}?" if near else f"there are: {', '.join(words)}"
+
+
+class Parser(argparse.ArgumentParser):
+    """ArgumentParser of one command: an example in its help, mistakes as UsageError."""
+
+    def __init__(self, command: str, description: str, example: str) -> None:
+        super().__init__(
+            prog=f"textile-twin {command}",
+            description=description,
+            epilog=f"example:\n  {example}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Raise UsageError."""
+        raise UsageError(f"{message}; see {self.prog} --help")
+
+
+def add_machine(parser: argparse.ArgumentParser, option: bool) -> None:
+    """MACHINE, as an argument of its own or as --machine, and --set."""
+    text = "name of a machine (see textile-twin machines) or path of a machine file (.yaml)"
+    if option:
+        parser.add_argument("--machine", required=True, help=text)
+    else:
+        parser.add_argument("machine", metavar="MACHINE", help=text)
+    parser.add_argument(
+        "--set",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="another value for a parameter of a named machine, such as backing_force_N=900; may be repeated",
+    )
+
+
+def add_recording(parser: argparse.ArgumentParser, shaft: str) -> None:
+    """BAG, its topics, and how the shaft's motion is estimated."""
+    parser.add_argument("bag", metavar="BAG", type=Path, help="a rosbag2 folder or an .mcap file")
+    parser.add_argument("--angle-topic", default="main_shaft/angle", help="default %(default)s")
+    parser.add_argument("--torque-topic", default="balancing_torque/measured", help="default %(default)s")
+    parser.add_argument("--joint", default="main_shaft", help="joint of a JointState topic (default %(default)s)")
+    parser.add_argument(
+        "--shaft",
+        default=shaft,
+        choices=["causal", "lag", "smooth"],
+        help="estimator of the shaft's motion: causal (no lag), lag (fixed lag), smooth (looks at the whole"
+        " recording); default %(default)s",
+    )
+    parser.add_argument("--shaft-lag", type=positive, metavar="S", help="lag of --shaft lag in seconds")
+    parser.add_argument(
+        "--skip-bad-samples", action="store_true", help="leave out angles that are NaN or infinite instead of stopping"
+    )
+
+
+def shaft_settings(arguments: argparse.Namespace) -> dict[str, float]:
+    """Settings of the shaft estimator."""
+    if arguments.shaft_lag is None:
+        return {}
+    if arguments.shaft != "lag":
+        raise UsageError(f"--shaft-lag belongs to --shaft lag, not to --shaft {arguments.shaft}")
+    return {"shaft_lag_s": arguments.shaft_lag}
+
+
+def positive(text: str) -> float:
+    """A positive finite number, as a type of an argument."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a positive number, not '{text}'")
+    return value
+
+
+def number(text: str) -> float:
+    """A finite number, as a type of an argument."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a number, not '{text}'")
+    return value
+
+
+def count(text: str) -> int:
+    """A whole number from 1 on, as a type of an argument."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number from 1 on, not '{text}'")
+    return int(text)
+
+
+def load_machine(name: str, settings: list[str]) -> Machine:
+    """The machine of that name or file, with --set applied. Raises MachineError or UsageError."""
+    from textile_twin_core import machines
+    from textile_twin_core.files import load_machine_file
+
+    is_file = name.endswith(MACHINE_SUFFIXES) or (name not in machines.NAMES and Path(name).exists())
+    values: dict[str, float] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        try:
+            values[key] = number(text)
+        except argparse.ArgumentTypeError as error:
+            raise UsageError(f"--set {setting}: {error}") from None
+        if not equals:
+            raise UsageError(f"--set {setting}: write NAME=VALUE")
+    if is_file and values:
+        raise UsageError("--set goes with a named machine; write the value into the machine file instead")
+    return load_machine_file(name) if is_file else machines.create(name, **values)

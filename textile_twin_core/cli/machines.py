@@ -1,0 +1,35 @@
+"""textile-twin machines: what can be simulated, with outputs and parameters."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+
+from textile_twin_core.cli.arguments import Parser, load_machine
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser("machines", "The machines, their outputs and parameters.", "textile-twin machines tufting")
+    parser.add_argument("machine", metavar="MACHINE", nargs="?", help="one machine alone, or a machine file")
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Print the machines."""
+    from textile_twin_core.machines import NAMES
+
+    for name in [arguments.machine] if arguments.machine else NAMES:
+        machine = load_machine(name, [])
+        print(f"{machine.name}: {machine.description}" if machine.description else machine.name)
+        _print("outputs", machine.outputs)
+        _print("parameters", [f"{key}={value:.7g}" for key, value in machine.parameters.items()])
+        print()
+
+
+def _print(what: str, words: list[str] | tuple[str, ...]) -> None:
+    if words:
+        print(f"  {what}:")
+        print(
+            textwrap.fill(" ".join(words), 110, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
+        )

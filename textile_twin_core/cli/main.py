@@ -1,0 +1,86 @@
+"""The command textile-twin: finds the sub-command, runs it, and turns errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.metadata import version
+
+from textile_twin_core.cli.arguments import nearest
+from textile_twin_core.errors import TwinError
+
+COMMANDS = {
+    "machines": "the machines, their outputs and parameters",
+    "simulate": "outputs of a machine over a shaft motion, as a table or a recording",
+    "replay": "a recording in, the same recording with the twin's predictions out",
+    "compare": "measured against predicted torque: table, report, recording, plot",
+    "view": "show a recording in the viewer",
+}
+"""Sub-commands and what they do; each is a module of this package, imported when it is asked for."""
+
+_TRACE = "TEXTILE_TWIN_TRACEBACK"
+
+
+def _help() -> str:
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:{width}}  {text}" for name, text in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: textile-twin COMMAND ...",
+            "",
+            "Digital twins of textile machines: from the angle of the main shaft to torque, needle and reactions.",
+            "",
+            *lines,
+            "",
+            "textile-twin COMMAND --help tells the rest. For example:",
+            "  textile-twin simulate tufting --rpm 160 --samples 360 --out turn.csv",
+            "Exit code: 0 done, 2 a mistake in what was asked or given, 1 a fault of textile-twin itself.",
+        ]
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command with its arguments; the exit code: 0, 2 for the user's mistake, 1 for ours."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    try:
+        return _run(given)
+    except TwinError as error:
+        return _say(str(error), 2)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith("textile_twin_core"):
+            raise
+        return _say(f"this needs the package {error.name}; pip install 'textile-twin-core[files,view]'", 2)
+    except KeyboardInterrupt:
+        return _say("interrupted", 130)
+    except BrokenPipeError:
+        # Who reads us has enough, as `head` does; Python would complain once more when it closes stdout.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        if os.environ.get(_TRACE):
+            raise
+        return _say(
+            f"a fault of textile-twin, please report it ({type(error).__name__}: {error}); {_TRACE}=1 shows where", 1
+        )
+
+
+def _run(given: list[str]) -> int:
+    if not given or given[0] in ("-h", "--help"):
+        print(_help())
+        return 0 if given else 2
+    if given[0] == "--version":
+        print(version("textile-twin-core"))
+        return 0
+    name = given[0]
+    if name not in COMMANDS:
+        raise TwinError(f"no command '{name}'; {nearest(name, COMMANDS)}")
+    command = import_module(f"textile_twin_core.cli.{name}")
+    command.run(command.parser().parse_args(given[1:]))
+    return 0
+
+
+def _say(text: str, code: int) -> int:
+    print("textile-twin: " + " ".join(text.split()), file=sys.stderr)
+    return code

@@ -1,0 +1,59 @@
+"""textile-twin replay: predictions for a recording, offline, as the live twin gives them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, load_machine, shaft_settings
+from textile_twin_core.cli.progress import progress
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser(
+        "replay",
+        "Copies a recording and adds the twin's predictions, each with the stamp of its angle sample:\n"
+        "balancing_torque/predicted, predicted_sigma and residual, needle/position, joint_states.",
+        "textile-twin replay bags/tufting_160rpm_synthetic --machine tufting --out predicted",
+    )
+    add_recording(parser, shaft="causal")
+    add_machine(parser, option=True)
+    parser.add_argument("--out", type=Path, required=True, metavar="BAG2", help="folder to make, or an .mcap file")
+    parser.add_argument("--force", action="store_true", help="replace the output when it is there")
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Replay the recording."""
+    machine = load_machine(arguments.machine, arguments.set)
+
+    from textile_twin_core.files import BagWriter, open_bag
+    from textile_twin_core.files.replay import replay_bag
+
+    bag = open_bag(arguments.bag)
+    for notice in bag.notices:
+        print(f"textile-twin: {notice}", file=sys.stderr)
+    total = bag.find_topic(arguments.angle_topic).count
+    origin = {**bag.metadata, "replayed_from": arguments.bag.name, "machine": machine.name, "shaft": arguments.shaft}
+    with (
+        BagWriter(arguments.out, origin, overwrite=arguments.force) as out,
+        progress(total, "replaying") as done,
+    ):
+        replay = replay_bag(
+            bag,
+            out,
+            machine,
+            shaft=arguments.shaft,
+            angle_topic=arguments.angle_topic,
+            torque_topic=arguments.torque_topic,
+            joint=arguments.joint,
+            skip_bad=arguments.skip_bad_samples,
+            progress=done,
+            **shaft_settings(arguments),
+        )
+    print(f"shaft: {replay.report.text()}")
+    width = max(map(len, replay.counts))
+    for topic, messages in replay.counts.items():
+        print(f"{topic:{width}} {messages}")

@@ -1,0 +1,125 @@
+"""textile-twin simulate: a machine's outputs over a given motion of the shaft."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from textile_twin_core.cli.arguments import (
+    Parser,
+    UsageError,
+    add_machine,
+    count,
+    load_machine,
+    nearest,
+    number,
+    positive,
+)
+
+if TYPE_CHECKING:
+    from textile_twin_core.files import MotionTable
+    from textile_twin_core.machines import Machine
+
+_TORQUES = ("balancing_torque_Nm", "torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm")
+_SUFFIXES = (".csv", ".parquet", ".mcap")
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser(
+        "simulate",
+        "Outputs of a machine over a motion of its shaft: one revolution at constant speed, or a table of motion.",
+        "textile-twin simulate tufting --rpm 160 --samples 360 --out turn.csv",
+    )
+    add_machine(parser, option=False)
+    parser.add_argument("--rpm", type=number, metavar="R", help="one revolution at this constant speed")
+    parser.add_argument("--samples", type=count, metavar="N", help="samples of the revolution, at theta = 2 pi k/N")
+    parser.add_argument(
+        "--input",
+        type=Path,
+        metavar="MOTION",
+        help="a .csv or .parquet table with the columns theta_rad, omega_rad_s, alpha_rad_s2 and perhaps time_s",
+    )
+    parser.add_argument(
+        "--outputs",
+        metavar="A,B",
+        help="names of outputs, with commas between (see textile-twin machines); default: those of the machine"
+        " file's scene, otherwise the balancing torque with its parts and the motion of needle, beater or sley",
+    )
+    parser.add_argument("--method", choices=["exact", "table", "auto"], help="default: the scene's, otherwise auto")
+    parser.add_argument("--tolerance", type=positive, help="error over peak that --method table may make")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help=".csv, .parquet or .mcap; is replaced when it is there"
+    )
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Simulate and write the table or recording."""
+    if arguments.out.suffix not in _SUFFIXES:
+        raise UsageError(f"--out {arguments.out}: must end in {', '.join(_SUFFIXES)}")
+    machine = load_machine(arguments.machine, arguments.set)
+    names = _outputs(machine, arguments.outputs)
+
+    from textile_twin_core.files import check_folder, write_table
+    from textile_twin_core.twin import compile_machine
+
+    check_folder(arguments.out)
+    motion = _motion(arguments)
+    twin = compile_machine(
+        machine,
+        names,
+        method=arguments.method or machine.scene.method,
+        tolerance=arguments.tolerance or machine.scene.tolerance,
+    )
+    values = twin.evaluate(motion.theta_rad, motion.omega_rad_s, motion.alpha_rad_s2)
+    if arguments.out.suffix == ".mcap":
+        from textile_twin_core.files.simulated_bag import write_simulated_bag
+
+        write_simulated_bag(arguments.out, machine, motion, {name: values[name] for name in names})
+    else:
+        write_table(arguments.out, motion.columns() | {name: values[name] for name in names})
+    print(f"{arguments.out}: {len(motion)} samples of {len(names)} outputs")
+
+
+def _outputs(machine: Machine, asked: str | None) -> list[str]:
+    """Names of the outputs, each known to the machine."""
+    from textile_twin_core.errors import SceneError
+    from textile_twin_core.machines import Scene
+
+    if asked is None and machine.scene != Scene():
+        return list(machine.scene.outputs)
+    if asked is None:
+        moved = [
+            f"{measure.name}_{what}"
+            for measure in machine.measures
+            for what in ("position_m", "velocity_m_s", "acceleration_m_s2")
+        ]
+        return [name for name in (*_TORQUES, *moved) if name in machine.outputs] or list(machine.outputs[:1])
+    names = list(dict.fromkeys(name.strip() for name in asked.split(",") if name.strip()))
+    if not names:
+        raise SceneError("--outputs names nothing; give names with commas between, such as balancing_torque_Nm")
+    for name in names:
+        if name not in machine.outputs:
+            raise SceneError(f"machine '{machine.name}' has no output '{name}'; {nearest(name, machine.outputs)}")
+    return names
+
+
+def _motion(arguments: argparse.Namespace) -> MotionTable:
+    """The shaft's motion: a table, or one revolution at constant speed."""
+    import numpy as np
+
+    from textile_twin_core.files import MotionTable, read_motion_table
+
+    revolution = arguments.rpm is not None or arguments.samples is not None
+    if arguments.input is not None:
+        if revolution:
+            raise UsageError("--input stands alone: leave --rpm and --samples away, or --input")
+        return read_motion_table(arguments.input)
+    if arguments.rpm is None or arguments.samples is None:
+        raise UsageError("give the motion: --rpm R --samples N for one revolution, or --input motion.csv")
+    theta = 2.0 * math.pi * np.arange(arguments.samples) / arguments.samples
+    omega = np.full(arguments.samples, arguments.rpm * 2.0 * math.pi / 60.0)
+    return MotionTable(theta, omega, np.zeros(arguments.samples))

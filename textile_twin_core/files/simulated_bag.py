@@ -1,0 +1,44 @@
+"""A simulation as a recording: what a machine would have published over the motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import MotionError
+from textile_twin_core.files.bag_write import BagWriter
+from textile_twin_core.files.motion_table import MotionTable
+from textile_twin_core.machines import Machine
+
+_START_NS = 1_000_000_000
+"""Time of the first sample: a stamp of 0 means in ROS that there is none."""
+
+
+def write_simulated_bag(path: Path, machine: Machine, motion: MotionTable, outputs: Mapping[str, FloatArray]) -> None:
+    """Write main_shaft/angle, balancing_torque/predicted when it is asked for, and outputs/NAME for every output.
+
+    Times are those of the motion, or follow from its constant speed. Raises MotionError when neither tells them.
+    """
+    stamps = _START_NS + np.rint(_times(motion) * 1e9).astype(np.int64)
+    with BagWriter(path, {"source": f"simulation of {machine.name}"}, overwrite=True) as out:
+        out.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], motion.theta_rad, motion.omega_rad_s)
+        if "balancing_torque_Nm" in outputs:
+            out.write_wrenches("balancing_torque/predicted", stamps, outputs["balancing_torque_Nm"])
+        for name, values in outputs.items():
+            out.write_floats(f"outputs/{name}", stamps, values)
+
+
+def _times(motion: MotionTable) -> FloatArray:
+    if motion.time_s is not None:
+        since_first: FloatArray = motion.time_s - motion.time_s[0]
+        return since_first
+    speed = float(motion.omega_rad_s[0])
+    constant = speed != 0.0 and (motion.omega_rad_s == speed).all() and not motion.alpha_rad_s2.any()
+    times: FloatArray = (motion.theta_rad - motion.theta_rad[0]) / speed if constant else np.full(1, math.nan)
+    if not constant or (len(times) > 1 and not (np.diff(times) > 0).all()):
+        raise MotionError("a recording needs times: give the motion a column time_s, or a constant speed above 0")
+    return times
