@@ -17,6 +17,7 @@ COMMANDS = {
     "replay": "a recording in, the same recording with the twin's predictions out",
     "compare": "measured against predicted torque: table, report, recording, plot",
     "view": "show a recording in the viewer",
+    "synthesize": "link lengths from what a mechanism must do",
 }
 """Sub-commands and what they do; each is a module of this package, imported when it is asked for."""
 

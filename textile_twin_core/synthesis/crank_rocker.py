@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -60,8 +60,12 @@ class CrankRockerDesign:
         ratios = (self.crank, self.coupler, self.rocker, 1.0)
         return LinkLengths(*(ratio * ground_m for ratio in ratios))
 
-    def to_json(self) -> dict[str, Any]:
-        """Symbols of the paper: a crank, b coupler, c rocker over the ground link, r/l crank over coupler."""
+    def to_json(self, ground_m: float | None = None) -> dict[str, Any]:
+        """Symbols of the paper: a crank, b coupler, c rocker over the ground link, r/l crank over coupler.
+
+        With `ground_m`, the lengths in metres as well.
+        """
+        lengths = {} if ground_m is None else asdict(self.scaled(ground_m))
         return {
             "beta_deg": _rounded_degrees(self.beta_rad),
             "beta_rad": self.beta_rad,
@@ -73,6 +77,7 @@ class CrankRockerDesign:
             "mu_min_rad": self.mu_min_rad,
             "deviation_deg": float(np.degrees(self.deviation_rad)),
             "grashof": self.grashof,
+            **lengths,
         }
 
 
@@ -103,8 +108,11 @@ class CrankRockerSynthesis:
             return "phi = 180"
         return "phi > 180" if imbalance > 0.0 else "phi < 180"
 
-    def to_json(self) -> dict[str, Any]:
-        """One object: task, bounds on beta, `designs`, `best`, `best_continuous`, `best_transmission`."""
+    def to_json(self, ground_m: float | None = None) -> dict[str, Any]:
+        """One object: task, bounds on beta, `designs`, `best`, `best_continuous`, `best_transmission`.
+
+        With `ground_m`, each design has its lengths in metres as well.
+        """
         family = self.family
         low, high = family.beta_bounds_rad
         return {
@@ -116,10 +124,10 @@ class CrankRockerSynthesis:
             "case": self.case,
             "beta_bounds_rad": [low, high],
             "beta_bounds_deg": [_rounded_degrees(low), _rounded_degrees(high)],
-            "designs": [design.to_json() for design in self.designs],
-            "best": _json_or_none(self.best),
-            "best_continuous": _json_or_none(self.best_continuous),
-            "best_transmission": _json_or_none(self.best_transmission),
+            "designs": [design.to_json(ground_m) for design in self.designs],
+            "best": _json_or_none(self.best, ground_m),
+            "best_continuous": _json_or_none(self.best_continuous, ground_m),
+            "best_transmission": _json_or_none(self.best_transmission, ground_m),
         }
 
 
@@ -174,8 +182,8 @@ def _whole_degrees(family: CrankRockerFamily, peak: float) -> tuple[CrankRockerD
     return _records(family.at_ratio(ratio[ratio > 0.0]))
 
 
-def _json_or_none(design: CrankRockerDesign | None) -> dict[str, Any] | None:
-    return design.to_json() if design else None
+def _json_or_none(design: CrankRockerDesign | None, ground_m: float | None) -> dict[str, Any] | None:
+    return design.to_json(ground_m) if design else None
 
 
 def _mu_min(family: CrankRockerFamily) -> Callable[[float], float]:
