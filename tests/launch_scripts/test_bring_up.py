@@ -1,0 +1,90 @@
+"""Programs that are brought up together: they end together, whoever ends first and however."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+BRING_UP = Path(__file__).parents[2] / "launch_scripts" / "bring_up.py"
+
+
+def sleeper(folder: Path, name: str) -> list[str]:
+    """A command that writes its process id to a file and then does nothing."""
+    return ["sh", "-c", f"echo $$ > {folder}/{name}.part; mv {folder}/{name}.part {folder}/{name}; exec sleep 600"]
+
+
+def bring_up(folder: Path, *words: str) -> subprocess.Popen[str]:
+    command = [sys.executable, str(BRING_UP), "--logs", str(folder / "logs"), *words]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    while not condition():
+        time.sleep(0.01)
+
+
+def is_running(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"
+
+
+def pid_in(path: Path) -> int:
+    wait_until(path.exists)
+    return int(path.read_text())
+
+
+def test_all_end_with_the_awaited_program(tmp_path: Path) -> None:
+    waiter = ["bash", "-c", f"until [ -e {tmp_path}/a ]; do read -t 0.01 <> <(:); done; true"]
+    running = bring_up(tmp_path, "--until", "bash", "--", *sleeper(tmp_path, "a"), "---", *waiter)
+    _, complaints = running.communicate()
+    assert (running.returncode, complaints) == (0, "")
+    assert not is_running(pid_in(tmp_path / "a"))
+
+
+def test_a_program_may_end_well_before_the_awaited_one(tmp_path: Path) -> None:
+    running = bring_up(tmp_path, "--until", "sleep", "--", "true", "---", "sleep", "0.3")
+    assert running.wait() == 0
+
+
+def test_failure_of_one_ends_all_and_is_told_with_its_last_words(tmp_path: Path) -> None:
+    failing = ["bash", "-c", f"until [ -e {tmp_path}/a ]; do read -t 0.01 <> <(:); done; echo no bag; exit 2"]
+    running = bring_up(tmp_path, "--until", "sh", "--", *sleeper(tmp_path, "a"), "---", *failing)
+    _, complaints = running.communicate()
+    assert running.returncode == 2
+    assert "bash ended with exit code 2" in complaints
+    assert "no bag" in complaints
+    assert not is_running(pid_in(tmp_path / "a"))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_all(tmp_path: Path, number: signal.Signals) -> None:
+    running = bring_up(tmp_path, "--", *sleeper(tmp_path, "a"), "---", *sleeper(tmp_path, "b"))
+    pids = [pid_in(tmp_path / name) for name in "ab"]
+    running.send_signal(number)
+    assert running.wait() == 128 + number
+    assert not any(map(is_running, pids))
+
+
+def test_nothing_is_left_when_the_supervisor_is_killed(tmp_path: Path) -> None:
+    running = bring_up(tmp_path, "--", *sleeper(tmp_path, "a"))
+    pid = pid_in(tmp_path / "a")
+    os.kill(running.pid, signal.SIGKILL)
+    running.wait()
+    wait_until(lambda: not is_running(pid))
+
+
+def test_a_program_that_is_not_there(tmp_path: Path) -> None:
+    running = bring_up(tmp_path, "--", "no_such_node")
+    _, complaints = running.communicate()
+    assert running.returncode == 2
+    assert complaints == "no_such_node: cannot be started: No such file or directory\n"
