@@ -26,9 +26,9 @@ for node in record_node twin_node replay_node; do
 done
 "$venv/bin/python" launch_scripts/bring_up.py --logs out/demo/log --until record_node -- "${programs[@]}" -p "rate:=$rate"
 
+"$venv/bin/python" launch_scripts/demo_check.py "$played" out/demo/bag
 "$venv/bin/textile-twin" compare out/demo/bag --machine tufting --predicted recorded \
-    --json out/demo/comparison.json --rrd out/demo/comparison.rrd --png out/demo/comparison.png > out/demo/log/compare.log
-"$venv/bin/python" launch_scripts/demo_report.py "$played" out/demo/bag out/demo/comparison.json
+    --json out/demo/comparison.json --rrd out/demo/comparison.rrd --png out/demo/comparison.png
 
 cat <<'FURTHER'
 
