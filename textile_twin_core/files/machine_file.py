@@ -179,7 +179,7 @@ def machine_document(machine: Machine) -> dict[str, Any]:
     changed = {key: plain(getattr(machine, key)) for key in _APART if getattr(machine, key) != _DEFAULT[key]}
     if _is_published(machine):
         usual = create(machine.name).parameters
-        parameters = {name: value for name, value in machine.parameters.items() if value != usual[name]}
+        parameters = {name: value for name, value in machine.parameters.items() if value != usual.get(name)}
         return {"machine": machine.name, **({"parameters": parameters} if parameters else {}), **changed}
     document: dict[str, Any] = plain(machine, leave_out=(*_APART, "parameters", "bodies", "missing_for_torque"))
     for key in ("groups", "measures", "loads"):

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
-from textile_twin_core.dynamics.loads.load import LoadContext, generalised_force
+from textile_twin_core.dynamics.loads.load import LoadContext, intensity
 from textile_twin_core.dynamics.reactions import balance, gather, inertia_force
 from textile_twin_core.dynamics.reduction import Reduction, reduce_bodies
 from textile_twin_core.dynamics.shaft_state import ShaftState
@@ -58,14 +58,20 @@ class LinkageModel:
     @cached_property
     def load_torque(self) -> Expr:
         """What the drive must add for the loads [N m]."""
-        return -total(generalised_force(load, self.load_context) for load in self.machine.loads)
+        context = self.load_context
+        forces = (load.unit_force(context) * self.intensity(i) for i, load in enumerate(self.machine.loads))
+        return -total(forces)
+
+    def intensity(self, number: int) -> Expr:
+        """The intensity of a load of the machine."""
+        return intensity(self.machine.loads[number], self.load_context)
 
     @cached_property
     def wrenches(self) -> Wrenches:
         """Newton-Euler's equations, solved."""
         wrenches = gather(self.motion, self.machine.bodies, self.gravity, self.shaft)
-        for load in self.machine.loads:
-            load.apply(self.load_context, wrenches)
+        for i, load in enumerate(self.machine.loads):
+            load.apply(self.load_context, wrenches, self.intensity(i))
         balance(self.machine.groups, wrenches)
         return wrenches
 
@@ -170,7 +176,7 @@ class MachineModel:
     def _check_masses(self) -> None:
         if self.machine.missing_for_torque:
             raise MachineError(
-                f"machine '{self.machine.name}' has no masses, so no torque, energy or reaction; "
+                f"machine '{self.machine.name}' lacks masses for torque, energy and reactions; "
                 f"give {', '.join(self.machine.missing_for_torque)}"
             )
 
