@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from textile_twin_core.files.bag_write import BagWriter
     from textile_twin_core.files.machine_file import load_machine_file, machine_document, save_machine_file
     from textile_twin_core.files.motion_table import MotionTable, read_motion_table, write_table
-    from textile_twin_core.files.recording import TopicInfo
-    from textile_twin_core.files.rosbag2_metadata import LATCHED, OfferedQos
+    from textile_twin_core.files.rosbag2_metadata import LATCHED, OfferedQos, TopicInfo
 
 __all__ = [
     "LATCHED",
@@ -41,8 +40,7 @@ _PLACES = {
     "bag_write": ("BagWriter",),
     "machine_file": ("load_machine_file", "machine_document", "save_machine_file"),
     "motion_table": ("MotionTable", "read_motion_table", "write_table"),
-    "recording": ("TopicInfo",),
-    "rosbag2_metadata": ("LATCHED", "OfferedQos"),
+    "rosbag2_metadata": ("LATCHED", "OfferedQos", "TopicInfo"),
 }
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
 

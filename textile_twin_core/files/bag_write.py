@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -17,8 +18,9 @@ from textile_twin_core.files.atomic import OutputError, check_folder, partial_pa
 from textile_twin_core.files.bag import FLOAT64, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.files.cdr_decode import Bytes, MessageBlock, gather
 from textile_twin_core.files.mcap_write import McapFileWriter
-from textile_twin_core.files.rosbag2_metadata import OfferedQos, RecordedTopic
-from textile_twin_core.files.schemas import message_schema
+from textile_twin_core.files.recording import Recording
+from textile_twin_core.files.rosbag2_metadata import OfferedQos, TopicInfo
+from textile_twin_core.files.schemas import MessageSchema, message_schema
 
 _FLUSH_SECONDS = 1.0
 
@@ -59,12 +61,16 @@ class BagWriter:
             self._place.mkdir()
         self._file_name = self.path.name if self._single else f"{self.path.name}_0.mcap"
         self._file = McapFileWriter(self._place if self._single else self._place / self._file_name)
-        self._topics: dict[str, RecordedTopic] = {}
+        self._topics: dict[str, TopicInfo] = {}
         self._channels: dict[str, int] = {}
         self._flushed = time.monotonic()
 
-    def add_topic(self, topic: str, msgtype: str, qos: OfferedQos | None = None) -> None:
-        """Declare a topic before its first message; qos: how it was offered (default: reliable, volatile).
+    def add_topic(
+        self, topic: str, msgtype: str, qos: OfferedQos | None = None, schema: MessageSchema | None = None
+    ) -> None:
+        """Declare a topic before its first message.
+
+        qos: how it was offered (default: reliable, volatile); schema: the type's definition (default: the known one).
 
         Raises RecordingError when the definition of the type is found nowhere.
         """
@@ -73,14 +79,21 @@ class BagWriter:
             if self._topics[name].msgtype != msgtype:
                 raise RecordingError(f"topic {name}: is {self._topics[name].msgtype} already, cannot be {msgtype} too")
             return
-        schema = message_schema(msgtype)
+        schema = schema or message_schema(msgtype)
         qos = qos or OfferedQos()
         metadata = {
             "offered_qos_profiles": rosbag2_metadata.dump(qos.profiles()),
             "topic_type_hash": schema.type_hash,
         }
-        self._channels[name] = self._file.add_channel(name, msgtype, schema.text, metadata)
-        self._topics[name] = RecordedTopic(name, msgtype, schema.type_hash, qos)
+        self._channels[name] = self._file.add_channel(name, msgtype, schema, metadata)
+        self._topics[name] = TopicInfo(name, msgtype, 0, qos, schema)
+
+    def copy_topic(self, bag: Recording, name: str) -> None:
+        """Declare a topic as another recording has it and append all its messages."""
+        topic = bag.find_topic(name)
+        self.add_topic(topic.name, topic.msgtype, topic.qos, topic.schema)
+        for block in bag.blocks(name):
+            self.write_block(topic.name, block)
 
     def write(self, topic: str, log_time_ns: int, cdr: bytes) -> None:
         """Append one serialised message to a declared topic."""
@@ -173,11 +186,8 @@ class BagWriter:
     def close(self) -> None:
         """Complete the recording and give it its name."""
         self._file.flush()
-        for name, count in self.counts.items():
-            self._topics[name].count = count
-        info = rosbag2_metadata.information(
-            self._file_name, list(self._topics.values()), self._file.span_ns, self._custom_data
-        )
+        topics = [replace(self._topics[name], count=count) for name, count in self.counts.items()]
+        info = rosbag2_metadata.information(self._file_name, topics, self._file.span_ns, self._custom_data)
         self._file.add_metadata("rosbag2", {"serialized_metadata": rosbag2_metadata.dump(info)})
         self._file.close()
         if not self._single:

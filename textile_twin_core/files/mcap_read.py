@@ -18,6 +18,8 @@ from mcap.records import Channel, Metadata, Schema
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.files.cdr_decode import Bytes, MessageBlock, gather
+from textile_twin_core.files.rosbag2_metadata import OfferedQos, TopicInfo
+from textile_twin_core.files.schemas import MessageSchema
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
@@ -98,10 +100,18 @@ class McapFile:
         self.counts = self._count()
 
     @property
-    def topics(self) -> dict[int, tuple[str, str]]:
-        """Channel -> (topic, message type)."""
-        types = {schema.id: schema.name for schema in self.schemas.values()}
-        return {channel.id: (channel.topic, types.get(channel.schema_id, "")) for channel in self.channels.values()}
+    def topics(self) -> dict[int, TopicInfo]:
+        """The topic of each channel."""
+        return {number: self._topic(channel) for number, channel in self.channels.items()}
+
+    def _topic(self, channel: Channel) -> TopicInfo:
+        schema = self.schemas.get(channel.schema_id)
+        text = None
+        if schema is not None:
+            type_hash = channel.metadata.get("topic_type_hash", "")
+            text = MessageSchema(schema.data.decode(errors="replace"), type_hash, schema.encoding)
+        qos = OfferedQos.of(channel.metadata.get("offered_qos_profiles", ""))
+        return TopicInfo(channel.topic, schema.name if schema else "", self.counts.get(channel.id, 0), qos, text)
 
     def span_ns(self) -> tuple[int, int] | None:
         """Log times of the first and last message; None without messages."""

@@ -16,6 +16,7 @@ from mcap.opcode import Opcode
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.files.cdr_decode import Bytes
 from textile_twin_core.files.mcap_read import MAGIC
+from textile_twin_core.files.schemas import MessageSchema
 
 _CHUNK_BYTES = 1 << 20
 _MESSAGE_HEAD = np.dtype(
@@ -62,13 +63,13 @@ class McapFileWriter:
         self._file.write(data)
         return start, len(data)
 
-    def add_channel(self, topic: str, msgtype: str, schema_text: str, metadata: dict[str, str]) -> int:
+    def add_channel(self, topic: str, msgtype: str, definition: MessageSchema, metadata: dict[str, str]) -> int:
         """Declare a topic; its channel number."""
         self._end_chunk()
         schema = self._schemas.get(msgtype)
         if schema is None:
             schema = records.Schema(
-                id=len(self._schemas) + 1, name=msgtype, encoding="ros2msg", data=schema_text.encode()
+                id=len(self._schemas) + 1, name=msgtype, encoding=definition.encoding, data=definition.text.encode()
             )
             self._schemas[msgtype] = schema
             self._emit(schema)

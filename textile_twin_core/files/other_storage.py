@@ -11,8 +11,11 @@ import numpy as np
 
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.files.cdr_decode import MessageBlock
+from textile_twin_core.files.rosbag2_metadata import OfferedQos, TopicInfo
+from textile_twin_core.files.schemas import MessageSchema
 
 if TYPE_CHECKING:
+    from rosbags.interfaces import Connection
     from rosbags.rosbag2 import Reader
 
 _BLOCK = 20_000
@@ -26,12 +29,8 @@ class OtherFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.topics: dict[int, tuple[str, str]] = {}
-        self.counts: dict[int, int] = {}
         with self._open() as reader:
-            for connection in reader.connections:
-                self.topics[connection.id] = (connection.topic, connection.msgtype)
-                self.counts[connection.id] = connection.msgcount
+            self.topics = {connection.id: _topic(connection) for connection in reader.connections}
             filled = reader.message_count > 0
             self._span = (reader.start_time, reader.end_time - 1) if filled else None
 
@@ -69,6 +68,17 @@ class OtherFile:
                 if progress is not None:
                     progress(len(times))
                 yield _pack(times, data)
+
+
+def _topic(connection: Connection) -> TopicInfo:
+    offered = [
+        {"reliability": qos.reliability.name.lower(), "durability": qos.durability.name.lower(), "depth": qos.depth}
+        for qos in getattr(connection.ext, "offered_qos_profiles", ())
+    ]
+    encoding = {"MSG": "ros2msg", "IDL": "ros2idl"}.get(connection.msgdef.format.name)
+    text = connection.msgdef.data
+    schema = MessageSchema(text, connection.digest, encoding) if encoding and text else None
+    return TopicInfo(connection.topic, connection.msgtype, connection.msgcount, OfferedQos.of(offered), schema)
 
 
 def _pack(times: list[int], data: list[bytes]) -> MessageBlock:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -12,36 +12,27 @@ import numpy as np
 
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.files.cdr_decode import MessageBlock
+from textile_twin_core.files.rosbag2_metadata import TopicInfo
 
 Progress = Callable[[int], object]
 """Called with the number of messages just read."""
 
 
 class RecordedFile(Protocol):
-    """One readable file of a recording; counts: channel -> number of messages."""
+    """One readable file of a recording."""
 
     path: Path
     truncated: bool
-    counts: dict[int, int]
 
     @property
-    def topics(self) -> dict[int, tuple[str, str]]:
-        """Channel -> (topic, message type)."""
+    def topics(self) -> dict[int, TopicInfo]:
+        """The topic of each channel."""
 
     def span_ns(self) -> tuple[int, int] | None:
         """Log times of the first and last message; None without messages."""
 
     def blocks(self, channels: set[int], progress: Progress | None = None) -> Iterator[MessageBlock]:
         """Messages of the given channels in blocks."""
-
-
-@dataclass(frozen=True)
-class TopicInfo:
-    """A topic of a bag: its absolute name, message type and number of messages."""
-
-    name: str
-    msgtype: str
-    count: int
 
 
 class Recording:
@@ -62,12 +53,14 @@ class Recording:
         self.topics: dict[str, TopicInfo] = {}
         spans = [span for file in files if (span := file.span_ns()) is not None]
         for number, file in enumerate(files):
-            for channel, (name, msgtype) in file.topics.items():
+            for channel, topic in file.topics.items():
+                name = "/" + topic.name.strip("/")
                 before = self.topics.get(name)
-                if before is not None and before.msgtype != msgtype:
-                    raise RecordingError(f"{path}: topic {name} carries two types, {before.msgtype} and {msgtype}")
-                count = file.counts.get(channel, 0) + (before.count if before else 0)
-                self.topics[name] = TopicInfo(name, msgtype, count)
+                if before is not None and before.msgtype != topic.msgtype:
+                    types = f"{before.msgtype} and {topic.msgtype}"
+                    raise RecordingError(f"{path}: topic {name} carries two types, {types}; split the recording")
+                count = topic.count + (before.count if before else 0)
+                self.topics[name] = replace(topic, name=name, count=count)
                 self._channels.setdefault(name, [set() for _ in files])[number].add(channel)
         self.start_ns = min((first for first, _ in spans), default=0)
         self.end_ns = max((last for _, last in spans), default=0)

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.comparison.residual import ResidualStream, load_jumps
-from textile_twin_core.errors import RecordingError
-from textile_twin_core.files.bag import AngleSamples, Bag, TorqueSamples
+from textile_twin_core.files.bag import Bag, TorqueSamples
 from textile_twin_core.files.bag_write import BagWriter
 from textile_twin_core.files.cdr_encode import encode_string
+from textile_twin_core.files.prediction import ANGLE_TOPIC, MEASURED_TOPIC, TORQUE, predictions, usable_angles
 from textile_twin_core.files.recording import Progress
 from textile_twin_core.files.rosbag2_metadata import LATCHED
 from textile_twin_core.machines import Machine
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin import Samples, Session, compile_machine
 
-TORQUE = "balancing_torque_Nm"
-ANGLE_TOPIC = "main_shaft/angle"
-MEASURED_TOPIC = "balancing_torque/measured"
-_BLOCK = 8192
 _RESIDUAL_STEP_NS = 500_000_000
 """Predicted and measured torque meet in steps shorter than either waits for the other."""
 
@@ -33,41 +28,6 @@ class Replay:
 
     report: SampleReport
     counts: dict[str, int] = field(default_factory=dict)
-
-
-def usable_angles(bag: Bag, topic: str, joint: str, skip_bad: bool, progress: Progress | None = None) -> AngleSamples:
-    """The recorded shaft angles.
-
-    Raises RecordingError for an angle that is NaN or infinite, with its number and time, unless `skip_bad`: the
-    shaft estimator then rejects and counts it. Without a single finite angle it is an error in any case.
-    """
-    angles = bag.read_angles(topic, joint, progress)
-    bad = np.flatnonzero(~np.isfinite(angles.angles_rad))
-    if len(bad) == len(angles):
-        raise RecordingError(f"{bag.path}: topic {angles.topic}: no angle is a finite number; check the encoder")
-    if len(bad) and not skip_bad:
-        first = int(bad[0])
-        after_s = (int(angles.stamps[first]) - int(angles.stamps[0])) * 1e-9
-        raise RecordingError(
-            f"{bag.path}: topic {angles.topic}: the angle of sample {first} ({after_s:.3f} s after the first) is"
-            f" {angles.angles_rad[first]}, {len(bad)} such of {len(angles)}; leave them out with --skip-bad-samples"
-        )
-    return angles
-
-
-def predictions(session: Session, angles: AngleSamples, progress: Progress | None = None) -> Iterator[Samples]:
-    """Feed recorded angles to a session, block by block; the blocks of predictions in order."""
-    for start in range(0, len(angles), _BLOCK):
-        part = slice(start, start + _BLOCK)
-        velocities = None if angles.velocities is None else angles.velocities[part]
-        samples = session.step(angles.stamps[part], angles.angles_rad[part], velocities)
-        if progress is not None:
-            progress(len(angles.stamps[part]))
-        if len(samples):
-            yield samples
-    last = session.finish()
-    if len(last):
-        yield last
 
 
 def replay_bag(
@@ -93,11 +53,9 @@ def replay_bag(
     angles = usable_angles(bag, angle_topic, joint, skip_bad)
     namespace = angles.topic.removesuffix(angle_topic.strip("/")).rstrip("/")
     writer = _Predictions(machine, out, namespace)
-    copied = {name: topic for name, topic in bag.topics.items() if name not in writer.topics}
-    for name, topic in copied.items():
-        out.add_topic(name, topic.msgtype)
-        for block in bag.blocks(name):
-            out.write_block(name, block)
+    for name in bag.topics:
+        if name not in writer.topics:
+            out.copy_topic(bag, name)
     session = compile_machine(machine, writer.outputs).session(shaft, **shaft_settings)
     torque = bag.read_torques(torque_topic, joint) if bag.has_topic(torque_topic) else None
     residual = None if torque is None or not writer.has_torque else _Residual(session, torque, out, writer)
@@ -106,10 +64,6 @@ def replay_bag(
         writer.write(samples)
         if residual is not None:
             residual.write(samples)
-    if not writer.written:
-        raise RecordingError(
-            f"{bag.path}: topic {angles.topic}: no prediction from its samples; {session.report.text()}"
-        )
     return Replay(session.report, out.counts)
 
 
@@ -119,7 +73,6 @@ class _Predictions:
     def __init__(self, machine: Machine, out: BagWriter, namespace: str) -> None:
         self._out = out
         self.has_torque = TORQUE in machine.outputs
-        self.written = 0
         self.torque, self.sigma, self.residual = (
             f"{namespace}/balancing_torque/{name}" for name in ("predicted", "predicted_sigma", "residual")
         )
@@ -148,7 +101,6 @@ class _Predictions:
             for what in ("position", "velocity")
         )
         self._out.write_joint_states(self.joint_states, stamps, self._joints, position, velocity)
-        self.written += len(samples)
 
 
 class _Residual:

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.files.schemas import MessageSchema
 
 _KEY = "rosbag2_bagfile_information"
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
@@ -39,19 +40,41 @@ class OfferedQos:
             }
         ]
 
+    @classmethod
+    def of(cls, profiles: str | Sequence[Any]) -> OfferedQos:
+        """From what a recording tells (a list, or its YAML text): the first profile; the usual one if it is none."""
+        listed = yaml.safe_load(profiles) if isinstance(profiles, str) else profiles
+        first = listed[0] if isinstance(listed, list) and listed and isinstance(listed[0], dict) else {}
+        usual = cls()
+        return cls(
+            _named(first.get("reliability"), ("reliable", "best_effort"), usual.reliability),
+            _named(first.get("durability"), ("transient_local", "volatile"), usual.durability),
+            int(first.get("depth") or usual.depth),
+        )
+
+
+def _named(value: object, names: tuple[str, str], usual: str) -> str:
+    """A policy by name, or by the number (1, 2) that rosbag2 wrote before version 9."""
+    if value in names:
+        return str(value)
+    return names[int(value) - 1] if value in (1, 2) and isinstance(value, int) else usual
+
 
 LATCHED = OfferedQos(durability="transient_local", depth=1)
 
 
-@dataclass
-class RecordedTopic:
-    """What metadata.yaml tells of a topic."""
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic of a recording: absolute name, message type, number of messages, and how it was offered.
+
+    schema: the definition of the type as the recording carries it; None where it carries none.
+    """
 
     name: str
     msgtype: str
-    type_hash: str
-    qos: OfferedQos
-    count: int = 0
+    count: int
+    qos: OfferedQos = OfferedQos()
+    schema: MessageSchema | None = None
 
 
 def dump(value: object) -> str:
@@ -62,7 +85,7 @@ def dump(value: object) -> str:
 
 def information(
     file_name: str,
-    topics: Sequence[RecordedTopic],
+    topics: Sequence[TopicInfo],
     span_ns: tuple[int, int] | None,
     custom_data: Mapping[str, str],
 ) -> dict[str, Any]:
@@ -84,7 +107,7 @@ def information(
                     "type": topic.msgtype,
                     "serialization_format": "cdr",
                     "offered_qos_profiles": topic.qos.profiles(),
-                    "type_description_hash": topic.type_hash,
+                    "type_description_hash": topic.schema.type_hash if topic.schema else "",
                 },
                 "message_count": topic.count,
             }

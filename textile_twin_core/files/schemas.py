@@ -21,10 +21,11 @@ _NO_MESSAGES = {
 
 @dataclass(frozen=True)
 class MessageSchema:
-    """text: the definition with those it needs, in the form `ros2msg`; type_hash: RIHS01 of the type."""
+    """text: the definition with those it needs, in the form `encoding`; type_hash: RIHS01 of the type."""
 
     text: str
     type_hash: str
+    encoding: str = "ros2msg"
 
 
 @cache

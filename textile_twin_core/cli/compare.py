@@ -1,0 +1,119 @@
+"""textile-twin compare: measured against predicted torque of a recording."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording, load_machine, shaft_settings
+from textile_twin_core.cli.progress import progress
+
+if TYPE_CHECKING:
+    from textile_twin_core.comparison import Comparison
+    from textile_twin_core.machines import Machine
+
+_FORMS = {"json": "the numbers", "rrd": "a recording for textile-twin view", "png": "a plot by shaft angle"}
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser(
+        "compare",
+        "Holds the measured torque of a recording against the predicted one: errors, delay, errors by shaft angle.",
+        "textile-twin compare bags/tufting_160rpm_synthetic --machine tufting --png comparison.png",
+    )
+    add_recording(parser, shaft="smooth")
+    add_machine(parser, option=True)
+    parser.add_argument(
+        "--predicted",
+        choices=["recomputed", "recorded"],
+        default="recomputed",
+        help="predict from the recorded shaft angles, or take what the twin published into the recording;"
+        " default %(default)s",
+    )
+    for form, what in _FORMS.items():
+        parser.add_argument(f"--{form}", type=Path, metavar="FILE", help=f"write {what}; is replaced when it is there")
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Compare, print the table, write what was asked for."""
+    machine = load_machine(arguments.machine, arguments.set)
+    if "balancing_torque_Nm" not in machine.outputs:
+        raise UsageError(f"machine '{machine.name}' has no balancing torque to compare; give its bodies their masses")
+
+    from textile_twin_core.files import staged
+
+    with ExitStack() as outputs:
+        # All places are tried before the work, and take their files only when every one is written.
+        partial: dict[str, Path] = {}
+        for form in _FORMS:
+            path = getattr(arguments, form)
+            if path is not None:
+                if path.suffix != f".{form}":
+                    raise UsageError(f"--{form} {path}: must end in .{form}")
+                partial[form] = outputs.enter_context(staged(path))
+        comparison = _compare(arguments, machine)
+        _write(partial, comparison, machine, arguments)
+    _print(comparison)
+
+
+def _compare(arguments: argparse.Namespace, machine: Machine) -> Comparison:
+    from textile_twin_core.comparison import compare_torque
+    from textile_twin_core.files import open_bag
+    from textile_twin_core.files.prediction import published, recompute, usable_angles
+
+    bag = open_bag(arguments.bag)
+    for notice in bag.notices:
+        print(f"textile-twin: {notice}", file=sys.stderr)
+    measured = bag.read_torques(arguments.torque_topic, arguments.joint)
+    angles = usable_angles(bag, arguments.angle_topic, arguments.joint, arguments.skip_bad_samples)
+    with progress(len(angles), "predicting") as done:
+        predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
+    if arguments.predicted == "recorded":
+        predicted = published(bag, predicted)
+    return compare_torque(
+        measured.stamps,
+        measured.torque_Nm,
+        predicted.stamps_ns,
+        predicted.torque_Nm,
+        predicted.theta_rad,
+        torque_sensor=machine.sensors.torque,
+        events=machine.events(),
+        settled=predicted.settled,
+        predicted_sigma_Nm=predicted.sigma_Nm,
+        rejected=predicted.rejected,
+    )
+
+
+def _write(partial: dict[str, Path], comparison: Comparison, machine: Machine, arguments: argparse.Namespace) -> None:
+    if "json" in partial:
+        about = {
+            "bag": str(arguments.bag),
+            "machine": machine.name,
+            "predicted": arguments.predicted,
+            "shaft": arguments.shaft,
+        }
+        text = json.dumps({**about, **comparison.to_json()}, indent=1, allow_nan=False)
+        partial["json"].write_text(text + "\n", encoding="utf-8")
+    if "rrd" in partial:
+        from textile_twin_core.views import write_comparison_recording
+
+        write_comparison_recording(partial["rrd"], comparison, machine, title=arguments.bag.name)
+    if "png" in partial:
+        from textile_twin_core.views import plot_comparison
+
+        plot_comparison(partial["png"], comparison, machine)
+
+
+def _print(comparison: Comparison) -> None:
+    from textile_twin_core.comparison import summary_rows
+
+    rows = summary_rows(comparison)
+    width = max(len(name) for name, _ in rows)
+    for name, value in rows:
+        print(f"{name:{width}}  {value}")

@@ -1,0 +1,133 @@
+"""Predicted torque of a recording: computed again from its shaft angles, or as the live twin published it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files.bag import AngleSamples, Bag
+from textile_twin_core.files.recording import Progress
+from textile_twin_core.machines import Machine
+from textile_twin_core.twin import Samples, Session, compile_machine
+
+TORQUE = "balancing_torque_Nm"
+ANGLE_TOPIC = "main_shaft/angle"
+MEASURED_TOPIC = "balancing_torque/measured"
+_BLOCK = 8192
+
+
+@dataclass(frozen=True)
+class PredictedTorque:
+    """Predictions in order of time; arrays of shape (n,).
+
+    sigma_Nm: standard deviation, NaN where not known; settled: whether the shaft estimator had settled;
+    rejected: angle samples that gave no prediction, by cause.
+    """
+
+    stamps_ns: IntArray
+    torque_Nm: FloatArray
+    theta_rad: FloatArray
+    sigma_Nm: FloatArray
+    settled: BoolArray
+    rejected: Mapping[str, int]
+
+
+def usable_angles(
+    bag: Bag, topic: str = ANGLE_TOPIC, joint: str = "main_shaft", skip_bad: bool = False
+) -> AngleSamples:
+    """The recorded shaft angles.
+
+    Raises RecordingError for an angle that is NaN or infinite, with its number and time, unless `skip_bad`: the
+    shaft estimator then rejects and counts it. Without a single finite angle it is an error in any case.
+    """
+    angles = bag.read_angles(topic, joint)
+    bad = np.flatnonzero(~np.isfinite(angles.angles_rad))
+    if len(bad) == len(angles):
+        raise RecordingError(f"{bag.path}: topic {angles.topic}: no angle is a finite number; check the encoder")
+    if len(bad) and not skip_bad:
+        first = int(bad[0])
+        after_s = (int(angles.stamps[first]) - int(angles.stamps[0])) * 1e-9
+        raise RecordingError(
+            f"{bag.path}: topic {angles.topic}: the angle of sample {first} ({after_s:.3f} s after the first) is"
+            f" {angles.angles_rad[first]}, {len(bad)} such of {len(angles)}; leave them out with --skip-bad-samples"
+        )
+    return angles
+
+
+def predictions(session: Session, angles: AngleSamples, progress: Progress | None = None) -> Iterator[Samples]:
+    """Feed recorded angles to a session, block by block: the predictions, block by block.
+
+    Raises RecordingError when not one comes out.
+    """
+    some = False
+    for start in range(0, len(angles), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        velocities = None if angles.velocities is None else angles.velocities[part]
+        samples = session.step(angles.stamps[part], angles.angles_rad[part], velocities)
+        if progress is not None:
+            progress(len(angles.stamps[part]))
+        if len(samples):
+            some = True
+            yield samples
+    last = session.finish()
+    if len(last):
+        yield last
+    elif not some:
+        raise RecordingError(f"topic {angles.topic}: too few samples for a prediction; {session.report.text()}")
+
+
+def recompute(
+    angles: AngleSamples,
+    machine: Machine,
+    shaft: str = "smooth",
+    progress: Progress | None = None,
+    **shaft_settings: float,
+) -> PredictedTorque:
+    """The torque that the twin predicts from recorded angles, with the shaft estimator of that name."""
+    session = compile_machine(machine, [TORQUE]).session(shaft, **shaft_settings)
+    blocks = list(predictions(session, angles, progress))
+    return PredictedTorque(
+        stamps_ns=np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks]),
+        torque_Nm=np.concatenate([block[TORQUE] for block in blocks]),
+        theta_rad=np.concatenate([block.theta_rad for block in blocks]),
+        sigma_Nm=np.concatenate([block.torque_sigma_Nm for block in blocks]),
+        settled=np.concatenate([block.settled for block in blocks]),
+        rejected=session.report.rejected,
+    )
+
+
+def published(
+    bag: Bag,
+    computed: PredictedTorque,
+    topic: str = "balancing_torque/predicted",
+    sigma_topic: str = "balancing_torque/predicted_sigma",
+) -> PredictedTorque:
+    """The torque that the live twin published into the recording.
+
+    Shaft angles, and whether the estimator had settled, are those of `computed`, by the stamps, which a prediction
+    shares with its angle sample. Raises RecordingError when no stamp is shared.
+    """
+    torque = bag.read_torques(topic)
+    place = np.clip(np.searchsorted(computed.stamps_ns, torque.stamps), 0, len(computed.stamps_ns) - 1)
+    shared = computed.stamps_ns[place] == torque.stamps
+    if not shared.any():
+        raise RecordingError(f"{bag.path}: no prediction on {torque.topic} has the stamp of a recorded shaft angle")
+    sigma = np.full(len(torque), np.nan)
+    if bag.has_topic(sigma_topic):
+        told = bag.read_torques(sigma_topic)
+        order = np.argsort(told.stamps, kind="stable")
+        at = np.clip(np.searchsorted(told.stamps[order], torque.stamps), 0, len(told) - 1)
+        same = told.stamps[order][at] == torque.stamps
+        sigma[same] = told.torque_Nm[order][at][same]
+    return PredictedTorque(
+        stamps_ns=torque.stamps[shared],
+        torque_Nm=torque.torque_Nm[shared],
+        theta_rad=computed.theta_rad[place[shared]],
+        sigma_Nm=sigma[shared],
+        settled=computed.settled[place[shared]],
+        rejected={**computed.rejected, "without_prediction": int(np.count_nonzero(~shared))},
+    )
