@@ -91,9 +91,7 @@ def test_derivatives_by_complex_step(axis_ratio: float, phase_rad: float) -> Non
     exact = [gear.direction.x, gear.direction.y, gear.first, gear.second, point.first.x, point.second.x]
     for theta in np.linspace(0.0, 2 * np.pi, 37):
         sloped = [v.imag / step for v in interpret(both, {"theta": complex(theta, step)}, cmath)]
-        ux, uy, first, second, slide, bend = (
-            float(v.real) for v in interpret(exact, {"theta": complex(theta)}, cmath)
-        )
+        ux, uy, first, second, slide, bend = (float(v.real) for v in interpret(exact, {"theta": complex(theta)}, cmath))
         size = 3.3 / axis_ratio**4
         assert first == pytest.approx(ux * sloped[1] - uy * sloped[0], abs=1e-15 * size)
         assert second == pytest.approx(sloped[2], abs=1e-15 * size**2)
@@ -158,9 +156,7 @@ def test_crank_and_dyad_hang_on_the_driven_gear() -> None:
     assert closeness.margin > 0.1
     motion = linkage.solved
     theta = np.linspace(0, 2 * np.pi, 7)
-    bx, by, gear = values(
-        [motion.points["B"].position.x, motion.points["B"].position.y, pair_angle(linkage)], theta
-    )
+    bx, by, gear = values([motion.points["B"].position.x, motion.points["B"].position.y, pair_angle(linkage)], theta)
     place = 2 * HALF_AXIS + 0.04 * np.exp(1j * (gear + 1.0))
     assert bx + 1j * by == pytest.approx(place, abs=1e-15)
 
