@@ -1,8 +1,8 @@
 """Write a synthetic recording of the tufting machine: `python -m tests.generators.tufting_bag OUT`.
 
 OUT becomes a rosbag2 directory (MCAP). The machine is the rig of `tufting_rig` with its own equations of
-motion; the sensors are here: an absolute encoder on the crank and a torque sensor in the shaft, each sampled
-at 500 Hz by a clock of its own, with errors of the stamps and lost samples. The same seed and duration give
+motion; the sensors are here: an absolute encoder on the crank and a torque sensor in the shaft, sampled one
+shortly after the other at 500 Hz, with errors of the stamps and lost samples. The same seed and duration give
 the same bytes on the same machine.
 """
 
@@ -50,7 +50,7 @@ class Sensors:
     stamp_error_s: float = 20e-6
     angle_loss: float = 0.015
     torque_loss: float = 0.010
-    torque_phase_s: float = 0.000875
+    torque_phase_s: float = 0.00025
     torque_delay_s: float = 0.002
     torque_gain: float = 1.01
     torque_offset_Nm: float = 0.0
