@@ -75,8 +75,8 @@ _COMMUTATIVE: Final = frozenset({"add", "mul"})
 
 
 def _node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
-    if op in _COMMUTATIVE and id(args[0]) > id(args[1]):
-        args = (args[1], args[0])
+    if op in _COMMUTATIVE and (args[1].is_constant or (id(args[0]) > id(args[1]) and not args[0].is_constant)):
+        args = (args[1], args[0])  # a constant stands first, all else in one order
     key = (op, payload, math.copysign(1.0, payload) if isinstance(payload, float) else None, *map(id, args))
     found = _INTERNED.get(key)
     if found is None:
@@ -123,6 +123,10 @@ def _add(a: Expr, b: Expr) -> Expr:
         return _subtract(a, b.args[0])
     if a.op == "neg":
         return _subtract(b, a.args[0])
+    if a.is_constant:
+        return _shift(a.value, b)
+    if b.is_constant:
+        return _shift(b.value, a)
     (ka, ra), (kb, rb) = scaled(a), scaled(b)
     if ra is rb:
         return const(ka + kb) * ra
@@ -140,7 +144,28 @@ def _subtract(a: Expr, b: Expr) -> Expr:
         return _add(a, b.args[0])
     if a is b:
         return const(0.0)
+    if b.is_constant:
+        return _shift(-b.value, a)
+    if a.is_constant:
+        if b.op == "add" and b.args[0].is_constant:
+            return _subtract(const(a.value - b.args[0].value), b.args[1])
+        if b.op == "sub" and b.args[0].is_constant:
+            return _shift(a.value - b.args[0].value, b.args[1])
+    (ka, ra), (kb, rb) = scaled(a), scaled(b)
+    if ra is rb:
+        return const(ka - kb) * ra
     return _node("sub", (a, b))
+
+
+def _shift(offset: float, e: Expr) -> Expr:
+    """offset + e, with the constants of nested sums joined."""
+    if offset == 0.0:
+        return e
+    if e.op == "add" and e.args[0].is_constant:
+        return _shift(offset + e.args[0].value, e.args[1])
+    if e.op == "sub" and e.args[0].is_constant:
+        return _subtract(const(offset + e.args[0].value), e.args[1])
+    return _node("add", (const(offset), e))
 
 
 def _negate(a: Expr) -> Expr:

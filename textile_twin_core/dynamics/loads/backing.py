@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from textile_twin_core.dynamics.loads.load import Crossing, LoadContext
 from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, absolute, at_least, select, sign
+from textile_twin_core.expression import Expr, at_least, select, sign
 from textile_twin_core.mechanism import Travel
 from textile_twin_core.mechanism.vector import Vector
 
@@ -47,23 +47,24 @@ class Backing:
         plane = select(going_in, self.entry_plane_m, self.exit_plane_m)
         return at_least(travel.position, plane)
 
-    def coefficients(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Friction opposes the travel: minus |h'| sign(omega), inside or outside."""
-        drag = -(absolute(context.displacements[self.on].first) * sign(context.shaft.omega))
+    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
+        """Friction against the velocity of the travel, in the backing and outside."""
+        against = -sign(context.displacements[self.on].first * context.shaft.omega)
         inside = self.inside(context)
-        return {"backing_force_N": drag * inside, "free_force_N": drag * (1.0 - inside)}
+        return {"backing_force_N": against * inside, "free_force_N": against * (1.0 - inside)}
 
-    def apply(self, context: LoadContext, wrenches: Wrenches) -> None:
-        """The friction force at the travel's point, against its velocity."""
+    def unit_force(self, context: LoadContext) -> Expr:
+        """A force along the travel works on the shaft through the travel's derivative."""
+        return context.displacements[self.on].first
+
+    def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
+        """The friction force at the travel's point."""
         measure = context.measures[self.on]
         if not isinstance(measure, Travel):
             raise MachineError(f"backing on '{self.on}': this must be a straight travel")
-        velocity = context.displacements[self.on].first * context.shaft.omega
-        inside = self.inside(context)
-        size = self.force_N * inside + self.free_force_N * (1.0 - inside)
         norm = math.hypot(*measure.direction)
         direction = Vector.of(measure.direction[0] / norm, measure.direction[1] / norm)
-        wrenches.pull_on_point(measure.point, -(size * sign(velocity)) * direction)
+        wrenches.pull_on_point(measure.point, intensity * direction)
 
     def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
         """The needle enters and leaves the backing."""

@@ -1,4 +1,9 @@
-"""The Load protocol: an external action by virtual work and, independently, as forces on links."""
+"""The Load protocol: an external action by virtual work and, independently, as forces on links.
+
+A load is an intensity times a unit action. The intensity may leap (a needle enters the backing, the speed
+changes its sign) and is linear in named parameters; the unit action is a smooth function of
+the shaft angle. So the smooth part can be tabulated while the leaps stay exact.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +13,13 @@ from typing import Protocol, runtime_checkable
 
 from textile_twin_core.dynamics.shaft_state import ShaftState
 from textile_twin_core.dynamics.wrenches import Wrenches
-from textile_twin_core.expression import Expr
+from textile_twin_core.expression import Expr, const
 from textile_twin_core.mechanism import Displacement, Measure, Motion
 
 
 @dataclass(frozen=True)
 class LoadContext:
-    """What a load acts on: the motion, the shaft's state and the machine's measures with their displacements."""
+    """What a load acts on: the motion, the shaft's state, the machine's measures and their displacements."""
 
     motion: Motion
     shaft: ShaftState
@@ -24,7 +29,7 @@ class LoadContext:
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where a load sets in or ceases: `level` crosses zero there, rising or falling with the shaft turning forward."""
+    """Where a load sets in or ceases as the shaft turns forward: `level` crosses zero there, rising or falling."""
 
     name: str
     level: Expr
@@ -33,21 +38,21 @@ class Crossing:
 
 @runtime_checkable
 class Load(Protocol):
-    """An external load.
-
-    The generalised force is linear in the named parameters where physics allows:
-    Q = sum of parameter times coefficient.
-    """
-
-    def coefficients(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Generalised force on the shaft [N m] per unit of each named parameter."""
-        ...
+    """An external load."""
 
     def parameters(self) -> Mapping[str, float]:
         """Values of the named parameters, SI."""
         ...
 
-    def apply(self, context: LoadContext, wrenches: Wrenches) -> None:
+    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
+        """Intensity per unit of each named parameter."""
+        ...
+
+    def unit_force(self, context: LoadContext) -> Expr:
+        """Generalised force on the shaft, positive along positive theta, per unit of intensity [N m]."""
+        ...
+
+    def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
         """Put the load's forces on the links."""
         ...
 
@@ -56,11 +61,9 @@ class Load(Protocol):
         ...
 
 
-def generalised_force(load: Load, context: LoadContext) -> Expr:
-    """The load's generalised force on the shaft, positive along positive theta [N m]."""
-    coefficients, total = load.coefficients(context), None
+def intensity(load: Load, context: LoadContext) -> Expr:
+    """The load's intensity: the sum of parameter times indicator."""
+    indicators, total = load.indicators(context), const(0.0)
     for name, value in load.parameters().items():
-        term = value * coefficients[name]
-        total = term if total is None else total + term
-    assert total is not None, "a load has at least one parameter"
+        total += value * indicators[name]
     return total
