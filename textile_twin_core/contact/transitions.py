@@ -1,0 +1,219 @@
+"""What happens at an instant: impulses until nothing approaches, then which touching stops stay closed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.contact.complementarity import one_sided_forces
+from textile_twin_core.contact.forces import LinearForces
+from textile_twin_core.contact.model import ContactModel
+from textile_twin_core.contact.result import ContactEvent, PadState
+from textile_twin_core.contact.state import ContactState
+
+LENGTH_NOISE = 64 * 2.220446049250313e-16
+"""Rounding of a gap, relative to the lengths it is the difference of."""
+
+
+class Transitions:
+    """Impacts and contact changes of one model.
+
+    Impacts follow Newton's restitution with Moreau's complementarity: touching stops take impulses together, an
+    approaching one opens with restitution times its speed, none pulls. Approaching stops that share bodies in
+    one instant use the smallest of their restitutions, so that an impact never makes energy.
+    """
+
+    def __init__(self, model: ContactModel, forces: LinearForces, length_noise_m: float, tolerance: float) -> None:
+        self.model = model
+        self.forces = forces
+        self.length_noise_m = length_noise_m
+        self.tolerance = tolerance
+        bodies, stops = len(model.bodies), len(model.stops)
+        self.normals = np.zeros((bodies + 1, stops))
+        self.limits = np.array([stop.limit_m for stop in model.stops])
+        for column, stop in enumerate(model.stops):
+            for end, sign in ((model.index[stop.upper], -1.0), (model.index[stop.lower], 1.0)):
+                if end <= bodies:
+                    self.normals[end, column] = sign
+        self.pad_normals = np.zeros((len(model.pads), bodies + 1))
+        for row, pad in enumerate(model.pads):
+            for end, sign in ((model.index[pad.upper], 1.0), (model.index[pad.lower], -1.0)):
+                if end <= bodies:
+                    self.pad_normals[row, end] = sign
+        self.rate_s = self._rate()
+
+    def _rate(self) -> float:
+        """Bound [1/s] on how fast the forces of springs and dampers change."""
+        bodies = len(self.model.bodies)
+        k = float(np.abs(self.forces.stiffness[:bodies] / self.forces.masses[:, None]).sum(axis=1).max(initial=0.0))
+        b = float(np.abs(self.forces.damping[:bodies] / self.forces.masses[:, None]).sum(axis=1).max(initial=0.0))
+        return max(b, math.sqrt(k), 1.0)
+
+    def gaps(self, state: ContactState) -> FloatArray:
+        """Gap of every stop [m]."""
+        return self.limits + np.append(state.positions, state.drive_position_m) @ self.normals
+
+    def opening_speeds(self, state: ContactState) -> FloatArray:
+        """Speed at which every stop opens [m/s]."""
+        return np.asarray(np.append(state.velocities, state.drive_velocity_m_s) @ self.normals)
+
+    def pad_compression(self, state: ContactState, number: int) -> tuple[float, float]:
+        """Compression [m] of a pad and its rate [m/s]."""
+        row = self.pad_normals[number]
+        depth = float(row @ np.append(state.positions, state.drive_position_m)) - self.model.pads[number].position_m
+        return depth, float(row @ np.append(state.velocities, state.drive_velocity_m_s))
+
+    def pad_force(self, state: ContactState, number: int) -> float:
+        """Force [N] with which a pad pushes."""
+        if state.pads[number] is not PadState.PUSHING:
+            return 0.0
+        depth, rate = self.pad_compression(state, number)
+        pad = self.model.pads[number]
+        return pad.force(depth) + pad.damping_Ns_m * rate
+
+    def _free_opening(self, state: ContactState, drive_acceleration: float) -> FloatArray:
+        """Acceleration [m/s^2] with which every stop would open if no stop pushed."""
+        positions = np.append(state.positions, state.drive_position_m)
+        velocities = np.append(state.velocities, state.drive_velocity_m_s)
+        force = self.forces.on_movers(positions, velocities)
+        for number in range(len(self.model.pads)):
+            force -= self.pad_normals[number] * self.pad_force(state, number)
+        accelerations = np.append(force[:-1] / self.forces.masses, drive_acceleration)
+        return np.asarray(accelerations @ self.normals)
+
+    def _opening(
+        self, state: ContactState, drive_acceleration: float, candidates: list[int]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Forces [N] in the candidate stops, and the acceleration [m/s^2] with which every stop then opens."""
+        free = self._free_opening(state, drive_acceleration)
+        columns = self.normals[:-1][:, candidates]
+        forces, kept = one_sided_forces(columns, self.forces.masses, free[candidates])
+        opening = free + (columns @ forces / self.forces.masses) @ self.normals[:-1]
+        opening[candidates] = kept
+        return forces, opening
+
+    def settle(
+        self, state: ContactState, drive_acceleration: float, hit: int | None = None, released: int | None = None
+    ) -> list[ContactEvent]:
+        """Bring the state over an instant: impulses, then the set of stops that stay closed. Changes the state.
+
+        `hit` is the stop whose gap has just closed, `released` the one whose force has just come down to zero.
+        """
+        gaps = self.gaps(state)
+        touching = set(np.flatnonzero(gaps <= 4.0 * self.length_noise_m).tolist()) | state.closed
+        if hit is not None:
+            touching.add(hit)
+        events = self._impacts(state, drive_acceleration, sorted(touching))
+        speeds = self.opening_speeds(state)
+        quiet = 1e-13 * state.speed_scale_m_s
+        candidates = [k for k in sorted(touching) if abs(speeds[k]) <= quiet and k != released]
+        forces, opening = self._opening(state, drive_acceleration, candidates)
+        faint = 1e-12 * max(float(np.abs(opening).max(initial=0.0)), abs(drive_acceleration))
+        state.closed = frozenset(
+            k for k, force in zip(candidates, forces, strict=True) if force > 0.0 or opening[k] <= faint
+        )
+        return events
+
+    def _impacts(self, state: ContactState, drive_acceleration: float, touching: list[int]) -> list[ContactEvent]:
+        before = self.opening_speeds(state)
+        threshold = -1e-13 * state.speed_scale_m_s
+        events: list[ContactEvent] = []
+        for group in self._groups(touching):
+            approaching = [k for k in group if before[k] < threshold]
+            if not approaching:
+                continue
+            restitution = min(self.model.stops[k].restitution for k in approaching)
+            start = state.velocities.copy()
+            impulses = self._impulses(state, group, before, approaching, restitution)
+            waits = None
+            if restitution > 0.0:
+                waits = self._dying_out(state, drive_acceleration, approaching, restitution)
+            if waits is not None:
+                state.velocities = start
+                impulses = self._impulses(state, group, before, approaching, 0.0)
+            after = self.opening_speeds(state)
+            for k, impulse in zip(group, impulses.tolist(), strict=True):
+                if impulse <= 0.0:
+                    continue
+                stop = self.model.stops[k]
+                events.append(
+                    ContactEvent(
+                        time_s=state.time_s + (waits or 0.0),
+                        kind="rest" if waits else "impact",
+                        name=stop.name,
+                        bodies=(stop.lower, stop.upper),
+                        booked_s=state.time_s,
+                        approach_speed_m_s=max(-float(before[k]), 0.0),
+                        impulse_Ns=impulse,
+                        energy_lost_J=max(-0.5 * impulse * float(before[k] + after[k]), 0.0),
+                        drive_work_J=-float(self.normals[-1, k]) * impulse * state.drive_velocity_m_s,
+                    )
+                )
+        return events
+
+    def _impulses(
+        self,
+        state: ContactState,
+        group: list[int],
+        before: FloatArray,
+        approaching: list[int],
+        restitution: float,
+    ) -> FloatArray:
+        """Apply the impulses of one group of touching stops to the velocities; returns them [N s]."""
+        columns = self.normals[:-1][:, group]
+        factor = np.array([1.0 + restitution if k in approaching else 1.0 for k in group])
+        impulses, _ = one_sided_forces(columns, self.forces.masses, factor * before[group])
+        state.velocities = state.velocities + columns @ impulses / self.forces.masses
+        return impulses
+
+    def _dying_out(
+        self, state: ContactState, drive_acceleration: float, approaching: list[int], restitution: float
+    ) -> float | None:
+        """Time [s] that the bounces still to come take, if they are too small to follow; None if they are not.
+
+        Bounces of restitution e under a closing acceleration a end after 2 v / (a (1 - e)). Once that is so short
+        that the acceleration cannot change by more than 1e-6 of itself, or the next bounce is lower than the tolerance
+        allows to tell from rest, the stop closes; the event carries the time at which the bounces end.
+        """
+        speeds = self.opening_speeds(state)
+        others = sorted(state.closed.difference(approaching))
+        others = [k for k in others if abs(speeds[k]) <= 1e-13 * state.speed_scale_m_s]
+        _, opening = self._opening(state, drive_acceleration, others)
+        longest = 0.0
+        for k in approaching:
+            closing, speed = -float(opening[k]), float(speeds[k])
+            if speed <= 0.0:
+                continue
+            if closing <= 0.0:
+                return None
+            flight = 2.0 * speed / closing
+            left = flight / (1.0 - restitution) if restitution < 1.0 else math.inf
+            low = speed * flight / 4.0 <= self.tolerance * self.length_scale_m
+            if not (low or left * self.rate_s <= 1e-6):
+                return None
+            longest = max(longest, left if math.isfinite(left) else flight)
+        return longest
+
+    @property
+    def length_scale_m(self) -> float:
+        """Length [m] that rounding and tolerance are measured by."""
+        return self.length_noise_m / LENGTH_NOISE
+
+    def _groups(self, touching: list[int]) -> list[list[int]]:
+        """Touching stops that share bodies, directly or through others; driven element and frame pass nothing on."""
+        bodies = len(self.model.bodies)
+        groups: list[tuple[set[int], list[int]]] = []
+        for k in touching:
+            ends = set(np.flatnonzero(self.normals[:bodies, k]).tolist())
+            members = [k]
+            apart = []
+            for group in groups:
+                if group[0] & ends:
+                    ends |= group[0]
+                    members += group[1]
+                else:
+                    apart.append(group)
+            groups = [*apart, (ends, sorted(members))]
+        return [members for _, members in groups]
