@@ -16,6 +16,7 @@ COMMANDS = {
     "simulate": "outputs of a machine over a shaft motion, as a table or a recording",
     "replay": "a recording in, the same recording with the twin's predictions out",
     "compare": "measured against predicted torque: table, report, recording, plot",
+    "recover": "a complete recording from one that a kill or a power loss cut off",
     "view": "show a recording in the viewer",
     "synthesize": "link lengths from what a mechanism must do",
 }

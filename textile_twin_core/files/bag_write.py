@@ -18,7 +18,7 @@ from textile_twin_core.files.atomic import OutputError, check_folder, partial_pa
 from textile_twin_core.files.bag import FLOAT64, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.files.cdr_decode import Bytes, MessageBlock, gather
 from textile_twin_core.files.mcap_write import McapFileWriter
-from textile_twin_core.files.recording import Recording
+from textile_twin_core.files.recording import Progress, Recording
 from textile_twin_core.files.rosbag2_metadata import OfferedQos, TopicInfo
 from textile_twin_core.files.schemas import MessageSchema, message_schema
 
@@ -88,11 +88,11 @@ class BagWriter:
         self._channels[name] = self._file.add_channel(name, msgtype, schema, metadata)
         self._topics[name] = TopicInfo(name, msgtype, 0, qos, schema)
 
-    def copy_topic(self, bag: Recording, name: str) -> None:
+    def copy_topic(self, bag: Recording, name: str, progress: Progress | None = None) -> None:
         """Declare a topic as another recording has it and append all its messages."""
         topic = bag.find_topic(name)
         self.add_topic(topic.name, topic.msgtype, topic.qos, topic.schema)
-        for block in bag.blocks(name):
+        for block in bag.blocks(name, progress):
             self.write_block(topic.name, block)
 
     def write(self, topic: str, log_time_ns: int, cdr: bytes) -> None:

@@ -1,0 +1,248 @@
+"""textile-twin simulate: the table's contract, the published numbers, and every way to ask wrongly."""
+
+from __future__ import annotations
+
+import csv
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from rosbags.highlevel import AnyReader
+
+import textile_twin_core as ttc
+from textile_twin_core.cli.main import main
+from textile_twin_core.files import open_bag
+
+MOTION = ["theta_rad", "omega_rad_s", "alpha_rad_s2"]
+
+
+def _read(path: Path) -> tuple[list[str], np.ndarray]:
+    with path.open(newline="") as file:
+        rows = list(csv.reader(file))
+    return rows[0], np.array([[float(cell) for cell in row] for row in rows[1:]])
+
+
+def test_one_revolution_at_constant_speed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "f.csv"
+    assert main(["simulate", "tufting", "--rpm", "160", "--samples", "360", "--out", str(out)]) == 0
+    assert "360 samples" in capsys.readouterr().out
+    names, rows = _read(out)
+    assert names[:3] == MOTION
+    np.testing.assert_array_equal(rows[:, 0], 2.0 * math.pi * np.arange(360) / 360)
+    np.testing.assert_array_equal(rows[:, 1], 160.0 * 2.0 * math.pi / 60.0)
+    np.testing.assert_array_equal(rows[:, 2], 0.0)
+    parts = rows[:, [names.index(f"torque_{part}_Nm") for part in ("inertial", "gravity", "load")]]
+    np.testing.assert_allclose(parts.sum(axis=1), rows[:, names.index("balancing_torque_Nm")], atol=1e-13)
+
+
+def test_the_published_stroke_and_peak_torque(tmp_path: Path) -> None:
+    """Xu et al. 2016: needle stroke 32.788 mm, largest torque 17.2786 N m at 160 rpm."""
+    out = tmp_path / "f.csv"
+    main(["simulate", "tufting", "--rpm", "160", "--samples", "36000", "--out", str(out)])
+    names, rows = _read(out)
+    stroke = np.ptp(rows[:, names.index("needle_position_m")])
+    assert stroke == pytest.approx(32.788e-3, abs=5e-7)
+    assert rows[:, names.index("balancing_torque_Nm")].max() == pytest.approx(17.2786, abs=1e-3)
+
+
+def test_a_table_of_motion_keeps_its_columns_first(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    motion = {
+        "time_s": np.arange(50) * 0.002, "theta_rad": rng.normal(size=50) * 100,
+        "omega_rad_s": rng.normal(size=50) * 20, "alpha_rad_s2": rng.normal(size=50) * 1e3,
+    }  # fmt: skip
+    table = tmp_path / "motion.csv"
+    with table.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time_s", "note", *MOTION])
+        for k in range(50):
+            writer.writerow([motion["time_s"][k], "text", *(repr(float(motion[name][k])) for name in MOTION)])
+    asked = "needle_velocity_m_s,balancing_torque_Nm"
+    for suffix in ("csv", "parquet"):
+        out = tmp_path / f"out.{suffix}"
+        assert main(["simulate", "tufting", "--input", str(table), "--outputs", asked, "--out", str(out)]) == 0
+    names, rows = _read(tmp_path / "out.csv")
+    assert names == [*MOTION, "time_s", "needle_velocity_m_s", "balancing_torque_Nm"]
+    for k, name in enumerate(names[:4]):
+        np.testing.assert_array_equal(rows[:, k], motion[name])
+    twin = ttc.compile(ttc.machines.tufting(), asked.split(","))
+    expected = twin.evaluate(*(motion[name] for name in MOTION))
+    for k, name in enumerate(asked.split(",")):
+        np.testing.assert_allclose(rows[:, 4 + k], expected[name], rtol=1e-9)
+    stored = pyarrow.parquet.read_table(tmp_path / "out.parquet")
+    assert stored.column_names == names
+    np.testing.assert_array_equal(np.stack([stored[name].to_numpy() for name in names], axis=1), rows)
+
+
+def test_a_table_written_is_a_table_of_motion(tmp_path: Path) -> None:
+    first, second = tmp_path / "a.csv", tmp_path / "b.csv"
+    main(["simulate", "tufting", "--rpm", "-300", "--samples", "77", "--out", str(first)])
+    main(["simulate", "tufting", "--input", str(first), "--out", str(second)])
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_recording_of_the_simulation(tmp_path: Path) -> None:
+    out = tmp_path / "f.mcap"
+    asked = "balancing_torque_Nm,needle_position_m"
+    assert main(
+        ["simulate", "tufting", "--rpm", "60", "--samples", "100", "--outputs", asked, "--out", str(out)]
+    ) == 0  # fmt: skip
+    with AnyReader([out]) as reader:
+        assert {c.topic: c.msgcount for c in reader.connections} == {
+            "/main_shaft/angle": 100, "/balancing_torque/predicted": 100,
+            "/outputs/balancing_torque_Nm": 100, "/outputs/needle_position_m": 100,
+        }  # fmt: skip
+    angles = open_bag(out).read_angles()
+    np.testing.assert_array_equal(np.diff(angles.stamps), 10_000_000)
+    np.testing.assert_array_equal(angles.angles_rad, 2 * math.pi * np.arange(100) / 100)
+
+
+def test_a_machine_of_the_users_own(tmp_path: Path) -> None:
+    machine = tmp_path / "fourbar.yaml"
+    machine.write_text(
+        """
+        points: {O: [0, 0], C: [0.3, 0]}
+        groups:
+          - {type: crank, name: crank, at: O, end: A, length_m: 0.06}
+          - {type: rrr_dyad, coupler: l2, rocker: l3, from: A, ground: C, end: B, lengths_m: [0.2, 0.23]}
+        bodies: {l2: {mass_kg: 0.4, inertia_kgm2: 0.0015}}
+        scene: {outputs: [balancing_torque_Nm, point_B_x_m, point_B_y_m]}
+        """
+    )
+    out = tmp_path / "f.csv"
+    assert main(["simulate", str(machine), "--rpm", "90", "--samples", "90", "--out", str(out)]) == 0
+    names, rows = _read(out)
+    assert names == [*MOTION, "balancing_torque_Nm", "point_B_x_m", "point_B_y_m"]
+    ax, ay = 0.06 * np.cos(rows[:, 0]), 0.06 * np.sin(rows[:, 0])
+    np.testing.assert_allclose(np.hypot(rows[:, 4] - ax, rows[:, 5] - ay), 0.2, rtol=1e-12)
+    np.testing.assert_allclose(np.hypot(rows[:, 4] - 0.3, rows[:, 5]), 0.23, rtol=1e-12)
+
+
+_TURN = ["--rpm", "160", "--samples", "36"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["tuftin", *_TURN], "did you mean tufting"),
+        (["no_such.yaml", *_TURN], "no_such.yaml: no such file"),
+        (["tufting", *_TURN, "--outputs", "balancing_torqe_Nm"], "did you mean balancing_torque_Nm"),
+        (["tufting", *_TURN, "--outputs", ","], "--outputs names nothing"),
+        (["tufting", "--rpm", "160"], "--samples N"),
+        (["tufting"], "--input motion.csv"),
+        (["tufting", "--rpm", "fast", "--samples", "3"], "must be a number, not 'fast'"),
+        (["tufting", "--rpm", "nan", "--samples", "3"], "must be a number, not 'nan'"),
+        (["tufting", "--rpm", "1", "--samples", "0"], "whole number from 1 on"),
+        (["tufting", *_TURN, "--method", "magic"], "invalid choice: 'magic'"),
+        (["tufting", *_TURN, "--set", "l1=3"], "did you mean"),
+        (["tufting", *_TURN, "--set", "l1_m"], "--set l1_m"),
+        (["tufting", *_TURN, "--set", "l1_m=0.1"], "cannot"),
+        (["tufting", *_TURN, "--set", "m1_kg=-1"], "m"),
+        (["tufting", *_TURN, "--input", "motion.csv"], "--input stands alone"),
+        (["tufting", "--input", "missing.csv"], "missing.csv: no such file"),
+    ],
+)
+def test_a_mistake_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], says: str
+) -> None:
+    assert main(["simulate", *arguments, "--out", str(tmp_path / "f.csv")]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert captured.err.startswith("textile-twin: ")
+    assert says in captured.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("theta_rad,omega_rad_s\n1,2\n", "column alpha_rad_s2 is missing; there are: theta_rad, omega_rad_s"),
+        ("", "column theta_rad, omega_rad_s, alpha_rad_s2 is missing; there are: none"),
+        ("theta_rad,omega_rad_s,alpha_rad_s2\n", "no rows"),
+        ("theta_rad,omega_rad_s,alpha_rad_s2\n0,1,2\n0,nan,2\n", "line 3: omega_rad_s is 'nan'"),
+        ("theta_rad,omega_rad_s,alpha_rad_s2\n0,1,2\n\n0,,2\n", "line 4: omega_rad_s is ''"),
+        ("theta_rad,omega_rad_s,alpha_rad_s2\n0,1,2\nfast,1,2\n", "line 3: theta_rad is 'fast'"),
+        ("theta_rad,omega_rad_s,alpha_rad_s2\n0,1,inf\n", "line 2: alpha_rad_s2 is 'inf'"),
+        ("theta_rad,omega_rad_s,alpha_rad_s2\n0,1,2\n0,1\n", "line 3: alpha_rad_s2 is ''"),
+        ("time_s,theta_rad,omega_rad_s,alpha_rad_s2\n0,0,1,2\n0,0,1,2\n", "row 2: time_s does not increase"),
+    ],
+)
+def test_a_bad_table_is_named_with_its_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, says: str
+) -> None:
+    table = tmp_path / "motion.csv"
+    table.write_text(text)
+    assert main(["simulate", "tufting", "--input", str(table), "--out", str(tmp_path / "f.csv")]) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+    assert [entry.name for entry in tmp_path.iterdir()] == ["motion.csv"]
+
+
+@pytest.mark.parametrize("place", ["missing/f.csv", "file/f.csv", "folder", "f.txt"])
+def test_a_place_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str], place: str) -> None:
+    (tmp_path / "file").write_text("no folder")
+    (tmp_path / "folder").mkdir()
+    assert main(["simulate", "tufting", *_TURN, "--out", str(tmp_path / place)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_a_recording_without_times_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "motion.csv"
+    table.write_text("theta_rad,omega_rad_s,alpha_rad_s2\n0,1,0\n1,2,0\n")
+    assert main(["simulate", "tufting", "--input", str(table), "--out", str(tmp_path / "f.mcap")]) == 2
+    assert "time_s" in capsys.readouterr().err
+    assert [entry.name for entry in tmp_path.iterdir()] == ["motion.csv"]
+
+
+def _command(*arguments: str) -> subprocess.CompletedProcess[str]:
+    code = "import sys; from textile_twin_core.cli.main import main; sys.exit(main())"
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False, timeout=120
+    )
+
+
+def test_the_command_as_a_process(tmp_path: Path) -> None:
+    good = _command("simulate", "tufting", *_TURN, "--out", str(tmp_path / "f.csv"))
+    assert (good.returncode, good.stderr) == (0, "")
+    bad = _command("simulate", "loom_of_dreams", *_TURN, "--out", str(tmp_path / "g.csv"))
+    assert (bad.returncode, bad.stdout, bad.stderr.count("\n")) == (2, "", 1)
+    unknown = _command("simulat")
+    assert (unknown.returncode, "did you mean simulate?" in unknown.stderr) == (2, True)
+    assert _command("--help").returncode == 0
+
+
+def test_help_needs_no_engine() -> None:
+    """What --help imports decides how long it takes to appear."""
+    code = (
+        "import sys; from textile_twin_core.cli.main import main; code = main(['--help']);"
+        "sys.exit(code or any(name in sys.modules for name in ('numpy', 'scipy', 'yaml', 'mcap')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+
+
+def test_a_fault_of_ours_is_one_line_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from textile_twin_core.cli import simulate
+
+    monkeypatch.setattr(simulate, "load_machine", lambda *_: 1 / 0)
+    assert main(["simulate", "tufting", *_TURN, "--out", str(tmp_path / "f.csv")]) == 1
+    error = capsys.readouterr().err
+    assert "a fault of textile-twin" in error
+    assert error.count("\n") == 1
+
+
+def test_machines_tells_outputs_and_parameters(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["machines"]) == 0
+    text = capsys.readouterr().out
+    for name in ttc.machines.NAMES:
+        assert f"{name}: " in text
+    for word in ("balancing_torque_Nm", "needle_position_m", "reaction_guide_N", "l1_m=0.015", "m1_kg=3.07"):
+        assert word in text

@@ -1,0 +1,44 @@
+"""textile-twin recover: a complete recording from one that was cut off."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from textile_twin_core.cli.arguments import Parser
+from textile_twin_core.cli.progress import progress
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser(
+        "recover",
+        "Copies what can be read of a recording that a kill or a power loss cut off into a complete one, with index"
+        " and metadata.yaml.",
+        "textile-twin recover recorded --out recovered",
+    )
+    parser.add_argument("bag", metavar="BAG", type=Path, help="a rosbag2 folder, complete or not, or an .mcap file")
+    parser.add_argument("--out", type=Path, required=True, metavar="BAG2", help="folder to make, or an .mcap file")
+    parser.add_argument("--force", action="store_true", help="replace the output when it is there")
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Copy what is there."""
+    from textile_twin_core.errors import RecordingError
+    from textile_twin_core.files import BagWriter, open_bag
+
+    bag = open_bag(arguments.bag)
+    for notice in bag.notices:
+        print(f"textile-twin: {notice}", file=sys.stderr)
+    if bag.message_count == 0:
+        raise RecordingError(f"{arguments.bag}: no message can be read; nothing to recover")
+    with (
+        BagWriter(arguments.out, bag.metadata, overwrite=arguments.force) as out,
+        progress(bag.message_count, "recovering") as done,
+    ):
+        for topic in bag.topics:
+            out.copy_topic(bag, topic, done)
+    seconds = (bag.end_ns - bag.start_ns) * 1e-9
+    print(f"{arguments.out}: {bag.message_count} messages of {len(bag.topics)} topics, {seconds:.3f} s")
