@@ -40,12 +40,8 @@ def _joint_state(stamp: int, names: list[str], positions: list[float], frame: st
 
 def _wrench(stamp: int, torque: float) -> bytes:
     vector = STORE.types["geometry_msgs/msg/Vector3"]
-    wrench = STORE.types["geometry_msgs/msg/Wrench"](
-        force=vector(1.0, 2.0, 3.0), torque=vector(4.0, 5.0, torque)
-    )
-    return bytes(
-        STORE.serialize_cdr(STORE.types[WRENCH](header=_header(stamp, "shaft"), wrench=wrench), WRENCH)
-    )
+    wrench = STORE.types["geometry_msgs/msg/Wrench"](force=vector(1.0, 2.0, 3.0), torque=vector(4.0, 5.0, torque))
+    return bytes(STORE.serialize_cdr(STORE.types[WRENCH](header=_header(stamp, "shaft"), wrench=wrench), WRENCH))
 
 
 def _messages(count: int, mixed: bool) -> list[tuple[str, int, bytes]]:
@@ -98,9 +94,7 @@ def test_bags_of_the_rosbags_library(
     with writer:
         topics = {
             "/main_shaft/angle": writer.add_connection("/main_shaft/angle", JOINT_STATE, typestore=STORE),
-            "/balancing_torque/measured": writer.add_connection(
-                "/balancing_torque/measured", WRENCH, typestore=STORE
-            ),
+            "/balancing_torque/measured": writer.add_connection("/balancing_torque/measured", WRENCH, typestore=STORE),
         }
         for topic, time, cdr in _messages(2000, mixed):
             writer.write(topics[topic], time, cdr)
@@ -245,7 +239,5 @@ def test_wrong_type_and_missing_joint_tell_what_there_is(tmp_path: Path) -> None
 
 def test_nan_is_kept(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "b") as out:
-        out.write_joint_states(
-            "main_shaft/angle", np.arange(1, 4), ["main_shaft"], np.array([1.0, np.nan, np.inf])
-        )
+        out.write_joint_states("main_shaft/angle", np.arange(1, 4), ["main_shaft"], np.array([1.0, np.nan, np.inf]))
     np.testing.assert_array_equal(open_bag(tmp_path / "b").read_angles().angles_rad, [1.0, np.nan, np.inf])

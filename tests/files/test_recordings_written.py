@@ -127,9 +127,7 @@ def test_our_reader_gives_the_same_numbers_bit_for_bit(bag: Path, truth: dict[st
     np.testing.assert_array_equal(plain.stamps, truth["log"])
 
 
-def test_raw_messages_come_in_order_of_time_and_rclpy_understands_them(
-    bag: Path, truth: dict[str, np.ndarray]
-) -> None:
+def test_raw_messages_come_in_order_of_time_and_rclpy_understands_them(bag: Path, truth: dict[str, np.ndarray]) -> None:
     serialization = pytest.importorskip("rclpy.serialization")
     from geometry_msgs.msg import PointStamped, WrenchStamped
     from sensor_msgs.msg import JointState
@@ -198,10 +196,7 @@ def test_metadata_says_what_rosbag2_of_jazzy_says(bag: Path) -> None:
     assert info["relative_file_paths"] == ["written_0.mcap"]
     assert info["custom_data"] == {"source": "made up"}
     assert info["files"][0]["message_count"] == info["message_count"] == 5 * N + 1
-    topics = {
-        entry["topic_metadata"]["name"]: entry["topic_metadata"]
-        for entry in info["topics_with_message_count"]
-    }
+    topics = {entry["topic_metadata"]["name"]: entry["topic_metadata"] for entry in info["topics_with_message_count"]}
     assert topics["/robot_description"]["offered_qos_profiles"][0]["durability"] == "transient_local"
     store = get_typestore(Stores.ROS2_JAZZY)
     for topic in topics.values():
@@ -213,9 +208,7 @@ def test_metadata_says_what_rosbag2_of_jazzy_says(bag: Path) -> None:
 
 
 @pytest.mark.parametrize("msgtype", ["lifecycle_msgs/msg/TransitionEvent", "sensor_msgs/msg/JointState"])
-def test_installed_definitions_agree_with_the_rosbags_library(
-    msgtype: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_installed_definitions_agree_with_the_rosbags_library(msgtype: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The fall-back for unknown types, tried on known ones: same hash, same fields of every type needed."""
     from rosbags.typesys import get_types_from_msg
 
@@ -226,9 +219,7 @@ def test_installed_definitions_agree_with_the_rosbags_library(
         pytest.skip("no ROS message packages beside this Python")
     installed, known = schemas._installed_schema(msgtype), message_schema(msgtype)
     assert installed.type_hash == known.type_hash
-    assert (
-        get_types_from_msg(installed.text, msgtype).keys() == get_types_from_msg(known.text, msgtype).keys()
-    )
+    assert get_types_from_msg(installed.text, msgtype).keys() == get_types_from_msg(known.text, msgtype).keys()
 
 
 def test_a_type_that_is_known_nowhere_is_an_error(tmp_path: Path) -> None:

@@ -44,11 +44,11 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}; see {self.prog} --help")
 
 
-def add_machine(parser: argparse.ArgumentParser, option: bool) -> None:
+def add_machine(parser: argparse.ArgumentParser, option: bool, required: bool = True) -> None:
     """MACHINE, as an argument of its own or as --machine, and --set."""
     text = "name of a machine (see textile-twin machines) or path of a machine file (.yaml)"
     if option:
-        parser.add_argument("--machine", required=True, help=text)
+        parser.add_argument("--machine", required=required, help=text)
     else:
         parser.add_argument("machine", metavar="MACHINE", help=text)
     parser.add_argument(
@@ -60,9 +60,9 @@ def add_machine(parser: argparse.ArgumentParser, option: bool) -> None:
     )
 
 
-def add_recording(parser: argparse.ArgumentParser, shaft: str) -> None:
+def add_recording(parser: argparse.ArgumentParser, shaft: str, also: str = "") -> None:
     """BAG, its topics, and how the shaft's motion is estimated."""
-    parser.add_argument("bag", metavar="BAG", type=Path, help="a rosbag2 folder or an .mcap file")
+    parser.add_argument("bag", metavar="BAG", type=Path, help=f"a rosbag2 folder or an .mcap file{also}")
     parser.add_argument("--angle-topic", default="main_shaft/angle", help="default %(default)s")
     parser.add_argument("--torque-topic", default="balancing_torque/measured", help="default %(default)s")
     parser.add_argument("--joint", default="main_shaft", help="joint of a JointState topic (default %(default)s)")

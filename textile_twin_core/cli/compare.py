@@ -57,12 +57,13 @@ def run(arguments: argparse.Namespace) -> None:
                 if path.suffix != f".{form}":
                     raise UsageError(f"--{form} {path}: must end in .{form}")
                 partial[form] = outputs.enter_context(staged(path))
-        comparison = _compare(arguments, machine)
+        comparison = compare_recording(arguments, machine, arguments.predicted == "recorded")
         _write(partial, comparison, machine, arguments)
     _print(comparison)
 
 
-def _compare(arguments: argparse.Namespace, machine: Machine) -> Comparison:
+def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded: bool = False) -> Comparison:
+    """The comparison that the arguments of add_recording ask for; recorded: with the predictions in the recording."""
     from textile_twin_core.comparison import compare_torque
     from textile_twin_core.files import open_bag
     from textile_twin_core.files.prediction import published, recompute, usable_angles
@@ -74,7 +75,7 @@ def _compare(arguments: argparse.Namespace, machine: Machine) -> Comparison:
     angles = usable_angles(bag, arguments.angle_topic, arguments.joint, arguments.skip_bad_samples)
     with progress(len(angles), "predicting") as done:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
-    if arguments.predicted == "recorded":
+    if recorded:
         predicted = published(bag, predicted)
     return compare_torque(
         measured.stamps,

@@ -31,7 +31,7 @@ def _tagged(module: Any, method: str) -> dict[str, type]:
 
 GROUPS = _tagged(mechanism, "solve")
 MEASURES = _tagged(mechanism, "displacement")
-LOADS = _tagged(loads, "coefficients")
+LOADS = _tagged(loads, "crossings")
 
 _MASS_BY_DENSITY = {"density_kg_m3", "width_m", "thickness_m"}
 _DEFAULT: dict[str, Any] = {"sensors": Sensors(), "linkages": (ShaftPlace(),), "scene": Scene()}

@@ -1,0 +1,152 @@
+"""Machine files: what they declare is what the same declaration in Python gives, and faults name their place."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from textile_twin_core.errors import MachineError
+from textile_twin_core.files import OutputError, load_machine_file, machine_document, save_machine_file
+
+LOOM = """\
+name: my_loom
+gravity_m_s2: [0, -9.81]
+points: {O: [0, 0], C: [0.3, 0]}
+groups:
+  - {type: crank, name: crank, at: O, end: A, length_m: 0.06}
+  - {type: rrr_dyad, coupler: l2, rocker: l3, from: A, ground: C, end: B, lengths_m: [0.2, 0.23], branch: left}
+bodies: {l2: {mass_kg: 0.4, inertia_kgm2: 0.0015, centroid: [0.5, 0]}}      # fractions of the link, along and across
+measures: [{type: arc, name: sley, link: l3, radius_m: 0.23}]
+sensors: {encoder: {zero_rad: 0.1, direction: -1, ratio: 2}, torque: {gain: 1.01, offset_Nm: 0, delay_s: 2e-3}}
+linkages: [{phase_rad: 0}, {phase_rad: 1.5}]                                # several on one shaft
+scene: {outputs: [balancing_torque_Nm], method: exact, tolerance: 1e-12}
+"""
+
+
+def _file(folder: Path, text: str) -> Path:
+    path = folder / "machine.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_declared_machine_moves_as_its_geometry_says(tmp_path: Path) -> None:
+    machine = ttc.load_machine(_file(tmp_path, LOOM))
+    assert machine.name == "my_loom"
+    assert machine.sensors.encoder == ttc.machines.Encoder(0.1, -1, 2.0)
+    assert machine.sensors.torque == ttc.machines.TorqueSensor(1.01, 0.0, 0.002)
+    assert machine.scene == ttc.machines.Scene(("balancing_torque_Nm",), "exact", 1e-12)
+    assert [place.phase_rad for place in machine.linkages] == [0.0, 1.5]
+    theta = np.linspace(0.0, 2 * math.pi, 50)
+    r = ttc.compile(machine, ["point_B_x_m", "point_B_y_m"]).evaluate(theta, 0.0, 0.0)
+    ax, ay = 0.06 * np.cos(theta), 0.06 * np.sin(theta)
+    bx, by = r["point_B_x_m"], r["point_B_y_m"]
+    np.testing.assert_allclose(np.hypot(bx - ax, by - ay), 0.2, rtol=1e-12)
+    np.testing.assert_allclose(np.hypot(bx - 0.3, by), 0.23, rtol=1e-12)
+    left = (0.3 - ax) * (by - ay) - (0.0 - ay) * (bx - ax)
+    assert (left > 0).all()
+
+
+@pytest.mark.parametrize("rename", [False, True])
+def test_the_tufting_machine_goes_through_a_file(tmp_path: Path, rename: bool) -> None:
+    """By name and parameters while it is the published one, by its groups when it has another name."""
+    machine = ttc.machines.tufting(backing_force_N=900.0, torque_sensor_delay_s=0.002)
+    if rename:
+        machine = dataclasses.replace(machine, name="ours", parameters={})
+    assert ("machine" in machine_document(machine)) is not rename
+    save_machine_file(machine, tmp_path / "m.yaml")
+    assert load_machine_file(tmp_path / "m.yaml") == machine
+
+
+def test_a_published_machine_with_the_users_sensors(tmp_path: Path) -> None:
+    path = _file(
+        tmp_path, "machine: tufting\nparameters: {m1_kg: 3}\nsensors: {torque: {delay_s: 0.002}}\nname: no 7\n"
+    )
+    machine = load_machine_file(path)
+    assert (machine.name, machine.sensors.torque.delay_s) == ("no 7", 0.002)
+    assert machine.bodies[0].mass_kg == 3.0
+    assert load_machine_file(_file(tmp_path, "machine: tufting")) == ttc.machines.tufting()
+
+
+def test_a_bar_takes_its_mass_from_density_and_section(tmp_path: Path) -> None:
+    text = LOOM.replace(
+        "l2: {mass_kg: 0.4, inertia_kgm2: 0.0015, centroid: [0.5, 0]}",
+        "l2: {density_kg_m3: 7850, width_m: 0.03, thickness_m: 0.01}",
+    )
+    body = load_machine_file(_file(tmp_path, text)).bodies[0]
+    mass = 7850 * 0.2 * 0.03 * 0.01
+    assert (body.on, body.mass_kg) == ("l2", pytest.approx(mass))
+    assert body.inertia_kgm2 == pytest.approx(mass * (0.2**2 + 0.03**2) / 12)
+
+
+def test_words_and_numbers_are_read_as_people_mean_them(tmp_path: Path) -> None:
+    """In YAML 1.1 `on` is true and 1e-9 is text."""
+    text = LOOM + "loads:\n  - {type: backing, on: sley, force_N: 1e3, entry_plane_m: 1, exit_plane_m: 1}\n"
+    with pytest.raises(MachineError, match=r"straight travel"):
+        ttc.compile(load_machine_file(_file(tmp_path, text)), ["reaction_O_x_N"])
+    assert load_machine_file(_file(tmp_path, LOOM.replace("1e-12", "1e-9"))).scene.tolerance == 1e-9
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("length_m: 0.06", "lenght_m: 0.06", r"groups\[0\].lenght_m: unknown key 'lenght_m'; did you mean length_m"),
+        ("length_m: 0.06", "length_m: six", r"groups\[0\].length_m: must be a number, not 'six'"),
+        ("length_m: 0.06", "length_m: -0.06", r"groups\[0\]: crank 'crank': length_m"),
+        (", length_m: 0.06", "", r"groups\[0\]: key 'length_m' is missing"),
+        ("type: crank, ", "", r"groups\[0\]: key 'type' is missing"),
+        ("type: rrr_dyad", "type: rrr", r"groups\[1\].type: unknown type 'rrr'; did you mean"),
+        ("branch: left", "branch: lft", r"groups\[1\].branch: unknown value 'lft'; did you mean left"),
+        ("[0.2, 0.23]", "[0.2]", r"groups\[1\].lengths_m: must be a list of 2, not of 1"),
+        ("[0.2, 0.23]", "[0.2, 0.05]", r"machine.yaml: machine 'my_loom': .*deg"),
+        ("from: A", "from: Q", "Q"),
+        ("C: [0.3, 0]", "C: 0.3", r"points.C: must be a list"),
+        ("bodies: {l2:", "bodies: {l7:", r"bodies.l7: unknown link 'l7'"),
+        ("mass_kg: 0.4", "mass_kg: -1", r"bodies.l2: .*mass_kg"),
+        ("mass_kg: 0.4", "density_kg_m3: 7850", r"bodies.l2.inertia_kgm2: not together with a density"),
+        ("zero_rad: 0.1", "zero_deg: 0.1", r"sensors.encoder.zero_deg: unknown key 'zero_deg'; did you mean zero_rad"),
+        ("direction: -1", "direction: 2", r"sensors.encoder: encoder: direction must be 1 or -1"),
+        ("direction: -1", "direction: 0.5", r"sensors.encoder.direction: must be a whole number"),
+        ("gravity_m_s2", "gravity", r"gravity: unknown key 'gravity'; did you mean gravity_m_s2"),
+        ("points: {O: [0, 0], C: [0.3, 0]}\n", "", "key 'points' is missing"),
+        ("name: my_loom", "name: my_loom\nname: other", "line 2, column 1: 'name' is given twice"),
+        ("bodies: {l2:", "bodies: {l2", "line"),
+        ("linkages: [{phase_rad: 0}, {phase_rad: 1.5}]", "linkages: []", "at least one linkage"),
+    ],
+)
+def test_a_fault_names_file_and_place(tmp_path: Path, old: str, new: str, says: str) -> None:
+    assert old in LOOM
+    path = _file(tmp_path, LOOM.replace(old, new))
+    with pytest.raises(MachineError, match=says) as caught:
+        load_machine_file(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "the file: must be a mapping"),
+        ("- 1", "the file: must be a mapping"),
+        ("machine: tuftin", "did you mean tufting"),
+        ("machine: tufting\nparameters: {l1: 3}", "no parameter 'l1'"),
+        ("machine: tufting\ngroups: []", "groups: unknown key 'groups'"),
+    ],
+)
+def test_files_that_declare_nothing(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(MachineError, match=says):
+        load_machine_file(_file(tmp_path, text))
+
+
+def test_a_file_that_is_not_there_or_is_no_text(tmp_path: Path) -> None:
+    with pytest.raises(MachineError, match="no such file"):
+        load_machine_file(tmp_path / "nowhere.yaml")
+    (tmp_path / "b.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(MachineError, match="cannot be read as text"):
+        load_machine_file(tmp_path / "b.yaml")
+    with pytest.raises(OutputError, match="does not exist"):
+        save_machine_file(ttc.machines.tufting(), tmp_path / "no" / "m.yaml")
