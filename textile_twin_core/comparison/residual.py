@@ -44,7 +44,7 @@ class ResidualStream:
     sensor: TorqueSensorLike
     jump_angles_rad: Sequence[float] = ()
     longest_interval_s: float = 0.05
-    memory_s: float = 2.0
+    memory_s: float = 30.0
     given: int = 0
     skipped: Counter[str] = field(default_factory=Counter)
 

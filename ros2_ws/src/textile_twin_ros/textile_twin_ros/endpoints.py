@@ -44,10 +44,17 @@ def describe_publishers(node: Node, topic: str, msgtype: str) -> str:
     publishers = node.get_publishers_info_by_topic(resolved)
     if publishers:
         return "; ".join(_publisher(info, msgtype) for info in publishers)
-    elsewhere = [name for name, types in node.get_topic_names_and_types() if msgtype in types and name != resolved]
-    elsewhere = [name for name in elsewhere if node.count_publishers(name)]
+    elsewhere = [
+        name
+        for name, types in node.get_topic_names_and_types()
+        if msgtype in types and any(not _is_own(node, info) for info in node.get_publishers_info_by_topic(name))
+    ]
     seen = f"; {msgtype} is published on {', '.join(sorted(elsewhere))}" if elsewhere else ""
     return f"nobody publishes there{seen}"
+
+
+def _is_own(node: Node, info: TopicEndpointInfo) -> bool:
+    return info.node_name == node.get_name() and info.node_namespace == node.get_namespace()
 
 
 def _publisher(info: TopicEndpointInfo, msgtype: str) -> str:

@@ -24,9 +24,12 @@ from textile_twin_ros.messages import (
     read_float64,
 )
 
-#: Stamp [ns], or None where the message has none; value; rate of the value where the message has it, otherwise NaN.
-Sample: TypeAlias = "tuple[int | None, float, float]"
-Reader: TypeAlias = Callable[[bytes], Sample]
+#: Stamp [ns], that of arrival where the message has none; value; its rate where the message has it, otherwise NaN.
+Sample: TypeAlias = tuple[int, float, float]
+Reading: TypeAlias = "tuple[int | None, float, float]"
+Reader: TypeAlias = Callable[[bytes], Reading]
+# Reliability is the node's own parameter, which knows a third value.
+_OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH))
 _BLOCK = 512
 _NAN = float("nan")
 
@@ -34,7 +37,7 @@ _NAN = float("nan")
 def _joint_angle(joint: str) -> Reader:
     joints = JointReader(joint, ("position", "velocity"))
 
-    def read(raw: bytes) -> Sample:
+    def read(raw: bytes) -> Reading:
         stamp, (angle, velocity) = joints.read(raw)
         if angle is None:
             raise MessageError(f"has no position of joint '{joint}'")
@@ -46,7 +49,7 @@ def _joint_angle(joint: str) -> Reader:
 def _joint_effort(joint: str) -> Reader:
     joints = JointReader(joint, ("effort",))
 
-    def read(raw: bytes) -> Sample:
+    def read(raw: bytes) -> Reading:
         stamp, (effort,) = joints.read(raw)
         if effort is None:
             raise MessageError(f"has no effort of joint '{joint}'")
@@ -140,7 +143,7 @@ class SampleInput:
             self._on_message,
             samples_qos(self._depth, reliability),
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            qos_overriding_options=_OVERRIDABLE,
             raw=True,
         )
 
@@ -153,7 +156,7 @@ class SampleInput:
             return
         self._node.get_logger().warning(
             f"a publisher on {self.name} offers less than this node asks for ({policy}) and is not heard: {seen};"
-            " change its quality of service, or the parameters qos_reliability and qos_overrides of this node"
+            " change its quality of service, or the parameter qos_reliability of this node"
         )
 
     def _on_message(self, raw: bytes) -> None:
@@ -163,16 +166,21 @@ class SampleInput:
         received = 0
         while waiting is not None:
             received += 1
+            stamped = True
             try:
-                block.append(self._read(waiting))
+                stamp, value, rate = self._read(waiting)
+                stamped = stamp is not None
+                block.append((self._node.get_clock().now().nanoseconds if stamp is None else stamp, value, rate))
             except MessageError as error:
                 self.watch.refuse(str(error))
-            waiting = self._next() if received < _BLOCK else None
+            # Messages without a stamp come one by one, so that each has a time of its own.
+            waiting = self._next() if stamped and received < _BLOCK else None
         self.watch.took(received)
         if block:
             self._take(block)
 
     def _next(self) -> bytes | None:
-        with self._subscription.handle as handle:
+        handle = self._subscription.handle
+        with handle:
             taken: Any = handle.take_message(self._message_class, True)
         return None if taken is None else taken[0]

@@ -153,13 +153,11 @@ class TwinNode(LifecycleNode):
 
     def _on_angles(self, block: list[Sample]) -> None:
         if self._stream is not None and self._active:
-            now = self.get_clock().now().nanoseconds
-            self._stream.take_angles([(now if stamp is None else stamp, value, rate) for stamp, value, rate in block])
+            self._stream.take_angles(block)
 
     def _on_torques(self, block: list[Sample]) -> None:
         if self._stream is not None and self._active:
-            now = self.get_clock().now().nanoseconds
-            self._stream.take_torques([(now if stamp is None else stamp, value) for stamp, value, _ in block])
+            self._stream.take_torques([(stamp, torque) for stamp, torque, _ in block])
 
     def _look(self) -> None:
         """What has to be looked after between samples: who listens, whether to start, whether the input has ended."""

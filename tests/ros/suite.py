@@ -1,0 +1,161 @@
+"""Nodes of the suite as processes of their own over real DDS, and a node inside the test that talks with them."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from textile_twin_core.files import BagWriter
+
+PATIENCE_S = 30.0
+_DOMAINS = itertools.count(1 + os.getpid() % 60)
+
+
+def node_environment(folder: Path, domain: int) -> dict[str, str]:
+    """Environment of nodes that find each other on this computer alone, quickly, and leave nothing elsewhere."""
+    return {
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_PYTHON_CHECK_FIELDS": "1",
+        "ROS_LOG_DIR": str(folder / "log"),
+        "HOME": str(folder),
+        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+    }
+
+
+class Suite:
+    """Processes and a test node in one ROS domain of their own, on this computer alone."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.domain = next(_DOMAINS) % 100
+        self.environment = os.environ | node_environment(folder, self.domain)
+        self.processes: list[Program] = []
+        self._context: Context | None = None
+
+    def start(self, node: str, *parameters: str, remaps: Sequence[str] = ()) -> Program:
+        """Start a node with parameters written as name:=value."""
+        words = [word for text in parameters for word in ("-p", text)]
+        words += [word for text in remaps for word in ("-r", text)]
+        log = self.folder / f"{len(self.processes)}_{node}.log"
+        command = [str(Path(sys.executable).parent / node), "--ros-args", *words]
+        program = Program(command, log, self.environment)
+        self.processes.append(program)
+        return program
+
+    def node(self) -> Node:
+        """A node inside the test."""
+        if self._context is None:
+            for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOG_DIR", "FASTDDS_BUILTIN_TRANSPORTS"):
+                os.environ[name] = self.environment[name]
+            self._context = Context()
+            rclpy.init(context=self._context, domain_id=self.domain)
+            self._executor = SingleThreadedExecutor(context=self._context)
+        node = Node("test", context=self._context)
+        self._executor.add_node(node)
+        return node
+
+    def spin_until(self, condition: Callable[[], object], what: str) -> None:
+        """Spin the test's nodes until something holds; fail after PATIENCE_S."""
+        deadline = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < deadline, f"{what}: not within {PATIENCE_S} s\n{self.words()}"
+            self._executor.spin_once(timeout_sec=0.02)
+
+    def call(self, node: Node, service: Any, name: str, request: Any) -> Any:
+        """Call a service and return its response."""
+        client = node.create_client(service, name)
+        self.spin_until(client.service_is_ready, f"service {name}")
+        future = client.call_async(request)
+        self.spin_until(future.done, f"answer of {name}")
+        return future.result()
+
+    def words(self) -> str:
+        """What all processes have said."""
+        return "\n".join(program.words() for program in self.processes)
+
+    def close(self) -> None:
+        """End every process and the test's nodes."""
+        for program in self.processes:
+            program.end(signal.SIGKILL)
+        if self._context is not None:
+            self._executor.shutdown()
+            rclpy.shutdown(context=self._context)
+
+
+class Program:
+    """One process, with what it says in a file."""
+
+    def __init__(self, command: list[str], log: Path, environment: dict[str, str]) -> None:
+        self._log = log
+        with log.open("wb") as stream:
+            self.process = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT, env=environment)
+
+    def words(self) -> str:
+        """What it has said so far."""
+        return self._log.read_text(errors="replace")
+
+    def wait(self) -> int:
+        """Its exit code, once it has ended by itself."""
+        return self.process.wait(PATIENCE_S)
+
+    def wait_for_words(self, text: str) -> None:
+        """Wait until it has said this."""
+        deadline = time.monotonic() + PATIENCE_S
+        while text not in self.words():
+            assert self.process.poll() is None or text in self.words(), f"ended without '{text}':\n{self.words()}"
+            assert time.monotonic() < deadline, f"did not say '{text}':\n{self.words()}"
+            time.sleep(0.02)
+
+    def end(self, number: signal.Signals = signal.SIGTERM) -> int:
+        """Send a signal, and return the exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        return self.process.wait(PATIENCE_S)
+
+
+@contextmanager
+def running_suite(folder: Path) -> Iterator[Suite]:
+    """A suite that ends with the block."""
+    suite = Suite(folder)
+    try:
+        yield suite
+    finally:
+        suite.close()
+
+
+RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
+SECOND_NS = 1_000_000_000
+
+
+def shaft_angles(count: int, rate_hz: float = 500.0, start_ns: int = 1_700_000_000 * SECOND_NS) -> tuple[Any, Any]:
+    """Stamps [ns] and wrapped angles [rad] of a shaft at 160 rpm with some ripple, on a 16-bit encoder."""
+    phase = 2.0 * np.pi * 160.0 / 60.0 * np.arange(count) / rate_hz
+    step = 2.0 * np.pi / 65536
+    angles = np.floor((phase + 0.02 * np.sin(phase)) % (2.0 * np.pi) / step) * step
+    stamps = start_ns + np.arange(count) * round(SECOND_NS / rate_hz)
+    return stamps.astype(np.int64), angles
+
+
+def write_bag(path: Path, stamps: Any, angles: Any, torques: Any | None = None) -> Path:
+    """A recording with shaft angles, and measured torques 1 ms after them."""
+    with BagWriter(path) as bag:
+        bag.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], angles)
+        if torques is not None:
+            bag.write_wrenches("balancing_torque/measured", stamps + 1_000_000, torques)
+    return path

@@ -1,0 +1,50 @@
+"""The twin's lifecycle by its services, as `ros2 lifecycle` uses them."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import WrenchStamped
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from sensor_msgs.msg import JointState
+
+from tests.ros.suite import RELIABLE, Suite, shaft_angles
+from tests.ros.test_live_topics import joint_state
+
+
+def test_configure_activate_deactivate_cleanup(suite: Suite) -> None:
+    twin = suite.start("twin_node", "autostart:=false")
+    node = suite.node()
+    torques: list[WrenchStamped] = []
+    angle = node.create_publisher(JointState, "main_shaft/angle", RELIABLE)
+    node.create_subscription(WrenchStamped, "balancing_torque/predicted", torques.append, RELIABLE)
+
+    def change(transition: int, expected: int) -> None:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        assert suite.call(node, ChangeState, "twin_node/change_state", request).success, twin.words()
+        state = suite.call(node, GetState, "twin_node/get_state", GetState.Request())
+        assert state.current_state.id == expected
+
+    def run_shaft(start_ns: int) -> None:
+        suite.spin_until(angle.get_subscription_count, "subscription of the twin")
+        suite.spin_until(lambda: node.count_publishers("balancing_torque/predicted"), "publisher of the twin")
+        for stamp, value in zip(*shaft_angles(100, start_ns=start_ns), strict=True):
+            angle.publish(joint_state(stamp, value))
+
+    assert node.count_subscribers("main_shaft/angle") == 0
+    change(Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE)
+    change(Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE)
+    run_shaft(0)
+    suite.spin_until(lambda: len(torques) >= 90, "predictions")
+    change(Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
+    suite.spin_until(lambda: not angle.get_subscription_count(), "end of the subscription")
+    change(Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE)
+    torques.clear()
+    run_shaft(10**9)
+    suite.spin_until(lambda: len(torques) >= 90, "predictions after the pause")
+    change(Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
+    change(Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED)
+    suite.spin_until(lambda: not node.count_publishers("balancing_torque/predicted"), "end of the publisher")
+    change(Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE)
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_INACTIVE_SHUTDOWN))
+    assert suite.call(node, ChangeState, "twin_node/change_state", request).success
+    assert twin.wait() == 0, twin.words()

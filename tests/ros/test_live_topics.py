@@ -1,0 +1,192 @@
+"""What comes on live topics: nothing, bad samples, other types, best effort, namespaces, a recording once more."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PointStamped, WrenchStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
+from std_srvs.srv import Trigger
+
+import textile_twin_core as ttc
+from tests.ros.suite import RELIABLE, SECOND_NS, Suite, shaft_angles
+from textile_twin_ros.endpoints import latched_qos
+
+PREDICTED = "balancing_torque/predicted"
+
+
+def joint_state(stamp_ns: int, angle: float, velocity: float | None = None, joint: str = "main_shaft") -> JointState:
+    message = JointState(name=["other", joint], position=[0.0, float(angle)])
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(int(stamp_ns), SECOND_NS)
+    if velocity is not None:
+        message.velocity = [0.0, float(velocity)]
+    return message
+
+
+def stamp_of(message: Any) -> int:
+    return int(message.header.stamp.sec * SECOND_NS + message.header.stamp.nanosec)
+
+
+class Bench:
+    """A test node that feeds a twin and keeps what it publishes."""
+
+    def __init__(
+        self, suite: Suite, namespace: str = "", msgtype: Any = JointState, qos: QoSProfile = RELIABLE
+    ) -> None:
+        self.suite, self.node = suite, suite.node()
+        self.torques: list[WrenchStamped] = []
+        self.points: list[PointStamped] = []
+        self.diagnostics: dict[str, DiagnosticStatus] = {}
+        self.angle = self.node.create_publisher(msgtype, f"{namespace}/main_shaft/angle", qos)
+        self.node.create_subscription(WrenchStamped, f"{namespace}/{PREDICTED}", self.torques.append, RELIABLE)
+        self.node.create_subscription(PointStamped, f"{namespace}/needle/position", self.points.append, RELIABLE)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._keep, RELIABLE)
+
+    def _keep(self, message: DiagnosticArray) -> None:
+        self.diagnostics |= {status.name.split(": ")[1]: status for status in message.status}
+
+    def send(self, stamps: Any, angles: Any) -> None:
+        """Publish samples once the twin listens."""
+        self.suite.spin_until(self.angle.get_subscription_count, "subscription of the twin")
+        for stamp, angle in zip(stamps, angles, strict=True):
+            self.angle.publish(joint_state(stamp, angle))
+
+    def values(self, status: str) -> dict[str, str]:
+        return {entry.key: entry.value for entry in self.diagnostics[status].values}
+
+
+def start_twin(suite: Suite, *parameters: str, **words: Any) -> Any:
+    return suite.start("twin_node", f'wait_for:=["{PREDICTED}", "needle/position"]', *parameters, **words)
+
+
+def test_silence_is_told(suite: Suite) -> None:
+    twin = suite.start("twin_node", "no_data_timeout_s:=0.5")
+    bench = Bench(suite, namespace="/elsewhere")
+    twin.wait_for_words("no data on /main_shaft/angle")
+    suite.spin_until(
+        lambda: (
+            "nobody publishes" in bench.diagnostics.get("main_shaft/angle", String()).message
+            if "main_shaft/angle" in bench.diagnostics
+            else False
+        ),
+        "diagnostics of the silence",
+    )
+    status = bench.diagnostics["main_shaft/angle"]
+    assert status.level == DiagnosticStatus.ERROR
+    assert status.hardware_id == "tufting"
+    assert "sensor_msgs/msg/JointState is published on /elsewhere/main_shaft/angle" in status.message
+
+
+def test_another_type_is_told(suite: Suite) -> None:
+    twin = suite.start("twin_node", "no_data_timeout_s:=0.5")
+    Bench(suite, msgtype=Float64)
+    twin.wait_for_words("this node wants sensor_msgs/msg/JointState")
+
+
+def test_bad_samples_are_rejected_and_counted(suite: Suite) -> None:
+    start_twin(suite)
+    bench = Bench(suite)
+    stamps, angles = shaft_angles(300)
+    bad_stamps, bad_angles = list(stamps), list(angles)
+    for place, (stamp, angle) in {
+        50: (stamps[50] - 1_000_000, math.nan),
+        100: (stamps[99], angles[99]),  # its stamp comes again
+        150: (stamps[120], angles[120]),  # late
+        200: (stamps[200] - 1_000_000, math.inf),
+    }.items():
+        bad_stamps.insert(place, stamp)
+        bad_angles.insert(place, angle)
+    bench.send(bad_stamps, bad_angles)
+    other = JointState(name=["brake"], position=[1.0])
+    bench.angle.publish(other)
+    suite.spin_until(lambda: len(bench.torques) >= 298 and len(bench.points) >= 298, "predictions")
+
+    twin = ttc.compile(ttc.machines.tufting(), outputs=["balancing_torque_Nm"])
+    offline = twin.session(shaft="causal").step(stamps, angles)
+    assert [stamp_of(message) for message in bench.torques] == offline.stamps.tolist()
+    torques = [message.wrench.torque.z for message in bench.torques]
+    np.testing.assert_allclose(torques, offline["balancing_torque_Nm"], rtol=0.0, atol=1e-9)
+    assert bench.torques[0].header.frame_id == "main_shaft"
+    assert bench.points[0].header.frame_id == "base"
+
+    def told() -> bool:
+        return "main_shaft/angle" in bench.diagnostics and bench.values("main_shaft/angle")["accepted"] == "300"
+
+    suite.spin_until(told, "diagnostics")
+    values = bench.values("main_shaft/angle")
+    assert (values["rejected_not_finite"], values["rejected_duplicate_stamp"], values["rejected_older_stamp"]) == (
+        "2", "1", "1",
+    )  # fmt: skip
+    assert values["unreadable"] == "1"
+    assert "has no joint 'main_shaft', only: brake" in suite.words()
+
+
+def test_a_recording_played_again_begins_anew(suite: Suite) -> None:
+    start_twin(suite)
+    bench = Bench(suite)
+    stamps, angles = shaft_angles(1000)
+    bench.send(stamps, angles)
+    suite.spin_until(lambda: len(bench.torques) == 998, "predictions")
+    bench.send(stamps, angles)
+    # Ten samples show that time has been set back; the estimator needs three, the tenth being its first.
+    suite.spin_until(lambda: len(bench.torques) == 998 + 1000 - 9 - 2, "predictions of the second time")
+
+
+def test_float64_is_stamped_on_arrival(suite: Suite) -> None:
+    start_twin(suite, "angle_type:=float64")
+    bench = Bench(suite, msgtype=Float64)
+    suite.spin_until(bench.angle.get_subscription_count, "subscription of the twin")
+    before = bench.node.get_clock().now().nanoseconds
+    for number in range(50):
+        bench.angle.publish(Float64(data=0.03 * number))
+        bench.suite.spin_until(lambda n=number: len(bench.torques) >= n - 1, "prediction")  # type: ignore[misc]
+    stamps = [stamp_of(message) for message in bench.torques]
+    assert len(stamps) == 48
+    assert (
+        before < stamps[0] and stamps == sorted(set(stamps)) and stamps[-1] <= bench.node.get_clock().now().nanoseconds
+    )
+
+
+def test_best_effort_publishers_are_heard(suite: Suite) -> None:
+    twin = start_twin(suite)
+    best_effort = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.BEST_EFFORT)
+    bench = Bench(suite, qos=best_effort)
+    twin.wait_for_words("with best effort")
+    bench.send(*shaft_angles(50))
+    suite.spin_until(lambda: len(bench.torques) >= 40, "predictions")
+
+
+def test_a_namespace_is_a_machine(suite: Suite) -> None:
+    words = start_twin(suite, remaps=["__ns:=/mill/m7"])
+    bench = Bench(suite, namespace="/mill/m7")
+    descriptions: list[str] = []
+    bench.node.create_subscription(
+        String, "/mill/m7/robot_description", lambda message: descriptions.append(message.data), latched_qos()
+    )
+    bench.send(*shaft_angles(20))
+    suite.spin_until(lambda: len(bench.torques) == 18 and descriptions, "predictions and description")
+    assert descriptions[0].startswith("<?xml") and "needle_bar" in descriptions[0]
+    answer = suite.call(bench.node, Trigger, "/mill/m7/twin_node/reset", Trigger.Request())
+    assert answer.success
+    assert words.end() == 0
+
+
+def test_what_nobody_hears_is_not_computed(suite: Suite) -> None:
+    suite.start("twin_node")
+    node: Node = suite.node()
+    told: list[str] = []
+    node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: told.extend(status.message for status in message.status if status.name.endswith(": outputs")),
+        RELIABLE,
+    )
+    suite.spin_until(lambda: told and told[-1] == "computing nothing: nobody listens", "diagnostics")
+    node.create_subscription(PointStamped, "needle/position", lambda message: None, RELIABLE)
+    suite.spin_until(lambda: told[-1] == "computing needle/position", "diagnostics of one subscriber")
