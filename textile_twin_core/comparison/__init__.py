@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from textile_twin_core.comparison.alignment import AlignmentError
-from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors
+from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors, RunningAngleBins
 from textile_twin_core.comparison.compare import compare_torque
 from textile_twin_core.comparison.delay import SensorFit
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
@@ -17,6 +17,7 @@ __all__ = [
     "ComparisonEvent",
     "ErrorStatistics",
     "RevolutionErrors",
+    "RunningAngleBins",
     "SampleCount",
     "SensorFit",
     "compare_torque",

@@ -19,7 +19,6 @@ class AngleBins:
         centre_rad: middle of each bin, from 0 to 2 pi.
         count: residuals in the bin.
         mean_Nm, std_Nm, min_Nm, max_Nm: of the residual.
-        measured_Nm, expected_Nm: mean torques of the bin.
     """
 
     centre_rad: FloatArray
@@ -28,8 +27,6 @@ class AngleBins:
     std_Nm: FloatArray
     min_Nm: FloatArray
     max_Nm: FloatArray
-    measured_Nm: FloatArray
-    expected_Nm: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,34 +51,55 @@ class RevolutionErrors:
     worst_ns: IntArray
 
 
-def bin_by_angle(
-    theta_rad: FloatArray, measured_Nm: FloatArray, expected_Nm: FloatArray, bins: int
-) -> AngleBins:
-    """Sort (n,) samples into `bins` equal bins of the angle."""
-    residual = measured_Nm - expected_Nm
-    phase = np.mod(theta_rad, TWO_PI)
-    place = np.minimum((phase * (bins / TWO_PI)).astype(np.int64), bins - 1)
-    count = np.bincount(place, minlength=bins)
-    full = np.maximum(count, 1)
+class RunningAngleBins:
+    """Residuals by shaft angle while they come in: blocks of any size give the bins of all of them together.
 
-    def mean(values: FloatArray) -> FloatArray:
-        return np.where(count > 0, np.bincount(place, weights=values, minlength=bins) / full, np.nan)
+    Means and squared departures of blocks are merged pairwise (Chan, Golub and LeVeque 1979), which loses
+    nothing to cancellation however long it runs.
+    """
 
-    centre = mean(residual)
-    spread = np.sqrt(mean((residual - centre[place]) ** 2))
-    low, high = np.full(bins, np.inf), np.full(bins, -np.inf)
-    np.minimum.at(low, place, residual)
-    np.maximum.at(high, place, residual)
-    return AngleBins(
-        centre_rad=np.arange(0.5, bins, dtype=np.float64) * (TWO_PI / bins),
-        count=count.astype(np.int64),
-        mean_Nm=centre,
-        std_Nm=spread,
-        min_Nm=np.where(count > 0, low, np.nan),
-        max_Nm=np.where(count > 0, high, np.nan),
-        measured_Nm=mean(measured_Nm),
-        expected_Nm=mean(expected_Nm),
-    )
+    def __init__(self, bins: int) -> None:
+        self._bins = bins
+        self._count = np.zeros(bins, dtype=np.int64)
+        self._mean = np.zeros(bins)
+        self._departure = np.zeros(bins)
+        self._low, self._high = np.full(bins, np.inf), np.full(bins, -np.inf)
+
+    def add(self, theta_rad: FloatArray, residual_Nm: FloatArray) -> None:
+        """Take residuals (n,) at angles (n,), all finite."""
+        phase = np.mod(theta_rad, TWO_PI)
+        place = np.minimum((phase * (self._bins / TWO_PI)).astype(np.int64), self._bins - 1)
+        count = np.bincount(place, minlength=self._bins)
+        mean = np.bincount(place, weights=residual_Nm, minlength=self._bins) / np.maximum(count, 1)
+        squares = np.bincount(place, weights=(residual_Nm - mean[place]) ** 2, minlength=self._bins)
+        total = self._count + count
+        share = count / np.maximum(total, 1)
+        shift = np.where(count > 0, mean - self._mean, 0.0)
+        self._departure += squares + shift**2 * self._count * share
+        self._mean += shift * share
+        self._count = total
+        np.minimum.at(self._low, place, residual_Nm)
+        np.maximum.at(self._high, place, residual_Nm)
+
+    def bins(self) -> AngleBins:
+        """The bins of everything taken so far."""
+        full = self._count > 0
+        spread = np.sqrt(self._departure / np.maximum(self._count, 1))
+        return AngleBins(
+            centre_rad=np.arange(0.5, self._bins, dtype=np.float64) * (TWO_PI / self._bins),
+            count=self._count.copy(),
+            mean_Nm=np.where(full, self._mean, np.nan),
+            std_Nm=np.where(full, spread, np.nan),
+            min_Nm=np.where(full, self._low, np.nan),
+            max_Nm=np.where(full, self._high, np.nan),
+        )
+
+
+def bin_by_angle(theta_rad: FloatArray, residual_Nm: FloatArray, bins: int) -> AngleBins:
+    """Sort residuals (n,) into `bins` equal bins of the angle."""
+    running = RunningAngleBins(bins)
+    running.add(theta_rad, residual_Nm)
+    return running.bins()
 
 
 def by_revolution(stamps_ns: IntArray, theta_rad: FloatArray, residual_Nm: FloatArray) -> RevolutionErrors:

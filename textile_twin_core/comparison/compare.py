@@ -89,9 +89,7 @@ def compare_torque(
     Raises:
         AlignmentError: shapes differ, stamps are no integers, too few samples, or no overlap in time.
     """
-    predictions = usable_predictions(
-        predicted_stamps_ns, predicted_Nm, theta_rad, predicted_sigma_Nm, settled
-    )
+    predictions = usable_predictions(predicted_stamps_ns, predicted_Nm, theta_rad, predicted_sigma_Nm, settled)
     measured_ns, measured, causes = usable_measurements(measured_stamps_ns, measured_Nm)
     if measured_ns.size == 0 or predictions.stamps_ns.size < 2:
         raise AlignmentError(
@@ -114,8 +112,7 @@ def compare_torque(
     piece, inside = track.piece(time - configured)
     if not inside.any():
         raise AlignmentError(
-            f"measured and predicted torque do not overlap in time: {ranges}; "
-            "both must be stamped by the same clock"
+            f"measured and predicted torque do not overlap in time: {ranges}; both must be stamped by the same clock"
         )
     # A sample counts as settled when the predictions on both of its sides are.
     ready = (predictions.settled[:-1] & predictions.settled[1:])[track.after_sample]
@@ -163,7 +160,7 @@ def compare_torque(
         errors=error_statistics(seen, told),
         errors_configured=error_statistics(measured[used_configured], configured_Nm[used_configured]),
         errors_fitted=error_statistics(seen, fitted),
-        by_angle=bin_by_angle(turned, seen, told, angle_bins),
+        by_angle=bin_by_angle(turned, residual[used], angle_bins),
         by_revolution=by_revolution(measured_ns[used], turned, residual[used]),
         samples=SampleCount(
             measured=int(np.size(measured_Nm)),
@@ -174,16 +171,13 @@ def compare_torque(
         ),
         revolutions=float(turned.max() - turned.min()) / (2.0 * np.pi),
         events=tuple(
-            ComparisonEvent(event.name, float(event.angle_rad), jump)
-            for event, jump in zip(events, jumps, strict=True)
+            ComparisonEvent(event.name, float(event.angle_rad), jump) for event, jump in zip(events, jumps, strict=True)
         ),
         notes=_notes(fit, configured, delay_search_s),
     )
 
 
-def _select(
-    track: Track, time_s: FloatArray, ready: BoolArray, guard_s: float
-) -> tuple[BoolArray, dict[str, int]]:
+def _select(track: Track, time_s: FloatArray, ready: BoolArray, guard_s: float) -> tuple[BoolArray, dict[str, int]]:
     """Which of the times enter, and how many do not, each under the first cause that holds."""
     piece, inside = track.piece(time_s)
     left = np.ones(time_s.size, dtype=np.bool_)
@@ -199,9 +193,7 @@ def _select(
     return left, causes
 
 
-def _expected(
-    track: Track, time_s: FloatArray, gain: float, offset_Nm: float
-) -> tuple[FloatArray, FloatArray]:
+def _expected(track: Track, time_s: FloatArray, gain: float, offset_Nm: float) -> tuple[FloatArray, FloatArray]:
     """What the sensor should show, and the shaft angle (nan outside the predictions), at times (m,)."""
     piece, inside = track.piece(time_s)
     torque, _ = track.torque_at(time_s, piece)
@@ -217,7 +209,5 @@ def _notes(fit: SensorFit, configured_s: float, search_s: float) -> tuple[str, .
             "the errors are at the configured delay",
         )
     if not fit.identifiable:
-        return (
-            "the torque does not follow the prediction well enough to tell a delay: the configured one holds",
-        )
+        return ("the torque does not follow the prediction well enough to tell a delay: the configured one holds",)
     return ()

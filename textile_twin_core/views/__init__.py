@@ -1,0 +1,10 @@
+"""Views: recordings for the rerun viewer, live views, and plots for reports."""
+
+from __future__ import annotations
+
+from textile_twin_core.views.live import LiveView
+from textile_twin_core.views.plot import plot_comparison
+from textile_twin_core.views.recording import write_comparison_recording
+from textile_twin_core.views.viewer import open_viewer, screenshot
+
+__all__ = ["LiveView", "open_viewer", "plot_comparison", "screenshot", "write_comparison_recording"]

@@ -1,0 +1,69 @@
+"""A plot over the shaft angle on a plane canvas: the viewer plots over time only, its planes have y down."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray
+
+TWO_PI = 2.0 * np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class AngleCanvas:
+    """Maps (shaft angle, value) onto a canvas of `width` x `height` units, origin at the top left.
+
+    Attributes:
+        low, high: the values at the canvas's lower and upper edge.
+        width, height: size of the canvas; the viewer keeps its proportions.
+    """
+
+    low: float
+    high: float
+    width: float
+    height: float
+
+    def place(self, theta_rad: FloatArray, value: FloatArray) -> FloatArray:
+        """Canvas points (n, 2) of angles and values (n,); angles are taken within one turn."""
+        return np.column_stack([self.x(theta_rad), self.y(value)])
+
+    def x(self, theta_rad: FloatArray) -> FloatArray:
+        """Canvas x of angles."""
+        return np.asarray(np.mod(theta_rad, TWO_PI) * (self.width / TWO_PI))
+
+    def y(self, value: FloatArray) -> FloatArray:
+        """Canvas y of values; larger values stand higher."""
+        return np.asarray((self.high - value) * (self.height / (self.high - self.low)))
+
+    def ticks(self, about: int = 6) -> list[float]:
+        """Round values over the canvas's range."""
+        return round_ticks(self.low, self.high, about)
+
+
+def round_ticks(low: float, high: float, about: int) -> list[float]:
+    """About so many values in steps of 1, 2 or 5 times a power of ten within low .. high."""
+    rough = (high - low) / max(about, 1)
+    power = 10.0 ** np.floor(np.log10(rough))
+    step = float(next(k * power for k in (1.0, 2.0, 5.0, 10.0) if k * power >= rough * (1.0 - 1e-9)))
+    first = np.ceil(low / step - 1e-9)
+    return [float(k * step) for k in np.arange(first, np.floor(high / step + 1e-9) + 1.0)]
+
+
+def canvas_for(values: Sequence[FloatArray], width: float, height: float, least: float = 1e-3) -> AngleCanvas:
+    """A canvas that holds all finite values, with some room above and below and zero in sight."""
+    finite = np.concatenate([*(v[np.asarray(np.isfinite(v))] for v in values), np.zeros(1)])
+    low, high = float(finite.min()), float(finite.max())
+    room = 0.08 * max(high - low, least)
+    return AngleCanvas(low - room, high + room, width, height)
+
+
+def split_turns(theta_rad: FloatArray, points: FloatArray) -> list[FloatArray]:
+    """Split a line of canvas points (n, 2) where the angle passes a full turn or a point is not finite."""
+    turn = np.floor(theta_rad / TWO_PI)
+    bad: BoolArray = np.asarray(np.isnan(points).any(axis=1))
+    breaks = np.flatnonzero((np.diff(turn) != 0.0) | bad[1:] | bad[:-1]) + 1
+    strips = np.split(points, breaks)
+    return [strip for strip in strips if len(strip) > 1 and not np.isnan(strip).any()]

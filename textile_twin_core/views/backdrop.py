@@ -1,0 +1,208 @@
+"""What stands still in a recording: the machine's solids, colours of series and phases, plots over the angle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from textile_twin_core.arrays import BoolArray
+from textile_twin_core.views import palette
+from textile_twin_core.views.angle_canvas import AngleCanvas
+from textile_twin_core.views.phases import Lane
+from textile_twin_core.views.scene import BackingPlane, MachineScene
+from textile_twin_core.views.solids import Solid
+
+_MIN_MAX = rr.components.AggregationPolicy.MinMax  # or peaks of the torque are averaged away
+
+
+def draw_machine(stream: rr.RecordingStream, scene: MachineScene) -> None:
+    """The machine's solids, in the frame `world` (z up) that is `base` rolled by +90 degrees."""
+    log = stream.log
+    half = float(np.sqrt(0.5))
+    log("world/base", rr.Transform3D(quaternion=rr.Quaternion(xyzw=[half, 0.0, 0.0, half])), static=True)
+    log("world/base/fixed", _mesh(scene.fixed), static=True)
+    front = _depth_m(scene) + 0.02 * scene.size_m
+    for part in scene.moving:
+        log(f"world/base/links/{part.name}", _mesh(part.solid), static=True)
+        label = rr.Points3D(
+            [[part.length_m, 0.0, front - part.layer_m]],
+            radii=[0.0],
+            labels=[part.end],
+            colors=[palette.TEXT],
+        )
+        log(f"world/base/links/{part.name}/end", label, static=True)
+    log(
+        "world/base/pins",
+        rr.Points3D(
+            [[x, y - 0.05 * scene.size_m, front] for x, y in scene.fixed_points.values()],
+            radii=[0.0],
+            labels=list(scene.fixed_points),
+            colors=[palette.TEXT],
+        ),
+        static=True,
+    )
+    log(
+        "world/base/paths",
+        rr.LineStrips3D(
+            [np.column_stack([path, np.full(len(path), front)]) for path in scene.paths.values()],
+            radii=[-0.8],
+            colors=[palette.FRAME],
+        ),
+        static=True,
+    )
+    if scene.backing is not None:
+        log("world/base/backing", _backing_weave(scene, scene.backing), static=True)
+
+
+def style_series(stream: rr.RecordingStream) -> None:
+    """Colours and names of the series."""
+    log = stream.log
+    log(
+        "torque/measured",
+        rr.SeriesLines(colors=[palette.MEASURED], names=["measured"], widths=[1.6], aggregation_policy=_MIN_MAX),
+        static=True,
+    )
+    log(
+        "torque/predicted",
+        rr.Measurements.from_fields(
+            colors=[palette.PREDICTED],
+            names=["predicted as the sensor shows it, one sigma"],
+            widths=[1.8],
+            aggregation_policy=_MIN_MAX,
+        ),
+        static=True,
+    )
+    log(
+        "residual/residual",
+        rr.SeriesLines(colors=[palette.RESIDUAL], names=["residual"], widths=[1.4], aggregation_policy=_MIN_MAX),
+        static=True,
+    )
+    log(
+        "residual/over_limit",
+        rr.SeriesPoints(colors=[palette.OVER_LIMIT], names=["over the limit"], markers=["circle"], marker_sizes=[3.0]),
+        static=True,
+    )
+    for side in ("upper", "lower"):
+        log(
+            f"residual/limit_{side}",
+            rr.SeriesLines(colors=[palette.LIMIT], names=[f"{side} limit"], widths=[1.0]),
+            static=True,
+        )
+
+
+def style_lanes(stream: rr.RecordingStream, lanes: Sequence[Lane]) -> None:
+    """Colours of the phases."""
+    for lane in lanes:
+        stream.log(
+            f"phase/{lane.name}",
+            rr.StateConfiguration(values=list(lane.colours), colors=list(lane.colours.values())),
+            static=True,
+        )
+
+
+def draw_canvas(
+    stream: rr.RecordingStream, origin: str, canvas: AngleCanvas, events: Sequence[tuple[str, float]], inside: BoolArray
+) -> None:
+    """Grid, scale and event lines of a plot over the shaft angle.
+
+    Args:
+        origin: entity under which the plot stands.
+        canvas: its scale.
+        events: name and angle [rad] of what is marked.
+        inside: (k,) whether the needle is in the backing, over one turn; those angles are tinted.
+    """
+    log = stream.log
+    width, height = canvas.width, canvas.height
+    ticks = canvas.ticks()
+    levels = canvas.y(np.array(ticks))
+    angles = np.arange(0.0, 361.0, 45.0)
+    across = angles * (width / 360.0)
+    log(
+        f"{origin}/grid",
+        rr.LineStrips2D(
+            [[(0.0, y), (width, y)] for y in levels] + [[(x, 0.0), (x, height)] for x in across],
+            radii=[-0.5],
+            colors=[palette.FRAME if tick == 0.0 else palette.GRID for tick in ticks] + [palette.GRID] * len(across),
+            draw_order=-20.0,
+        ),
+        static=True,
+    )
+    if inside.any():
+        # Lines have round ends and planes no filled shapes: the tint is a comb of fine lines.
+        comb = np.arange(0.0, width, 2.0)
+        comb = comb[inside[(comb * (inside.size / width)).astype(np.int64)]]
+        log(
+            f"{origin}/in_backing",
+            rr.LineStrips2D(
+                [[(x, 1.0), (x, height - 1.0)] for x in comb],
+                radii=[1.0],
+                colors=[palette.dim(palette.IN_BACKING, 0.16)],
+                draw_order=-30.0,
+            ),
+            static=True,
+        )
+    shown = across[::2]
+    log(
+        f"{origin}/scale",
+        rr.Points2D(
+            [(x, 1.055 * height) for x in shown] + [(-0.045 * width, y) for y in levels],
+            radii=[0.0],
+            labels=[f"{angle:.0f}°" for angle in angles[::2]] + [f"{tick + 0.0:g}" for tick in ticks],
+            colors=[palette.TEXT],
+        ),
+        static=True,
+    )
+    if events:
+        places = canvas.x(np.array([angle for _, angle in events]))
+        log(
+            f"{origin}/events",
+            rr.LineStrips2D(
+                [[(x, 0.0), (x, height)] for x in places],
+                radii=[-0.9],
+                colors=[palette.IN_BACKING],
+                draw_order=-10.0,
+            ),
+            static=True,
+        )
+        log(
+            f"{origin}/event_names",
+            rr.Points2D(
+                [(x, -0.055 * height) for x in places],
+                radii=[0.0],
+                labels=[f"{name} {np.rad2deg(angle):.1f}°" for name, angle in events],
+                colors=[palette.TEXT],
+            ),
+            static=True,
+        )
+
+
+def _depth_m(scene: MachineScene) -> float:
+    return max(part.layer_m for part in scene.moving)
+
+
+def _backing_weave(scene: MachineScene, plane: BackingPlane) -> rr.LineStrips3D:
+    """The backing as warp and weft: the needles stay in sight above and below it."""
+    size = scene.size_m
+    (dx, dy), (x, y), depth = plane.direction, plane.point_m, _depth_m(scene)
+    across = np.array([-dy, dx, 0.0])
+    centre = np.array([x, y, depth])
+    inward = np.array([0.0, 0.0, 1.0])
+    wide, deep = 0.16 * size, 0.14 * size
+    warp = [
+        [centre + u * across - deep * inward, centre + u * across + deep * inward] for u in np.linspace(-wide, wide, 33)
+    ]
+    weft = [
+        [centre - wide * across + v * inward, centre + wide * across + v * inward] for v in np.linspace(-deep, deep, 29)
+    ]
+    return rr.LineStrips3D([*warp, *weft], radii=[0.0011 * size], colors=[palette.IN_BACKING])
+
+
+def _mesh(solid: Solid) -> rr.Mesh3D:
+    return rr.Mesh3D(
+        vertex_positions=solid.vertices,
+        vertex_normals=solid.normals,
+        vertex_colors=solid.colours,
+        triangle_indices=solid.triangles,
+    )

@@ -1,0 +1,138 @@
+"""The layout of the viewer: where each view stands and what it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import rerun.blueprint as rrb
+from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
+from rerun.blueprint.encodings import TextLogColumnKind as _Kind
+
+from textile_twin_core.views import palette
+from textile_twin_core.views.angle_canvas import AngleCanvas
+from textile_twin_core.views.scene import MachineScene
+
+TIMELINE = "time"
+
+
+Overrides: TypeAlias = dict[Any, Any]  # what the viewer's own type spells out in four lines
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What the layout depends on.
+
+    Attributes:
+        machine: name for the title. scene: the linkage, for the camera.
+        torque, residual: canvases of the plots over the shaft angle.
+        window_s: time shown before and after the cursor in the plots over time.
+        turn_s: the last turn, drawn bold over the shaft angle. kept_s: how long earlier turns stay there.
+        kept: the same in words. residual_title: the residual's title.
+    """
+
+    machine: str
+    scene: MachineScene
+    torque: AngleCanvas
+    residual: AngleCanvas
+    window_s: tuple[float, float]
+    turn_s: float
+    kept_s: float
+    kept: str
+    residual_title: str
+
+    def blueprint(self) -> rrb.Blueprint:
+        """The layout as the viewer takes it."""
+        machine = rrb.Vertical(self._linkage(), self._log(), row_shares=[3.2, 1.0])
+        over_angle = rrb.Horizontal(
+            self._angle_view(
+                f"Torque over shaft angle, {self.kept} [N m]",
+                "angle",
+                self.torque,
+                self._kept_turns(),
+            ),
+            self._angle_view("Residual by shaft angle: mean, spread, extremes [N m]", "by_angle", self.residual, {}),
+            rrb.TextDocumentView(name="Run summary", origin="summary"),
+            column_shares=[1.25, 1.0, 0.92],
+        )
+        plots = rrb.Vertical(
+            self._series("Torque on the main shaft [N m]", "torque", legend=True),
+            self._series(self.residual_title, "residual"),
+            rrb.StateTimelineView(name="Phase of the cycle", origin="phase", time_view=self._window()),
+            over_angle,
+            row_shares=[3.2, 1.9, 1.4, 3.9],
+        )
+        return rrb.Blueprint(
+            rrb.Horizontal(machine, plots, column_shares=[1.0, 2.9]),
+            rrb.BlueprintPanel(state="collapsed"),
+            rrb.SelectionPanel(state="collapsed"),
+            rrb.TimePanel(
+                state="collapsed",
+                timeline=TIMELINE,
+                play_state="following",
+            ),
+            auto_layout=False,
+            auto_views=False,
+        )
+
+    def _window(self) -> rrb.TimeAxis:
+        before, after = self.window_s
+        return rrb.TimeAxis(view_range=rrb.TimeRange(start=_from_cursor(-before), end=_from_cursor(after)))
+
+    def _kept_turns(self) -> Overrides:
+        kept, last = _last(self.kept_s), _last(self.turn_s)
+        return {"angle/measured": kept, "angle/predicted": last, "angle/last": last}
+
+    def _series(self, name: str, origin: str, *, legend: bool = False) -> rrb.TimeSeriesView:
+        return rrb.TimeSeriesView(
+            name=name,
+            origin=origin,
+            axis_x=self._window(),
+            background=rrb.archetypes.PlotBackground(color=palette.BACKGROUND, show_grid=True),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend),
+        )
+
+    def _angle_view(self, name: str, origin: str, canvas: AngleCanvas, ranges: Overrides) -> rrb.Spatial2DView:
+        return rrb.Spatial2DView(
+            name=name,
+            origin=origin,
+            background=palette.BACKGROUND,
+            visual_bounds=rrb.VisualBounds2D(
+                x_range=(-0.095 * canvas.width, 1.035 * canvas.width),
+                y_range=(-0.11 * canvas.height, 1.11 * canvas.height),
+            ),
+            overrides=ranges,
+        )
+
+    def _linkage(self) -> rrb.Spatial3DView:
+        low, high = self.scene.lower, self.scene.upper
+        x, y = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])
+        away = 1.24 * self.scene.size_m
+        return rrb.Spatial3DView(
+            name=f"Machine: {self.machine}",
+            origin="world",
+            background=palette.BACKGROUND,
+            line_grid=False,
+            eye_controls=rrb.EyeControls3D(
+                kind=rrb.Eye3DKind.Orbital,
+                position=(x + 0.34 * away, -0.98 * away, y + 0.22 * away),
+                look_target=(x, 0.0, y),
+                eye_up=(0.0, 0.0, 1.0),
+            ),
+            spatial_information=rrb.SpatialInformation(target_frame="tf#/world", show_axes=False),
+        )
+
+    def _log(self) -> rrb.TextLogView:
+        columns = rrb.TextLogColumns(
+            timeline_columns=[TimelineColumn(timeline=TIMELINE, visible=False)],
+            text_log_columns=[TextLogColumn(kind) for kind in (_Kind.LogLevel, _Kind.Body)],
+        )
+        return rrb.TextLogView(name="Events", origin="events", columns=columns)
+
+
+def _from_cursor(seconds: float) -> rrb.TimeRangeBoundary:
+    return rrb.TimeRangeBoundary.cursor_relative(seconds=seconds)
+
+
+def _last(seconds: float) -> rrb.VisibleTimeRanges:
+    return rrb.VisibleTimeRanges(timeline=TIMELINE, start=_from_cursor(-seconds), end=_from_cursor(0.0))

@@ -1,0 +1,299 @@
+"""Live view: what a running machine does, served to any number of rerun viewers that come and go."""
+
+from __future__ import annotations
+
+import os
+import threading
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison import RunningAngleBins
+from textile_twin_core.errors import TwinError
+from textile_twin_core.views import backdrop, palette
+from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for
+from textile_twin_core.views.buffer import Block, Buffer
+from textile_twin_core.views.layout import Layout
+from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of, state_changes
+from textile_twin_core.views.scene import PointPositions, build_scene
+from textile_twin_core.views.scribe import Scribe
+
+if TYPE_CHECKING:
+    from textile_twin_core.machines.machine import Machine
+
+_HISTORY_S = 4.0  # predictions kept to find the shaft angle of a measured torque
+_ANGLE_BINS = 120
+_SUMMARY_S = 1.0
+
+
+class LiveView:
+    """A live recording of one machine.
+
+    The `add_` methods put blocks of samples into bounded buffers and return at once; a thread of its own
+    draws them every `flush_s`. When drawing cannot keep up the oldest blocks are dropped and counted.
+
+    Args:
+        machine: the machine that is shown.
+        host: address to serve on; loopback unless told otherwise.
+        port: port to serve on; None serves nobody.
+        path: also write the recording to this .rrd file.
+        memory_limit: what the server keeps for viewers that come later, such as "64MB".
+        limit_Nm: limit of the residual to draw, None for none.
+        frames_hz: most pictures of the linkage in a second.
+        flush_s: time between drawings.
+        buffer_samples: samples that each buffer holds at most.
+
+    Raises:
+        TwinError: neither port nor path is given, or the port is taken.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        *,
+        host: str = "127.0.0.1",
+        port: int | None = 9876,
+        path: str | os.PathLike[str] | None = None,
+        memory_limit: str = "64MB",
+        limit_Nm: float | None = None,
+        frames_hz: float = 60.0,
+        flush_s: float = 0.1,
+        buffer_samples: int = 200_000,
+    ) -> None:
+        if port is None and path is None:
+            raise TwinError("a live view needs a port to serve on or a file to write to")
+        self._machine, self._limit = machine, limit_Nm
+        self._frame_s, self._flush_s = 1.0 / frames_hz, flush_s
+        self._buffers = {name: Buffer(buffer_samples) for name in ("predicted", "measured", "residual")}
+        self._lanes, self._marks = lanes_of(machine.events()), marks_of(machine.events())
+        self._positions = PointPositions(machine)
+        self._origin: int | None = None
+        self._history: Block = (np.empty(0), np.empty(0), np.empty(0))
+        self._bins = RunningAngleBins(_ANGLE_BINS)
+        self._squares, self._count, self._worst = 0.0, 0, 0.0
+        self._next_frame_s, self._next_summary_s = -np.inf, -np.inf
+        self._phases: dict[str, str] = {}
+
+        self._stream = rr.RecordingStream("textile-twin")
+        canvas = AngleCanvas(-1.0, 1.0, 720.0, 430.0)
+        self._scribe = Scribe(self._stream, build_scene(machine), canvas, AngleCanvas(-1.0, 1.0, 720.0, 560.0))
+        self.url = self._serve(host, port, path, memory_limit)
+        self._backdrop()
+        self._stop = threading.Event()
+        self._error: BaseException | None = None
+        self._worker = threading.Thread(target=self._work, name="live view", daemon=True)
+        self._worker.start()
+
+    # --- from outside, in any thread ---------------------------------------------------------------------
+
+    def add_predicted(
+        self, stamps_ns: IntArray, theta_rad: FloatArray, torque_Nm: FloatArray, sigma_Nm: FloatArray | None = None
+    ) -> None:
+        """Take predictions (n,): stamps [ns], unwrapped shaft angle, torque, and its sigma where known."""
+        sigma = np.full(np.size(torque_Nm), np.nan) if sigma_Nm is None else sigma_Nm
+        self._put("predicted", stamps_ns, theta_rad, torque_Nm, sigma)
+
+    def add_measured(self, stamps_ns: IntArray, torque_Nm: FloatArray) -> None:
+        """Take measured torque (n,)."""
+        self._put("measured", stamps_ns, torque_Nm)
+
+    def add_residual(self, stamps_ns: IntArray, residual_Nm: FloatArray) -> None:
+        """Take residuals (n,), at the stamps of their measured samples."""
+        self._put("residual", stamps_ns, residual_Nm)
+
+    @property
+    def dropped(self) -> int:
+        """Samples dropped because drawing could not keep up."""
+        return sum(buffer.dropped for buffer in self._buffers.values())
+
+    @property
+    def error(self) -> BaseException | None:
+        """What ended the drawing thread, None while all is well."""
+        return self._error
+
+    def close(self) -> None:
+        """Draw what is left, end the thread and close file and server."""
+        if self._stop.is_set():
+            return
+        self._stop.set()
+        self._worker.join(timeout=10.0)
+        self._stream.disconnect()
+
+    def __enter__(self) -> LiveView:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # --- in the drawing thread ---------------------------------------------------------------------------
+
+    def _work(self) -> None:
+        try:
+            while not self._stop.wait(self._flush_s):
+                self._draw()
+            self._draw()
+        except Exception as error:  # the thread's owner asks for it; a view must not end a node
+            self._error = error
+
+    def _draw(self) -> None:
+        predicted, measured, residual = (self._buffers[name].take() for name in ("predicted", "measured", "residual"))
+        if predicted:
+            self._draw_predicted(*predicted)
+        if measured:
+            self._draw_measured(*measured)
+        if residual:
+            self._draw_residual(*residual)
+
+    def _draw_predicted(self, time: FloatArray, theta: FloatArray, torque: FloatArray, sigma: FloatArray) -> None:
+        self._fit_canvas(torque)
+        scribe, sensor = self._scribe, self._machine.sensors.torque
+        shown = sensor.gain * torque + sensor.offset_Nm
+        scribe.predicted(time + sensor.delay_s, shown, abs(sensor.gain) * sigma)
+        joined = [
+            np.concatenate([old[-1:], new]) for old, new in zip(self._history, (time, theta, torque), strict=True)
+        ]
+        scribe.over_angle("predicted", joined[0], joined[1], joined[2], palette.PREDICTED, -1.6)
+        frames = self._frames(time)
+        if frames.size:
+            scribe.motion(time[frames], self._positions(theta[frames]))
+            scribe.now(time[frames], theta[frames], torque[frames])
+        for lane in self._lanes:
+            changes = state_changes(lane, joined[0], joined[1])
+            known = bool(changes.states) and self._phases.get(lane.name) == changes.states[0]
+            scribe.phases([changes.after(1) if known else changes])
+            if changes.states:
+                self._phases[lane.name] = changes.states[-1]
+        kept = np.searchsorted(self._history[0], time[-1] - _HISTORY_S)
+        self._history = tuple(
+            np.concatenate([old[kept:], new]) for old, new in zip(self._history, (time, theta, torque), strict=True)
+        )
+
+    def _draw_measured(self, time: FloatArray, torque: FloatArray) -> None:
+        self._fit_canvas(torque)
+        self._scribe.measured(time, torque)
+        theta = self._theta(time)
+        for name, colour, radius in (
+            ("measured", palette.dim(palette.MEASURED, 0.6), -0.6),
+            ("last", palette.MEASURED, -1.6),
+        ):
+            self._scribe.over_angle(name, time, theta, torque, colour, radius)
+
+    def _draw_residual(self, time: FloatArray, residual: FloatArray) -> None:
+        self._scribe.residual(time, residual, self._limit)
+        theta = self._theta(time)
+        good = np.isfinite(theta) & np.isfinite(residual)
+        self._bins.add(theta[good], residual[good])
+        self._squares += float(residual[good] @ residual[good])
+        self._count += int(np.count_nonzero(good))
+        self._worst = max(self._worst, float(np.max(np.abs(residual[good]), initial=0.0)))
+        if self._limit is not None:
+            over = np.flatnonzero(good & (np.abs(residual) > self._limit))
+            if over.size:
+                k = over[np.argmax(np.abs(residual[over]))]
+                angle = np.rad2deg(np.mod(theta[k], 2.0 * np.pi))
+                self._scribe.say(float(time[k]), "WARN", f"residual {residual[k]:+.2f} N m at {angle:.0f}°")
+        if time[-1] >= self._next_summary_s and self._count:
+            self._next_summary_s = float(time[-1]) + _SUMMARY_S
+            self._draw_statistics(float(time[-1]))
+
+    def _draw_statistics(self, time_s: float) -> None:
+        bins = self._bins.bins()
+        canvas = canvas_for([bins.min_Nm, bins.max_Nm], 720.0, 560.0)
+        if canvas.low < self._scribe.residual_canvas.low or canvas.high > self._scribe.residual_canvas.high:
+            self._scribe = self._scribe.scaled(residual=canvas)
+            self._draw_canvas("by_angle", canvas)
+        self._scribe.residual_by_angle(bins)
+        speed = self._speed_rpm()
+        lines = [
+            f"### {self._machine.name}, live",
+            "",
+            f"| time | {time_s:.1f} s |",
+            "|---|---|",
+            f"| shaft speed | {speed:.1f} rpm |",
+            f"| residuals | {self._count} |",
+            f"| RMS residual | {np.sqrt(self._squares / self._count):.4f} N m |",
+            f"| largest residual | {self._worst:.3f} N m |",
+            f"| sensor delay, configured | {self._machine.sensors.torque.delay_s * 1e3:g} ms |",
+            f"| samples not drawn | {self.dropped} |",
+        ]
+        self._scribe.summary("\n".join(lines))
+
+    # --- helpers -----------------------------------------------------------------------------------------
+
+    def _put(self, name: str, stamps_ns: IntArray, *columns: FloatArray) -> None:
+        stamps = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
+        if stamps.size == 0:
+            return
+        if self._origin is None:
+            self._origin = int(stamps[0])
+        time = np.asarray((stamps - self._origin) * 1e-9, dtype=np.float64)
+        self._buffers[name].put((time, *(np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in columns)))
+
+    def _serve(self, host: str, port: int | None, path: str | os.PathLike[str] | None, memory_limit: str) -> str | None:
+        sinks: list[rr.GrpcServerSink | rr.FileSink] = []
+        server = None
+        if path is not None:
+            sinks.append(rr.FileSink(path))
+        layout = Layout(
+            machine=self._machine.name,
+            scene=self._scribe.scene,
+            torque=self._scribe.torque_canvas,
+            residual=self._scribe.residual_canvas,
+            window_s=(2.0, 0.05),
+            turn_s=0.4,
+            kept_s=_HISTORY_S,
+            kept=f"last {_HISTORY_S:g} s",
+            residual_title="Residual = measured - predicted [N m]",
+        )
+        try:
+            if port is not None:
+                server = rr.GrpcServerSink(host, port, server_memory_limit=memory_limit)
+                sinks.append(server)
+            self._stream.set_sinks(*sinks, default_blueprint=layout.blueprint())
+        except Exception as error:
+            raise TwinError(f"cannot serve a live view on {host}:{port} or write {path}: {error}") from error
+        return None if server is None else str(server.uri)
+
+    def _backdrop(self) -> None:
+        backdrop.draw_machine(self._stream, self._scribe.scene)
+        backdrop.style_series(self._stream)
+        backdrop.style_lanes(self._stream, self._lanes)
+        self._draw_canvas("angle", self._scribe.torque_canvas)
+        self._draw_canvas("by_angle", self._scribe.residual_canvas)
+
+    def _draw_canvas(self, origin: str, canvas: AngleCanvas) -> None:
+        backdrop.draw_canvas(self._stream, origin, canvas, self._marks, inside_backing(self._lanes))
+
+    def _fit_canvas(self, torque: FloatArray) -> None:
+        """Widen the torque's scale when a torque passes it."""
+        canvas = self._scribe.torque_canvas
+        needed = canvas_for([torque], canvas.width, canvas.height)
+        if needed.low < canvas.low or needed.high > canvas.high:
+            limits = np.array([min(needed.low, canvas.low), max(needed.high, canvas.high)])
+            self._scribe = self._scribe.scaled(torque=canvas_for([limits], canvas.width, canvas.height))
+            self._draw_canvas("angle", self._scribe.torque_canvas)
+
+    def _frames(self, time: FloatArray) -> IntArray:
+        """The samples at which the linkage is drawn."""
+        frames: list[int] = []
+        for k, now in enumerate(time):
+            if now >= self._next_frame_s:
+                frames.append(k)
+                self._next_frame_s = float(now) + self._frame_s
+        return np.array(frames, dtype=np.int64)
+
+    def _theta(self, time: FloatArray) -> FloatArray:
+        """Shaft angle at stamp - delay, nan where no prediction reaches."""
+        known, theta, _ = self._history
+        if known.size == 0:
+            return np.full(time.size, np.nan)
+        at = time - self._machine.sensors.torque.delay_s
+        return np.asarray(np.interp(at, known, theta, left=np.nan, right=theta[-1]))
+
+    def _speed_rpm(self) -> float:
+        time, theta, _ = self._history
+        if time.size < 2:
+            return 0.0
+        return float((theta[-1] - theta[0]) / (time[-1] - time[0]) * 60.0 / (2.0 * np.pi))

@@ -1,0 +1,218 @@
+"""The comparison on one page: machine, torque over time and over the shaft angle, and where the residual lies."""
+
+from __future__ import annotations
+
+import os
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.comparison import Comparison
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of
+from textile_twin_core.views.plot_linkage import draw_linkage
+from textile_twin_core.views.scene import build_scene
+
+if TYPE_CHECKING:
+    from textile_twin_core.machines.machine import Machine
+
+# On paper the same hues as in the viewer, dark enough for white.
+_MEASURED, _PREDICTED, _RESIDUAL = "#e07b00", "#0072b2", "#c2377a"
+_BACKING, _INK, _MUTED, _GRID = "#2a9d63", "#22272e", "#6b7480", "#e4e7eb"
+_SHOWN_TURNS = 3.0
+_KEPT_TURNS = 20
+
+
+def plot_comparison(path: str | os.PathLike[str], comparison: Comparison, machine: Machine, *, title: str = "") -> Path:
+    """Write the comparison as one picture of 1600 x 1000 pixels.
+
+    Args:
+        path: the .png file to write.
+        comparison: the result of `compare_torque`.
+        machine: the machine whose linkage is sketched.
+        title: what was compared; the machine's name without it.
+
+    Returns:
+        The path written.
+
+    Raises:
+        RecordingError: the file cannot be written there.
+    """
+    scene = build_scene(machine)
+    figure = Figure(figsize=(16.0, 10.0), dpi=100, facecolor="white")
+    FigureCanvasAgg(figure)
+    grid = figure.add_gridspec(
+        2, 3, width_ratios=[0.72, 1.6, 1.35], height_ratios=[1.0, 1.0], left=0.025, right=0.978, top=0.885, bottom=0.07,
+        wspace=0.17, hspace=0.27,
+    )  # fmt: skip
+    _headline(figure, comparison, title or machine.name)
+    draw_linkage(figure.add_subplot(grid[:, 0]), scene, machine)
+    inside = inside_backing(lanes_of(comparison.events))
+    marks = marks_of(comparison.events)
+    over_time, over_angle = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[0, 2])
+    residual, by_angle = figure.add_subplot(grid[1, 1], sharex=over_time), figure.add_subplot(grid[1, 2])
+    window = _window(comparison)
+    _torque_over_time(over_time, comparison, window, inside)
+    _torque_over_angle(over_angle, comparison, inside, marks)
+    _residual_over_time(residual, comparison, window, inside)
+    _residual_by_angle(by_angle, comparison, inside, marks)
+    target = Path(path)
+    try:
+        figure.savefig(target, format="png")
+    except OSError as error:
+        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
+    return target
+
+
+def _headline(figure: Figure, comparison: Comparison, title: str) -> None:
+    errors, fit = comparison.errors, comparison.fit
+    figure.text(0.025, 0.955, title, fontsize=19, weight="bold", color=_INK)
+    facts = [
+        f"RMS error {errors.rms_error_Nm:.3f} N m, {errors.rms_over_peak * 100.0:.2f} % of the peak",
+        f"correlation {errors.correlation:.5f}",
+        f"sensor delay {fit.delay_s * 1e3:.2f} ms, gain {fit.gain:.3f}",
+        f"{comparison.revolutions:.0f} turns, {comparison.samples.used} samples used, "
+        f"{comparison.samples.rejected} rejected",
+    ]
+    figure.text(0.025, 0.922, "     ".join(facts), fontsize=12.5, color=_MUTED)
+
+
+def _window(comparison: Comparison) -> tuple[float, float]:
+    """A few turns in the middle of what was compared, beginning with a turn [s from the first prediction]."""
+    used = np.flatnonzero(comparison.used)
+    turn = np.floor(comparison.theta_rad[used] / (2.0 * np.pi))
+    middle = turn[turn.size // 2]
+    least = max(middle - _SHOWN_TURNS / 2.0, turn.min())
+    chosen = used[(turn >= np.floor(least)) & (turn < np.floor(least) + _SHOWN_TURNS)]
+    time = (comparison.stamps_ns - comparison.predicted_stamps_ns[0]) * 1e-9
+    return float(time[chosen[0]]), float(time[chosen[-1]])
+
+
+def _torque_over_time(axes: Axes, comparison: Comparison, window: tuple[float, float], inside: BoolArray) -> None:
+    time, measured = _measured(comparison)
+    shown = (time >= window[0]) & (time <= window[1])
+    predicted_time = (
+        comparison.predicted_stamps_ns - comparison.predicted_stamps_ns[0]
+    ) * 1e-9 + comparison.fit.delay_s
+    told = (predicted_time >= window[0]) & (predicted_time <= window[1])
+    expected = comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm
+    _shade_times(axes, time[shown], comparison.theta_rad[shown], inside)
+    axes.plot(time[shown], measured[shown], color=_MEASURED, linewidth=1.5, label="measured")
+    axes.plot(predicted_time[told], expected[told], color=_PREDICTED, linewidth=1.5, label="predicted")
+    sigma = comparison.predicted_sigma_Nm[told]
+    if np.isfinite(sigma).any():
+        spread = np.nan_to_num(sigma) * abs(comparison.sensor_gain)
+        axes.fill_between(
+            predicted_time[told],
+            expected[told] - spread,
+            expected[told] + spread,
+            color=_PREDICTED,
+            alpha=0.25,
+            linewidth=0,
+        )
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize=11, borderaxespad=0.1)
+    _dress(axes, "Torque on the main shaft", "N m")
+    axes.set_xlim(*window)
+
+
+def _torque_over_angle(axes: Axes, comparison: Comparison, inside: BoolArray, marks: list[tuple[str, float]]) -> None:
+    used = np.flatnonzero(comparison.used)
+    turn = np.floor(comparison.theta_rad[used] / (2.0 * np.pi))
+    middle = turn[turn.size // 2]
+    kept = used[np.abs(turn - middle) <= _KEPT_TURNS / 2]
+    degrees = np.rad2deg(np.mod(comparison.theta_rad[kept], 2.0 * np.pi))
+    _shade_angles(axes, inside)
+    axes.plot(degrees, comparison.measured_Nm[kept], ".", color=_MEASURED, markersize=2.2, alpha=0.55, rasterized=True)
+    order = np.argsort(degrees)
+    x, y = degrees[order], comparison.expected_Nm[kept][order]
+    for part in _pieces(x, marks):
+        axes.plot(x[part], y[part], color=_PREDICTED, linewidth=1.8)
+    _mark(axes, marks)
+    _dress(axes, f"Torque over shaft angle, {_KEPT_TURNS} turns", "N m")
+    _degrees(axes)
+
+
+def _residual_over_time(axes: Axes, comparison: Comparison, window: tuple[float, float], inside: BoolArray) -> None:
+    time, _ = _measured(comparison)
+    shown = (time >= window[0]) & (time <= window[1])
+    _shade_times(axes, time[shown], comparison.theta_rad[shown], inside)
+    axes.axhline(0.0, color=_MUTED, linewidth=0.9)
+    axes.plot(time[shown], comparison.residual_Nm[shown], color=_RESIDUAL, linewidth=1.3)
+    _dress(axes, "Residual = measured - predicted", "N m")
+    axes.set_xlabel("time from the start of the recording, s", color=_MUTED)
+
+
+def _residual_by_angle(axes: Axes, comparison: Comparison, inside: BoolArray, marks: list[tuple[str, float]]) -> None:
+    bins = comparison.by_angle
+    degrees = np.rad2deg(bins.centre_rad)
+    _shade_angles(axes, inside)
+    axes.axhline(0.0, color=_MUTED, linewidth=0.9)
+    for low, high, alpha, label in (
+        (bins.min_Nm, bins.max_Nm, 0.16, "extremes"),
+        (bins.mean_Nm - bins.std_Nm, bins.mean_Nm + bins.std_Nm, 0.38, "sigma"),
+    ):
+        axes.fill_between(degrees, low, high, step="mid", color=_RESIDUAL, alpha=alpha, linewidth=0, label=label)
+    axes.plot(degrees, bins.mean_Nm, color=_INK, linewidth=1.5, drawstyle="steps-mid", label="mean")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=9.5, borderaxespad=0.1,
+                columnspacing=1.0, handlelength=1.4)  # fmt: skip
+    _mark(axes, marks)
+    _dress(axes, "Residual by angle", "N m")
+    _degrees(axes)
+    axes.set_xlabel("shaft angle", color=_MUTED)
+
+
+def _measured(comparison: Comparison) -> tuple[FloatArray, FloatArray]:
+    return (comparison.stamps_ns - comparison.predicted_stamps_ns[0]) * 1e-9, comparison.measured_Nm
+
+
+def _pieces(degrees: FloatArray, marks: list[tuple[str, float]]) -> list[slice]:
+    """Parts of a sorted angle between the marks, so that no line is drawn across a jump."""
+    cuts = np.searchsorted(degrees, np.rad2deg([angle for _, angle in marks]))
+    edges = [0, *sorted(int(cut) for cut in cuts), degrees.size]
+    return [slice(a, b) for a, b in pairwise(edges) if b > a]
+
+
+def _shade_angles(axes: Axes, inside: BoolArray) -> None:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        axes.axvspan(start * 360.0 / inside.size, end * 360.0 / inside.size, color=_BACKING, alpha=0.09, linewidth=0)
+
+
+def _shade_times(axes: Axes, time: FloatArray, theta: FloatArray, inside: BoolArray) -> None:
+    place = (np.mod(np.nan_to_num(theta), 2.0 * np.pi) * (inside.size / (2.0 * np.pi))).astype(np.int64)
+    within = inside[np.clip(place, 0, inside.size - 1)]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], within, [False]]).astype(np.int8)))
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        axes.axvspan(float(time[start]), float(time[end - 1]), color=_BACKING, alpha=0.09, linewidth=0)
+
+
+def _mark(axes: Axes, marks: list[tuple[str, float]]) -> None:
+    for name, angle in marks:
+        axes.axvline(np.rad2deg(angle), color=_BACKING, linewidth=1.1, linestyle=(0, (4, 3)))
+        axes.annotate(
+            f"{name} {np.rad2deg(angle):.1f}°", (np.rad2deg(angle), 0.985), xycoords=("data", "axes fraction"),
+            xytext=(5, 0), textcoords="offset points", va="top", color=_BACKING, fontsize=10.5,
+        )  # fmt: skip
+
+
+def _degrees(axes: Axes) -> None:
+    axes.set_xlim(0.0, 360.0)
+    axes.set_xticks(np.arange(0.0, 361.0, 45.0))
+    axes.set_xticklabels([f"{angle:.0f}°" for angle in np.arange(0.0, 361.0, 45.0)])
+
+
+def _dress(axes: Axes, title: str, unit: str) -> None:
+    axes.set_title(f"{title}, {unit}", loc="left", fontsize=13, color=_INK, pad=8)
+    axes.grid(color=_GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=_MUTED, labelsize=10.5)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color("#c3c9d1")

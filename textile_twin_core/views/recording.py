@@ -1,0 +1,186 @@
+"""Write a comparison as a recording of the rerun viewer, with the layout inside."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison import Comparison, summary_rows
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.views import backdrop, palette
+from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for
+from textile_twin_core.views.layout import Layout
+from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of, state_changes
+from textile_twin_core.views.scene import PointPositions, build_scene
+from textile_twin_core.views.scribe import Scribe
+
+if TYPE_CHECKING:
+    from textile_twin_core.machines.machine import Machine
+
+APPLICATION = "textile-twin"
+_FRAME_RATE_HZ = 125.0  # of the moving linkage: 18 pictures a turn at 400 rpm
+_TURNS = 10
+_NAMED = 40  # turns over the limit that the list of events names
+
+
+def write_comparison_recording(
+    path: str | os.PathLike[str],
+    comparison: Comparison,
+    machine: Machine,
+    *,
+    title: str | None = None,
+    limit_Nm: float | None = None,
+) -> Path:
+    """Write what was compared as a recording that `rerun` opens: moving machine, torques, residual, summary.
+
+    The file appears when it is complete: it is written beside its place under a temporary name.
+
+    Args:
+        path: the .rrd file to write.
+        comparison: the result of `compare_torque`.
+        machine: the machine whose linkage is shown.
+        title: what the recording is of, for the summary; the machine's name without it.
+        limit_Nm: limit of the residual to draw; three times the RMS error without it.
+
+    Returns:
+        The path written.
+
+    Raises:
+        RecordingError: the file cannot be written there.
+    """
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise RecordingError(f"cannot write {target}: there is no folder {target.parent}")
+    if target.is_dir():
+        raise RecordingError(f"cannot write {target}: that is a folder; name a .rrd file")
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
+    except OSError as error:
+        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
+    os.close(handle)
+    draft = Path(name)
+    try:
+        _write(draft, comparison, machine, title or machine.name, limit_Nm)
+        draft.chmod(0o644)
+        draft.replace(target)
+    except OSError as error:
+        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
+    finally:
+        draft.unlink(missing_ok=True)
+    return target
+
+
+def _write(path: Path, comparison: Comparison, machine: Machine, title: str, limit_Nm: float | None) -> None:
+    origin = int(comparison.predicted_stamps_ns[0])
+    limit = 3.0 * comparison.errors.rms_error_Nm if limit_Nm is None else limit_Nm
+    predicted_s = _seconds(comparison.predicted_stamps_ns, origin)
+    measured_s = _seconds(comparison.stamps_ns, origin)
+    theta = comparison.predicted_theta_rad
+    scene = build_scene(machine)
+    torque_canvas, residual_canvas = _canvases(comparison)
+    period = _period_s(comparison)
+    layout = Layout(
+        machine=machine.name,
+        scene=scene,
+        torque=torque_canvas,
+        residual=residual_canvas,
+        window_s=(2.4 * period, 0.4 * period),
+        turn_s=period,
+        kept_s=_TURNS * period,
+        kept=f"last {_TURNS} turns",
+        residual_title=f"Residual = measured - predicted [N m], limit {limit:.2f}",
+    )
+
+    stream = rr.RecordingStream(APPLICATION, recording_id=f"{machine.name}-{origin}")
+    stream.save(path, default_blueprint=layout.blueprint())
+    try:
+        scribe = Scribe(stream, scene, torque_canvas, residual_canvas)
+        stream.send_recording_name(title)
+        lanes = lanes_of(comparison.events)
+        inside = inside_backing(lanes)
+        marks = marks_of(comparison.events)
+        backdrop.draw_machine(stream, scene)
+        backdrop.style_series(stream)
+        backdrop.style_lanes(stream, lanes)
+        backdrop.draw_canvas(stream, "angle", torque_canvas, marks, inside)
+        backdrop.draw_canvas(stream, "by_angle", residual_canvas, marks, inside)
+        scribe.summary(summary_markdown(comparison, title, limit))
+
+        step = max(1, int(predicted_s.size / max(predicted_s[-1] * _FRAME_RATE_HZ, 1.0)))
+        frames = np.arange(0, predicted_s.size, step)
+        scribe.motion(predicted_s[frames], PointPositions(machine)(theta[frames]))
+        scribe.now(predicted_s[frames], theta[frames], comparison.predicted_Nm[frames])
+        # Through the sensor, so that both curves and the residual speak of the same instant.
+        scribe.predicted(
+            predicted_s + comparison.fit.delay_s,
+            comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm,
+            abs(comparison.sensor_gain) * comparison.predicted_sigma_Nm,
+        )
+        scribe.measured(measured_s, comparison.measured_Nm)
+        scribe.residual(measured_s, comparison.residual_Nm, limit)
+        scribe.over_angle(
+            "measured",
+            measured_s,
+            comparison.theta_rad,
+            comparison.measured_Nm,
+            palette.dim(palette.MEASURED, 0.6),
+            -0.6,
+        )
+        scribe.over_angle("predicted", predicted_s, theta, comparison.predicted_Nm, palette.PREDICTED, -1.6)
+        scribe.over_angle("last", measured_s, comparison.theta_rad, comparison.measured_Nm, palette.MEASURED, -1.6)
+        scribe.phases([state_changes(lane, predicted_s, theta) for lane in lanes])
+        scribe.residual_by_angle(comparison.by_angle)
+        _say(scribe, comparison, origin, limit)
+    finally:
+        stream.disconnect()
+
+
+def summary_markdown(comparison: Comparison, title: str, limit_Nm: float) -> str:
+    """The run's summary as markdown: what was compared, the numbers, what to know when reading them."""
+    rows = summary_rows(comparison)
+    head, *rest = [(name, value) for name, value in rows if name != "note"]
+    lines = [f"### {title}", "", f"| {head[0]} | {head[1]} |", "|---|---|"]
+    lines += [f"| {name} | {value} |" for name, value in rest]
+    lines += [f"| limit shown | {limit_Nm:.3f} N m |"]
+    lines += ["", *(f"*{value}*" for name, value in rows if name == "note")]
+    return "\n".join(lines)
+
+
+def _say(scribe: Scribe, comparison: Comparison, origin: int, limit: float) -> None:
+    """The list of events: where comparing begins, and every turn that passes the limit."""
+    start = float(_seconds(comparison.stamps_ns[comparison.used][0], origin))
+    scribe.say(start, "INFO", "comparison starts: the shaft's motion is settled")
+    turns = comparison.by_revolution
+    over = np.flatnonzero(np.abs(turns.worst_Nm) > limit)
+    worst = over[np.argsort(-np.abs(turns.worst_Nm[over]), kind="stable")]
+    if worst.size > _NAMED:
+        scribe.say(start, "INFO", f"{worst.size} turns pass the limit; the {_NAMED} worst are listed")
+    for k in np.sort(worst[:_NAMED]):
+        angle = np.rad2deg(turns.worst_rad[k])
+        text = f"turn {turns.number[k]}: residual {turns.worst_Nm[k]:+.2f} N m at {angle:.0f}°"
+        scribe.say(float(_seconds(turns.worst_ns[k], origin)), "WARN", text)
+
+
+def _canvases(comparison: Comparison) -> tuple[AngleCanvas, AngleCanvas]:
+    used = comparison.used
+    torque = canvas_for([comparison.measured_Nm[used], comparison.expected_Nm[used]], 720.0, 430.0)
+    bins = comparison.by_angle
+    residual = canvas_for([bins.min_Nm, bins.max_Nm], 720.0, 560.0)
+    return torque, residual
+
+
+def _period_s(comparison: Comparison) -> float:
+    """Time of one turn where most of the recording runs [s]; 1 s for a shaft at rest."""
+    step = np.diff(comparison.predicted_stamps_ns) * 1e-9
+    speed = float(np.median(np.abs(np.diff(comparison.predicted_theta_rad)) / step))
+    return 2.0 * np.pi / speed if speed > 1e-3 else 1.0
+
+
+def _seconds(stamps_ns: IntArray, origin: int) -> FloatArray:
+    return np.asarray((stamps_ns - origin) * 1e-9, dtype=np.float64)

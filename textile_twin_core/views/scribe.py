@@ -1,0 +1,165 @@
+"""Writes a machine's motion, torques and phases to a recording stream in columns: for files and for live views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison import AngleBins
+from textile_twin_core.views import palette
+from textile_twin_core.views.angle_canvas import AngleCanvas, split_turns
+from textile_twin_core.views.layout import TIMELINE
+from textile_twin_core.views.phases import StateChanges
+from textile_twin_core.views.scene import MachineScene, poses
+
+_MIN_MAX = rr.components.AggregationPolicy.MinMax
+_SEGMENT = 8  # samples of a line in the plot over the shaft angle
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scribe:
+    """One recording of one machine.
+
+    Times are seconds from the recording's start; what is not finite is drawn as a gap.
+    """
+
+    stream: rr.RecordingStream
+    scene: MachineScene
+    torque_canvas: AngleCanvas
+    residual_canvas: AngleCanvas
+
+    def scaled(self, *, torque: AngleCanvas | None = None, residual: AngleCanvas | None = None) -> Scribe:
+        """The same recording with other scales for the plots over the shaft angle."""
+        return Scribe(self.stream, self.scene, torque or self.torque_canvas, residual or self.residual_canvas)
+
+    def motion(self, time_s: FloatArray, points: dict[str, FloatArray]) -> None:
+        """The linkage at times (n,) from the positions (n, 2) of its points."""
+        times = _times(time_s)
+        for part in self.scene.moving:
+            place, angle = poses(part, points)
+            zero = np.zeros_like(angle)
+            turn = np.column_stack([zero, zero, np.sin(0.5 * angle), np.cos(0.5 * angle)])
+            columns = rr.Transform3D.columns(translation=place.astype(np.float32), quaternion=turn.astype(np.float32))
+            self.stream.send_columns(f"world/base/links/{part.name}", times, columns)
+
+    def predicted(self, time_s: FloatArray, torque_Nm: FloatArray, sigma_Nm: FloatArray) -> None:
+        """Predicted torque with its standard deviation (nan where unknown) over time."""
+        variance = np.where(np.isfinite(sigma_Nm), sigma_Nm, 0.0) ** 2
+        columns = rr.Measurements.columns(values=torque_Nm, variances=variance)
+        self.stream.send_columns("torque/predicted", _times(time_s), columns)
+
+    def measured(self, time_s: FloatArray, torque_Nm: FloatArray) -> None:
+        """Measured torque over time."""
+        self._scalars("torque/measured", time_s, torque_Nm)
+
+    def residual(self, time_s: FloatArray, residual_Nm: FloatArray, limit_Nm: float | None) -> None:
+        """Residual over time, with its limit where there is one."""
+        self._scalars("residual/residual", time_s, residual_Nm)
+        if limit_Nm is not None and time_s.size:
+            ends = time_s[[0, -1]]
+            self._scalars("residual/limit_upper", ends, np.full(2, limit_Nm))
+            self._scalars("residual/limit_lower", ends, np.full(2, -limit_Nm))
+            over = np.abs(residual_Nm) > limit_Nm
+            self._scalars("residual/over_limit", time_s[over], residual_Nm[over])
+
+    def over_angle(
+        self,
+        which: str,
+        time_s: FloatArray,
+        theta_rad: FloatArray,
+        torque_Nm: FloatArray,
+        colour: palette.Colour,
+        radius: float,
+    ) -> None:
+        """A torque over the shaft angle, in short lines that the viewer keeps for some turns."""
+        points = self.torque_canvas.place(theta_rad, torque_Nm)
+        strips, ends = [], []
+        for first in range(0, time_s.size - 1, _SEGMENT):
+            part = slice(first, min(first + _SEGMENT + 1, time_s.size))
+            for strip in split_turns(theta_rad[part], points[part]):
+                strips.append(strip.astype(np.float32))
+                ends.append(time_s[part][-1])
+        if not strips:
+            return
+        columns = rr.LineStrips2D.columns(strips=strips)
+        self.stream.send_columns(f"angle/{which}", _times(np.array(ends)), columns)
+        self.stream.log(f"angle/{which}", rr.LineStrips2D.from_fields(colors=[colour], radii=[radius]), static=True)
+
+    def now(self, time_s: FloatArray, theta_rad: FloatArray, torque_Nm: FloatArray) -> None:
+        """The present point of the plot over the shaft angle."""
+        points = self.torque_canvas.place(theta_rad, torque_Nm).astype(np.float32)
+        self.stream.send_columns("angle/now", _times(time_s), rr.Points2D.columns(positions=points))
+        self.stream.log(
+            "angle/now", rr.Points2D.from_fields(colors=[palette.NOW], radii=[-5.0], draw_order=50.0), static=True
+        )
+
+    def phases(self, changes: Sequence[StateChanges]) -> None:
+        """Changes of phase, lane by lane."""
+        for change in changes:
+            if change.time_s.size:
+                columns = rr.StateChange.columns(state=list(change.states))
+                self.stream.send_columns(f"phase/{change.lane}", _times(change.time_s), columns)
+
+    def say(self, time_s: float, level: str, text: str) -> None:
+        """A line in the list of events."""
+        self.stream.set_time(TIMELINE, duration=float(time_s))
+        self.stream.log("events", rr.TextLog(f"{time_s:7.2f} s  {text}", level=level))
+
+    def summary(self, markdown: str) -> None:
+        """The run's summary."""
+        self.stream.log("summary", rr.TextDocument(markdown, media_type="text/markdown"), static=True)
+
+    def residual_by_angle(self, bins: AngleBins) -> None:
+        """Mean residual with its spread (one standard deviation) and its extremes over the shaft angle."""
+        canvas = self.residual_canvas
+        good = bins.count > 0
+        x = canvas.x(bins.centre_rad[good])
+        step = canvas.width / bins.centre_rad.size
+
+        def columns(low: FloatArray, high: FloatArray) -> list[FloatArray]:
+            return [np.array([(a, b), (a, c)]) for a, b, c in zip(x, canvas.y(low), canvas.y(high), strict=True)]
+
+        mean, std = bins.mean_Nm[good], bins.std_Nm[good]
+        log = self.stream.log
+        log(
+            "by_angle/extremes",
+            rr.LineStrips2D(
+                columns(bins.min_Nm[good], bins.max_Nm[good]),
+                radii=[0.42 * step],
+                colors=[palette.dim(palette.RESIDUAL, 0.2)],
+                draw_order=0.0,
+            ),
+            static=True,
+        )
+        log(
+            "by_angle/spread",
+            rr.LineStrips2D(
+                columns(mean - std, mean + std),
+                radii=[0.42 * step],
+                colors=[palette.dim(palette.RESIDUAL, 0.5)],
+                draw_order=1.0,
+            ),
+            static=True,
+        )
+        log(
+            "by_angle/mean",
+            rr.LineStrips2D(
+                split_turns(bins.centre_rad, canvas.place(bins.centre_rad, bins.mean_Nm)),
+                radii=[-1.4],
+                colors=[palette.NOW],
+                draw_order=2.0,
+            ),
+            static=True,
+        )
+
+    def _scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
+        if time_s.size:
+            self.stream.send_columns(entity, _times(time_s), rr.Scalars.columns(scalars=values))
+
+
+def _times(time_s: FloatArray) -> list[rr.TimeColumn]:
+    return [rr.TimeColumn(TIMELINE, duration=np.round(time_s * 1e9).astype("timedelta64[ns]"))]

@@ -1,0 +1,133 @@
+"""Open a recording in the rerun viewer, or take its picture without a screen."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from rerun.experimental import ViewerClient
+
+from textile_twin_core.errors import RecordingError, TwinError
+
+_START_S = 60.0
+_LOAD_S = 120.0
+_PICTURES = 40
+
+
+def open_viewer(path: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
+    """Open a .rrd recording in the viewer, which runs on when this program ends.
+
+    Raises:
+        RecordingError: there is no such file.
+        TwinError: the viewer is not installed.
+    """
+    recording = Path(path)
+    if not recording.is_file():
+        raise RecordingError(f"{recording}: there is no such recording")
+    # A viewer listens for data from others: on loopback only.
+    command = [str(_program()), "--bind", "127.0.0.1", "--hide-welcome-screen", str(recording)]
+    return subprocess.Popen(command, start_new_session=True)
+
+
+def screenshot(
+    path: str | os.PathLike[str],
+    picture: str | os.PathLike[str],
+    *,
+    time_s: float | None = None,
+    size: tuple[int, int] = (1920, 1080),
+) -> Path:
+    """Draw a .rrd recording as the viewer shows it and save the picture as PNG. Needs no screen, but Vulkan.
+
+    Args:
+        path: the recording.
+        picture: the PNG to write.
+        time_s: where the time cursor stands, seconds on the recording's time; its end without it.
+        size: width and height of the window.
+
+    Returns:
+        The path of the picture.
+
+    Raises:
+        RecordingError: there is no such file.
+        TwinError: the viewer does not start, or not in time.
+    """
+    recording, target = Path(path), Path(picture)
+    if not recording.is_file():
+        raise RecordingError(f"{recording}: there is no such recording")
+    port = _free_port()
+    command = [str(_program()), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
+    command += ["--window-size", f"{size[0]}x{size[1]}"]
+    with tempfile.TemporaryDirectory(prefix="viewer-") as home, tempfile.TemporaryFile() as log:
+        # The viewer keeps its settings in its own home, so that the picture is of the layout that was recorded.
+        place = {**os.environ, "HOME": home, "XDG_CONFIG_HOME": home, "XDG_CACHE_HOME": home, "XDG_DATA_HOME": home}
+        viewer = subprocess.Popen(command, env=place, stdout=log, stderr=log)
+        try:
+            image = _take(_connect(viewer, port), recording, time_s)
+        except TwinError as error:
+            log.seek(0)
+            last = log.read().decode(errors="replace").strip().splitlines()[-1:]
+            raise TwinError(f"{error}{f' ({last[0]})' if last else ''}") from error
+        finally:
+            viewer.terminate()
+            try:
+                viewer.wait(timeout=10.0)
+            except subprocess.TimeoutExpired:
+                viewer.kill()
+                viewer.wait()
+    target.write_bytes(image)
+    return target
+
+
+def _take(client: ViewerClient, recording: Path, time_s: float | None) -> bytes:
+    client.open(str(recording.resolve()))
+    end = time.monotonic() + _LOAD_S
+    while client.get_state().loading:
+        if time.monotonic() > end:
+            raise TwinError(f"{recording}: the viewer did not load it in {_LOAD_S:g} s")
+        time.sleep(0.1)
+    if time_s is not None:
+        client.set_time("time", duration=time_s, play_state="paused")
+    time.sleep(1.0)
+    # The first pictures are of empty plots: wait until three in a row are the same.
+    last: list[bytes] = []
+    for _ in range(_PICTURES):
+        last = [*last, client.take_screenshot()][-3:]
+        if len(last) == 3 and len(set(last)) == 1:
+            break
+        time.sleep(0.3)
+    return last[-1]
+
+
+def _connect(viewer: subprocess.Popen[bytes], port: int) -> ViewerClient:
+    end = time.monotonic() + _START_S
+    while True:
+        if viewer.poll() is not None:
+            raise TwinError(f"the viewer ended at once with code {viewer.returncode}")
+        try:
+            with socket.create_connection(("127.0.0.1", port), timeout=1.0):
+                pass
+            client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+            client.get_state()
+            return client
+        except Exception as error:  # the client raises what its transport raises
+            if time.monotonic() > end:
+                raise TwinError(f"the viewer did not answer in {_START_S:g} s: {error}") from error
+            time.sleep(0.2)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _program() -> Path:
+    program = Path(sys.executable).with_name("rerun")
+    if not program.exists():
+        raise TwinError(f"the rerun viewer is not installed beside {sys.executable}: install textile-twin-core[view]")
+    return program
