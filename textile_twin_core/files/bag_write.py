@@ -23,6 +23,7 @@ from textile_twin_core.files.rosbag2_metadata import OfferedQos, TopicInfo
 from textile_twin_core.files.schemas import MessageSchema, message_schema
 
 _FLUSH_SECONDS = 1.0
+_OF_A_RECORDING = (".yaml", ".mcap", ".db3", ".zstd")
 
 
 class BagWriter:
@@ -50,8 +51,8 @@ class BagWriter:
         self._custom_data = {key: str(value) for key, value in (custom_data or {}).items()}
         self._live = live
         self._single = self.path.suffix == ".mcap"
-        if self.path.exists() and not overwrite:
-            raise OutputError(f"output {self.path}: is there already; choose another name or ask to overwrite it")
+        if self.path.exists():
+            _check_replaceable(self.path, overwrite)
         check_folder(self.path)
         if live:
             remove(self.path)
@@ -210,6 +211,18 @@ class BagWriter:
             self._file.abandon()
             if not self._live:
                 remove(self._place)
+
+
+def _check_replaceable(path: Path, overwrite: bool) -> None:
+    """Only a recording is replaced, and only when that is asked for."""
+    if not overwrite:
+        raise OutputError(
+            f"output {path}: is there already; choose another name, or replace it with --force (overwrite=True)"
+        )
+    entries = path.iterdir() if path.is_dir() else [path]
+    others = sorted(entry.name for entry in entries if entry.suffix not in _OF_A_RECORDING or entry.is_dir())
+    if others:
+        raise OutputError(f"output {path}: holds {others[0]}, which is no part of a recording; choose another name")
 
 
 def _absolute(topic: str) -> str:

@@ -1,0 +1,269 @@
+"""textile-twin replay, compare and recover on small recordings, and every bad recording as one line."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+
+import textile_twin_core as ttc
+from textile_twin_core.cli.main import main
+from textile_twin_core.files import BagWriter, OfferedQos, open_bag
+from textile_twin_core.files.schemas import MessageSchema
+
+EPOCH = 1_700_000_000_000_000_000
+RATE = 500
+SECONDS = 6
+OMEGA = 160 * 2 * np.pi / 60
+DELAY = 0.002
+NOISE = 0.02
+PEAK = 17.2786
+AIR_HASH = "RIHS01_d3a9d7dea9cf966a0b6cc58d044a3ed787c0a8c2d2644c45c35f998bf4e02299"
+
+
+def _write(
+    path: Path, change: dict[str, Any] | None = None, prefix: str = "", live: bool = False, angle: bool = True
+) -> Path:
+    """A steady shaft, its wrapped angle, and the torque of the machine at the true angle, delayed and noisy."""
+    n = RATE * SECONDS
+    time = np.arange(n) / RATE
+    stamps = EPOCH + np.rint(time * 1e9).astype(np.int64)
+    theta = OMEGA * time
+    angles = np.mod(theta, 2 * np.pi)
+    for k, value in (change or {}).items():
+        angles[int(k)] = value
+    twin = ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm"])
+    torque = twin.evaluate(theta - OMEGA * DELAY, OMEGA, 0.0)["balancing_torque_Nm"]
+    noise = np.random.default_rng(2).normal(scale=NOISE, size=n)
+    with BagWriter(path, {"made": "for a test"}, live=live) as out:
+        if angle:
+            out.write_joint_states(f"{prefix}/main_shaft/angle", stamps, ["main_shaft"], angles)
+        out.write_wrenches(f"{prefix}/balancing_torque/measured", stamps + 300_000, torque + noise)
+        qos = OfferedQos("best_effort", "volatile", 3)
+        out.add_topic("/mill/humidity", "mill_msgs/msg/Air", qos, MessageSchema("float64 water\n", AIR_HASH))
+        out.write("/mill/humidity", EPOCH, b"\x00\x01\x00\x00" + np.float64(0.5).tobytes())
+    return path
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return _write(tmp_path_factory.mktemp("bag") / "steady")
+
+
+@pytest.fixture(scope="module")
+def replayed(bag: Path) -> Path:
+    out = bag.parent / "replayed"
+    assert main(["replay", str(bag), "--machine", "tufting", "--out", str(out)]) == 0
+    return out
+
+
+def test_replay_predicts_each_sample_with_its_stamp(bag: Path, replayed: Path) -> None:
+    angles, out = open_bag(bag).read_angles(), open_bag(replayed)
+    predicted = out.read_torques("balancing_torque/predicted")
+    np.testing.assert_array_equal(predicted.stamps, angles.stamps[2:])
+    # The same twin and estimator, sample by sample as a node feeds them.
+    session = ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm", "point_F_y_m"]).session(shaft="causal")
+    torque, needle = [], []
+    for stamp, angle in zip(angles.stamps[:400], angles.angles_rad[:400], strict=True):
+        samples = session.step(np.array([stamp]), np.array([angle]))
+        torque += samples["balancing_torque_Nm"].tolist()
+        needle += samples["point_F_y_m"].tolist()
+    np.testing.assert_allclose(predicted.torque_Nm[: len(torque)], torque, atol=1e-9 * PEAK)
+    points = out.read_points("needle/position")
+    np.testing.assert_array_equal(points.stamps, predicted.stamps)
+    np.testing.assert_allclose(points.points_m[: len(needle), 1], needle, atol=1e-12)
+    sigma = out.read_torques("balancing_torque/predicted_sigma").torque_Nm
+    assert (sigma[RATE:] > 0).all()
+
+
+def test_replay_gives_the_residual_at_the_measured_stamps(bag: Path, replayed: Path) -> None:
+    out, measured = open_bag(replayed), open_bag(bag).read_torques()
+    predicted, residual = out.read_torques("balancing_torque/predicted"), out.read_torques("balancing_torque/residual")
+    assert np.isin(residual.stamps, measured.stamps).all()
+    assert len(residual) > 0.98 * len(measured)
+    at = np.searchsorted(measured.stamps, residual.stamps)
+    origin = predicted.stamps[0]
+    expected = measured.torque_Nm[at] - np.interp(
+        (residual.stamps - origin) * 1e-9, (predicted.stamps - origin) * 1e-9, predicted.torque_Nm
+    )
+    np.testing.assert_allclose(residual.torque_Nm, expected, atol=1e-9)
+
+
+def test_replay_copies_the_inputs_as_they_are(bag: Path, replayed: Path) -> None:
+    before, after = open_bag(bag), open_bag(replayed)
+    for name, topic in before.topics.items():
+        assert after.topics[name] == topic
+        old, new = (list(opened.raw_messages([name])) for opened in (before, after))
+        assert old == new
+    assert after.metadata["made"] == "for a test"
+    assert after.metadata["machine"] == "tufting"
+    with AnyReader([replayed]) as reader:
+        count = sum(1 for _ in reader.messages())
+    assert count == after.message_count
+
+
+def test_a_replay_of_a_replay_predicts_anew(replayed: Path, tmp_path: Path) -> None:
+    assert main(["replay", str(replayed), "--machine", "tufting", "--out", str(tmp_path / "b.mcap")]) == 0
+    first, second = open_bag(replayed), open_bag(tmp_path / "b.mcap")
+    assert {name: topic.count for name, topic in first.topics.items()} == {
+        name: topic.count for name, topic in second.topics.items()
+    }
+
+
+def test_replay_keeps_the_namespace(tmp_path: Path) -> None:
+    bag = _write(tmp_path / "b", prefix="/mill/tufter_3")
+    assert main(["replay", str(bag), "--machine", "tufting", "--out", str(tmp_path / "out")]) == 0
+    assert "/mill/tufter_3/balancing_torque/residual" in open_bag(tmp_path / "out").topics
+
+
+def _compare(tmp_path: Path, bag: Path, *more: str) -> dict[str, Any]:
+    out = tmp_path / "comparison.json"
+    assert main(["compare", str(bag), "--machine", "tufting", "--json", str(out), *more]) == 0
+    result: dict[str, Any] = json.loads(out.read_text())
+    return result
+
+
+def test_compare_finds_noise_and_delay(tmp_path: Path, bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = _compare(tmp_path, bag)
+    torque, samples = result["torque"], result["samples"]
+    assert torque["rms_error_Nm"] == pytest.approx(NOISE, rel=0.25)
+    assert torque["delay_s"] == pytest.approx(DELAY + 0.0003, abs=1e-4)
+    assert torque["correlation"] > 0.9999
+    assert torque["rms_over_peak"] == pytest.approx(torque["rms_error_Nm"] / PEAK, rel=0.02)
+    assert samples["used"] + samples["rejected"] == RATE * SECONDS
+    assert result["revolutions"] == pytest.approx(OMEGA * SECONDS / (2 * np.pi), abs=0.5)
+    text = capsys.readouterr().out
+    assert "RMS error" in text
+    assert "sensor delay" in text
+
+
+def test_recorded_predictions_are_those_computed(tmp_path: Path, replayed: Path) -> None:
+    live = _compare(tmp_path, replayed, "--predicted", "recorded", "--shaft", "causal")
+    again = _compare(tmp_path, replayed, "--predicted", "recomputed", "--shaft", "causal")
+    assert live["predicted"] == "recorded"
+    assert live["torque"] == again["torque"]
+    assert live["samples"]["used"] == again["samples"]["used"]
+
+
+def test_compare_writes_all_it_was_asked_for_or_nothing(tmp_path: Path, bag: Path) -> None:
+    files = [tmp_path / f"c.{form}" for form in ("json", "rrd", "png")]
+    options = [word for file in files for word in (f"--{file.suffix[1:]}", str(file))]
+    assert main(["compare", str(bag), "--machine", "tufting", *options]) == 0
+    assert all(file.stat().st_size > 1000 for file in files)
+    assert sorted(tmp_path.iterdir()) == sorted(files)
+    for file in files:
+        file.unlink()
+    lost = str(tmp_path / "missing" / "d.png")
+    assert main(["compare", str(bag), "--machine", "tufting", "--json", str(files[0]), "--png", lost]) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_angles_stop_the_work_or_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = _write(tmp_path / "b", {"700": np.nan, "701": np.inf})
+    for command in (["replay", "--out", str(tmp_path / "out")], ["compare", "--json", str(tmp_path / "c.json")]):
+        assert main([command[0], str(bag), "--machine", "tufting", *command[1:]]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert "sample 700 (1.400 s after the first) is nan, 2 such of 3000" in error
+    assert [entry.name for entry in tmp_path.iterdir()] == ["b"]
+    counted = _compare(tmp_path, bag, "--skip-bad-samples")
+    assert counted["samples"]["rejected_by_cause"]["angle_not_finite"] == 2
+
+
+def _no_bag(folder: Path) -> Path:
+    path = folder / "in.mcap"
+    path.write_text("no bag at all")
+    return path
+
+
+def _empty_bag(folder: Path) -> Path:
+    with BagWriter(folder / "in") as out:
+        out.add_topic("main_shaft/angle", "sensor_msgs/msg/JointState")
+        out.add_topic("balancing_torque/measured", "geometry_msgs/msg/WrenchStamped")
+    return folder / "in"
+
+
+def _only_nan(folder: Path) -> Path:
+    return _write(folder / "in", {str(k): np.nan for k in range(RATE * SECONDS)})
+
+
+def _two_samples(folder: Path) -> Path:
+    with BagWriter(folder / "in") as out:
+        stamps = EPOCH + np.array([0, 2_000_000])
+        out.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], np.array([0.0, 0.03]))
+        out.write_wrenches("balancing_torque/measured", stamps, np.array([1.0, 2.0]))
+    return folder / "in"
+
+
+@pytest.mark.parametrize("command", ["replay", "compare"])
+@pytest.mark.parametrize(
+    ("make", "more", "says"),
+    [
+        (_no_bag, [], "not a bag"),
+        (lambda folder: folder / "in", [], "no such file"),
+        (_empty_bag, [], "the bag is empty"),
+        (lambda folder: _write(folder / "in", angle=False), [], "no topic /main_shaft/angle; topics there: "),
+        (lambda folder: _write(folder / "in"), ["--angle-topic", "/balancing_torque/measured"], "WrenchStamped"),
+        (lambda folder: _write(folder / "in"), ["--joint", "motor"], "joint 'motor'; joints there: main_shaft"),
+        (_only_nan, ["--skip-bad-samples"], "no angle is a finite number"),
+        (_two_samples, [], "too few samples"),
+        (_two_samples, ["--shaft-lag", "0.1"], "--shaft-lag belongs to --shaft lag"),
+        (_two_samples, ["--machine", "tuftin"], "did you mean tufting"),
+    ],
+)
+def test_a_bad_recording_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, make: Any, more: list[str], says: str
+) -> None:
+    bag = make(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    out = ["--out", str(tmp_path / "out")] if command == "replay" else ["--json", str(tmp_path / "c.json")]
+    assert main([command, str(bag), "--machine", "tufting", *out, *more]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert says in error
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_the_topics_there_are_listed_with_their_types(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = _write(tmp_path / "b", angle=False)
+    main(["replay", str(bag), "--machine", "tufting", "--out", str(tmp_path / "out")])
+    listed = "/balancing_torque/measured (geometry_msgs/msg/WrenchStamped, 3000), /mill/humidity (mill_msgs/msg/Air, 1)"
+    assert listed in capsys.readouterr().err
+
+
+def test_an_output_that_is_there_is_kept_unless_forced(
+    tmp_path: Path, bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(bag, tmp_path / "out")
+    command = ["replay", str(bag), "--machine", "tufting", "--out", str(tmp_path / "out")]
+    assert main(command) == 2
+    assert "--force" in capsys.readouterr().err
+    assert (tmp_path / "out" / "metadata.yaml").read_bytes() == (bag / "metadata.yaml").read_bytes()
+    (tmp_path / "out" / "precious.txt").write_text("keep")
+    assert main([*command, "--force"]) == 2
+    assert "precious.txt" in capsys.readouterr().err
+    (tmp_path / "out" / "precious.txt").unlink()
+    assert main([*command, "--force"]) == 0
+    assert sorted(entry.name for entry in (tmp_path / "out").iterdir()) == ["metadata.yaml", "out_0.mcap"]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_cut_off_recording_is_read_with_a_notice_and_recovered(
+    tmp_path: Path, bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut"
+    shutil.copytree(bag, cut)
+    (cut / "metadata.yaml").unlink()
+    file = next(cut.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: file.stat().st_size * 9 // 10])
+    assert main(["recover", str(cut), "--out", str(tmp_path / "whole")]) == 0
+    assert "cut off" in capsys.readouterr().err
+    recovered = open_bag(tmp_path / "whole")
+    assert not recovered.truncated
+    assert recovered.topics == open_bag(cut).topics
+    np.testing.assert_array_equal(recovered.read_angles().angles_rad, open_bag(bag).read_angles().angles_rad)
