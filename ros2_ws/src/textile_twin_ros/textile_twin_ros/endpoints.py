@@ -54,7 +54,7 @@ def describe_publishers(node: Node, topic: str, msgtype: str) -> str:
 
 
 def _is_own(node: Node, info: TopicEndpointInfo) -> bool:
-    return info.node_name == node.get_name() and info.node_namespace == node.get_namespace()
+    return bool(info.node_name == node.get_name() and info.node_namespace == node.get_namespace())
 
 
 def _publisher(info: TopicEndpointInfo, msgtype: str) -> str:

@@ -28,6 +28,8 @@ from textile_twin_ros.messages import (
 Sample: TypeAlias = tuple[int, float, float]
 Reading: TypeAlias = "tuple[int | None, float, float]"
 Reader: TypeAlias = Callable[[bytes], Reading]
+#: Message type, and what makes a reader of it for a joint.
+Kind: TypeAlias = tuple[str, Callable[[str], Reader]]
 # Reliability is the node's own parameter, which knows a third value.
 _OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH))
 _BLOCK = 512
@@ -67,12 +69,12 @@ def _plain_number(_joint: str) -> Reader:
     return lambda raw: (None, read_float64(raw), _NAN)
 
 
-#: By the value of the parameter: message type, and what makes a reader for a joint.
-ANGLE_READERS: dict[str, tuple[str, Callable[[str], Reader]]] = {
+#: By the value of the parameter.
+ANGLE_READERS: dict[str, Kind] = {
     "joint_state": (JOINT_STATE, _joint_angle),
     "float64": (FLOAT64, _plain_number),
 }
-TORQUE_READERS: dict[str, tuple[str, Callable[[str], Reader]]] = {
+TORQUE_READERS: dict[str, Kind] = {
     "wrench": (WRENCH, _wrench_torque),
     "joint_state": (JOINT_STATE, _joint_effort),
     "float64": (FLOAT64, _plain_number),
@@ -100,7 +102,7 @@ class SampleInput:
         self,
         node: Node,
         topic: str,
-        kind: tuple[str, Callable[[str], Reader]],
+        kind: Kind,
         joint: str,
         depth: int,
         reliability: str,

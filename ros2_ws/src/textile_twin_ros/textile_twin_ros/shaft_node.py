@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 
 import textile_twin_core as ttc
 from textile_twin_ros.endpoints import depth_for, samples_qos
+from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import SECOND_NS, JointTemplate, WrenchTemplate
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
@@ -45,7 +46,7 @@ class ShaftNode(Node):
         self.settings = parameters = declare(self, ShaftParameters)
         self.executor_name = parameters.executor
         self.finished = Future()
-        machine = ttc.machines.create(parameters.machine)
+        machine = load_machine(parameters.machine)
         self._twin = ttc.compile(machine, outputs=[_TORQUE])
         encoder, torque = machine.sensors.encoder, machine.sensors.torque
         self._motion = ShaftMotion(parameters.rpm, parameters.run_up_s, parameters.ripple)

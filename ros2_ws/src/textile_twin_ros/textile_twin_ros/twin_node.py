@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -11,10 +10,10 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-import textile_twin_core as ttc
 from textile_twin_core.errors import TwinError
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, latched_qos
+from textile_twin_ros.machine import load_machine
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Sample, SampleInput
 from textile_twin_ros.spinning import EXECUTORS, run
@@ -197,15 +196,6 @@ class TwinNode(LifecycleNode):
         self._torque.watch.restart()
         response.success, response.message = True, "estimator, residuals and counts begin anew"
         return response
-
-
-def load_machine(name: str) -> ttc.Machine:
-    """A machine by its name, or from a machine file.
-
-    Raises:
-        MachineError: no such machine, or a file that declares none.
-    """
-    return ttc.load_machine(name) if Path(name).suffix in (".yaml", ".yml") else ttc.machines.create(name)
 
 
 def main(arguments: list[str] | None = None) -> int:
