@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from textile_twin_core.machines.machine import Machine
 class PublishedRow:
     """A printed value, what this package computes for it, and why they differ where they do.
 
-    `printed` is text where the paper gives no plain number, as "over 60", and None where it gives nothing;
-    `computed` is text where several values share a row.
+    `printed` is text where its digits or words matter, as "0.90" or "over 60", and None where the paper gives
+    nothing; `computed` is text where several values share a row. `section` groups the rows of one paper.
     """
 
     paper: str
@@ -27,18 +28,71 @@ class PublishedRow:
     printed: float | str | None
     computed: float | str
     reason: str = ""
+    section: str = ""
 
     @property
     def deviation(self) -> float | None:
         """Computed minus printed, in the row's unit; None where no plain number is printed."""
-        if isinstance(self.printed, str) or isinstance(self.computed, str) or self.printed is None:
+        numbers = printed_numbers(self.printed)
+        if isinstance(self.computed, str) or len(numbers) != 1:
             return None
-        return self.computed - self.printed
+        return self.computed - float(numbers[0])
+
+    @property
+    def last_places(self) -> float | None:
+        """Largest deviation of the row's numbers in units of their last printed digit; None where words stand."""
+        printed, computed = printed_numbers(self.printed), printed_numbers(self.computed)
+        if not printed or len(printed) != len(computed):
+            return None
+        if not isinstance(self.computed, str):
+            computed = [Decimal(self.computed)]
+        pairs = zip(printed, computed, strict=True)
+        return max(float(abs(ours - theirs) / Decimal(10) ** -decimals(theirs)) for theirs, ours in pairs)
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether print and computation differ by less than a unit of the last printed digit; None without numbers."""
+        return None if self.last_places is None else self.last_places < 1.0
+
+
+PrintedAndOurs = tuple[str, str, float | str | None, float | str, str]
+"""Quantity, unit, printed value, computed value, and why they differ."""
+
+
+def in_sections(paper: str, sections: Mapping[str, Iterable[PrintedAndOurs]]) -> tuple[PublishedRow, ...]:
+    """The rows of a paper by section."""
+    return tuple(PublishedRow(paper, *row, section) for section, rows in sections.items() for row in rows)
+
+
+def printed_numbers(printed: float | str | None) -> list[Decimal]:
+    """The numbers of a printed value with their digits; none where it has words."""
+    if printed is None:
+        return []
+    text = printed if isinstance(printed, str) else f"{printed:.12g}"
+    try:
+        return [Decimal(word) for word in text.split()]
+    except InvalidOperation:
+        return []
+
+
+def decimals(number: Decimal) -> int:
+    """Digits after the point of a printed number, those of its power of ten included."""
+    return -int(number.as_tuple().exponent)
+
+
+def span(values: FloatArray, places: int) -> str:
+    """Smallest and largest value, with so many decimals."""
+    return f"{values.min():.{places}f} .. {values.max():.{places}f}"
 
 
 def over_a_turn(machine: Machine, names: Sequence[str], omega_rad_s: float, samples: int) -> dict[str, FloatArray]:
     """Outputs by name over one turn at constant speed, at theta = 2 pi k/samples."""
     theta = np.linspace(0.0, 2.0 * np.pi, samples, endpoint=False)
+    return at_angles(machine, names, omega_rad_s, theta)
+
+
+def at_angles(machine: Machine, names: Sequence[str], omega_rad_s: float, theta: FloatArray) -> dict[str, FloatArray]:
+    """Outputs by name at shaft angles [rad] and constant speed."""
     found = {name: np.empty_like(theta) for name in names}
     program = BlockProgram([machine.model.output(name) for name in names], INPUTS)
     program([theta, np.full_like(theta, omega_rad_s), np.zeros_like(theta)], list(found.values()))
