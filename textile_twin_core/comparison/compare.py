@@ -16,6 +16,7 @@ from textile_twin_core.comparison.result import Comparison, ComparisonEvent, Sam
 from textile_twin_core.comparison.statistics import error_statistics
 
 _LEAST_SAMPLES = 16
+_TURNING_SHARE = 0.1  # of the fast end of the recorded speeds
 
 
 class TorqueSensorLike(Protocol):
@@ -136,6 +137,7 @@ def compare_torque(
     if np.count_nonzero(used_configured) < _LEAST_SAMPLES:
         used_configured = used
     configured_Nm, _ = _expected(track, time - configured, gain, offset)
+    turning = _turning(track, time - fit.delay_s)
     seen, told, turned = measured[used], expected[used], angle[used]
     fitted = fit.gain * (told - offset) / gain + fit.offset_Nm if np.isfinite(fit.gain) else told
 
@@ -160,7 +162,7 @@ def compare_torque(
         errors=error_statistics(seen, told),
         errors_configured=error_statistics(measured[used_configured], configured_Nm[used_configured]),
         errors_fitted=error_statistics(seen, fitted),
-        by_angle=bin_by_angle(turned, residual[used], angle_bins),
+        by_angle=bin_by_angle(angle[used & turning], residual[used & turning], angle_bins),
         by_revolution=by_revolution(measured_ns[used], turned, residual[used]),
         samples=SampleCount(
             measured=int(np.size(measured_Nm)),
@@ -199,6 +201,13 @@ def _expected(track: Track, time_s: FloatArray, gain: float, offset_Nm: float) -
     torque, _ = track.torque_at(time_s, piece)
     theta = np.where(inside, track.theta_at(time_s, piece), np.nan)
     return gain * torque + offset_Nm, theta
+
+
+def _turning(track: Track, time_s: FloatArray) -> BoolArray:
+    """Which of the times (m,) find the shaft turning: friction and angle of a shaft at rest say nothing."""
+    speed = np.abs(np.diff(track.theta_rad) / np.diff(track.edge_s))
+    share = _TURNING_SHARE * float(np.percentile(speed, 95.0))
+    return np.asarray(speed[track.piece(time_s)[0]] >= share)
 
 
 def _notes(fit: SensorFit, configured_s: float, search_s: float) -> tuple[str, ...]:

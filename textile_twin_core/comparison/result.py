@@ -70,7 +70,7 @@ class Comparison:
         fit: delay, gain and offset as the data tell them.
         errors: at the estimated delay. errors_configured: at the configured one.
             errors_fitted: with estimated delay, gain and offset, what no sensor setting explains.
-        by_angle, by_revolution: the residual at the estimated delay, sorted.
+        by_angle, by_revolution: the residual at the estimated delay, sorted; by angle while the shaft turns.
         samples: used and rejected. revolutions: turns of the shaft from the first used sample to the last.
         events: the turn's events. notes: what a reader of the numbers should know.
     """

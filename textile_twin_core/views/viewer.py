@@ -16,7 +16,7 @@ from textile_twin_core.errors import RecordingError, TwinError
 
 _START_S = 60.0
 _LOAD_S = 120.0
-_PICTURES = 40
+_PICTURE_S = 180.0
 
 
 def open_viewer(path: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
@@ -95,10 +95,14 @@ def _take(client: ViewerClient, recording: Path, time_s: float | None) -> bytes:
     time.sleep(1.0)
     # The first pictures are of empty plots: wait until three in a row are the same.
     last: list[bytes] = []
-    for _ in range(_PICTURES):
-        last = [*last, client.take_screenshot()][-3:]
-        if len(last) == 3 and len(set(last)) == 1:
-            break
+    end = time.monotonic() + _PICTURE_S
+    while len(last) < 3 or len(set(last)) > 1:
+        if time.monotonic() > end:
+            raise TwinError(f"{recording}: the viewer did not draw it in {_PICTURE_S:g} s")
+        try:
+            last = [*last, client.take_screenshot()][-3:]
+        except TimeoutError:  # a busy machine: the viewer draws by software
+            continue
         time.sleep(0.3)
     return last[-1]
 
