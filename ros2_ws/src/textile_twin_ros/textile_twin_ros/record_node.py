@@ -160,7 +160,8 @@ class RecordNode(Node):
         idle = self.settings.stop_when_idle_s
         if idle and self._anything and now - self._last > idle and not self.finished.done():
             self.finished.set_result(0)
-        silent = now - self._last > self.settings.no_data_timeout_s
+        # Where silence is the end, it is nothing to warn of.
+        silent = now - self._last > self.settings.no_data_timeout_s and not (idle and self._anything)
         if silent and not self._told_silent:
             self.get_logger().warning(self._silence())
         self._told_silent = silent

@@ -1,0 +1,41 @@
+"""One machine: its twin, and if wanted the live view, in a namespace of its own.
+
+ros2 launch textile_twin_ros twin.launch.py machine:=tufting namespace:=/mill/m1 view:=true
+"""
+
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+
+def generate_launch_description() -> LaunchDescription:
+    config = PathJoinSubstitution([FindPackageShare("textile_twin_ros"), "config", "twin.yaml"])
+    machine, namespace = LaunchConfiguration("machine"), LaunchConfiguration("namespace")
+    parameters = LaunchConfiguration("params_file")
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("machine", default_value="tufting", description="machine name or machine file"),
+            DeclareLaunchArgument("namespace", default_value="", description="namespace of the machine's topics"),
+            DeclareLaunchArgument("params_file", default_value=config, description="parameters of the nodes"),
+            DeclareLaunchArgument("view", default_value="false", description="serve rerun viewers"),
+            Node(
+                package="textile_twin_ros",
+                executable="twin_node",
+                namespace=namespace,
+                parameters=[parameters, {"machine": machine}],
+                output="screen",
+            ),
+            Node(
+                package="textile_twin_ros",
+                executable="view_node",
+                namespace=namespace,
+                parameters=[{"machine": machine}],
+                condition=IfCondition(LaunchConfiguration("view")),
+                output="screen",
+            ),
+        ]
+    )
