@@ -49,7 +49,9 @@ class McapFileWriter:
         self._metadata: list[records.MetadataIndex] = []
         self._compressor = zstandard.ZstdCompressor()
         self._chunk = bytearray()
-        self._rows: dict[int, list[IntArray | tuple[int, int]]] = {}
+        self._rows: dict[int, list[IntArray]] = {}
+        self._singles: dict[int, list[int]] = {}
+        """Log time and offset of messages written one by one, in turn."""
         self.span_ns: tuple[int, int] | None = None
         self._chunk_span: tuple[int, int] | None = None
         self._file.write(MAGIC)
@@ -88,7 +90,7 @@ class McapFileWriter:
     def write(self, channel: int, log_time_ns: int, cdr: bytes) -> None:
         """Append one message."""
         sequence = self.counts[channel] & 0xFFFFFFFF
-        self._rows.setdefault(channel, []).append((log_time_ns, len(self._chunk)))
+        self._singles.setdefault(channel, []).extend((log_time_ns, len(self._chunk)))
         self._chunk += _HEAD(Opcode.MESSAGE, 22 + len(cdr), channel, sequence, log_time_ns, log_time_ns)
         self._chunk += cdr
         self._note(channel, 1, log_time_ns, log_time_ns)
@@ -139,9 +141,11 @@ class McapFileWriter:
         )
         index_start = self._file.tell()
         offsets: dict[int, int] = {}
+        for channel, singles in self._singles.items():
+            self._rows.setdefault(channel, []).append(np.array(singles, np.int64).reshape(-1, 2))
         for channel, pieces in self._rows.items():
             offsets[channel] = self._file.tell()
-            table = np.concatenate([np.atleast_2d(np.asarray(piece, np.int64)) for piece in pieces])
+            table = np.concatenate(pieces)
             body = table[np.argsort(table[:, 0], kind="stable")].astype("<u8").tobytes()
             self._file.write(_INDEX_HEAD(Opcode.MESSAGE_INDEX, 6 + len(body), channel, len(body)) + body)
         self._chunks.append(
@@ -159,7 +163,7 @@ class McapFileWriter:
         )
         whole = self.span_ns or self._chunk_span
         self.span_ns = (min(first, whole[0]), max(last, whole[1]))
-        self._chunk, self._rows, self._chunk_span = bytearray(), {}, None
+        self._chunk, self._rows, self._singles, self._chunk_span = bytearray(), {}, {}, None
 
     def flush(self) -> None:
         """Put everything written so far on the disk, so that neither a kill nor a power loss takes it."""
