@@ -1,0 +1,37 @@
+"""Bodies on springs and dampers between one-sided stops and elastic pads, driven by a prescribed motion.
+
+Declare a `ContactModel`; run it whole with `run_contact`, or piece by piece with a `ContactIntegrator`.
+"""
+
+from textile_twin_core.contact.drive import Drive, DrivePiece, Section, hermite_piece, quintic
+from textile_twin_core.contact.energy import EnergyBook, book_energy
+from textile_twin_core.contact.integrator import ContactIntegrator, Progress
+from textile_twin_core.contact.model import FRAME, Body, ContactError, ContactModel, Pad, SpringDamper, Stop
+from textile_twin_core.contact.result import ContactEvent, PadState, Segment
+from textile_twin_core.contact.run import ContactRun, run_contact
+from textile_twin_core.contact.state import ContactState
+
+__all__ = [
+    "FRAME",
+    "Body",
+    "ContactError",
+    "ContactEvent",
+    "ContactIntegrator",
+    "ContactModel",
+    "ContactRun",
+    "ContactState",
+    "Drive",
+    "DrivePiece",
+    "EnergyBook",
+    "Pad",
+    "PadState",
+    "Progress",
+    "Section",
+    "Segment",
+    "SpringDamper",
+    "Stop",
+    "book_energy",
+    "hermite_piece",
+    "quintic",
+    "run_contact",
+]

@@ -78,9 +78,7 @@ class Drive(Protocol):
         ...
 
 
-def hermite_piece(
-    start_s: float, start: Sequence[float], end_s: float, end: Sequence[float]
-) -> DrivePiece:
+def hermite_piece(start_s: float, start: Sequence[float], end_s: float, end: Sequence[float]) -> DrivePiece:
     """The quintic that has the given value, velocity and acceleration at both ends of a time interval."""
     return DrivePiece(start_s, end_s, IDENTITY, quintic(end_s - start_s, start, end))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.contact.drive_force import DriveForce, pad_normals
 from textile_twin_core.contact.forces import LinearForces
 from textile_twin_core.contact.mode import derivative
 from textile_twin_core.contact.model import ContactModel
@@ -47,8 +48,8 @@ def book_energy(model: ContactModel, segments: list[Segment], events: list[Conta
     bodies = len(model.bodies)
     rows = np.zeros((5, len(segments) + 1))
     times = np.array([*(segment.start_s for segment in segments), segments[-1].end_s])
-    pad_normals = _normals(model, [(pad.upper, pad.lower) for pad in model.pads])
-    stop_normals = _normals(model, [(stop.lower, stop.upper) for stop in model.stops])
+    pads = pad_normals(model)
+    drive_force = DriveForce(model)
     damped = work = lost = 0.0
     event = 0
     for k, segment in enumerate(segments):
@@ -57,54 +58,45 @@ def book_energy(model: ContactModel, segments: list[Segment], events: list[Conta
             lost += events[event].energy_lost_J
             work += events[event].drive_work_J
             event += 1
-        rows[:, k] = _kinetic(forces, velocity), _potential(model, start), damped, lost, work
+        rows[:, k] = kinetic_energy(forces, velocity), potential_energy(model, start), damped, lost, work
         speeds = derivative(segment.positions) / segment.span_s
         gram = gram_matrix(speeds.shape[1]) * segment.span_s
         damped += float(np.sum((forces.damping @ speeds @ gram) * speeds))
-        on_drive = forces.on_movers(segment.positions[:, :-1], speeds)[bodies]
         for number, state in enumerate(segment.pads):
             if state is PadState.OFF:
                 continue
-            depth = pad_series(model, number, pad_normals[number], segment.positions)
+            depth = pad_series(model, number, pads[number], segment.positions)
             pad = model.pads[number]
             if state is PadState.PUSHING:
-                rate = pad_normals[number] @ speeds
+                rate = pads[number] @ speeds
                 damped += pad.damping_Ns_m * float(rate @ gram @ rate)
-                on_drive = on_drive - pad_normals[number, bodies] * segment.pad_forces[number]
             else:
-                damped += pad.energy(float(depth[0])) - pad.energy(float(depth.sum()))
-        for number, force in zip(segment.closed, segment.stop_forces, strict=True):
-            on_drive[: force.size] += stop_normals[number, bodies] * force
-        work -= float(on_drive @ gram @ speeds[bodies])
+                damped += float(pad.energy(depth[:1])[0] - pad.energy(depth.sum(keepdims=True))[0])
+        work -= float(drive_force.series(segment) @ gram @ speeds[bodies])
     last = segments[-1]
     for remaining in events[event:]:
         lost += remaining.energy_lost_J
         work += remaining.drive_work_J
-    end_velocity = derivative(last.positions).sum(axis=1) / last.span_s
-    rows[:, -1] = _kinetic(forces, end_velocity), _potential(model, last.positions.sum(axis=1)), damped, lost, work
+    end, end_velocity = last.positions.sum(axis=1), derivative(last.positions).sum(axis=1) / last.span_s
+    rows[:, -1] = kinetic_energy(forces, end_velocity), potential_energy(model, end), damped, lost, work
     return EnergyBook(times, *rows)
 
 
-def _normals(model: ContactModel, ends: list[tuple[str, str]]) -> FloatArray:
-    """Rows (parts, movers) with +1 at the first and -1 at the second end, the frame left out."""
-    movers = len(model.bodies) + 1
-    rows = np.zeros((len(ends), movers + 1))
-    for row, (plus, minus) in zip(rows, ends, strict=True):
-        row[model.index[plus]] += 1.0
-        row[model.index[minus]] -= 1.0
-    return rows[:, :movers]
+def kinetic_energy(forces: LinearForces, velocities: FloatArray) -> FloatArray:
+    """Kinetic energy [J] of the bodies, from velocities (movers, ...); the driven element has none in the model."""
+    return np.asarray(0.5 * np.tensordot(forces.masses, velocities[:-1] ** 2, axes=1))
 
 
-def _kinetic(forces: LinearForces, velocities: FloatArray) -> float:
-    return 0.5 * float(forces.masses @ velocities[:-1] ** 2)
-
-
-def _potential(model: ContactModel, positions: FloatArray) -> float:
-    at = np.append(positions, 0.0)
-    total = -sum(body.force_N * float(at[row]) for row, body in enumerate(model.bodies))
+def potential_energy(model: ContactModel, positions: FloatArray) -> FloatArray:
+    """Energy [J] of springs, pads and constant forces at positions (movers, ...)."""
+    at = np.concatenate((positions, np.zeros_like(positions[:1])))
+    total = np.zeros(positions.shape[1:])
+    for row, body in enumerate(model.bodies):
+        total = total - body.force_N * at[row]
     for spring in model.springs:
-        stretch = float(at[model.index[spring.upper]] - at[model.index[spring.lower]]) - spring.free_length_m
-        total += 0.5 * spring.stiffness_N_m * stretch * stretch
+        stretch = at[model.index[spring.upper]] - at[model.index[spring.lower]] - spring.free_length_m
+        total = total + 0.5 * spring.stiffness_N_m * stretch * stretch
     for pad in model.pads:
-        total += pad.energy(float(at[model.index[pad.upper]] - at[model.index[pad.lower]]) - pad.position_m)
-    return total
+        depth = at[model.index[pad.upper]] - at[model.index[pad.lower]] - pad.position_m
+        total = total + pad.energy(np.maximum(depth, 0.0))
+    return np.asarray(total)

@@ -90,17 +90,17 @@ class ContactIntegrator:
             time_s, positions, velocities, drive_m[0], drive_m[1], frozenset(), off, max(fastest, floor)
         )
         gaps = self.transitions.gaps(state)
-        for number in np.flatnonzero(gaps < -1e3 * LENGTH_NOISE * self._length_m):
-            stop = self.model.stops[number]
-            raise ContactError(
-                f"the start lies {-gaps[number]:.3e} m beyond stop {stop.name} between {stop.lower} and {stop.upper}; "
-                "move the bodies or the stop"
-            )
-        for number in range(len(off)):
+        for stop, gap in zip(self.model.stops, gaps.tolist(), strict=True):
+            if gap < -1e3 * LENGTH_NOISE * self._length_m:
+                raise ContactError(
+                    f"the start lies {-gap:.3e} m beyond stop {stop.name} between {stop.lower} and {stop.upper}; "
+                    "move the bodies or the stop"
+                )
+        for number, pad in enumerate(self.model.pads):
             depth, _ = self.transitions.pad_compression(state, number)
             if depth > 0.0:
                 self._switch_pad(state, number, PadState.PUSHING)
-                if self.transitions.pad_force(state, number) < 0.0 and not self.model.pads[number].pulls:
+                if self.transitions.pad_force(state, number) < 0.0 and not pad.pulls:
                     self._switch_pad(state, number, PadState.SLACK)
         self.transitions.settle(state, drive_m[2])
         return state
@@ -148,8 +148,12 @@ class ContactIntegrator:
             self._modes[closed] = Mode(self.model, self.forces, closed)
         return self._modes[closed]
 
+    def beginning(self, state: ContactState, piece: DrivePiece) -> Segment:
+        """The step that begins at the state while the drive goes on as the piece says; the state is left as it is."""
+        return self._step(state, piece, piece.end_s - state.time_s)
+
     def _meet(self, state: ContactState, piece: DrivePiece, progress: Progress) -> None:
-        """Take over the drive's state at the start of a piece; a step of its velocity is an impact on what it touches."""
+        """Take over the drive's state at the start of a piece; a step of its velocity strikes what it touches."""
         position, velocity, acceleration = piece.state(state.time_s)
         jump = position - state.drive_position_m
         if abs(jump) > 1e-9 * self._length_m:
@@ -236,5 +240,3 @@ class ContactIntegrator:
     @staticmethod
     def _switch_pad(state: ContactState, number: int, to: PadState) -> None:
         state.pads = (*state.pads[:number], to, *state.pads[number + 1 :])
-
-

@@ -1,10 +1,13 @@
-"""What a contact model consists of: bodies on a line, springs with dampers, one-sided stops, pads, one driven element."""
+"""What a contact model consists of: bodies on a line, springs, one-sided stops, pads, and one driven element."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import TwinError
 
 FRAME = "frame"
@@ -40,7 +43,7 @@ class Body:
 
 @dataclass(frozen=True)
 class SpringDamper:
-    """Linear spring and damper: the force on `upper` is -k (x_upper - x_lower - free length) - b (v_upper - v_lower)."""
+    """Linear spring and damper: its force on `upper` is -k (x_upper - x_lower - free) - b (v_upper - v_lower)."""
 
     name: str
     lower: str
@@ -102,7 +105,8 @@ class Pad:
         _finite(owner, position_m=self.position_m, damping_Ns_m=self.damping_Ns_m)
         _require(len(self.stiffness) > 0, f"{owner}: stiffness is empty; give at least the coefficient of c")
         _require(all(map(math.isfinite, self.stiffness)), f"{owner}: stiffness has a value that is not finite")
-        _require(self.stiffness[0] >= 0.0, f"{owner}: its first stiffness is {self.stiffness[0]}; it must not be negative")
+        first = self.stiffness[0]
+        _require(first >= 0.0, f"{owner}: its first stiffness is {first}; it must not be negative")
         _require(self.damping_Ns_m >= 0.0, f"{owner}: damping_Ns_m is {self.damping_Ns_m}; it must not be negative")
 
     def force(self, compression: float) -> float:
@@ -119,14 +123,12 @@ class Pad:
             total = total * compression + power * coefficient
         return total
 
-    def energy(self, compression: float) -> float:
-        """Elastic energy [J] at a compression [m]; 0 when the pad is not touched."""
-        if compression <= 0.0:
-            return 0.0
-        total = 0.0
+    def energy(self, compression: FloatArray) -> FloatArray:
+        """Elastic energy [J] at compressions [m] that are not negative."""
+        total = np.zeros_like(compression)
         for power, coefficient in reversed(list(enumerate(self.stiffness, start=1))):
             total = (total + coefficient / (power + 1)) * compression
-        return total * compression
+        return np.asarray(total * compression)
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ class ContactModel:
         ends = [*(body.name for body in self.bodies), self.drive, FRAME]
         for name in ends:
             _require(ends.count(name) == 1, f"the name {name!r} stands for two elements; give each its own")
-        parts = (*self.springs, *self.stops, *self.pads)
+        parts: tuple[SpringDamper | Stop | Pad, ...] = (*self.springs, *self.stops, *self.pads)
         names = [part.name for part in parts]
         for part in parts:
             _require(names.count(part.name) == 1, f"two springs, stops or pads are called {part.name!r}; rename one")

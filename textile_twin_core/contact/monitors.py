@@ -22,7 +22,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Crossing:
-    """The first event of a step: at u, of this kind ("close", "release", or the pad's next state), at this stop or pad."""
+    """The first event of a step: place u, kind ("close", "release", or the pad's next state), stop or pad."""
 
     u: float
     kind: str | PadState

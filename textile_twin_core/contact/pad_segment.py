@@ -44,10 +44,7 @@ class PadFlow:
                     float(offset[upper] - offset[lower] - pad.position_m),
                     pad.stiffness,
                     pad.damping_Ns_m,
-                    [
-                        float(-(spread[upper, c] - spread[lower, c]) / mode.cluster_mass[c])
-                        for c in range(mode.size)
-                    ],
+                    [float(-(spread[upper, c] - spread[lower, c]) / mode.cluster_mass[c]) for c in range(mode.size)],
                 )
             )
         self._bodies = bodies

@@ -41,7 +41,7 @@ def _halves(degree: int) -> tuple[FloatArray, FloatArray]:
 def gram_matrix(size: int) -> FloatArray:
     """Integrals over [0, 1] of u^(i+j), shape (size, size): a @ G @ b is the integral of the product of a and b."""
     index = np.arange(size)
-    return 1.0 / (index[:, None] + index[None, :] + 1.0)
+    return np.asarray(1.0 / (index[:, None] + index[None, :] + 1.0), dtype=np.float64)
 
 
 def value(coefficients: FloatArray, u: float) -> float:

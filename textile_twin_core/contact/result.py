@@ -28,7 +28,7 @@ class ContactEvent:
     """
 
     time_s: float
-    """when it happens; for "rest" when the bounces end, which may lie a moment after the instant that they are booked at"""
+    """when it happens; for "rest" the end of the bounces, a moment after the instant that they are booked at"""
     kind: str
     name: str
     """the stop or pad"""

@@ -68,9 +68,7 @@ def run_contact(
     if times is None:
         times = np.array([segments[0].start_s, *(segment.end_s for segment in segments)])
     positions, velocities, accelerations = sample(segments, np.asarray(times, dtype=float))
-    return ContactRun(
-        integrator.model, times, positions, velocities, accelerations, tuple(events), tuple(segments)
-    )
+    return ContactRun(integrator.model, times, positions, velocities, accelerations, tuple(events), tuple(segments))
 
 
 def sample(segments: Sequence[Segment], times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact.complementarity import one_sided_forces
+from textile_twin_core.contact.drive_force import pad_normals, stop_normals
 from textile_twin_core.contact.forces import LinearForces
 from textile_twin_core.contact.model import ContactModel
 from textile_twin_core.contact.result import ContactEvent, PadState
@@ -30,18 +31,9 @@ class Transitions:
         self.forces = forces
         self.length_noise_m = length_noise_m
         self.tolerance = tolerance
-        bodies, stops = len(model.bodies), len(model.stops)
-        self.normals = np.zeros((bodies + 1, stops))
+        self.normals = stop_normals(model).T
         self.limits = np.array([stop.limit_m for stop in model.stops])
-        for column, stop in enumerate(model.stops):
-            for end, sign in ((model.index[stop.upper], -1.0), (model.index[stop.lower], 1.0)):
-                if end <= bodies:
-                    self.normals[end, column] = sign
-        self.pad_normals = np.zeros((len(model.pads), bodies + 1))
-        for row, pad in enumerate(model.pads):
-            for end, sign in ((model.index[pad.upper], 1.0), (model.index[pad.lower], -1.0)):
-                if end <= bodies:
-                    self.pad_normals[row, end] = sign
+        self.pad_normals = pad_normals(model)
         self.rate_s = self._rate()
 
     def _rate(self) -> float:

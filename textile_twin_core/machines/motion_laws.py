@@ -17,6 +17,8 @@ from textile_twin_core.errors import MachineError
 
 TURN = 2.0 * math.pi
 _FIT_KNOTS_LARGEST = 8192
+_ANGLE_NOISE = 1e-14
+"""rad: two sections join so smoothly that the place where one ends need not be known better"""
 
 
 @dataclass(frozen=True)
@@ -52,10 +54,9 @@ class MotionLaw:
             local = DrivePiece(start_s, end_s, _LINE, (angle - base, *theta[1:]))
             width = self._width(k)
             series = local.taylor(time, end_s - time, max(len(theta) - 1, 1))
-            noise = 4e-16 * (abs(angle - base) + width)
-            below = first_crossing(series, noise) if stalled < 3 else None
+            below = first_crossing(series, _ANGLE_NOISE) if stalled < 3 else None
             series[0] -= width
-            above = first_crossing(-series, noise) if stalled < 3 else None
+            above = first_crossing(-series, _ANGLE_NOISE) if stalled < 3 else None
             exits = [(u, step) for u, step in ((below, -1), (above, 1)) if u is not None]
             u, step = min(exits, default=(1.0, 0))
             leave = end_s if step == 0 else min(time + u * (end_s - time), end_s)
@@ -115,21 +116,15 @@ NAMES = tuple(_RISES)
 """Names of the laws that can be chosen by name."""
 
 
-def rise_dwell_fall(
-    name: str, stroke_m: float, rise_rad: float, fall_start_rad: float, fall_rad: float
-) -> MotionLaw:
+def rise_dwell_fall(name: str, stroke_m: float, rise_rad: float, fall_start_rad: float, fall_rad: float) -> MotionLaw:
     """Forward by a named law from angle 0, dwell, back by the same law, dwell to the end of the turn.
 
     Raises MachineError when the law is unknown or the four parts do not fit into one turn.
     """
     if name not in _RISES:
-        raise MachineError(
-            f"motion_law is {name!r}; there are {', '.join(NAMES)}, or give a table or a function"
-        )
+        raise MachineError(f"motion_law is {name!r}; there are {', '.join(NAMES)}, or give a table or a function")
     if not rise_rad > 0.0 or not fall_rad > 0.0:
-        raise MachineError(
-            f"the motion takes {min(rise_rad, fall_rad)} rad; forward and return must take some angle"
-        )
+        raise MachineError(f"the motion takes {min(rise_rad, fall_rad)} rad; forward and return must take some angle")
     if rise_rad > fall_start_rad or fall_start_rad + fall_rad > TURN:
         raise MachineError(
             f"forward ends at {rise_rad:.4f} rad, return runs from {fall_start_rad:.4f} to "
@@ -141,9 +136,7 @@ def rise_dwell_fall(
         parts.append((rise_rad, Section((stroke_m,))))
     for start, section in fall:
         lifted = (section.polynomial[0] + stroke_m, *section.polynomial[1:])
-        parts.append(
-            (fall_start_rad + start, Section(lifted, section.amplitude, section.frequency, section.phase))
-        )
+        parts.append((fall_start_rad + start, Section(lifted, section.amplitude, section.frequency, section.phase)))
     if fall_start_rad + fall_rad < TURN:
         parts.append((fall_start_rad + fall_rad, Section((0.0,))))
     return MotionLaw(name, tuple(start for start, _ in parts), tuple(section for _, section in parts))
@@ -165,9 +158,7 @@ def from_table(theta_rad: FloatArray, position_m: FloatArray, name: str = "table
         raise MachineError("the motion table has a value that is not finite; remove it")
     wrong = np.flatnonzero(np.diff(angles) <= 0.0)
     if wrong.size:
-        raise MachineError(
-            f"the motion table's angle does not increase at row {int(wrong[0]) + 1}; sort the table"
-        )
+        raise MachineError(f"the motion table's angle does not increase at row {int(wrong[0]) + 1}; sort the table")
     if angles[-1] - angles[0] > TURN * (1 + 1e-12):
         raise MachineError("the motion table covers more than one turn; cut it to 2 pi rad")
     if angles[-1] - angles[0] < TURN * (1 - 1e-12):

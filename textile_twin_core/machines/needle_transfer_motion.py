@@ -1,0 +1,205 @@
+"""The needle transfer driven by samples of the shaft: state that lives between samples, outputs at each of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.contact import ContactEvent, ContactState, DrivePiece, Segment, quintic
+from textile_twin_core.contact.drive import IDENTITY
+from textile_twin_core.contact.drive_force import DriveForce
+from textile_twin_core.contact.energy import kinetic_energy, potential_energy
+from textile_twin_core.contact.forces import LinearForces
+from textile_twin_core.errors import MotionError, SceneError
+from textile_twin_core.machines.motion_laws import TURN
+from textile_twin_core.machines.needle_transfer import DRIVE, ELEMENTS, MOTION, NeedleTransferMachine
+
+
+class NeedleTransferMotion:
+    """Integrates the machine in the order of the samples, in blocks of any size; the blocks do not change the numbers.
+
+    Between two samples the shaft angle is the quintic through both angles, speeds and accelerations, and element 1
+    follows the law of motion at that angle; at constant speed that is the law itself, without interpolation error.
+    The first sample finds the machine as it would be after the shaft had turned smoothly from the published start
+    at theta = 0 to it. The same holds after a gap in which the shaft made more than half a turn: nothing says how.
+    `events` collects what happened, on the samples' clock.
+    """
+
+    def __init__(
+        self, machine: NeedleTransferMachine, outputs: Sequence[str] | None = None, tolerance: float = 1e-13
+    ) -> None:
+        self.machine = machine
+        self.outputs = tuple(machine.outputs if outputs is None else outputs)
+        for name in self.outputs:
+            if name not in machine.outputs:
+                raise SceneError(f"needle_transfer has no output {name!r}; it has {', '.join(machine.outputs)}")
+        self.events: list[ContactEvent] = []
+        self.restarts = 0
+        self._integrator = machine.integrator(tolerance)
+        self._drive_force = DriveForce(machine.model)
+        self._forces = LinearForces.of(machine.model)
+        self._wants_drive = any(name in DRIVE for name in self.outputs)
+        self._state: ContactState | None = None
+        self._last: FloatArray | None = None
+        self._origin_s = 0.0
+        self._count = 0
+
+    def reset(self) -> None:
+        """Forget everything: the next sample is a first one."""
+        self._state = self._last = None
+        self.events = []
+        self.restarts = self._count = 0
+
+    def step(
+        self, times_s: FloatArray, theta_rad: FloatArray, omega_rad_s: FloatArray, alpha_rad_s2: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Outputs by name, arrays (samples,), at samples of the shaft given as four arrays of one shape (samples,).
+
+        Angles may be wrapped or not. Raises MotionError, with the running number of the sample, when times do not
+        increase or a value is not finite.
+        """
+        columns = [np.atleast_1d(np.asarray(c, dtype=float)) for c in (times_s, theta_rad, omega_rad_s, alpha_rad_s2)]
+        if any(column.ndim != 1 or column.shape != columns[0].shape for column in columns):
+            raise MotionError(
+                f"time, theta, omega and alpha have shapes {', '.join(str(c.shape) for c in columns)}; give one length"
+            )
+        self._check(columns)
+        samples = np.array(columns)
+        found = np.empty((3, len(ELEMENTS), samples.shape[1]))
+        drive = np.zeros(samples.shape[1])
+        first = 0
+        while first < samples.shape[1]:
+            last = self._last
+            way = 0.0 if last is None else _way(last, samples[:, first])
+            if last is None or abs(way) > math.pi:
+                self.restarts += last is not None
+                segments = [self._begin(*samples[:, first].tolist())]
+                end = first + 1
+            else:
+                end = first + _straight(last, samples[:, first:])
+                segments = self._advance(last, samples[:, end - 1], way if end == first + 1 else None)
+            self._last = samples[:, end - 1].copy()
+            at = samples[0, first:end] - self._origin_s
+            found[:, :, first:end], drive[first:end] = self._motion(segments, at)
+            first = end
+        self._count += samples.shape[1]
+        return self._outputs(samples, found, drive)
+
+    def _check(self, columns: list[FloatArray]) -> None:
+        bad = np.flatnonzero(~np.isfinite(np.array(columns)).all(axis=0))
+        if bad.size:
+            raise MotionError(
+                f"sample {self._count + int(bad[0])}: time, angle, speed or acceleration is not finite; leave it out"
+            )
+        before = columns[0][:1] - 1.0 if self._last is None else self._last[:1]
+        late = np.flatnonzero(np.diff(columns[0], prepend=before) <= 0.0)
+        if late.size:
+            raise MotionError(
+                f"sample {self._count + int(late[0])}: its time {columns[0][late[0]]:.9g} s does not follow the one "
+                "before; sort the samples"
+            )
+
+    def _advance(self, last: FloatArray, sample: FloatArray, way: float | None) -> list[Segment]:
+        """Carry the machine on to a sample: along a quintic of the angle, or at constant speed when `way` is None."""
+        assert self._state is not None
+        start = float(last[1]) % TURN
+        begin, end = self._state.time_s, float(sample[0] - self._origin_s)
+        if way is None:
+            return self._follow((start, float(last[2])), begin, end)
+        theta = quintic(end - begin, (start, *last[2:].tolist()), (start + way, *sample[2:].tolist()))
+        return self._follow(theta, begin, end)
+
+    def _follow(self, theta_series: tuple[float, ...], start_s: float, end_s: float) -> list[Segment]:
+        """Advance over one polynomial of the shaft angle; events go to the list, on the samples' clock."""
+        assert self._state is not None
+        segments: list[Segment] = []
+        for piece in self.machine.law.pieces(start_s, end_s, theta_series):
+            progress = self._integrator.advance(self._state, piece)
+            segments += progress.segments
+            for event in progress.events:
+                moved = replace(event, time_s=event.time_s + self._origin_s, booked_s=event.booked_s + self._origin_s)
+                self.events.append(moved)
+        return segments
+
+    def _begin(self, time: float, theta: float, omega: float, alpha: float) -> Segment:
+        """Bring the machine from its published start to a first sample, along a smooth motion of the shaft."""
+        machine = self.machine
+        kept = len(self.events)
+        angle = theta % TURN
+        if omega < 0.0 and angle > 0.0:
+            angle -= TURN
+        duration = 1.5 * abs(angle) / max(abs(omega), machine.speed_rad_s)
+        self._state = self._integrator.start(machine.start_m, (machine.law.evaluate(0.0), 0.0, 0.0), time_s=-duration)
+        if duration > 0.0:
+            self._follow(quintic(duration, (0.0, 0.0, 0.0), (angle, omega, 0.0)), -duration, 0.0)
+        del self.events[kept:]
+        self._state.time_s = 0.0
+        self._origin_s = time
+        x, slope, curvature = (machine.law.evaluate(angle, d) for d in range(3))
+        velocity, acceleration = slope * omega, curvature * omega * omega + slope * alpha
+        piece = DrivePiece(0.0, 1.0, IDENTITY, (x, velocity, 0.5 * acceleration))
+        return self._integrator.beginning(self._state, piece)
+
+    def _motion(self, segments: list[Segment], times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position, velocity, acceleration (3, elements, times) and force on element 1; at an event, as before it."""
+        starts = np.array([segment.start_s for segment in segments])
+        place = np.maximum(np.searchsorted(starts, times, side="left") - 1, 0)
+        motion = np.empty((3, len(ELEMENTS), times.size))
+        force = np.zeros(times.size)
+        for number in np.unique(place):
+            chosen = place == number
+            segment = segments[number]
+            inside = np.minimum(times[chosen], segment.end_s)
+            motion[:, :, chosen] = segment.motion(inside)
+            if self._wants_drive:
+                u = (inside - segment.start_s) / segment.span_s
+                force[chosen] = np.polynomial.polynomial.polyval(u, self._drive_force.series(segment))
+        return motion, force
+
+    def _outputs(self, samples: FloatArray, motion: FloatArray, force: FloatArray) -> dict[str, FloatArray]:
+        values: dict[str, FloatArray] = {}
+        for element, row in zip(ELEMENTS, (2, 0, 1), strict=True):
+            values |= {f"{element}_{what}": motion[k, row] for k, what in enumerate(MOTION)}
+        if self._wants_drive:
+            law, mass = self.machine.law, self.machine.parameters["element_1_kg"]
+            slope = np.array([law.evaluate(theta, 1) for theta in samples[1].tolist()])
+            own = mass * motion[2, 2]
+            values |= {
+                "drive_force_N": own - force,
+                "balancing_torque_Nm": (own - force) * slope,
+                "torque_inertial_Nm": own * slope,
+                "torque_gravity_Nm": np.zeros_like(slope),
+                "torque_load_Nm": -force * slope,
+                "kinetic_energy_J": kinetic_energy(self._forces, motion[1]) + 0.5 * mass * motion[1, 2] ** 2,
+                "potential_energy_J": potential_energy(self.machine.model, motion[0]),
+            }
+        return {name: values[name] for name in self.outputs}
+
+
+def _way(last: FloatArray, sample: FloatArray) -> float:
+    """Angle that the shaft made between two samples, taken modulo a turn as near as their speeds say."""
+    expected = 0.5 * (last[2] + sample[2]) * (sample[0] - last[0])
+    way = sample[1] - last[1]
+    return float(way + TURN * round((expected - way) / TURN))
+
+
+def _straight(last: FloatArray, samples: FloatArray) -> int:
+    """How many of the samples (at least 1, at most a turn of them) continue the last one at one constant speed."""
+    time, theta, omega, alpha = samples
+    elapsed = time - last[0]
+    off = theta - last[1] - last[2] * elapsed
+    off -= TURN * np.round(off / TURN)
+    rounding = 1e-15 * (np.abs(theta) + abs(last[1]) + np.abs(last[2]) * (np.abs(time) + abs(last[0])) + TURN)
+    same = (
+        (np.abs(off) <= rounding)
+        & (omega == last[2])
+        & (alpha == 0.0)
+        & (last[3] == 0.0)
+        & (np.abs(last[2]) * elapsed <= TURN)
+    )
+    broken = np.flatnonzero(~same)
+    return max(int(broken[0]) if broken.size else same.size, 1)
