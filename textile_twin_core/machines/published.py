@@ -19,14 +19,15 @@ class PublishedRow:
     """A printed value, what this package computes for it, and why they differ where they do.
 
     `printed` is text where its digits or words matter, as "0.90" or "over 60", and None where the paper gives
-    nothing; `computed` is text where several values share a row. `section` groups the rows of one paper.
+    nothing; several numbers with blanks between face a tuple of computed ones. `computed` is text where no one number
+    says it. `section` groups the rows of one paper.
     """
 
     paper: str
     quantity: str
     unit: str
     printed: float | str | None
-    computed: float | str
+    computed: float | tuple[float, ...] | str
     reason: str = ""
     section: str = ""
 
@@ -34,20 +35,22 @@ class PublishedRow:
     def deviation(self) -> float | None:
         """Computed minus printed, in the row's unit; None where no plain number is printed."""
         numbers = printed_numbers(self.printed)
-        if isinstance(self.computed, str) or len(numbers) != 1:
+        if not isinstance(self.computed, (int, float)) or len(numbers) != 1:
             return None
         return self.computed - float(numbers[0])
 
     @property
     def last_places(self) -> float | None:
         """Largest deviation of the row's numbers in units of their last printed digit; None where words stand."""
-        printed, computed = printed_numbers(self.printed), printed_numbers(self.computed)
-        if not printed or len(printed) != len(computed):
+        printed = printed_numbers(self.printed)
+        if isinstance(self.computed, str):
             return None
-        if not isinstance(self.computed, str):
-            computed = [Decimal(self.computed)]
-        pairs = zip(printed, computed, strict=True)
-        return max(float(abs(ours - theirs) / Decimal(10) ** -decimals(theirs)) for theirs, ours in pairs)
+        computed = self.computed if isinstance(self.computed, tuple) else (self.computed,)
+        if len(printed) != len(computed):
+            return None
+        return max(
+            abs(ours - float(theirs)) * 10.0 ** decimals(theirs) for theirs, ours in zip(printed, computed, strict=True)
+        )
 
     @property
     def agrees(self) -> bool | None:

@@ -49,7 +49,12 @@ TABLE_1: tuple[tuple[float, float, float, float, float, float, float], ...] = (
     (210, 75, 0.2589, 0.5708, 1.122, 0.45, 36.06),
 )
 
-_MISPRINTS = {(160.0, 55.0): "c is a misprint: with the row's own a, b and mu_min it is 0.8215"}
+_WHY = {
+    (160.0, 55.0): "c is a misprint: the row's own a, b and mu_min belong to 0.8215",
+    (180.0, 35.0): "c is two units too large: the row's own a and b give 0.5938 (Eq. 15)",
+    (210.0, 75.0): "mu_min follows from a as printed; a is cos 75 deg = 0.25882",
+}
+_SECTION = "Table 1, by phi and beta [deg]: a, b, c, r/l, mu_min [deg]"
 
 
 def table_1_designs() -> tuple[CrankRockerDesign, ...]:
@@ -62,31 +67,46 @@ def table_1_designs() -> tuple[CrankRockerDesign, ...]:
 
 
 def table_1_rows() -> tuple[PublishedRow, ...]:
-    """One row for each of Table 1, its five numbers as text; then the number of rows and the chosen design."""
+    """One row for each of Table 1, its five numbers together; then what the text says of the table."""
     rows = [
         PublishedRow(
             HANDLOOM,
-            f"Table 1, phi {rotation:g}, beta {beta:g}: a, b, c, r/l, mu_min [deg]",
+            f"phi {rotation:g}, beta {beta:g}",
             "",
             _text(printed),
-            _text(_numbers(design)),
-            _MISPRINTS.get((rotation, beta), ""),
+            _numbers(design),
+            _WHY.get((rotation, beta), ""),
+            _SECTION,
         )
         for (rotation, beta, *printed), design in zip(TABLE_1, table_1_designs(), strict=True)
     ]
+    count = PublishedRow(
+        HANDLOOM, "mechanisms in Table 1", "", 32.0, float(len(TABLE_1)), "the table has 33 rows", _DESIGN
+    )
+    return (*rows, count, *_chosen_design_rows())
+
+
+_DESIGN = "The chosen design"
+
+
+def _chosen_design_rows() -> list[PublishedRow]:
     best = crank_rocker(math.radians(SWING_DEG), math.pi).best
     assert best is not None, "at phi = 180 deg the transmission angle is within 40 deg of 90"
-    beta = round(float(np.degrees(best.beta_rad)), 9)
-    return (
-        *rows,
-        PublishedRow(HANDLOOM, "mechanisms in Table 1", "", 32.0, float(len(TABLE_1)), "the table has 33 rows"),
-        PublishedRow(HANDLOOM, "beta of the chosen design, phi 180", "deg", 48.0, beta),
+    lengths = best.scaled(_GROUND_M)
+    rows = (
+        ("beta, phi 180", "deg", 48.0, round(float(np.degrees(best.beta_rad)), 9)),
+        ("crank DC, for a ground link AD of 0.3 m", "m", 0.0597, lengths.crank_m),
+        ("coupler CB", "m", 0.2007, lengths.coupler_m),
     )
+    return [PublishedRow(HANDLOOM, *row, section=_DESIGN) for row in rows]
 
 
-def _numbers(design: CrankRockerDesign) -> list[float]:
+_GROUND_M = 0.3
+
+
+def _numbers(design: CrankRockerDesign) -> tuple[float, ...]:
     mu_min = float(np.degrees(design.mu_min_rad))
-    return [design.crank, design.coupler, design.rocker, design.crank_over_coupler, mu_min]
+    return design.crank, design.coupler, design.rocker, design.crank_over_coupler, mu_min
 
 
 def _text(numbers: list[float]) -> str:
