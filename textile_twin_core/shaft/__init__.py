@@ -6,11 +6,11 @@ from typing import Any
 
 from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.base import ShaftEstimator
-from textile_twin_core.shaft.causal import CausalEstimator
+from textile_twin_core.shaft.causal import CausalEstimator, LagEstimator
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.states import ShaftStates
 
-ESTIMATORS = {"causal": CausalEstimator}
+ESTIMATORS: dict[str, Any] = {"causal": CausalEstimator, "lag": LagEstimator}
 
 __all__ = ["ESTIMATORS", "SampleReport", "ShaftEstimator", "ShaftStates", "create_estimator"]
 

@@ -22,6 +22,7 @@ class SampleReport:
         reversals: changes of the sense of rotation.
         standstills: times that the shaft came to rest.
         knocks: sudden changes of the acceleration that were recognised.
+        transients: times that the motion left every expectation and the estimator opened itself.
         longest_gap_s: the longest time between two accepted samples.
         period_s: typical time between samples.
         resolution_rad: encoder step, given or found; 0 while unknown.
@@ -39,6 +40,7 @@ class SampleReport:
     reversals: int = 0
     standstills: int = 0
     knocks: int = 0
+    transients: int = 0
     longest_gap_s: float = 0.0
     period_s: float = 0.0
     resolution_rad: float = 0.0
@@ -61,7 +63,7 @@ class SampleReport:
         parts = [f"{self.state}: {self.accepted} of {self.received} samples used"]
         if causes:
             parts.append(f"rejected {causes}")
-        for name in ("gaps", "jumps", "outliers", "reversals", "standstills", "knocks"):
+        for name in ("gaps", "jumps", "outliers", "reversals", "standstills", "knocks", "transients"):
             count = getattr(self, name)
             if count:
                 parts.append(f"{count} {name if count > 1 else name[:-1]}")

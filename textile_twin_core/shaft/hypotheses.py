@@ -1,0 +1,120 @@
+"""What may have happened to the shaft of late: a bank of events of unknown time and size, weighed by the innovations.
+
+Each hypothesis is one column of the filter's error: how far the filter, which knows nothing of the event, is off per unit
+of the event's size. The innovation sees the column's first row, so that size and evidence of every hypothesis follow from
+two running sums (Willsky and Jones 1976, generalised likelihood ratio; weighed here as in a Gaussian sum, Alspach and
+Sorenson 1972). Kinds: a load knock (impulse on the drive's response), a ramp (lasting change of the acceleration), one
+more order of ripple.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.shaft.ripple import DIP_RATE, SLOPE
+
+RAMPS_PER_KNOCK = 0.02
+EVIDENCE_FOR_ORDER = 9.0
+"""Log likelihood ratio from which an order of ripple is taken into the state."""
+RIPPLE_PRIOR = 0.01
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the innovations say: weight of "something happened", and mean and second moment of each size, weighted."""
+
+    weight: float
+    mean: FloatArray
+    moment: FloatArray
+
+
+class HypothesisBank:
+    """Columns: `width` knocks, `width` ramps (both in rings by time of birth), two for each idle order of ripple."""
+
+    def __init__(self, width: int, idle_orders: list[int]) -> None:
+        self.width = width
+        self.events = 2 * width
+        self.idle = list(idle_orders)
+        self.columns = self.events + 2 * len(idle_orders)
+        self.information = np.zeros(self.columns)
+        self.score = np.zeros(self.columns)
+        self._odds = np.zeros(self.events)
+        self._kinds = np.repeat([1.0, RAMPS_PER_KNOCK], width)
+        self.next = 0
+
+    def born(self, columns: FloatArray, probability: float) -> None:
+        """Let an event begin now, in place of the oldest; `columns` are the filter's error columns, in place."""
+        for at, row in ((self.next, DIP_RATE), (self.next + self.width, SLOPE)):
+            columns[:, at] = 0.0
+            columns[row, at] = 1.0
+            self.information[at] = self.score[at] = 0.0
+            self._odds[at] = probability * self._kinds[at]
+        self.next = (self.next + 1) % self.width
+
+    def see(self, seen: FloatArray, innovation: float, variance: float) -> None:
+        """Take in one innovation; `seen` is what it holds of each column per unit size."""
+        per = seen / variance
+        self.information += per * seen
+        self.score += per * innovation
+
+    def verdict(self, size: float) -> Verdict:
+        """Weigh the events, their sizes being of standard deviation `size` beforehand."""
+        inverse = 1.0 / (size * size)
+        spread = 1.0 / (self.information[: self.events] + inverse)
+        score = self.score[: self.events]
+        mean = spread * score
+        evidence = 0.5 * (mean * score + np.log(spread * inverse))
+        top = max(float(evidence.max()), 0.0)
+        weight = self._odds * np.exp(evidence - top)
+        nothing = np.exp(-top)
+        total = float(weight.sum())
+        weight /= total + nothing
+        mean_weighted = weight * mean
+        return Verdict(total / (total + nothing), mean_weighted, weight * spread + mean_weighted * mean)
+
+    def leaving(self, verdict: Verdict) -> bool:
+        """Whether the hypotheses that are replaced next still carry weight."""
+        after = (self.next + 1) % self.width
+        moments = verdict.moment
+        going = moments[[self.next, after, self.next + self.width, after + self.width]]
+        return bool(going.sum() > 0.02 * moments.sum() and verdict.weight > 0.02)
+
+    def clear_events(self, columns: FloatArray) -> None:
+        """Forget every event, after the filter has taken in the verdict."""
+        columns[:, : self.events] = 0.0
+        self.information[: self.events] = 0.0
+        self.score[: self.events] = 0.0
+        self._odds[:] = 0.0
+
+    def clear(self, columns: FloatArray) -> None:
+        """Forget everything."""
+        self.clear_events(columns)
+        columns[:, self.events :] = 0.0
+        self.information[:] = 0.0
+        self.score[:] = 0.0
+
+    def best_order(self) -> int | None:
+        """Place among the idle orders of the one whose evidence is beyond doubt and largest, or None."""
+        if not self.idle:
+            return None
+        inverse = 1.0 / RIPPLE_PRIOR**2
+        information = self.information[self.events :] + inverse
+        score = self.score[self.events :]
+        evidence = 0.5 * (score * score / information - np.log(information / inverse))
+        paired = evidence[0::2] + evidence[1::2]
+        best = int(np.argmax(paired))
+        return best if paired[best] > EVIDENCE_FOR_ORDER else None
+
+    def remove_order(self, place: int) -> tuple[int, FloatArray, FloatArray]:
+        """Take an idle order out of the bank: the order, and mean and variance of its two coefficients."""
+        at = self.events + 2 * place
+        pair = slice(at, at + 2)
+        variance = 1.0 / (self.information[pair] + 1.0 / RIPPLE_PRIOR**2)
+        mean = variance * self.score[pair]
+        self.information = np.delete(self.information, [at, at + 1])
+        self.score = np.delete(self.score, [at, at + 1])
+        self.columns -= 2
+        return self.idle.pop(place), mean, variance

@@ -1,0 +1,96 @@
+"""States of the samples just gone, kept open while later samples mend them: the store of the fixed-lag smoother."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+
+
+@dataclass(slots=True)
+class Estimate:
+    """Shaft state of one sample.
+
+    Attributes:
+        angle, omega, alpha: the state [rad, rad/s, rad/s^2]; the angle counts from `origin` turns.
+        covariance: (3, 3).
+        origin: whole turns before the local angle.
+        settled: whether the filter had found its feet.
+        time_s: time of the sample since the first one.
+    """
+
+    angle: float
+    omega: float
+    alpha: float
+    covariance: FloatArray
+    origin: int
+    settled: bool
+    time_s: float
+
+    def row(self) -> tuple[float, float, float, float, float]:
+        """As `ShaftStates.from_rows` wants it."""
+        return self.angle, self.omega, self.alpha, float(self.origin), float(self.settled)
+
+
+class Past:
+    """A ring of held states, oldest first, that grows as it must.
+
+    Attributes:
+        capacity: places in the ring; the filter keeps three rows of its error matrix for each.
+        mean: (capacity, 3).
+        covariance: (capacity, 3, 3).
+    """
+
+    def __init__(self) -> None:
+        self.capacity = 0
+        self.mean = np.zeros((0, 3))
+        self.covariance = np.zeros((0, 3, 3))
+        self._kept: list[Estimate] = []
+        self._oldest = 0
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def grow(self) -> FloatArray:
+        """Double the ring; the (3 capacity,) old rows, in the order that the new ring has them first."""
+        order = (self._oldest + np.arange(self.capacity)) % max(self.capacity, 1)
+        added = max(self.capacity, 8)
+        self.mean = np.concatenate([self.mean[order], np.zeros((added, 3))])
+        self.covariance = np.concatenate([self.covariance[order], np.zeros((added, 3, 3))])
+        self.capacity += added
+        self._oldest = 0
+        return (3 * order[:, None] + np.arange(3)).ravel()
+
+    @property
+    def full(self) -> bool:
+        """Whether the ring must grow before it can take one more."""
+        return len(self._kept) == self.capacity
+
+    def push(self, estimate: Estimate) -> int:
+        """Hold one more state; its place in the ring."""
+        place = (self._oldest + len(self._kept)) % self.capacity
+        self.mean[place] = estimate.angle, estimate.omega, estimate.alpha
+        self.covariance[place] = estimate.covariance
+        self._kept.append(estimate)
+        return place
+
+    @property
+    def oldest_time_s(self) -> float:
+        """Time of the state held longest."""
+        return self._kept[0].time_s
+
+    @property
+    def oldest(self) -> int:
+        """Place of the state held longest."""
+        return self._oldest
+
+    def pop(self, shift: FloatArray, spread: FloatArray) -> Estimate:
+        """Let go of the oldest state, moved by `shift` and widened by `spread`, as the open hypotheses will have it."""
+        estimate = self._kept.pop(0)
+        place = self._oldest
+        estimate.angle, estimate.omega, estimate.alpha = (self.mean[place] + shift).tolist()
+        estimate.covariance = self.covariance[place] + spread
+        self._oldest = (place + 1) % self.capacity
+        return estimate
