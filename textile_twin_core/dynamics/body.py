@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from textile_twin_core.errors import MachineError
+from textile_twin_core.mechanism import MAIN_SHAFT
 
 
 @dataclass(frozen=True)
@@ -13,7 +14,9 @@ class Body:
     """A rigid body on a link.
 
     `centroid` is given as fractions of the link's length, along it from its start and across it to
-    the left; `inertia_kgm2` is about the centroid. A point mass has inertia 0.
+    the left; `inertia_kgm2` is about the centroid. A point mass has inertia 0; a counterweight on a crank is a
+    point mass with a negative fraction. On the main shaft itself (`on` "main_shaft") a body is a flywheel: it
+    is balanced, its weight rests in its own bearings, and it is there once for all linkages.
     """
 
     on: str
@@ -24,13 +27,19 @@ class Body:
     def __post_init__(self) -> None:
         for what, value in (("mass_kg", self.mass_kg), ("inertia_kgm2", self.inertia_kgm2)):
             if not (math.isfinite(value) and value >= 0.0):
-                raise MachineError(
-                    f"body on '{self.on}': {what} must be zero or positive and finite, not {value!r}"
-                )
+                raise MachineError(f"body on '{self.on}': {what} must be zero or positive and finite, not {value!r}")
         if not all(math.isfinite(v) for v in self.centroid):
-            raise MachineError(
-                f"body on '{self.on}': centroid must be two finite fractions, not {self.centroid!r}"
-            )
+            raise MachineError(f"body on '{self.on}': centroid must be two finite fractions, not {self.centroid!r}")
+
+    @classmethod
+    def flywheel(cls, inertia_kgm2: float, mass_kg: float = 0.0) -> Body:
+        """A balanced rotor on the main shaft."""
+        return cls(MAIN_SHAFT, mass_kg, inertia_kgm2)
+
+    @property
+    def is_flywheel(self) -> bool:
+        """Whether it turns with the main shaft itself."""
+        return self.on == MAIN_SHAFT
 
     @classmethod
     def bar(cls, on: str, length_m: float, density_kg_m3: float, width_m: float, thickness_m: float) -> Body:

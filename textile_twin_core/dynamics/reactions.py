@@ -52,6 +52,11 @@ def gather(motion: Motion, bodies: Iterable[Body], gravity: Vector, shaft: Shaft
     """Weights and inertia forces of all bodies on their links."""
     wrenches = Wrenches(motion)
     for body in bodies:
+        if body.is_flywheel:
+            rotor = motion.rotations[body.on]
+            turning = shaft.omega_squared * rotor.second + shaft.alpha * rotor.first
+            wrenches.add_torque(body.on, -body.inertia_kgm2 * turning)
+            continue
         link = motion.links[body.on]
         force, couple = inertia_force(motion, body, shaft)
         lever = centroid_lever(link, body)

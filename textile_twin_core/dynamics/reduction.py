@@ -39,19 +39,21 @@ def reduce_bodies(motion: Motion, bodies: Iterable[Body], gravity: Vector) -> Re
     inertia_of: dict[str, float] = defaultdict(float)
     zero = const(0.0)
     across_inertia, across_slope, across_potential, across_pull = zero, zero, zero, zero
+    squares, products = _Sum(), _Sum()
     for body in bodies:
+        if body.is_flywheel:
+            shaft = motion.rotations[body.on]
+            squares.add(body.inertia_kgm2, shaft.first * shaft.first)
+            products.add(body.inertia_kgm2, shaft.first * shaft.second)
+            continue
         link = motion.links.get(body.on)
         if link is None:
-            raise MachineError(
-                f"body on '{body.on}': there is no such link; links: {', '.join(motion.links)}"
-            )
+            raise MachineError(f"body on '{body.on}': there is no such link; links: {', '.join(motion.links)}")
         along, across = body.centroid
         squared = link.length * link.length
         mass_at[link.start] += (1.0 - along) * body.mass_kg
         mass_at[link.end] += along * body.mass_kg
-        inertia_of[link.name] += body.inertia_kgm2 + body.mass_kg * squared * (
-            across**2 - along * (1.0 - along)
-        )
+        inertia_of[link.name] += body.inertia_kgm2 + body.mass_kg * squared * (across**2 - along * (1.0 - along))
         if across:
             moment = body.mass_kg * across * link.length
             start, u, p, q = motion.points[link.start], link.direction, link.first, link.second
@@ -62,7 +64,6 @@ def reduce_bodies(motion: Motion, bodies: Iterable[Body], gravity: Vector) -> Re
             across_potential += (-moment) * gravity.dot(u.turned_left())
             across_pull += moment * (p * gravity.dot(u))
     inertia, half_slope, potential, pull = across_inertia, across_slope, across_potential, across_pull
-    squares, products = _Sum(), _Sum()
     weight, pulls = _Sum(), _Sum()
     for name, mass in mass_at.items():
         point = motion.points[name]

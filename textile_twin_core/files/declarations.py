@@ -13,7 +13,7 @@ import numpy as np
 
 from textile_twin_core.errors import MachineError
 
-_KEY_OF_FIELD = {"from_point": "from"}
+_KEY_OF_FIELD = {"from_point": "from", "to_point": "to"}
 _FIELD_OF_KEY = {key: name for name, key in _KEY_OF_FIELD.items()}
 
 

@@ -16,7 +16,7 @@ from textile_twin_core.files.atomic import staged
 from textile_twin_core.files.declarations import build, convert, list_at, mapping_at, plain, type_tag, unknown
 from textile_twin_core.files.strict_yaml import read_yaml
 from textile_twin_core.machines import NAMES, Machine, Scene, Sensors, ShaftPlace, create
-from textile_twin_core.mechanism import Linkage
+from textile_twin_core.mechanism import MAIN_SHAFT, Linkage
 
 
 def _tagged(module: Any, method: str) -> dict[str, type]:
@@ -93,6 +93,7 @@ def _declared(entries: dict[str, Any], path: Path) -> Machine:
         "angle_near_rad",
         "transmitted",
         "range_rad",
+        "nominal_speed_rad_s",
         "description",
     )
     keys = [*_TOP_LEVEL, *plain_fields, "bodies", "machine"]
@@ -105,7 +106,7 @@ def _declared(entries: dict[str, Any], path: Path) -> Machine:
     declared: dict[str, Any] = {key: read(entries[key], key) for key, read in _TOP_LEVEL.items() if key in entries}
     hints = {"points": Mapping[str, tuple[float, float]], "gravity_m_s2": tuple[float, float],
              "joint_names": Mapping[str, str], "angle_near_rad": Mapping[str, float],
-             "transmitted": Mapping[str, str], "range_rad": tuple[float, float], "description": str}  # fmt: skip
+             "transmitted": Mapping[str, str], "range_rad": tuple[float, float], "nominal_speed_rad_s": float, "description": str}  # fmt: skip
     declared |= {key: convert(entries[key], hints[key], key) for key in plain_fields if key in entries}
     declared.setdefault("name", path.stem)
     declared["bodies"] = _bodies(entries.get("bodies") or {}, Linkage(declared["points"], declared["groups"]))
@@ -151,11 +152,11 @@ def _bodies(value: Any, linkage: Linkage) -> tuple[Body, ...]:
     links = linkage.solved.links
     out: list[Body] = []
     for link, entry in mapping_at(value, "bodies").items():
-        if link not in links:
-            raise MachineError(f"bodies.{link}: {unknown('link', link, list(links))}")
+        if link not in links and link != MAIN_SHAFT:
+            raise MachineError(f"bodies.{link}: {unknown('link', link, [*links, MAIN_SHAFT])}")
         for k, body in enumerate(entry if isinstance(entry, list) else [entry]):
             place = f"bodies.{link}[{k}]" if isinstance(entry, list) else f"bodies.{link}"
-            if isinstance(body, dict) and _MASS_BY_DENSITY & body.keys():
+            if isinstance(body, dict) and link in links and _MASS_BY_DENSITY & body.keys():
                 out.append(_bar(mapping_at(body, place), place, link, links[link].length))
             else:
                 out.append(build(Body, body, place, on=link))

@@ -19,12 +19,16 @@ from textile_twin_core.mechanism import Displacement, Measure, Motion
 
 @dataclass(frozen=True)
 class LoadContext:
-    """What a load acts on: the motion, the shaft's state, the machine's measures and their displacements."""
+    """What a load acts on: the motion, the shaft's state, the machine's measures and their displacements.
+
+    `carries_shaft_loads` is set for one linkage of a shaft: loads on the shaft itself act there, once.
+    """
 
     motion: Motion
     shaft: ShaftState
     measures: Mapping[str, Measure]
     displacements: Mapping[str, Displacement]
+    carries_shaft_loads: bool = True
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,14 @@ class Load(Protocol):
     def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
         """Events of the load over the shaft angle."""
         ...
+
+
+class Uneventful:
+    """Base of loads without events that a person would name."""
+
+    def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
+        """None."""
+        return ()
 
 
 def intensity(load: Load, context: LoadContext) -> Expr:

@@ -1,0 +1,77 @@
+"""Viscous damping: of the rotation between two links, and of a point's motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
+from textile_twin_core.dynamics.loads.relative import relative_rate, turn_links
+from textile_twin_core.dynamics.wrenches import Wrenches
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import Expr
+
+
+@dataclass(frozen=True)
+class JointDamping(Uneventful):
+    """A torque against the relative rotation of two links, or of a link and the ground, in proportion to its speed."""
+
+    link: str
+    viscous_Nms: float
+    against: str | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.viscous_Nms) and self.viscous_Nms >= 0.0):
+            raise MachineError(
+                f"damping of '{self.link}': viscous_Nms must be zero or positive, not {self.viscous_Nms!r}"
+            )
+
+    def parameters(self) -> Mapping[str, float]:
+        """The damping coefficient."""
+        return {"joint_viscous_Nms": self.viscous_Nms}
+
+    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
+        """Against the shaft's speed."""
+        return {"joint_viscous_Nms": -context.shaft.omega}
+
+    def unit_force(self, context: LoadContext) -> Expr:
+        """The square of the relative angle's derivative."""
+        rate = relative_rate(context.motion, self.link, self.against)
+        return rate * rate
+
+    def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
+        """Opposite moments on the two links."""
+        rate = relative_rate(context.motion, self.link, self.against)
+        turn_links(wrenches, self.link, self.against, intensity * rate)
+
+
+@dataclass(frozen=True)
+class PointDamping(Uneventful):
+    """A force on a point against its velocity: a slider in oil, or a dashpot to the ground."""
+
+    point: str
+    viscous_Ns_m: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.viscous_Ns_m) and self.viscous_Ns_m >= 0.0):
+            raise MachineError(
+                f"damping of point '{self.point}': viscous_Ns_m must be zero or positive, not {self.viscous_Ns_m!r}"
+            )
+
+    def parameters(self) -> Mapping[str, float]:
+        """The damping coefficient."""
+        return {"point_viscous_Ns_m": self.viscous_Ns_m}
+
+    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
+        """Against the shaft's speed."""
+        return {"point_viscous_Ns_m": -context.shaft.omega}
+
+    def unit_force(self, context: LoadContext) -> Expr:
+        """The square of the point's derivative."""
+        return context.motion.point(self.point, "point_damping").speed_squared
+
+    def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
+        """A force against the point's way."""
+        first = context.motion.point(self.point, "point_damping").first
+        wrenches.pull_on_point(self.point, intensity * first)

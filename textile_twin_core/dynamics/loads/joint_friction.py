@@ -1,0 +1,77 @@
+"""Friction at joints and guides: dry (Coulomb), with a friction torque or force that does not follow the reaction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
+from textile_twin_core.dynamics.loads.relative import link_of_load, relative_rate, turn_links
+from textile_twin_core.dynamics.wrenches import Wrenches
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import Expr, sign
+
+
+@dataclass(frozen=True)
+class JointFriction(Uneventful):
+    """A constant friction torque between two links, or a link and the ground, against their relative rotation.
+
+    `link` turns against the link `against`, or against the ground where that is None. At rest there is no
+    friction torque. Friction in proportion to the pin's force (pin radius, coefficient) is not offered: that
+    force depends on the friction itself, so it has no closed form, and no exact second way to the torque.
+    """
+
+    link: str
+    torque_Nm: float
+    against: str | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.torque_Nm) and self.torque_Nm >= 0.0):
+            raise MachineError(f"friction of '{self.link}': torque_Nm must be zero or positive, not {self.torque_Nm!r}")
+
+    def parameters(self) -> Mapping[str, float]:
+        """The friction torque."""
+        return {"joint_friction_Nm": self.torque_Nm}
+
+    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
+        """Against the relative speed."""
+        return {"joint_friction_Nm": -sign(self.unit_force(context) * context.shaft.omega)}
+
+    def unit_force(self, context: LoadContext) -> Expr:
+        """The derivative of the relative angle."""
+        return relative_rate(context.motion, self.link, self.against)
+
+    def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
+        """Opposite moments on the two links."""
+        turn_links(wrenches, self.link, self.against, intensity)
+
+
+@dataclass(frozen=True)
+class SliderFriction(Uneventful):
+    """A constant friction force on a slider, against its velocity in the guide."""
+
+    slider: str
+    force_N: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.force_N) and self.force_N >= 0.0):
+            raise MachineError(f"friction of '{self.slider}': force_N must be zero or positive, not {self.force_N!r}")
+
+    def parameters(self) -> Mapping[str, float]:
+        """The friction force."""
+        return {"slider_friction_N": self.force_N}
+
+    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
+        """Against the slider's velocity."""
+        return {"slider_friction_N": -sign(self.unit_force(context) * context.shaft.omega)}
+
+    def unit_force(self, context: LoadContext) -> Expr:
+        """The derivative of the slider's way along its guide."""
+        link = link_of_load(context.motion, self.slider)
+        return context.motion.points[link.end].first.dot(link.direction)
+
+    def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
+        """A force along the guide."""
+        link = link_of_load(context.motion, self.slider)
+        wrenches.add_at(link, link.length * link.direction, intensity * link.direction)

@@ -1,0 +1,87 @@
+"""A measured periodic table as a smooth function of the shaft's direction: a Fourier series of its spline."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import Expr, const
+from textile_twin_core.mechanism.vector import Vector
+
+MOST_HARMONICS = 64
+CLOSE_ENOUGH = 1e-3
+_SAMPLES = 4096
+_TURN = 2.0 * math.pi
+
+
+@dataclass(frozen=True)
+class PeriodicTable:
+    """Values over one turn [rad], read as the periodic cubic spline through them, cut after some harmonics.
+
+    `harmonics` None takes the fewest that meet every value to 0.1 % of their range, at most 64. A series has no
+    branches, so every evaluator and every derivative keeps its full accuracy; a leap is no series: what leaps
+    (a needle in the backing) is a load of its own.
+    Raises MachineError for fewer than three angles, angles that do not rise or span more than a turn, and
+    for values which 64 harmonics miss.
+    """
+
+    what: str
+    angle_rad: tuple[float, ...]
+    values: tuple[float, ...]
+    harmonics: int | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.angle_rad) != len(self.values) or len(self.values) < 3:
+            raise MachineError(
+                f"{self.what}: it needs at least three angles and as many values, "
+                f"not {len(self.angle_rad)} and {len(self.values)}"
+            )
+        if not all(math.isfinite(v) for v in (*self.angle_rad, *self.values)):
+            raise MachineError(f"{self.what}: angles and values must be finite numbers")
+        if not all(b > a for a, b in pairwise(self.angle_rad)) or self.angle_rad[-1] - self.angle_rad[0] >= _TURN:
+            raise MachineError(f"{self.what}: angles must rise and lie within one turn, the first not repeated")
+        if self.harmonics is not None and not 0 <= self.harmonics <= _SAMPLES // 4:
+            raise MachineError(f"{self.what}: harmonics must lie from 0 to {_SAMPLES // 4}, not {self.harmonics}")
+        _ = self.coefficients
+
+    @cached_property
+    def coefficients(self) -> tuple[complex, ...]:
+        """c_0 .. c_H of Re sum c_k exp(i k theta)."""
+        angles = np.array([*self.angle_rad, self.angle_rad[0] + _TURN])
+        spline = CubicSpline(angles, [*self.values, self.values[0]], bc_type="periodic")
+        spectrum = np.fft.rfft(spline(np.arange(_SAMPLES) * (_TURN / _SAMPLES))) * (2.0 / _SAMPLES)
+        spectrum[0] *= 0.5
+        if self.harmonics is not None:
+            return tuple(complex(c) for c in spectrum[: self.harmonics + 1])
+        limit = CLOSE_ENOUGH * float(np.ptp(self.values))
+        for count in range(MOST_HARMONICS + 1):
+            miss = self._miss(spectrum[: count + 1])
+            if miss <= limit:
+                return tuple(complex(c) for c in spectrum[: count + 1])
+        raise MachineError(
+            f"{self.what}: {MOST_HARMONICS} harmonics miss a value by {miss:.3g}, over 0.1 % of the range; "
+            "smooth the table, or give 'harmonics' to accept such a miss"
+        )
+
+    def _miss(self, spectrum: npt.NDArray[np.complex128]) -> float:
+        angles = np.asarray(self.angle_rad)
+        waves = np.exp(1j * np.outer(angles, np.arange(len(spectrum))))
+        return float(np.abs((waves @ spectrum).real - np.asarray(self.values)).max())
+
+    def at(self, direction: Vector) -> Expr:
+        """The function at a direction (cos, sin), by Horner's rule for the unit complex number."""
+        *lower, top = self.coefficients
+        real, imaginary = const(top.real), const(top.imag)
+        for c in reversed(lower):
+            real, imaginary = (
+                c.real + (direction.x * real - direction.y * imaginary),
+                c.imag + (direction.x * imaginary + direction.y * real),
+            )
+        return real

@@ -1,0 +1,43 @@
+"""The rotation of a link against another one or the ground, and a moment between the two."""
+
+from __future__ import annotations
+
+from textile_twin_core.dynamics.wrenches import Wrenches
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import Expr, const
+from textile_twin_core.mechanism import LinkMotion, Motion
+from textile_twin_core.mechanism.vector import ZERO, Vector
+
+
+def link_of_load(motion: Motion, name: str) -> LinkMotion:
+    """A link that a load names. Raises MachineError with the links there are."""
+    link = motion.links.get(name)
+    if link is None:
+        raise MachineError(f"a load names link '{name}', which is not there; links: {', '.join(motion.links)}")
+    return link
+
+
+def relative_rate(motion: Motion, link: str, against: str | None) -> Expr:
+    """Derivative, with respect to the shaft angle, of the link's angle minus that of the other."""
+    other = const(0.0) if against is None else link_of_load(motion, against).first
+    return link_of_load(motion, link).first - other
+
+
+def relative_motion(motion: Motion, link: str, against: str | None) -> LinkMotion:
+    """The link as the other one sees it."""
+    one = link_of_load(motion, link)
+    if against is None:
+        return one
+    two = link_of_load(motion, against)
+    u, v = two.direction, one.direction
+    direction = Vector(u.dot(v), u.cross(v))
+    return LinkMotion(
+        one.name, one.start, one.end, one.length, direction, one.first - two.first, one.second - two.second
+    )
+
+
+def turn_links(wrenches: Wrenches, link: str, against: str | None, torque: Expr) -> None:
+    """A moment on the link, counter-clockwise, and its opposite on the other."""
+    wrenches.add(link, ZERO, torque)
+    if against is not None:
+        wrenches.add(against, ZERO, -torque)

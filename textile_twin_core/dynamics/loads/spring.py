@@ -1,0 +1,115 @@
+"""Springs: between two points, and between a link and another one or the ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
+from textile_twin_core.dynamics.loads.relative import relative_motion, turn_links
+from textile_twin_core.dynamics.wrenches import Wrenches
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import Expr, const, interpret, sqrt
+from textile_twin_core.mechanism import MAIN_SHAFT
+from textile_twin_core.mechanism.angles import link_angle
+from textile_twin_core.mechanism.vector import Vector
+
+
+def _check(what: str, stiffness: float, *others: float) -> None:
+    if not (math.isfinite(stiffness) and stiffness > 0.0):
+        raise MachineError(f"{what}: the stiffness must be positive, not {stiffness!r}")
+    if not all(math.isfinite(v) for v in others):
+        raise MachineError(f"{what}: free length or angle and preload must be finite")
+
+
+@dataclass(frozen=True)
+class Spring(Uneventful):
+    """A straight spring between two points: it pulls with stiffness * (length - free length) + preload.
+
+    The points may be fixed or moving; they must never meet, since a spring of no length has no direction.
+    """
+
+    from_point: str
+    to_point: str
+    stiffness_N_m: float
+    free_length_m: float
+    preload_N: float = 0.0
+
+    def __post_init__(self) -> None:
+        what = f"spring from '{self.from_point}' to '{self.to_point}'"
+        _check(what, self.stiffness_N_m, self.free_length_m, self.preload_N)
+        if self.from_point == self.to_point:
+            raise MachineError(f"{what}: it needs two different points")
+
+    def parameters(self) -> Mapping[str, float]:
+        """The stiffness."""
+        return {"spring_stiffness_N_m": self.stiffness_N_m}
+
+    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
+        """Always there."""
+        return {"spring_stiffness_N_m": const(1.0)}
+
+    def unit_force(self, context: LoadContext) -> Expr:
+        """Minus the slope of the energy stored."""
+        a, b = (context.motion.point(name, "spring") for name in (self.from_point, self.to_point))
+        return -(self._pull(context).dot(b.first - a.first))
+
+    def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
+        """Opposite pulls on the two points."""
+        pull = intensity * self._pull(context)
+        wrenches.pull_on_point(self.from_point, pull)
+        wrenches.pull_on_point(self.to_point, -pull)
+
+    def _pull(self, context: LoadContext) -> Vector:
+        """Pull on the first point towards the second, per unit of stiffness [m]."""
+        a, b = (context.motion.point(name, "spring") for name in (self.from_point, self.to_point))
+        way = b.position - a.position
+        slack = self.free_length_m - self.preload_N / self.stiffness_N_m
+        return (1.0 - slack / sqrt(way.dot(way))) * way
+
+
+@dataclass(frozen=True)
+class TorsionSpring(Uneventful):
+    """A spring that turns `link` back towards `free_angle_rad`, measured from the link `against` or from +x.
+
+    Its torque is stiffness * (free angle - angle) + preload, counter-clockwise on the link. Between a swing's
+    possible turns, the one whose middle lies nearest to the free angle counts.
+    """
+
+    link: str
+    stiffness_Nm_rad: float
+    free_angle_rad: float
+    preload_Nm: float = 0.0
+    against: str | None = None
+
+    def __post_init__(self) -> None:
+        _check(f"torsion spring on '{self.link}'", self.stiffness_Nm_rad, self.free_angle_rad, self.preload_Nm)
+
+    def parameters(self) -> Mapping[str, float]:
+        """The stiffness."""
+        return {"torsion_stiffness_Nm_rad": self.stiffness_Nm_rad}
+
+    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
+        """Always there."""
+        return {"torsion_stiffness_Nm_rad": const(1.0)}
+
+    def unit_force(self, context: LoadContext) -> Expr:
+        """Minus the slope of the energy stored."""
+        return self._turn_back(context) * relative_motion(context.motion, self.link, self.against).first
+
+    def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
+        """Opposite moments on the two links."""
+        turn_links(wrenches, self.link, self.against, intensity * self._turn_back(context))
+
+    def _turn_back(self, context: LoadContext) -> Expr:
+        """Torque on the link per unit of stiffness [rad]."""
+        shaft = context.motion.rotations[MAIN_SHAFT].direction
+        angle = link_angle(relative_motion(context.motion, self.link, self.against), shaft, self.free_angle_rad)
+        begin, end = (interpret([angle], {"theta": turn}, math)[0] for turn in (0.0, 2.0 * math.pi))
+        if abs(end - begin) > math.pi:
+            raise MachineError(
+                f"torsion spring on '{self.link}': the link turns round with the shaft, so a spring would wind up "
+                "for ever; put it on a link that swings"
+            )
+        return self.free_angle_rad + self.preload_Nm / self.stiffness_Nm_rad - angle
