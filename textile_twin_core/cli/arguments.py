@@ -13,6 +13,7 @@ from textile_twin_core.errors import TwinError
 if TYPE_CHECKING:
     from textile_twin_core.machines import Machine
 
+_MOST_WORDS = 12
 MACHINE_SUFFIXES = (".yaml", ".yml")
 
 
@@ -24,7 +25,10 @@ def nearest(given: str, known: Iterable[str]) -> str:
     """Half a sentence that names the nearest of the known words, or all of them."""
     words = list(known)
     near = get_close_matches(given, words, n=3, cutoff=0.5)
-    return f"did you mean {' or '.join(near)}?" if near else f"there are: {', '.join(words)}"
+    if near:
+        return f"did you mean {' or '.join(near)}?"
+    more = f" and {len(words) - _MOST_WORDS} more" if len(words) > _MOST_WORDS else ""
+    return f"there are: {', '.join(words[:_MOST_WORDS])}{more}"
 
 
 class Parser(argparse.ArgumentParser):

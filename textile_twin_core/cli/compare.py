@@ -43,8 +43,6 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Compare, print the table, write what was asked for."""
     machine = load_machine(arguments.machine, arguments.set)
-    if "balancing_torque_Nm" not in machine.outputs:
-        raise UsageError(f"machine '{machine.name}' has no balancing torque to compare; give its bodies their masses")
 
     from textile_twin_core.files import staged
 

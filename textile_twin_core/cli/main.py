@@ -13,6 +13,7 @@ from textile_twin_core.errors import TwinError
 
 COMMANDS = {
     "machines": "the machines, their outputs and parameters",
+    "published": "the papers' numbers beside ours, and their figures drawn anew",
     "simulate": "outputs of a machine over a shaft motion, as a table or a recording",
     "replay": "a recording in, the same recording with the twin's predictions out",
     "compare": "measured against predicted torque: table, report, recording, plot",

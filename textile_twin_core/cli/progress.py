@@ -10,12 +10,14 @@ _LONG = 50_000
 
 
 @contextmanager
-def progress(total: int, what: str) -> Iterator[Callable[[int], object] | None]:
-    """A function to call with the number of samples just done; None when no bar is shown."""
-    if total < _LONG or not sys.stderr.isatty():
+def progress(
+    total: int, what: str, unit: str = " samples", long: int = _LONG
+) -> Iterator[Callable[[int], object] | None]:
+    """A function to call with the number of units just done; None when no bar is shown, as below `long` units."""
+    if total < long or not sys.stderr.isatty():
         yield None
         return
     from tqdm import tqdm
 
-    with tqdm(total=total, desc=what, unit=" samples", unit_scale=True, leave=False) as bar:
+    with tqdm(total=total, desc=what, unit=unit, unit_scale=total >= _LONG, leave=False) as bar:
         yield bar.update

@@ -45,8 +45,8 @@ def parser() -> Parser:
     parser.add_argument(
         "--outputs",
         metavar="A,B",
-        help="names of outputs, with commas between (see textile-twin machines); default: those of the machine"
-        " file's scene, otherwise the balancing torque with its parts and the motion of needle, beater or sley",
+        help="names of outputs, with commas between (textile-twin machines MACHINE lists them); default: those of the"
+        " machine file's scene, otherwise the balancing torque with its parts and the motion of needle, beater or sley",
     )
     parser.add_argument("--method", choices=["exact", "table", "auto"], help="default: the scene's, otherwise auto")
     parser.add_argument("--tolerance", type=positive, help="error over peak that --method table may make")
@@ -97,7 +97,8 @@ def _outputs(machine: Machine, asked: str | None) -> list[str]:
             for measure in machine.measures
             for what in ("position_m", "velocity_m_s", "acceleration_m_s2")
         ]
-        return [name for name in (*_TORQUES, *moved) if name in machine.outputs] or list(machine.outputs[:1])
+        torques = () if machine.missing_for_torque else _TORQUES
+        return [name for name in (*torques, *moved) if name in machine.outputs] or list(machine.outputs[:1])
     names = list(dict.fromkeys(name.strip() for name in asked.split(",") if name.strip()))
     if not names:
         raise SceneError("--outputs names nothing; give names with commas between, such as balancing_torque_Nm")

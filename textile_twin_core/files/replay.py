@@ -72,14 +72,13 @@ class _Predictions:
 
     def __init__(self, machine: Machine, out: BagWriter, namespace: str) -> None:
         self._out = out
-        self.has_torque = TORQUE in machine.outputs
+        self.has_torque = not machine.missing_for_torque
         self.torque, self.sigma, self.residual = (
             f"{namespace}/balancing_torque/{name}" for name in ("predicted", "predicted_sigma", "residual")
         )
         self.joint_states, self.description = f"{namespace}/joint_states", f"{namespace}/robot_description"
         self._joints = [joint.name for joint in machine.joints if joint.kind != "fixed"]
-        followed = ((measure.name, getattr(measure, "point", None)) for measure in machine.measures)
-        self._points = {f"{namespace}/{name}/position": point for name, point in followed if point}
+        self._points = {f"{namespace}/{name}/position": point for name, point in _followed(machine).items()}
         torque_topics = [self.torque, self.sigma, self.residual] if self.has_torque else []
         self.topics = {*torque_topics, *self._points, self.joint_states, self.description}
         joints = [f"joint_{name}_{what}" for name in self._joints for what in ("position", "velocity")]
@@ -101,6 +100,16 @@ class _Predictions:
             for what in ("position", "velocity")
         )
         self._out.write_joint_states(self.joint_states, stamps, self._joints, position, velocity)
+
+
+def _followed(machine: Machine) -> dict[str, str]:
+    """Measure -> the point whose place tells it: that of a travel, the end of the link for an arc."""
+    ends = {link.name: link.end for link in machine.links}
+    points = (
+        (measure.name, getattr(measure, "point", ends.get(getattr(measure, "link", ""))))
+        for measure in machine.measures
+    )
+    return {name: point for name, point in points if point is not None}
 
 
 class _Residual:

@@ -1,0 +1,67 @@
+"""textile-twin published: the papers' numbers beside ours, and their figures drawn anew."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from textile_twin_core.cli.arguments import Parser
+from textile_twin_core.cli.progress import progress
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser(
+        "published",
+        "The numbers that the four papers print, beside what their machines give here: deviation, and the reason"
+        " where they differ.",
+        "textile-twin published --plots figures",
+    )
+    parser.add_argument("--plots", type=Path, metavar="DIR", help="draw the papers' figures into this folder, as .png")
+    parser.add_argument("--markdown", action="store_true", help="print the tables in Markdown")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows; is replaced when it is there")
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Print the rows, write and draw what was asked for."""
+    from textile_twin_core.cli.published_table import as_json, as_markdown, as_text
+
+    if arguments.plots is not None:
+        _make_folder(arguments.plots)
+    if arguments.json is not None:
+        from textile_twin_core.files import staged
+
+        with staged(arguments.json) as partial:
+            text = json.dumps(as_json(), indent=1, allow_nan=False)
+            partial.write_text(text + "\n", encoding="utf-8")
+    print(as_markdown() if arguments.markdown else as_text())
+    if arguments.plots is not None:
+        _draw(arguments.plots)
+
+
+def _make_folder(folder: Path) -> None:
+    """Make the folder for the figures, or say why it cannot be written. Raises OutputError."""
+    from textile_twin_core.files import check_folder
+    from textile_twin_core.files.atomic import OutputError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise OutputError(f"--plots {folder}: cannot make this folder ({why}); choose another") from error
+    check_folder(folder / "figure.png")
+
+
+def _draw(folder: Path) -> None:
+    from textile_twin_core.files import staged
+    from textile_twin_core.views.figures import FIGURES
+
+    with progress(len(FIGURES), "drawing", unit=" figures", long=1) as done:
+        for name, draw in FIGURES.items():
+            with staged(folder / f"{name}.png") as partial:
+                draw().savefig(partial)
+            if done is not None:
+                done(1)
+    print(f"\n{folder}: {len(FIGURES)} figures: {', '.join(FIGURES)}")

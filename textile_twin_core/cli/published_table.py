@@ -1,0 +1,202 @@
+"""The four papers' numbers beside ours: gathered, and written as text, Markdown or data."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from itertools import groupby
+from typing import Any, NamedTuple
+
+from textile_twin_core.machines.published import PublishedRow, decimals, printed_numbers
+
+_COLUMNS = (46, 6, 18, 17, 9)
+_TABLE_COLUMNS = (20, 36, 34, 9)
+_LAST_DIGITS = "the largest deviation, in units of the last printed digit"
+
+
+class Paper(NamedTuple):
+    """A paper by its short name, its machine and its title."""
+
+    name: str
+    machine: str
+    title: str
+
+
+def papers() -> tuple[tuple[Paper, tuple[PublishedRow, ...]], ...]:
+    """The four papers with their rows."""
+    from textile_twin_core.machines.published_beatup import ELLIPTIC_GEAR, HANDLOOM, elliptic_gear_rows, handloom_rows
+    from textile_twin_core.machines.published_tufting import TUFTING, tufting_rows
+    from textile_twin_core.synthesis.published import table_1_rows
+
+    return (
+        (
+            Paper(
+                TUFTING,
+                "carpet tufting machine",
+                "Dynamic Characteristic Analysis of the Needle Multi-linkage Mechanism in a Carpet Tufting Machine's"
+                " Driving System, doi 10.5604/12303666.1196619",
+            ),
+            tufting_rows(),
+        ),
+        (
+            Paper(
+                HANDLOOM,
+                "beat-up of a handmade carpet loom",
+                "Kinematic analysis of beat-up mechanism used for handmade carpet looms",
+            ),
+            (*handloom_rows(), *table_1_rows()),
+        ),
+        (
+            Paper(
+                ELLIPTIC_GEAR,
+                "elliptic-gear beat-up of a power loom",
+                "Kinematic Analysis and Test Study of Elliptic-Gear and Crank-Rocker Beating-Up Mechanism,"
+                " Journal of Donghua University (Eng. Ed.) 28, no. 2, 222-225",
+            ),
+            elliptic_gear_rows(),
+        ),
+    )
+
+
+def published_rows() -> tuple[PublishedRow, ...]:
+    """Every row of the four papers."""
+    return tuple(row for _, rows in papers() for row in rows)
+
+
+def as_text() -> str:
+    """All rows for a terminal of 100 columns."""
+    return "\n\n".join(["\n".join(_paper_lines(paper, rows)) for paper, rows in papers()] + [_count(published_rows())])
+
+
+def as_markdown() -> str:
+    """All rows for a README: the counts, where print and machine differ, and every row folded away by paper."""
+    lines = ["| paper | machine | rows | agree with print | differ, reason given | not a number in print |"]
+    lines.append("|---|---|--:|--:|--:|--:|")
+    for paper, rows in papers():
+        agree, differ, rest = _counts(rows)
+        lines.append(f"| {paper.name} | {paper.machine} | {len(rows)} | {agree} | {differ} | {rest} |")
+    lines += ["", "Where print and machine differ by a unit of the last printed digit or more:", ""]
+    lines += ["| paper | quantity | unit | printed | computed | why |", "|---|---|---|--:|--:|---|"]
+    for row in published_rows():
+        if row.agrees is False:
+            what = f"{row.section}: {row.quantity}" if isinstance(row.computed, tuple) else row.quantity
+            lines.append(_markdown(row.paper, what, row.unit, printed_text(row), computed_text(row), row.reason))
+    for paper, rows in papers():
+        lines += ["", "<details>", f"<summary>{paper.name}: all {len(rows)} rows</summary>", ""]
+        lines += [f"{paper.title}.", ""]
+        for section, group in _sections(rows):
+            lines += [f"**{section}**", "", "| quantity | unit | printed | computed | deviation | why |"]
+            lines += ["|---|---|--:|--:|--:|---|"]
+            for row in group:
+                cells = (row.quantity, row.unit, printed_text(row), computed_text(row), deviation_text(row), row.reason)
+                lines.append(_markdown(*cells))
+            lines.append("")
+        lines.append("</details>")
+    return "\n".join(lines)
+
+
+def as_json() -> dict[str, Any]:
+    """All rows as data."""
+    return {
+        "rows": [
+            {
+                "paper": row.paper,
+                "section": row.section,
+                "quantity": row.quantity,
+                "unit": row.unit,
+                "printed": row.printed,
+                "computed": row.computed,
+                "deviation": row.deviation,
+                "agrees": row.agrees,
+                "reason": row.reason,
+            }
+            for row in published_rows()
+        ]
+    }
+
+
+def printed_text(row: PublishedRow) -> str:
+    """The printed value as printed; a dash where the paper gives none."""
+    if row.printed is None:
+        return "-"
+    return row.printed if isinstance(row.printed, str) else _plain(f"{row.printed:.10g}")
+
+
+def computed_text(row: PublishedRow) -> str:
+    """The computed value, with a digit or two more than the printed one."""
+    if isinstance(row.computed, str):
+        return row.computed
+    if isinstance(row.computed, tuple):
+        places = map(decimals, printed_numbers(row.printed))
+        return " ".join(f"{value:.{place}f}" for value, place in zip(row.computed, places, strict=True))
+    return _number(row.computed, row)
+
+
+def deviation_text(row: PublishedRow) -> str:
+    """The deviation in the row's unit; for several numbers the largest, in units of the last printed digit."""
+    if isinstance(row.computed, tuple) and row.last_places is not None:
+        return f"{row.last_places:.1f}"
+    if row.deviation is None:
+        return ""
+    text = _number(row.deviation, row)
+    return "0" if float(text) == 0.0 else f"{'' if text[0] == '-' else '+'}{text}"
+
+
+def _number(value: float, row: PublishedRow) -> str:
+    printed = printed_numbers(row.printed)
+    if len(printed) != 1:
+        return f"{value:.6g}"
+    if 0.0 < abs(printed[0]) < 1e-3:
+        return _plain(f"{value:.3e}" if value == row.computed else f"{value:.1e}")
+    places = max(decimals(printed[0]), 0)
+    return f"{value:.{places + (2 if places < 2 else 1)}f}"
+
+
+def _plain(text: str) -> str:
+    return text.replace("e-0", "e-")
+
+
+def _sections(rows: Iterable[PublishedRow]) -> Iterable[tuple[str, list[PublishedRow]]]:
+    for section, group in groupby(rows, key=lambda row: row.section):
+        members = list(group)
+        listed = isinstance(members[0].computed, tuple)
+        yield f"{section}; deviation: {_LAST_DIGITS}" if listed else section, members
+
+
+def _paper_lines(paper: Paper, rows: tuple[PublishedRow, ...]) -> list[str]:
+    lines = [f"{paper.name}: {paper.machine}", *textwrap.wrap(paper.title, 98, break_on_hyphens=False)]
+    for section, group in _sections(rows):
+        lines += ["", *textwrap.wrap(section, 98)]
+        listed = isinstance(group[0].computed, tuple)
+        lines.append(_line(listed, "", "", "printed", "computed", "deviation"))
+        for row in group:
+            texts = row.quantity, row.unit, printed_text(row), computed_text(row), deviation_text(row)
+            lines.append(_line(listed, *texts))
+            lines += textwrap.wrap(row.reason, 96, initial_indent=" " * 6, subsequent_indent=" " * 6)
+    return lines
+
+
+def _line(listed: bool, quantity: str, unit: str, printed: str, computed: str, deviation: str) -> str:
+    if listed:
+        widths = _TABLE_COLUMNS
+        return f"  {quantity:{widths[0]}}{printed:>{widths[1] - 2}} {computed:>{widths[2]}} {deviation:>{widths[3]}}"
+    a, b, c, d, e = _COLUMNS
+    return f"  {quantity:{a - 2}} {unit:{b}}{printed:>{c}} {computed:>{d}} {deviation:>{e}}".rstrip()
+
+
+def _markdown(*cells: str) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _counts(rows: Iterable[PublishedRow]) -> tuple[int, int, int]:
+    """Rows that agree with print, that differ, and where print has no plain number."""
+    found = [row.agrees for row in rows]
+    return found.count(True), found.count(False), found.count(None)
+
+
+def _count(rows: tuple[PublishedRow, ...]) -> str:
+    agree, differ, rest = _counts(rows)
+    return (
+        f"{len(rows)} rows: {agree} agree to the last printed digit, {differ} differ for the reason given,"
+        f" {rest} have no number in print."
+    )
