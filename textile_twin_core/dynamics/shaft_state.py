@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from textile_twin_core.expression import Expr, square, variable
 from textile_twin_core.mechanism import THETA
@@ -19,8 +19,4 @@ class ShaftState:
     theta: Expr = THETA
     omega: Expr = OMEGA
     alpha: Expr = ALPHA
-
-    @property
-    def omega_squared(self) -> Expr:
-        """omega^2 [rad^2/s^2]."""
-        return square(self.omega)
+    omega_squared: Expr = field(default_factory=lambda: square(OMEGA))

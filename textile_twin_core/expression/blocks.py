@@ -58,28 +58,33 @@ class BlockProgram:
         self._local = threading.local()
 
     def __call__(self, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> None:
-        """Evaluate one-dimensional inputs of equal length (broadcast views allowed) into the outputs."""
+        """Evaluate one-dimensional inputs of equal length (broadcast views allowed) into the outputs.
+
+        NaN goes through; numpy's warnings about it are the caller's to keep or silence.
+        """
         n = inputs[0].shape[0]
         step = self.chunk
-        buffers = self._buffers(min(n, step))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            for start in range(0, n, step):
-                stop = min(start + step, n)
-                if stop - start < buffers.shape[1]:
-                    buffers = buffers[:, : stop - start]
-                self._run(
-                    [a[start:stop] for a in inputs],
-                    [a[start:stop] for a in outputs],
-                    list(buffers),
-                    self._constants,
-                )
+        buffers = self._buffers()
+        for start in range(0, n, step):
+            stop = min(start + step, n)
+            self._run(
+                [a[start:stop] for a in inputs],
+                [a[start:stop] for a in outputs],
+                buffers if stop - start == step else [b[: stop - start] for b in buffers],
+                self._constants,
+            )
 
-    def _buffers(self, length: int) -> FloatArray:
-        held: FloatArray | None = getattr(self._local, "buffers", None)
-        if held is None or held.shape[1] < length:
-            held = np.empty((self.buffer_count, length))
-            self._local.buffers = held
-        return held[:, :length]
+    def run_chunk(self, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> None:
+        """Evaluate at most a chunk."""
+        n = inputs[0].shape[0]
+        buffers = self._buffers()
+        self._run(inputs, outputs, buffers if n == self.chunk else [b[:n] for b in buffers], self._constants)
+
+    def _buffers(self) -> list[FloatArray]:
+        held: list[FloatArray] | None = getattr(self._local, "buffers", None)
+        if held is None:
+            held = self._local.buffers = list(np.empty((self.buffer_count, self.chunk)))
+        return held
 
 
 def _program(outputs: list[Expr], inputs: tuple[str, ...]) -> tuple[str, list[FloatArray], int, int]:

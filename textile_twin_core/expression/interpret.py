@@ -12,7 +12,7 @@ def interpret(outputs: Iterable[Expr], inputs: Mapping[str, Any], functions: Any
     """Values of the outputs for the inputs by name.
 
     `functions` is a module or namespace with sqrt, sin and cos (and atan2 where an angle is asked):
-    math, cmath, mpmath. Constants of the graph stay what they are, IEEE doubles.
+    math, cmath, mpmath; arrays of any float type do as well. Constants of the graph stay what they are, IEEE doubles.
     """
     outputs = list(outputs)
     value: dict[Expr, Any] = {}
@@ -36,18 +36,23 @@ def interpret(outputs: Iterable[Expr], inputs: Mapping[str, Any], functions: Any
             case "square":
                 value[node] = a[0] * a[0]
             case "abs":
-                value[node] = a[0] if _real(a[0]) >= 0 else -a[0]
+                value[node] = a[0] * _sign(a[0])
             case "sign":
-                value[node] = float((_real(a[0]) > 0) - (_real(a[0]) < 0))
+                value[node] = _sign(a[0])
             case "at_least":
-                value[node] = float(_real(a[0]) >= _real(a[1]))
+                value[node] = 1.0 * (_real(a[0]) >= _real(a[1]))
             case "select":
-                value[node] = a[1] if a[0] else a[2]
+                value[node] = a[1] * a[0] + a[2] * (1.0 - a[0])
             case "sqrt" | "sin" | "cos" | "atan2":
                 value[node] = getattr(functions, node.op)(*a)
             case _:
                 raise TypeError(f"'{node.op}' has no meaning outside its own evaluator")
     return [value[e] for e in outputs]
+
+
+def _sign(number: Any) -> Any:
+    real = _real(number)
+    return 1.0 * (real > 0) - 1.0 * (real < 0)
 
 
 def _real(number: Any) -> Any:

@@ -22,8 +22,13 @@ _DEEPEST = 24
 ScalarFunction = Callable[..., tuple[float, ...]]
 
 
-def scalar_source(outputs: Sequence[Expr], inputs: Sequence[str], result: str = "({},)") -> str:
-    """Source of `def f(inputs): ...` that returns `result` with the outputs' expressions put in its place."""
+def scalar_source(
+    outputs: Sequence[Expr], inputs: Sequence[str], result: str = "({},)", prologue: Sequence[str] = ()
+) -> str:
+    """Source of `def f(inputs): ...` that returns `result` with the outputs' expressions put in its place.
+
+    The lines of the prologue stand first; they may make further variables of the expressions.
+    """
     order = topological_order(outputs)
     uses = Counter(a for node in order for a in node.args)
     uses.update(outputs)
@@ -52,7 +57,7 @@ def scalar_source(outputs: Sequence[Expr], inputs: Sequence[str], result: str = 
         if "{0}" in result
         else result.format(", ".join(text[e] for e in outputs))
     )
-    return "\n".join([f"def f({', '.join(inputs)}):", *lines, f"    return {returned}"])
+    return "\n".join([f"def f({', '.join(inputs)}):", *prologue, *lines, f"    return {returned}"])
 
 
 def compile_scalar(outputs: Sequence[Expr], inputs: Sequence[str]) -> ScalarFunction:
@@ -65,12 +70,18 @@ def compile_scalar(outputs: Sequence[Expr], inputs: Sequence[str]) -> ScalarFunc
 
 
 def compile_scalar_mapping(
-    outputs: Mapping[str, Expr], inputs: Sequence[str]
+    outputs: Mapping[str, Expr],
+    inputs: Sequence[str],
+    prologue: Sequence[str] = (),
+    names: Mapping[str, Any] | None = None,
 ) -> Callable[..., dict[str, float]]:
-    """As `compile_scalar`, but the function returns a dict by output name."""
+    """As `compile_scalar`, but the function returns a dict by output name.
+
+    `prologue` is source that stands first, `names` what it may use.
+    """
     entries = ", ".join(f"{name!r}: {{{i}}}" for i, name in enumerate(outputs))
-    source = scalar_source(list(outputs.values()), inputs, "{{" + entries + "}}")
-    function: Callable[..., dict[str, float]] = _compiled(source)
+    source = scalar_source(list(outputs.values()), inputs, "{{" + entries + "}}", prologue)
+    function: Callable[..., dict[str, float]] = _compiled(source, names or {})
     return function
 
 
@@ -81,8 +92,9 @@ def _template(op: str) -> str:
     raise TypeError(f"'{op}' has no scalar form")
 
 
-def _compiled(source: str) -> Any:
+def _compiled(source: str, names: Mapping[str, Any] | None = None) -> Any:
     namespace: dict[str, Any] = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "atan2")}
     namespace["abs"] = math.fabs
+    namespace.update(names or {})
     exec(compile(source, "<twin>", "exec"), namespace)
     return namespace["f"]

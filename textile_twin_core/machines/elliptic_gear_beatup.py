@@ -73,6 +73,7 @@ def elliptic_gear_beatup(
     front = ground_angle_rad + stretched_angle(crank_m, coupler_m, rocker_m, ground_m)
     return Machine(
         name="elliptic_gear_beatup",
+        nominal_speed_rad_s=300.0 * 2.0 * math.pi / 60.0,
         description="elliptic-gear crank-rocker beat-up of a power loom (Zhao, Ren and Chen 2011)",
         points={"O": (0.0, 0.0), "A": axis, "D": foot},
         groups=(

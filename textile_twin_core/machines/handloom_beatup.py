@@ -50,6 +50,7 @@ def handloom_beatup(
     pivot = (ground_m * math.cos(ground_angle_rad), ground_m * math.sin(ground_angle_rad))
     return Machine(
         name="handloom_beatup",
+        nominal_speed_rad_s=15.5,
         description="beat-up mechanism of a handmade carpet loom (Topalbekiroglu and Celik 2010)",
         points={"D": (0.0, 0.0), "A": pivot},
         groups=(

@@ -102,7 +102,8 @@ class Machine:
 
     Several equal linkages can sit on one shaft; torque and energy are their sums, positions and
     reactions those of the first. `angle_near_rad` names, per link, the turn in which its printed
-    angle lies. `transmitted` names outputs for the torque that a link applies to an arm fixed to it.
+    angle lies; `nominal_speed_rad_s` is the shaft speed at which errors are judged; `transmitted` names
+    outputs for the torque that a link applies to an arm fixed to it.
     Raises MachineError, with the shaft angle, when the linkage cannot close over `range_rad`.
     """
 
@@ -121,6 +122,7 @@ class Machine:
     transmitted: Mapping[str, str] = field(default_factory=dict)
     missing_for_torque: tuple[str, ...] = ()
     range_rad: tuple[float, float] = FULL_TURN
+    nominal_speed_rad_s: float = 10.0
     parameters: Mapping[str, float] = field(default_factory=dict)
     description: str = ""
 

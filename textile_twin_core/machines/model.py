@@ -7,13 +7,14 @@ from difflib import get_close_matches
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
+from textile_twin_core.dynamics.body import Body
 from textile_twin_core.dynamics.loads.load import LoadContext, intensity
 from textile_twin_core.dynamics.reactions import balance, gather, inertia_force
 from textile_twin_core.dynamics.reduction import Reduction, reduce_bodies
 from textile_twin_core.dynamics.shaft_state import ShaftState
 from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError, SceneError
-from textile_twin_core.expression import Expr, const
+from textile_twin_core.expression import Expr, const, variable
 from textile_twin_core.machines.joints import Joint, joint_state
 from textile_twin_core.mechanism import MAIN_SHAFT, Crank, Displacement, Group, Motion, RigidArm, RRPDyad
 from textile_twin_core.mechanism.angles import link_angle
@@ -28,8 +29,12 @@ Builder = Callable[[], Expr]
 class LinkageModel:
     """One linkage at its phase: motion, reduction, loads and reactions."""
 
-    def __init__(self, machine: Machine, phase_rad: float, shaft: ShaftState) -> None:
-        self.machine, self.shaft = machine, shaft
+    def __init__(
+        self, machine: Machine, number: int, shaft: ShaftState, loads_as_variables: bool = False
+    ) -> None:
+        self.machine, self.number, self.shaft = machine, number, shaft
+        self._loads_as_variables = loads_as_variables
+        phase_rad = machine.linkages[number].phase_rad
         self.motion: Motion = machine.linkage.motion(phase_rad)
         self.gravity = Vector.of(*machine.gravity_m_s2)
 
@@ -39,15 +44,20 @@ class LinkageModel:
         return {m.name: m.displacement(self.motion) for m in self.machine.measures}
 
     @cached_property
+    def bodies(self) -> tuple[Body, ...]:
+        """The linkage's bodies; what turns with the shaft itself belongs to the first."""
+        return tuple(b for b in self.machine.bodies if self.number == 0 or not b.is_flywheel)
+
+    @cached_property
     def load_context(self) -> LoadContext:
         """What loads act on."""
         measures = {m.name: m for m in self.machine.measures}
-        return LoadContext(self.motion, self.shaft, measures, self.displacements)
+        return LoadContext(self.motion, self.shaft, measures, self.displacements, self.number == 0)
 
     @cached_property
     def reduction(self) -> Reduction:
         """The bodies as the shaft feels them."""
-        return reduce_bodies(self.motion, self.machine.bodies, self.gravity)
+        return reduce_bodies(self.motion, self.bodies, self.gravity)
 
     @cached_property
     def inertial_torque(self) -> Expr:
@@ -64,12 +74,18 @@ class LinkageModel:
 
     def intensity(self, number: int) -> Expr:
         """The intensity of a load of the machine."""
+        if self._loads_as_variables:
+            return self.intensity_variable(number)
         return intensity(self.machine.loads[number], self.load_context)
+
+    def intensity_variable(self, number: int) -> Expr:
+        """The name of a load's intensity where loads are kept apart."""
+        return variable(f"load_{self.number}_{number}")
 
     @cached_property
     def wrenches(self) -> Wrenches:
         """Newton-Euler's equations, solved."""
-        wrenches = gather(self.motion, self.machine.bodies, self.gravity, self.shaft)
+        wrenches = gather(self.motion, self.bodies, self.gravity, self.shaft)
         for i, load in enumerate(self.machine.loads):
             load.apply(self.load_context, wrenches, self.intensity(i))
         balance(self.machine.groups, wrenches)
@@ -80,11 +96,17 @@ class MachineModel:
     """The outputs of a machine by name.
 
     Torque, inertia and energies are sums over the linkages on the shaft; all else speaks of the first.
+    With `loads_as_variables` the loads' intensities stay open, for those who evaluate them apart.
     """
 
-    def __init__(self, machine: Machine, shaft: ShaftState | None = None) -> None:
+    def __init__(
+        self, machine: Machine, shaft: ShaftState | None = None, loads_as_variables: bool = False
+    ) -> None:
         self.machine, self.shaft = machine, shaft or ShaftState()
-        self.linkages = [LinkageModel(machine, place.phase_rad, self.shaft) for place in machine.linkages]
+        self.linkages = [
+            LinkageModel(machine, number, self.shaft, loads_as_variables)
+            for number in range(len(machine.linkages))
+        ]
         self._builders: dict[str, Builder] = {}
         self._built: dict[str, Expr] = {}
         self._list_shaft_outputs()

@@ -96,6 +96,7 @@ def tufting(
             "l5": 3 * math.pi / 2,
             "l6": 3 * math.pi / 2,
         },
+        nominal_speed_rad_s=160.0 * 2.0 * math.pi / 60.0,
         transmitted={"driven_shaft_torque_Nm": "l4"},
         parameters=parameters,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,20 +12,64 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machines.machine import Machine
+from textile_twin_core.twin.accuracy import reached_errors
 from textile_twin_core.twin.exact import ExactEvaluator
+from textile_twin_core.twin.plan import describe
+from textile_twin_core.twin.table import FINEST_TABLE, TableEvaluator
 
 if TYPE_CHECKING:
     from textile_twin_core.twin.session import Session
 
-METHODS = ("exact", "auto")
+METHODS = ("exact", "table", "auto")
+_TABLE_PAYS_FROM = 200_000
 
 
 class Twin:
-    """A machine compiled for a scene."""
+    """A machine compiled for a scene.
+
+    Method `exact` evaluates closed forms, `table` periodic tables refined to the tolerance; `auto` takes the
+    table for blocks that are long enough to pay for it, where it is the cheaper one, and else the closed forms.
+    """
 
     def __init__(self, machine: Machine, outputs: tuple[str, ...], method: str, tolerance: float) -> None:
         self.machine, self.outputs, self.method, self.tolerance = machine, outputs, method, tolerance
-        self._evaluator = ExactEvaluator({name: machine.model.output(name) for name in outputs})
+        self._expressions = {name: machine.model.output(name) for name in outputs}
+        self._exact = ExactEvaluator(self._expressions)
+        self._evaluator: ExactEvaluator | TableEvaluator = self._table if method == "table" else self._exact
+
+    @cached_property
+    def _table(self) -> TableEvaluator:
+        return TableEvaluator(self.machine, self._expressions, self.tolerance)
+
+    @cached_property
+    def _table_or_exact(self) -> ExactEvaluator | TableEvaluator:
+        """What `auto` takes for long blocks."""
+        if self.tolerance < FINEST_TABLE:
+            return self._exact
+        table = self._table
+        return table if table.cost < self._exact.cost else self._exact
+
+    @cached_property
+    def reached_errors(self) -> dict[str, float]:
+        """Largest error found per output, over its peak, at nominal speed, with a margin (see `accuracy`)."""
+        evaluator = self._table_or_exact if self.method == "auto" else self._evaluator
+        return reached_errors(self.machine, self._expressions, evaluator)
+
+    @property
+    def reached_error(self) -> float:
+        """The largest of `reached_errors`."""
+        return max(self.reached_errors.values(), default=0.0)
+
+    def describe(self) -> str:
+        """What is evaluated and what was dropped, with the operations per sample counted."""
+        return describe(self.machine, self._expressions, self.method, self._exact, self._described_table)
+
+    @property
+    def _described_table(self) -> TableEvaluator | None:
+        if self.method == "exact":
+            return None
+        chosen = self._evaluator if self.method == "table" else self._table_or_exact
+        return chosen if isinstance(chosen, TableEvaluator) else None
 
     def evaluate(
         self,
@@ -50,18 +95,16 @@ class Twin:
         try:
             shape = np.broadcast_shapes(*(a.shape for a in arrays))
         except ValueError:
-            shapes = ", ".join(
-                f"{n} {a.shape}" for n, a in zip(("theta", "omega", "alpha"), arrays, strict=True)
-            )
-            raise MotionError(
-                f"the motion's arrays do not fit each other: {shapes}; give equal shapes"
-            ) from None
+            shapes = ", ".join(f"{n} {a.shape}" for n, a in zip(("theta", "omega", "alpha"), arrays, strict=True))
+            raise MotionError(f"the motion's arrays do not fit each other: {shapes}; give equal shapes") from None
         result = self._prepare(shape, out)
-        flat = [
-            np.broadcast_to(a, shape).reshape(-1) if a.ndim else np.broadcast_to(a, math.prod(shape))
-            for a in arrays
-        ]
-        self._evaluator.fill((flat[0], flat[1], flat[2]), {name: a.reshape(-1) for name, a in result.items()})
+        size = math.prod(shape)
+        flat = [np.broadcast_to(a, shape).reshape(-1) if a.ndim else np.broadcast_to(a, size) for a in arrays]
+        evaluator = self._evaluator
+        if self.method == "auto" and size >= _TABLE_PAYS_FROM:
+            evaluator = self._table_or_exact
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            evaluator.fill((flat[0], flat[1], flat[2]), {name: a.reshape(-1) for name, a in result.items()})
         return result
 
     def _prepare(self, shape: tuple[int, ...], out: Mapping[str, FloatArray] | None) -> dict[str, FloatArray]:

@@ -9,6 +9,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import INPUTS
 from textile_twin_core.expression import Expr
 from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.cost import operation_cost
 from textile_twin_core.expression.scalar import compile_scalar_mapping
 
 
@@ -27,6 +28,11 @@ class ExactEvaluator:
     def program(self) -> BlockProgram:
         """The array program."""
         return BlockProgram(list(self.expressions.values()), INPUTS)
+
+    @property
+    def cost(self) -> float:
+        """Array operations per sample."""
+        return operation_cost(list(self.expressions.values()))
 
     def fill(self, inputs: tuple[FloatArray, FloatArray, FloatArray], out: Mapping[str, FloatArray]) -> None:
         """Evaluate one-dimensional inputs into the arrays of `out`."""

@@ -97,9 +97,7 @@ class Session:
         """Counts of samples accepted and rejected, and the estimator's state."""
         return self._estimator.report
 
-    def step(
-        self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
-    ) -> Samples:
+    def step(self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None) -> Samples:
         """Take angle samples and predict.
 
         stamps: integers [ns] or floats [s]; angles [rad] as the encoder measures them, wrapped or not;

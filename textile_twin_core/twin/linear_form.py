@@ -1,0 +1,77 @@
+"""Outputs as linear forms: smooth functions of the shaft angle times speed, its square, acceleration and loads.
+
+Every output of one degree of freedom has this form, with the loads' intensities as further factors;
+so the functions of the angle alone can be tabulated once while what leaps stays exact.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.dynamics import ShaftState
+from textile_twin_core.expression import Expr, const, derivative, substitute, topological_order, variable
+from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machines.model import MachineModel
+from textile_twin_core.mechanism import THETA
+
+OMEGA_SQUARED = variable("omega_squared")
+_LEAPS = frozenset({"sign", "at_least", "abs", "select"})
+_FACTORS = (variable("omega"), OMEGA_SQUARED, variable("alpha"))
+
+
+@dataclass(frozen=True)
+class LinearForm:
+    """output = winding * theta + sum of coefficient(theta) * factor; the factor None stands for 1."""
+
+    winding: float
+    terms: tuple[tuple[Expr, Expr | None], ...]
+
+
+class LinearForms:
+    """The linear forms of a machine's outputs, with its loads' intensities as variables."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._model = MachineModel(machine, ShaftState(omega_squared=OMEGA_SQUARED), loads_as_variables=True)
+        self.intensities = {
+            linkage.intensity_variable(i): true.intensity(i)
+            for linkage, true in zip(self._model.linkages, machine.model.linkages, strict=True)
+            for i in range(len(machine.loads))
+        }
+
+    def form(self, output: str) -> LinearForm | None:
+        """The linear form of an output, None when it is not linear or not smooth in the angle."""
+        expression = self._model.output(output)
+        factors = [*_FACTORS, *self.intensities]
+        rest = substitute([expression], dict.fromkeys(factors, const(0.0)))[0]
+        coefficients = [derivative([expression], f)[0] for f in factors]
+        if not all(_smooth_in_theta(e) for e in (rest, *coefficients)):
+            return None
+        winding = _winding(rest)
+        terms = [(rest - winding * THETA, None), *zip(coefficients, factors, strict=True)]
+        zero = const(0.0)
+        return LinearForm(winding, tuple((e, f) for e, f in terms if e is not zero))
+
+
+def depends_on(expression: Expr) -> set[str]:
+    """The variables that an expression needs."""
+    return {str(node.payload) for node in topological_order([expression]) if node.op == "variable"}
+
+
+def is_smooth(expression: Expr) -> bool:
+    """Whether no step or kink stands in the expression."""
+    return all(node.op not in _LEAPS for node in topological_order([expression]))
+
+
+def _smooth_in_theta(expression: Expr) -> bool:
+    return depends_on(expression) <= {"theta"} and is_smooth(expression)
+
+
+def _winding(expression: Expr) -> float:
+    ends = np.array([0.0, 2.0 * math.pi])
+    out = np.empty(2)
+    BlockProgram([expression], ["theta"])([ends], [out])
+    return float(round((out[1] - out[0]) / (2.0 * math.pi)))

@@ -1,0 +1,86 @@
+"""Intensities of loads as steps over the phase: each leap at its exact shaft angle, no kinematics needed."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from textile_twin_core.expression import Expr, at_least, const, sign, substitute, topological_order, variable
+from textile_twin_core.expression.scalar import compile_scalar
+from textile_twin_core.machines.events import crossings
+from textile_twin_core.twin.linear_form import depends_on
+
+PHASE = variable("phase")
+"""The shaft angle within its turn, from half an interval below 0 to half an interval below 2 pi [rad]."""
+_NEAR_ORIGIN = 0.1
+_ONLY_THETA = {"theta"}
+
+
+def as_phase_steps(intensity: Expr) -> Expr | None:
+    """The intensity with every leap over the angle written as comparisons of the phase.
+
+    None when something smooth in the angle remains, or a leap lies at the origin of the phase.
+    """
+    split = _split_signs(intensity)
+    staircases: dict[Expr, Expr] = {}
+    for node in reversed(topological_order([split])):  # the largest pieces first
+        if depends_on(node) == _ONLY_THETA and _is_staircase(node):
+            steps = _steps(node)
+            if steps is None:
+                return None
+            staircases[node] = steps
+    (result,) = substitute([split], staircases)
+    return None if "theta" in depends_on(result) else result
+
+
+def _split_signs(expression: Expr) -> Expr:
+    """sign(f(theta) g) as sign(f) sign(g)."""
+    parts: dict[Expr, Expr] = {}
+    for node in topological_order([expression]):
+        if node.op == "sign" and node.args[0].op in ("mul", "neg"):
+            product = const(1.0)
+            for factor in _factors(node.args[0]):
+                product *= sign(factor)
+            parts[node] = product
+    return substitute([expression], parts)[0]
+
+
+def _factors(product: Expr) -> list[Expr]:
+    """Factors of a product, those of theta alone kept together where they stand so."""
+    if product.op == "mul" and depends_on(product) != _ONLY_THETA:
+        return [f for a in product.args for f in _factors(a)]
+    if product.op == "neg":
+        return [const(-1.0), *_factors(product.args[0])]
+    return [product]
+
+
+def _leaps(expression: Expr) -> list[Expr]:
+    """The levels whose crossing of zero makes an expression leap; None stands for none."""
+    levels = []
+    for node in topological_order([expression]):
+        if node.op == "sign":
+            levels.append(node.args[0])
+        elif node.op == "at_least":
+            levels.append(node.args[0] - node.args[1])
+    return levels
+
+
+def _is_staircase(expression: Expr) -> bool:
+    """Whether nothing but steps reaches the value: the angle enters through sign and at_least alone."""
+    if expression.op in ("sign", "at_least", "const"):
+        return True
+    return bool(expression.args) and all(_is_staircase(a) for a in expression.args)
+
+
+def _steps(staircase: Expr) -> Expr | None:
+    """A staircase over theta as a sum of comparisons of the phase, one for each leap."""
+    edges = sorted({angle for level in _leaps(staircase) for side in crossings(level) for angle in side})
+    if any(min(a, 2.0 * math.pi - a) < _NEAR_ORIGIN for a in edges):
+        return None
+    function = compile_scalar([staircase], ["theta"])
+    bounds = [0.0, *edges, 2.0 * math.pi]
+    heights = [function(0.5 * (a + b))[0] for a, b in pairwise(bounds)]
+    result = const(heights[0])
+    for angle, (before, after) in zip(edges, pairwise(heights), strict=True):
+        result += (after - before) * at_least(PHASE, angle)
+    return result

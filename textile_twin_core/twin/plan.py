@@ -1,0 +1,94 @@
+"""The plan of a compiled twin in words: what is evaluated, what was dropped, and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from textile_twin_core.expression import Expr, topological_order
+from textile_twin_core.expression.cost import operation_counts
+from textile_twin_core.expression.graph import scaled
+from textile_twin_core.machines.machine import Machine
+from textile_twin_core.twin.exact import ExactEvaluator
+from textile_twin_core.twin.table import TableEvaluator
+
+
+def describe(
+    machine: Machine,
+    outputs: Mapping[str, Expr],
+    method: str,
+    exact: ExactEvaluator,
+    table: TableEvaluator | None,
+) -> str:
+    """The plan as text, one fact a line."""
+    lines = [f"{machine.name}: {', '.join(outputs)}"]
+    if method == "auto":
+        longer = "tables" if table is not None else "closed forms"
+        lines.append(f"method auto: closed forms for single samples and short blocks, {longer} for long blocks")
+    lines += _closed_forms(exact)
+    lines += _links(machine, outputs)
+    lines += _loads(machine, outputs)
+    if table is not None:
+        lines += _tables(table)
+    return "\n".join(lines)
+
+
+def _closed_forms(exact: ExactEvaluator) -> list[str]:
+    counts = operation_counts(exact.expressions.values())
+    return [f"closed forms: {sum(counts.values())} operations per sample ({_kinds(counts)})"]
+
+
+def _kinds(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {op}" for op, count in sorted(counts.items(), key=lambda item: -item[1]))
+
+
+def _links(machine: Machine, outputs: Mapping[str, Expr]) -> list[str]:
+    needed = {id(node) for node in topological_order(outputs.values())}
+    evaluated, dropped = [], []
+    bodies = {body.on for body in machine.bodies}
+    for name, link in machine.model.first.motion.links.items():
+        parts = {
+            "direction": (link.direction.x, link.direction.y),
+            "speed": (link.first,),
+            "acceleration": (link.second,),
+        }
+        used = [part for part, terms in parts.items() if any(_is_met(t, needed) for t in terms)]
+        label = f"{name} with its body" if name in bodies else name
+        if used:
+            evaluated.append(f"{name} ({', '.join(used)})")
+        else:
+            dropped.append(label)
+    lines = [f"links evaluated: {', '.join(evaluated) or 'none'}"]
+    if dropped:
+        lines.append(f"links of which nothing is followed: {', '.join(dropped)}")
+    return lines
+
+
+def _is_met(term: Expr, needed: set[int]) -> bool:
+    """Whether a term, but for a constant factor, is among the nodes needed."""
+    _, rest = scaled(term)
+    return bool(rest.args) and id(rest) in needed
+
+
+def _loads(machine: Machine, outputs: Mapping[str, Expr]) -> list[str]:
+    needed = {id(node) for node in topological_order(outputs.values())}
+    lines = []
+    for i, load in enumerate(machine.loads):
+        intensity = machine.model.first.intensity(i)
+        met = any(id(n) in needed for n in topological_order([intensity]) if n.op in ("sign", "at_least"))
+        lines.append(f"load {type(load).__name__.lower()}: {'evaluated' if met else 'dropped'}")
+    return lines
+
+
+def _tables(table: TableEvaluator) -> list[str]:
+    lines = []
+    if table.table is not None:
+        size = table.table.coefficients.nbytes / 1024
+        lines.append(
+            f"tables: {len(table.functions)} functions of the shaft angle, {table.table.grid.nodes} nodes, "
+            f"degree {table.table.degree}, {size:.0f} KiB, error off the nodes {table.table.errors.max():.1e}"
+        )
+    counts = operation_counts(table.combined.values())
+    lines.append(f"beside the tables: {sum(counts.values())} operations per sample ({_kinds(counts)})")
+    if table.exact_outputs:
+        lines.append(f"kept in closed form: {', '.join(table.exact_outputs)}")
+    return lines

@@ -1,0 +1,195 @@
+"""The table method: tabulated functions of the angle, exact loads, and what remains in closed form."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Mapping
+from functools import cached_property
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics import INPUTS
+from textile_twin_core.errors import SceneError
+from textile_twin_core.expression import Expr, derivative, interpret, square, variable
+from textile_twin_core.expression.angle_grid import LARGEST_ANGLE
+from textile_twin_core.expression.blocks import CHUNK, BlockProgram
+from textile_twin_core.expression.cost import operation_cost
+from textile_twin_core.expression.graph import scaled
+from textile_twin_core.expression.scalar import compile_scalar_mapping
+from textile_twin_core.machines.machine import Machine
+from textile_twin_core.mechanism import THETA
+from textile_twin_core.twin.exact import ExactEvaluator
+from textile_twin_core.twin.linear_form import OMEGA_SQUARED, LinearForms, depends_on
+from textile_twin_core.twin.periodic_table import PeriodicTable, TableReader, tabulate
+from textile_twin_core.twin.phase_steps import as_phase_steps
+
+FINEST_TABLE = 1e-13
+"""A tolerance that tables of smooth mechanisms reach; below it, rounding of their coefficients counts."""
+_REDUCTION = 10.0
+_GATHER = 2.0
+
+
+class TableEvaluator:
+    """Outputs from periodic tables; those that have no linear form stay exact (`exact_outputs`).
+
+    Raises SceneError when no table reaches the tolerance.
+    """
+
+    def __init__(self, machine: Machine, outputs: Mapping[str, Expr], tolerance: float) -> None:
+        self.outputs = dict(outputs)
+        self.exact = ExactEvaluator(outputs)
+        forms = LinearForms(machine)
+        self._intensities = {v: as_phase_steps(true) for v, true in forms.intensities.items()}
+        self._names: dict[Expr, Expr] = {}
+        combined: dict[str, Expr] = {}
+        for name in outputs:
+            expression = self._combine(forms, name)
+            if expression is not None:
+                combined[name] = expression
+        self.exact_outputs = tuple(name for name in outputs if name not in combined)
+        self.combined = {name: combined.get(name, outputs[name]) for name in outputs}
+        self.functions = tuple(self._names)
+        self.table = self._tabulate(machine, tolerance)
+        self._local = threading.local()
+
+    def _combine(self, forms: LinearForms, name: str) -> Expr | None:
+        """The output as an expression of tabulated values, phase, speed and acceleration."""
+        form = forms.form(name)
+        if form is None:
+            return None
+        total = form.winding * THETA
+        for coefficient, factor in form.terms:
+            size, function = scaled(coefficient)
+            if factor is not None and factor in self._intensities:
+                intensity = self._intensities[factor]
+                if intensity is None:
+                    return None
+                factor = intensity
+            elif factor is OMEGA_SQUARED:
+                factor = square(variable("omega"))
+            value = size * (function if function.is_constant else self._value(function))
+            total += value if factor is None else value * factor
+        return total
+
+    def _value(self, function: Expr) -> Expr:
+        return self._names.setdefault(function, variable(f"f{len(self._names)}"))
+
+    def _tabulate(self, machine: Machine, tolerance: float) -> PeriodicTable | None:
+        if not self.functions:
+            return None
+        table = tabulate(self.functions, self._weights(machine.nominal_speed_rad_s), tolerance)
+        if table is None:
+            raise SceneError(
+                f"no table reaches a tolerance of {tolerance:g}: ask for 1e-13 or more, or use method 'exact'"
+            )
+        return table
+
+    def _weights(self, speed: float) -> FloatArray:
+        """(outputs, functions): an output's error over its peak at nominal speed per relative error of a function."""
+        theta = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
+        acceleration = 0.1 * speed**2
+        values = {name: np.empty_like(theta) for name in self.outputs}
+        self.exact.fill((theta, np.full_like(theta, speed), np.full_like(theta, acceleration)), values)
+        functions = [np.empty_like(theta) for _ in self.functions]
+        BlockProgram(self.functions, ["theta"])([theta], functions)
+        sizes = np.array([np.abs(f).max() for f in functions])
+        state = {"theta": 0.0, "omega": speed, "alpha": acceleration, "phase": 1.0}
+        state.update({f"f{i}": 0.0 for i in range(len(self.functions))})
+        rows = []
+        for name, expression in self.combined.items():
+            peak = float(np.abs(values[name]).max())
+            rows.append(np.abs(_slopes(expression, len(self.functions), state)) * sizes / (peak or 1.0))
+        return np.array(rows)
+
+    @property
+    def _inputs(self) -> tuple[str, ...]:
+        return (*INPUTS, "phase", *(f"f{i}" for i in range(len(self.functions))))
+
+    @cached_property
+    def program(self) -> BlockProgram:
+        """What remains to be done with the tabulated values."""
+        return BlockProgram(list(self.combined.values()), self._inputs)
+
+    @property
+    def cost(self) -> float:
+        """Array operations per sample: the reduction of the angle, gathers, polynomials and what remains."""
+        remaining = operation_cost(list(self.combined.values()))
+        if self.table is None:
+            return remaining
+        return remaining + _REDUCTION + (_GATHER + 2.0) * (self.table.degree + 1) * len(self.functions)
+
+    @cached_property
+    def _needs_phase(self) -> bool:
+        return any("phase" in depends_on(e) for e in self.combined.values())
+
+    @cached_property
+    def scalar(self) -> Callable[[float, float, float], dict[str, float]]:
+        """Function of (theta, omega, alpha), floats, to a dict by output."""
+        if self.table is None:
+            return self.exact.scalar
+        grid, degree = self.table.grid, self.table.degree
+        first, second, third = grid.parts
+        names = [f"c{i}_{d}" for i in range(len(self.functions)) for d in range(degree + 1)]
+        prologue = [
+            f"    if not -{LARGEST_ANGLE!r} < theta < {LARGEST_ANGLE!r}: return beyond(theta, omega, alpha)",
+            f"    k = floor(theta * {grid.inverse!r} + 0.5)",
+            f"    r = ((theta - k * {first!r}) - k * {second!r}) - k * {third!r}",
+            f"    k &= {grid.nodes - 1}",
+            f"    {', '.join(names)}, = rows[k]",
+        ]
+        if self._needs_phase:
+            prologue.append(f"    phase = k * {grid.step!r} + r")
+        for i in range(len(self.functions)):
+            horner = f"c{i}_{degree}"
+            for d in reversed(range(degree)):
+                horner = f"(c{i}_{d} + r * {horner})"
+            prologue.append(f"    f{i} = {horner}")
+        names_in_scope = {"rows": self.table.rows(), "beyond": self.exact.scalar, "floor": math.floor}
+        return compile_scalar_mapping(self.combined, INPUTS, prologue, names_in_scope)
+
+    def fill(self, inputs: tuple[FloatArray, FloatArray, FloatArray], out: Mapping[str, FloatArray]) -> None:
+        """Evaluate one-dimensional inputs into the arrays of `out`."""
+        theta = inputs[0]
+        if self.table is None or not (theta.min() > -LARGEST_ANGLE and theta.max() < LARGEST_ANGLE):
+            self.exact.fill(inputs, out)  # nothing to tabulate, NaN or angles that the reduction would not keep
+            return
+        arrays = [out[name] for name in self.combined]
+        for start in range(0, theta.shape[0], CHUNK):
+            part = slice(start, min(start + CHUNK, theta.shape[0]))
+            self._fill_chunk([a[part] for a in inputs], [a[part] for a in arrays])
+
+    def _fill_chunk(self, inputs: list[FloatArray], outputs: list[FloatArray]) -> None:
+        assert self.table is not None
+        n = inputs[0].shape[0]
+        work = self._buffers()
+        index, rest, phase, scratch = work.index[:n], work.rest[:n], work.phase[:n], work.scratch[:n]
+        self.table.grid.reduce(inputs[0], index, rest, scratch, phase)
+        if self._needs_phase:
+            np.multiply(index, self.table.grid.step, phase)
+            np.add(phase, rest, phase)
+        columns = work.reader.read(index, rest)
+        self.program.run_chunk([*inputs, phase, *columns], outputs)
+
+    def _buffers(self) -> _Buffers:
+        held: _Buffers | None = getattr(self._local, "buffers", None)
+        if held is None:
+            assert self.table is not None
+            held = self._local.buffers = _Buffers(self.table)
+        return held
+
+
+def _slopes(expression: Expr, count: int, state: Mapping[str, float]) -> FloatArray:
+    """How strongly an output follows each of its tabulated values f0, f1, .. at a state."""
+    slopes = [derivative([expression], variable(f"f{i}"))[0] for i in range(count)]
+    return np.array(interpret(slopes, state, math), dtype=np.float64)
+
+
+class _Buffers:
+    """Chunk-sized working arrays of one thread."""
+
+    def __init__(self, table: PeriodicTable) -> None:
+        self.index = np.empty(CHUNK, dtype=np.int64)
+        self.rest, self.phase, self.scratch = np.empty(CHUNK), np.empty(CHUNK), np.empty(CHUNK)
+        self.reader = TableReader(table, CHUNK)
