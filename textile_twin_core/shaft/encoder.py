@@ -13,6 +13,7 @@ LOOK_AT = (12, 48, 192, 768)
 UNKNOWN_STEP_RAD = 0.012
 """Taken for the encoder's step until it is found: that of 9 bits."""
 FINEST_STEP_RAD = 1e-7
+ENOUGH_GAPS = 6
 COARSE = 5.0
 """Steps larger than this many predicted sigmas are taken as the interval that they are, not as noise."""
 
@@ -44,12 +45,15 @@ class EncoderNoise:
             return
         self._looked.append(raw)
         if len(self._looked) in LOOK_AT:
-            self.known = True
-            self.step = encoder_step(np.array(self._looked))
-            self._rest = (0.02 * self.step) ** 2 + 1e-12
+            readings = np.array(self._looked)
+            step = encoder_step(readings)
+            if step is not None:
+                self.known = True
+                self.step = step
+                self._rest = (0.02 * step) ** 2 + 1e-12
             if len(self._looked) == LOOK_AT[-1]:
-                self._find = False
-                self._looked.clear()
+                self._find = not self.known
+                self._looked = np.unique(readings)[: LOOK_AT[0]].tolist() if self._find else []
 
     def reading(self, innovation: float, predicted: float, speed: float) -> tuple[float, float, float]:
         """Innovation, its variance, and the share of the jitter in it, for a reading as a linear Gaussian one.
@@ -89,8 +93,8 @@ def _density(x: float) -> float:
     return math.exp(-0.5 * x * x) / math.sqrt(2.0 * math.pi)
 
 
-def encoder_step(angles: FloatArray) -> float:
-    """The step that all angles are multiples of, but for a common offset; 0 when there is none to be seen.
+def encoder_step(angles: FloatArray) -> float | None:
+    """The step that all angles are multiples of, but for a common offset; 0 when there is none, None when too few differ.
 
     Args:
         angles: (n,) readings [rad] in time order, wrapped or not.
@@ -99,8 +103,8 @@ def encoder_step(angles: FloatArray) -> float:
     grain = 16.0 * np.finfo(np.float64).eps * max(float(np.abs(values).max()), 1.0)
     gaps = np.diff(values)
     gaps = gaps[gaps > max(10.0 * grain, FINEST_STEP_RAD)]
-    if gaps.size < 3:
-        return 0.0
+    if gaps.size < ENOUGH_GAPS:
+        return None
     step = float(gaps.min())
     multiples = np.rint(gaps / step)
     if np.mean(np.abs(gaps - multiples * step) > multiples * grain + 1e-6 * step) > 0.02:

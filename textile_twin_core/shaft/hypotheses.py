@@ -20,13 +20,16 @@ RAMPS_PER_KNOCK = 0.02
 EVIDENCE_FOR_ORDER = 9.0
 """Log likelihood ratio from which an order of ripple is taken into the state."""
 RIPPLE_PRIOR = 0.01
+LEAVING = 0.05
+"""Weight from which events may not be forgotten but must be taken in."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the innovations say: weight of "something happened", and mean and second moment of each size, weighted."""
+    """What the innovations say: weight of "something happened", that of each event, its size's weighted mean and moment."""
 
     weight: float
+    weights: FloatArray
     mean: FloatArray
     moment: FloatArray
 
@@ -73,14 +76,13 @@ class HypothesisBank:
         total = float(weight.sum())
         weight /= total + nothing
         mean_weighted = weight * mean
-        return Verdict(total / (total + nothing), mean_weighted, weight * spread + mean_weighted * mean)
+        return Verdict(total / (total + nothing), weight, mean_weighted, weight * spread + mean_weighted * mean)
 
     def leaving(self, verdict: Verdict) -> bool:
         """Whether the hypotheses that are replaced next still carry weight."""
         after = (self.next + 1) % self.width
-        moments = verdict.moment
-        going = moments[[self.next, after, self.next + self.width, after + self.width]]
-        return bool(going.sum() > 0.02 * moments.sum() and verdict.weight > 0.02)
+        going = [self.next, after, self.next + self.width, after + self.width]
+        return verdict.weight > LEAVING and float(verdict.weights[going].sum()) > LEAVING
 
     def clear_events(self, columns: FloatArray) -> None:
         """Forget every event, after the filter has taken in the verdict."""

@@ -39,6 +39,8 @@ FIRST_READING_RAD = 2e-3
 FAR_RAD = 1e4
 LONGEST_ARC = 0.3
 """Of an order's wave in one integration step [rad]."""
+MOST_PARTS = 8
+LARGEST_RIPPLE = 0.3
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,7 @@ class ShaftTracker:
         watch = self._watch
         highest = self._orders[-1] if self._orders else 1
         arc = abs(float(state[LEVEL])) * step * highest
-        parts = 1 + int(arc / LONGEST_ARC)
+        parts = 1 + min(int(arc / LONGEST_ARC), MOST_PARTS - 1)
         before = float(state[THETA])
         for part in range(parts):
             ripple = self._ripple if part == 0 else self._ripple_here()
@@ -203,7 +205,7 @@ class ShaftTracker:
     def _correct(self, angle: float, step: float) -> None:
         state, error, watch, noise = self._state, self._error, self._watch, self._noise
         innovation = angle - float(state[THETA])
-        predicted = float(error[THETA, THETA])
+        predicted = max(float(error[THETA, THETA]), 0.0)
         if watch.is_leap(innovation, math.sqrt(predicted) + noise.step, step):
             if watch.leapt(innovation):
                 self._jump(innovation)
@@ -213,7 +215,9 @@ class ShaftTracker:
         if variance == math.inf:
             return
         seen = error[THETA].copy()
-        self._rank_one(seen, error[:, THETA] / variance, innovation, variance)
+        column = error[:, THETA]
+        seen[: self._size] = column[: self._size]  # so that rounding cannot make the covariance drift out of symmetry
+        self._rank_one(seen, column / variance, innovation, variance)
         normalised = innovation * innovation / variance
         watch.judge(innovation / math.sqrt(variance), step)
         if watch.quiet:
@@ -335,8 +339,7 @@ class ShaftTracker:
             self._past.covariance -= moved[:, :, None] * moved[:, None, :]
             self._past.mean += moved
         self._state += shift[:size]
-        at = np.arange(FIRST_RIPPLE, size)
-        error[at, at] += RIPPLE_AFTER_EVENT**2
+        self._open_ripple(RIPPLE_AFTER_EVENT)
         bank.clear_events(error[:, size:])
         self._watch.knock()
         self._ripple = self._ripple_here()
@@ -347,8 +350,7 @@ class ShaftTracker:
         error[LEVEL, LEVEL] += (0.02 * scale) ** 2
         error[SLOPE, SLOPE] += (4.0 * scale) ** 2
         error[DIP_RATE, DIP_RATE] += (2.0 * scale) ** 2
-        at = np.arange(FIRST_RIPPLE, size)
-        error[at, at] += 0.003**2
+        self._open_ripple(0.003)
         self._bank.clear_events(error[:, size:])
 
     def _jump(self, leap: float) -> None:
@@ -358,8 +360,13 @@ class ShaftTracker:
         speed = float(self._state[LEVEL])
         self._restart(float(self._state[THETA]) + leap, speed)
         self._error[LEVEL, LEVEL] = (0.05 * self._watch.scale) ** 2
+        self._open_ripple(0.01)
+
+    def _open_ripple(self, sigma: float) -> None:
+        """Let the ripple's coefficients change by so much, within what they were trusted to be at the start."""
         at = np.arange(FIRST_RIPPLE, self._size)
-        self._error[at, at] += 0.01**2
+        own = self._error[at, at]
+        self._error[at, at] = np.maximum(own, np.minimum(own + sigma**2, RIPPLE_AT_START**2))
 
     def _tend(self) -> None:
         """Now and then: keep the covariance symmetric and open, and take in orders of ripple that have shown."""
@@ -368,6 +375,11 @@ class ShaftTracker:
         at = np.arange(FIRST_RIPPLE, size)
         error[at, at] += 1e-12
         error[LOG_RESPONSE, LOG_RESPONSE] = min(float(error[LOG_RESPONSE, LOG_RESPONSE]) + 1e-6, 0.25)
+        if np.abs(self._state[FIRST_RIPPLE:]).max(initial=0.0) > LARGEST_RIPPLE:  # no shaft: what looked like ripple was not
+            self._state[FIRST_RIPPLE:] = 0.0
+            error[at] = 0.0
+            error[:, at] = 0.0
+            error[at, at] = RIPPLE_AT_START**2
         self._state[LOG_RESPONSE] = min(max(float(self._state[LOG_RESPONSE]), math.log(0.004)), math.log(1.0))
         place = self._bank.best_order() if self._watch.settled else None
         if place is not None:

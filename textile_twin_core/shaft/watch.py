@@ -176,6 +176,7 @@ class Watch:
             self._report.standstills += 1
         if abs(omega) > 3.0 * slow:
             self._still = False
+        if abs(omega) > 10.0 * slow:
             sense = 1 if omega > 0 else -1
             if self._sense == -sense:
                 self._report.reversals += 1
