@@ -48,6 +48,9 @@ class RecordParameters:
     stop_when_idle_s: float = parameter(
         0.0, "end after so long without a message, once there was one; 0 is never", between=(0.0, 1e6)
     )
+    stop_after: tuple[str, ...] = parameter(
+        (), "end when so many messages of these topics are recorded, as balancing_torque/predicted=22682"
+    )
     no_data_timeout_s: float = parameter(
         2.0, "say so when a topic stays silent for so long", between=(0.1, 1e6), live=True
     )
@@ -66,6 +69,7 @@ class RecordNode(Node):
         self.finished = Future()
         self._types = dict(self._parse_type(text) for text in self.settings.types)
         self._wanted = {self.resolve_topic_name(topic) for topic in self.settings.topics}
+        self._enough = dict(self._parse_count(text) for text in self.settings.stop_after)
         self._inlets: dict[str, Subscription] = {}
         self._refused: set[str] = set()
         self._writer: BagWriter | None = None
@@ -98,6 +102,12 @@ class RecordNode(Node):
         if not topic or not msgtype:
             raise SceneError(f"parameter 'types': '{text}' is not written as topic=package/msg/Type")
         return self.resolve_topic_name(topic), msgtype
+
+    def _parse_count(self, text: str) -> tuple[str, int]:
+        topic, _, count = text.partition("=")
+        if not topic or not count.isdigit():
+            raise SceneError(f"parameter 'stop_after': '{text}' is not written as topic=number")
+        return self.resolve_topic_name(topic), int(count)
 
     def _open(self) -> None:
         path = Path(self.settings.bag)
@@ -158,7 +168,9 @@ class RecordNode(Node):
         self._writer.flush()
         now = time.monotonic()
         idle = self.settings.stop_when_idle_s
-        if idle and self._anything and now - self._last > idle and not self.finished.done():
+        ended = idle and self._anything and now - self._last > idle
+        enough = self._enough and all(self.counts[topic] >= count for topic, count in self._enough.items())
+        if (ended or enough) and not self.finished.done():
             self.finished.set_result(0)
         # Where silence is the end, it is nothing to warn of.
         silent = now - self._last > self.settings.no_data_timeout_s and not (idle and self._anything)

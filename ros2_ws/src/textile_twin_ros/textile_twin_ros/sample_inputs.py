@@ -32,7 +32,7 @@ Reader: TypeAlias = Callable[[bytes], Reading]
 Kind: TypeAlias = tuple[str, Callable[[str], Reader]]
 # Reliability is the node's own parameter, which knows a third value.
 _OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH))
-_BLOCK = 512
+_BLOCK = 64
 _NAN = float("nan")
 
 
@@ -177,9 +177,9 @@ class SampleInput:
                 self.watch.refuse(str(error))
             # Messages without a stamp come one by one, so that each has a time of its own.
             waiting = self._next() if stamped and received < _BLOCK else None
-        self.watch.took(received)
         if block:
             self._take(block)
+        self.watch.took(received)
 
     def _next(self) -> bytes | None:
         handle = self._subscription.handle

@@ -172,7 +172,9 @@ class TwinNode(LifecycleNode):
         if self._active and self._angle is not None and self._torque is not None:
             self._angle.renew()
             self._torque.renew()
-            if self._angle.watch.received and self._angle.watch.silent_s > max(1.0, 5.0 * self.settings.shaft_lag_s):
+            # A flush ends the estimator's record: where nothing is held back, a mere pause must not do that.
+            looks_ahead = self.settings.shaft == "lag" and bool(self._angle.watch.received)
+            if looks_ahead and self._angle.watch.silent_s > max(1.0, 5.0 * self.settings.shaft_lag_s):
                 stream.flush()
 
     def _statuses(self) -> list[Status]:
