@@ -38,7 +38,7 @@ def test_point_bytes_are_the_message(stamp: int, x: float, y: float) -> None:
 def test_joint_bytes_are_the_message(stamp: int, joints: list[str], value: float) -> None:
     positions = [value + k for k in range(len(joints))]
     velocities = [-value - k for k in range(len(joints))]
-    raw = messages.JointTemplate(joints).message(stamp, positions, velocities)
+    raw = messages.JointTemplate(joints).full_message(stamp, positions, velocities)
     message = deserialize_message(raw, JointState)
     assert message.header.stamp.sec * SECOND_NS + message.header.stamp.nanosec == stamp
     assert list(message.name) == joints

@@ -147,55 +147,54 @@ def read_float64(raw: bytes) -> float:
 
 
 class _Template:
-    """One message as bytes, in which the stamp and float64 values are patched for each sending."""
+    """One message as bytes, in which the stamp and the values of some fields are patched for each sending."""
 
-    def __init__(self, msgtype: str, rows: Bytes) -> None:
+    def __init__(self, msgtype: str, rows: Bytes, field: str, first: int = 0, count: int | None = None) -> None:
         self._bytes = bytearray(rows[0].tobytes())
-        self.layout = LAYOUT_READERS[msgtype](bytes(self._bytes))
+        self._layout = LAYOUT_READERS[msgtype](bytes(self._bytes))
+        self._values, self._start = self._place(field, first, count)
 
-    def _patched(self, stamp_ns: int, field: str, values: Sequence[float], first: int = 0) -> None:
-        start, _ = self.layout.fields[field]
-        struct.pack_into(f"<{len(values)}d", self._bytes, start + 8 * first, *values)
-        _STAMP.pack_into(self._bytes, 4, *divmod(stamp_ns, SECOND_NS))
+    def _place(self, field: str, first: int = 0, count: int | None = None) -> tuple[struct.Struct, int]:
+        start, length = self._layout.fields[field]
+        return struct.Struct(f"<{length - first if count is None else count}d"), start + 8 * first
+
+    def message(self, stamp_ns: int, *values: float) -> bytes:
+        """The message's bytes with this stamp and these values."""
+        _STAMP.pack_into(self._bytes, 4, stamp_ns // SECOND_NS, stamp_ns % SECOND_NS)
+        self._values.pack_into(self._bytes, self._start, *values)
+        return bytes(self._bytes)
 
 
 class WrenchTemplate(_Template):
-    """WrenchStamped with nothing but a torque about z."""
+    """WrenchStamped with nothing but a torque about z [N m], the one value of `message`."""
 
     def __init__(self, frame: str) -> None:
-        super().__init__(WRENCH, encode_wrenches(_ONE, np.zeros(1), frame))
-
-    def message(self, stamp_ns: int, torque_Nm: float) -> bytes:
-        """The message's bytes."""
-        self._patched(stamp_ns, "wrench", (torque_Nm,), TORQUE_Z)
-        return bytes(self._bytes)
+        super().__init__(WRENCH, encode_wrenches(_ONE, np.zeros(1), frame), "wrench", TORQUE_Z)
 
 
 class PointTemplate(_Template):
-    """PointStamped in the plane z = 0."""
+    """PointStamped in the plane z = 0: `message` takes x and y [m]."""
 
     def __init__(self, frame: str) -> None:
-        super().__init__(POINT, encode_points(_ONE, np.zeros((1, 3)), frame))
-
-    def message(self, stamp_ns: int, x_m: float, y_m: float) -> bytes:
-        """The message's bytes."""
-        self._patched(stamp_ns, "point", (x_m, y_m))
-        return bytes(self._bytes)
+        super().__init__(POINT, encode_points(_ONE, np.zeros((1, 3)), frame), "point", count=2)
 
 
 class JointTemplate(_Template):
-    """JointState with positions and velocities; efforts stay empty, as there is nothing to say of them."""
+    """JointState: `message` takes the positions [rad or m] of all joints in order, `full_message` velocities, too.
+
+    Efforts stay empty, as there is nothing to say of them.
+    """
 
     def __init__(self, joints: Sequence[str], velocities: bool = True) -> None:
         zeros = np.zeros((1, len(joints)))
-        super().__init__(JOINT_STATE, encode_joint_states(_ONE, joints, zeros, zeros if velocities else None))
+        rows = encode_joint_states(_ONE, joints, zeros, zeros if velocities else None)
+        super().__init__(JOINT_STATE, rows, "position")
+        self._speeds, self._speeds_start = self._place("velocity")
 
-    def message(self, stamp_ns: int, positions: Sequence[float], velocities: Sequence[float] = ()) -> bytes:
-        """The message's bytes; positions in rad or m, velocities in rad/s or m/s, in the order of the joints."""
-        self._patched(stamp_ns, "position", positions)
-        if velocities:
-            self._patched(stamp_ns, "velocity", velocities)
-        return bytes(self._bytes)
+    def full_message(self, stamp_ns: int, positions: Sequence[float], velocities: Sequence[float]) -> bytes:
+        """The message's bytes with positions [rad or m] and velocities [rad/s or m/s]."""
+        self._speeds.pack_into(self._bytes, self._speeds_start, *velocities)
+        return self.message(stamp_ns, *positions)
 
 
 def has_header(message_type: Any) -> bool:

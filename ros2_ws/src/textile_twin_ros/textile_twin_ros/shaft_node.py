@@ -85,7 +85,7 @@ class ShaftNode(Node):
 
     def _publish(self, stamp_ns: int, time_s: float) -> None:
         theta, _, _ = self._motion.at(time_s)
-        self._angles.publish(self._angle.message(stamp_ns, (self._encoder.read(theta),)))
+        self._angles.publish(self._angle.message(stamp_ns, self._encoder.read(theta)))
         if time_s >= self._delay_s:
             torque = float(self._twin.evaluate(*self._motion.at(time_s - self._delay_s))[_TORQUE])
             self._torques.publish(self._torque.message(stamp_ns, self._sensor.read(torque)))

@@ -101,13 +101,11 @@ class JointOutput:
         """One JointState for each sample that is due."""
         if self._twin is None:
             self._twin = self._compile((*self._positions, *self._velocities))
-        for number, stamp in enumerate(samples.stamps.tolist()):
+        columns = (samples.stamps, samples.theta_rad, samples.omega_rad_s, samples.alpha_rad_s2)
+        for stamp, *state in zip(*(column.tolist() for column in columns), strict=True):
             if self._due(stamp):
-                theta, omega, alpha = (
-                    float(values[number]) for values in (samples.theta_rad, samples.omega_rad_s, samples.alpha_rad_s2)
-                )
-                values = self._twin.evaluate(theta, omega, alpha)
-                yield self._template.message(
+                values = self._twin.evaluate(*state)
+                yield self._template.full_message(
                     stamp, [values[name] for name in self._positions], [values[name] for name in self._velocities]
                 )
 
