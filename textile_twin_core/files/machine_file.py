@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import yaml
 
@@ -86,16 +86,7 @@ def _published(entries: dict[str, Any], path: Path) -> Machine:
 
 
 def _declared(entries: dict[str, Any], path: Path) -> Machine:
-    plain_fields = (
-        "points",
-        "gravity_m_s2",
-        "joint_names",
-        "angle_near_rad",
-        "transmitted",
-        "range_rad",
-        "nominal_speed_rad_s",
-        "description",
-    )
+    plain_fields = {name: hint for name, hint in get_type_hints(Machine).items() if name not in _NOT_PLAIN}
     keys = [*_TOP_LEVEL, *plain_fields, "bodies", "machine"]
     for key in entries:
         if key not in keys:
@@ -103,12 +94,9 @@ def _declared(entries: dict[str, Any], path: Path) -> Machine:
     for key in ("points", "groups"):
         if key not in entries:
             raise MachineError(f"key '{key}' is missing; a machine needs ground points and groups")
-    declared: dict[str, Any] = {key: read(entries[key], key) for key, read in _TOP_LEVEL.items() if key in entries}
-    hints = {"points": Mapping[str, tuple[float, float]], "gravity_m_s2": tuple[float, float],
-             "joint_names": Mapping[str, str], "angle_near_rad": Mapping[str, float],
-             "transmitted": Mapping[str, str], "range_rad": tuple[float, float], "nominal_speed_rad_s": float, "description": str}  # fmt: skip
-    declared |= {key: convert(entries[key], hints[key], key) for key in plain_fields if key in entries}
-    declared.setdefault("name", path.stem)
+    declared: dict[str, Any] = {"name": path.stem}
+    declared |= {key: read(entries[key], key) for key, read in _TOP_LEVEL.items() if key in entries}
+    declared |= {key: convert(entries[key], hint, key) for key, hint in plain_fields.items() if key in entries}
     declared["bodies"] = _bodies(entries.get("bodies") or {}, Linkage(declared["points"], declared["groups"]))
     return Machine(**declared)
 
@@ -145,6 +133,9 @@ _TOP_LEVEL: dict[str, Callable[[Any, str], Any]] = {
     "linkages": _places,
     "scene": lambda value, place: build(Scene, value, place),
 }
+
+_NOT_PLAIN = (*_TOP_LEVEL, "bodies", "parameters", "missing_for_torque")
+"""Fields of a machine that a file gives in a form of their own, or not at all."""
 
 
 def _bodies(value: Any, linkage: Linkage) -> tuple[Body, ...]:
