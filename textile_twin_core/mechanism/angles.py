@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from textile_twin_core.expression import Expr, atan2
+from textile_twin_core.expression import Expr, atan2, interpret
 from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.mechanism.linkage import THETA
 from textile_twin_core.mechanism.motion import LinkMotion
@@ -19,16 +19,18 @@ def link_angle(link: LinkMotion, shaft_direction: Vector, near_rad: float = 0.0)
     """The link's angle from +x, counter-clockwise [rad].
 
     A link that swings keeps within its range, whose middle lies within half a turn of `near_rad`;
-    one that turns with the shaft winds up with it. `shaft_direction` is the unit vector at theta.
+    one that turns with the shaft winds up with it. `shaft_direction` is the unit vector at theta plus
+    the linkage's phase on the shaft.
     """
     if link.angle is not None:
         return link.angle
+    phase = math.atan2(*interpret([shaft_direction.y, shaft_direction.x], {"theta": 0.0}, math))
     theta = np.linspace(0.0, 2.0 * np.pi, _SAMPLES)
     x, y = np.empty_like(theta), np.empty_like(theta)
     BlockProgram([link.direction.x, link.direction.y], ["theta"])([theta], [x, y])
     sampled = np.unwrap(np.arctan2(y, x))
     turns = round((sampled[-1] - sampled[0]) / (2.0 * math.pi))
-    periodic = sampled - turns * theta
+    periodic = sampled - turns * (theta + phase)
     middle = float(periodic.min() + periodic.max()) / 2.0
     middle += 2.0 * math.pi * round((near_rad - middle) / (2.0 * math.pi))
     direction = link.direction
@@ -38,4 +40,4 @@ def link_angle(link: LinkMotion, shaft_direction: Vector, near_rad: float = 0.0)
     reference = Vector.of(math.cos(middle), math.sin(middle))
     swing = atan2(reference.cross(direction), reference.dot(direction))
     wound: Expr = turns * THETA
-    return swing + middle + wound
+    return swing + (middle + turns * phase) + wound

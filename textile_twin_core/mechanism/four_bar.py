@@ -6,6 +6,9 @@ is the distance of the outer joints squared. The line of the outer joints turns 
 per unit of the crank, and coupler and rocker turn against it at tau (E -+ 1) with E = (l2^2 - l3^2) / D^2,
 tau = g l1 sin(phi) / R. Since tau' = g l1 (Q0 c^2 P - P0 s^2 Q) / R^3, neither speed nor acceleration loses
 digits near a change point, where P0 or Q0 is small and the textbook forms divide rounding by rounding.
+
+Where P0 = Q0 = 0 (parallelogram, kite) all links come into one line twice a turn. The smooth continuation through
+these change points has R = +-a c s, which changes its sign there instead of touching zero, and so tau = +-1/2.
 """
 
 from __future__ import annotations
@@ -13,8 +16,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from textile_twin_core.expression import Expr, sqrt
-from textile_twin_core.mechanism.motion import Circle
+from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import Expr, const, sqrt
+from textile_twin_core.mechanism.motion import Circle, Rotation
+from textile_twin_core.mechanism.vector import Vector
+
+_SAME = 1e-14
 
 
 @dataclass(frozen=True)
@@ -27,29 +34,76 @@ class Rates:
 
 @dataclass(frozen=True)
 class FourBar:
-    """A crank on a circle, a fixed far joint and the lengths of coupler and rocker; `side` is +1 left, -1 right."""
+    """A crank on a circle, a fixed far joint and the lengths of coupler and rocker; `side` is +1 left, -1 right.
+
+    With `passing` it goes smoothly through its change points; `side` then speaks of phi from 0 to pi.
+    Raises MachineError for `passing` where the links do not come into one line twice a turn.
+    """
 
     circle: Circle
     ground: tuple[float, float]
     coupler: float
     rocker: float
     side: float
+    passing: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.passing:
+            return
+        if not (self._opposite_sides_equal or self._neighbours_equal):
+            raise MachineError(
+                "a passing branch needs links that come into one line twice a turn, as a parallelogram (rocker as "
+                "long as the crank, coupler as the ground) or a kite (coupler as the crank, rocker as the ground); "
+                f"crank, coupler, rocker and ground are {self.circle.radius:g}, {self.coupler:g}, {self.rocker:g} and "
+                f"{self.ground_length:g} m: choose 'left' or 'right'"
+            )
+        if self.side < 0.0 and self._neighbours_equal:
+            raise MachineError(
+                "on this side the coupler lies folded on the crank and the rocker stands still; choose 'left_passing'"
+            )
+
+    @property
+    def _opposite_sides_equal(self) -> bool:
+        return _same(self.rocker, self.circle.radius) and _same(self.coupler, self.ground_length)
+
+    @property
+    def _neighbours_equal(self) -> bool:
+        return _same(self.coupler, self.circle.radius) and _same(self.rocker, self.ground_length)
+
+    @property
+    def is_parallelogram(self) -> bool:
+        """Whether the rocker stays parallel to the crank all the way round."""
+        return self.passing and self.side > 0.0 and self._opposite_sides_equal
+
+    @property
+    def parallel_directions(self) -> tuple[Vector, Vector]:
+        """Directions of coupler and rocker of a parallelogram."""
+        x, y = self._ground_direction
+        crank = Rotation(self.circle.half, self.circle.shaft.angle, const(1.0), const(0.0))
+        return Vector.of(x / self.ground_length, y / self.ground_length), crank.direction
+
+    @property
+    def _ground_direction(self) -> tuple[float, float]:
+        return self.ground[0] - self.circle.centre[0], self.ground[1] - self.circle.centre[1]
 
     @property
     def ground_length(self) -> float:
         """Distance of the fixed joints [m]."""
-        return math.hypot(self.ground[0] - self.circle.centre[0], self.ground[1] - self.circle.centre[1])
+        return math.hypot(*self._ground_direction)
 
     @property
     def half_angle(self) -> tuple[Expr, Expr]:
         """c and s."""
-        angle = math.atan2(self.ground[1] - self.circle.centre[1], self.ground[0] - self.circle.centre[0])
+        x, y = self._ground_direction
+        angle = math.atan2(y, x)
         gc, gs, half = math.cos(angle / 2.0), math.sin(angle / 2.0), self.circle.half
         return gc * half.x + gs * half.y, gc * half.y - gs * half.x
 
     @property
     def heron_constants(self) -> tuple[float, float]:
         """P0 and Q0 [m^2]; their small factors are summed without rounding."""
+        if self.passing:
+            return 0.0, 0.0
         g, l1, l2, l3 = self.ground_length, self.circle.radius, self.coupler, self.rocker
         stretched = math.fsum((l2, l3, -l1, -g)) * math.fsum((l2, l3, l1, g))
         folded = math.fsum((g, l3, -l1, -l2)) * math.fsum((g, l2, -l1, -l3))
@@ -62,21 +116,42 @@ class FourBar:
         swing = 4.0 * self.ground_length * self.circle.radius
         return swing * (c * c) + p0, swing * (s * s) + q0
 
+    @property
+    def root(self) -> Expr:
+        """R [m^2]; its sign is the branch."""
+        if self.passing:
+            c, s = self.half_angle
+            return (self.side * 4.0 * self.ground_length * self.circle.radius) * (c * s)
+        stretched, folded = self.heron_factors
+        return self.side * sqrt(stretched * folded)
+
+    def _relative_rate(self) -> tuple[Expr, Expr]:
+        """tau and its derivative with respect to the crank's angle."""
+        if self.passing:
+            return const(self.side * 0.5), const(0.0)
+        swing = self.side * self.ground_length * self.circle.radius
+        (c, s), (p0, q0) = self.half_angle, self.heron_constants
+        stretched, folded = self.heron_factors
+        inverse = 1.0 / sqrt(stretched * folded)
+        bend = q0 * (c * c) * stretched - p0 * (s * s) * folded
+        return (2.0 * swing) * (c * s * inverse), swing * (bend * (inverse * (inverse * inverse)))
+
     def rates(self) -> Rates:
         """Derivatives of the angles of coupler and rocker with respect to the crank's."""
         g, l1, l2, l3 = self.ground_length, self.circle.radius, self.coupler, self.rocker
-        (c, s), (p0, q0) = self.half_angle, self.heron_constants
-        stretched, folded = self.heron_factors
-        cs = c * s
-        inverse_root = 1.0 / sqrt(stretched * folded)
+        c, s = self.half_angle
+        _, folded = self.heron_factors
         inverse_distance = 1.0 / (folded + (l2 - l3) ** 2)
         shape = ((l2 - l3) * (l2 + l3)) * inverse_distance
         line = (0.5 * (g - l1) * (g + l1)) * inverse_distance
 
-        tau = (2.0 * self.side * g * l1) * (cs * inverse_root)
+        tau, tau_slope = self._relative_rate()
         common = 0.5 - line + tau * shape
-        growth = (4.0 * g * l1) * (cs * inverse_distance)  # (D^2)' / D^2
-        bend = q0 * (c * c) * stretched - p0 * (s * s) * folded
-        tau_slope = (self.side * g * l1) * (bend * (inverse_root * (inverse_root * inverse_root)))
+        growth = (4.0 * g * l1) * (c * s * inverse_distance)  # (D^2)' / D^2
         common_slope = line * growth + shape * (tau_slope - tau * growth)
         return Rates((common - tau, common + tau), (common_slope - tau_slope, common_slope + tau_slope))
+
+
+def _same(a: float, b: float) -> bool:
+    """Whether two lengths differ by no more than the rounding of coordinates."""
+    return abs(a - b) <= _SAME * max(a, b)

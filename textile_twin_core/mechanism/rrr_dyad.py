@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, sqrt
+from textile_twin_core.expression import Expr, const, sqrt
 from textile_twin_core.mechanism.four_bar import FourBar, Rates
 from textile_twin_core.mechanism.group import Closure, check_length
 from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion, Rotation
 from textile_twin_core.mechanism.vector import Vector
 
-Side = Literal["left", "right"]
+Branch = Literal["left", "right", "left_passing", "right_passing"]
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,12 @@ class RRRDyad:
 
     `lengths_m` are those of coupler and rocker; `branch` says on which side of the line from
     `from_point` to `ground` the end lies. The branch cannot change while the chain moves.
+
+    A parallelogram or kite on a crank comes to change points, twice a turn, where all its links lie in one
+    line and it could go on as either of two linkages. With "left_passing" or "right_passing" it goes on smoothly,
+    so that a parallelogram stays one ("left_passing") or an antiparallelogram stays crossed ("right_passing"):
+    the end changes sides there, and the side named is that while the crank turns through the half turn to the
+    left of the ground link. At the change points themselves joint forces are not determined.
 
     The triangle's area comes from the two factors of Heron's formula,
     P = (l2 + l3)^2 - D^2 and Q = D^2 - (l2 - l3)^2 with D the distance of the outer joints,
@@ -33,13 +39,14 @@ class RRRDyad:
     ground: str
     end: str
     lengths_m: tuple[float, float]
-    branch: Side = "left"
+    branch: Branch = "left"
 
     def __post_init__(self) -> None:
         for link, length in zip((self.coupler, self.rocker), self.lengths_m, strict=True):
             check_length(length, f"dyad '{self.name}': length of '{link}'")
-        if self.branch not in ("left", "right"):
-            raise MachineError(f"dyad '{self.name}': branch must be 'left' or 'right', not {self.branch!r}")
+        if self.branch not in get_args(Branch):
+            known = ", ".join(get_args(Branch))
+            raise MachineError(f"dyad '{self.name}': branch must be one of {known}, not {self.branch!r}")
 
     @property
     def name(self) -> str:
@@ -49,6 +56,31 @@ class RRRDyad:
     def solve(self, motion: Motion) -> None:
         """Add coupler, rocker and the joint between them."""
         a, c = motion.point(self.from_point, self.name), motion.point(self.ground, self.name)
+        four_bar = self._four_bar(a, c)
+        if self._passes and four_bar is None:
+            raise MachineError(
+                f"dyad '{self.name}': branch '{self.branch}' needs a crank at '{self.from_point}' and a fixed point "
+                f"at '{self.ground}'; choose 'left' or 'right'"
+            )
+        if four_bar is not None and four_bar.is_parallelogram:
+            u2, u3 = four_bar.parallel_directions
+            shaft, zero = four_bar.circle.shaft, const(0.0)
+            rates = Rates((zero, shaft.first), (zero, shaft.second))
+        else:
+            u2, u3 = self._directions(a, c)
+            rates = self._rates(a, c, u2, u3) if four_bar is None else _driven(four_bar.rates(), four_bar.circle.shaft)
+        l2, l3 = self.lengths_m
+        coupler = LinkMotion(self.coupler, self.from_point, self.end, l2, u2, rates.first[0], rates.second[0])
+        rocker = LinkMotion(self.rocker, self.ground, self.end, l3, u3, rates.first[1], rates.second[1])
+        end = rocker.end_motion(c)
+        if four_bar is not None and four_bar.is_parallelogram:  # the rocker is a crank to what follows
+            end = replace(end, circle=replace(four_bar.circle, centre=c.fixed_position(), radius=l3))
+        motion.add_link(coupler, self.name)
+        motion.add_link(rocker, self.name)
+        motion.add_point(self.end, end, self.name)
+
+    def _directions(self, a: PointMotion, c: PointMotion) -> tuple[Vector, Vector]:
+        """Unit vectors along coupler and rocker, by the triangle over the line of the outer joints."""
         l2, l3 = self.lengths_m
         d = c.position - a.position
         _, folded = self.heron_factors(a, c)
@@ -59,20 +91,23 @@ class RRRDyad:
         normal = d.turned_left()
         u2 = ((share + 0.5) * (1.0 / l2)) * d + (along * (1.0 / l2)) * normal
         u3 = ((share - 0.5) * (1.0 / l3)) * d + (along * (1.0 / l3)) * normal
-
-        four_bar = self._four_bar(a, c)
-        rates = self._rates(a, c, u2, u3) if four_bar is None else _driven(four_bar.rates(), four_bar.circle.shaft)
-        coupler = LinkMotion(self.coupler, self.from_point, self.end, l2, u2, rates.first[0], rates.second[0])
-        rocker = LinkMotion(self.rocker, self.ground, self.end, l3, u3, rates.first[1], rates.second[1])
-        motion.add_link(coupler, self.name)
-        motion.add_link(rocker, self.name)
-        motion.add_point(self.end, rocker.end_motion(c), self.name)
+        return u2, u3
 
     def _four_bar(self, a: PointMotion, c: PointMotion) -> FourBar | None:
         if a.circle is None or not c.is_fixed:
             return None
-        side = 1.0 if self.branch == "left" else -1.0
-        return FourBar(a.circle, c.fixed_position(), *self.lengths_m, side)
+        try:
+            return FourBar(a.circle, c.fixed_position(), *self.lengths_m, self._side, self._passes)
+        except MachineError as error:
+            raise MachineError(f"dyad '{self.name}': {error}") from None
+
+    @property
+    def _side(self) -> float:
+        return 1.0 if self.branch.startswith("left") else -1.0
+
+    @property
+    def _passes(self) -> bool:
+        return self.branch.endswith("passing")
 
     def _rates(self, a: PointMotion, c: PointMotion, u2: Vector, u3: Vector) -> Rates:
         """Derivatives of the links' angles for any motion of the outer joints, from the loop's closure."""
@@ -90,8 +125,11 @@ class RRRDyad:
 
     def root(self, a: PointMotion, c: PointMotion) -> Expr:
         """2 l2 l3 times the sine of the angle from coupler to rocker; its sign is the branch [m^2]."""
+        four_bar = self._four_bar(a, c)
+        if four_bar is not None:
+            return four_bar.root
         stretched, folded = self.heron_factors(a, c)
-        return (1.0 if self.branch == "left" else -1.0) * sqrt(stretched * folded)
+        return self._side * sqrt(stretched * folded)
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
         """The dyad opens when its outer joints are too far apart or too close."""
