@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.expression.graph import Expr, topological_order
+from textile_twin_core.expression.block_code import write_block_code
+from textile_twin_core.expression.graph import Expr
+from textile_twin_core.expression.sincos import sincos
 
 CHUNK = 4096
 """Samples per chunk: large enough to hide the cost of a numpy call, small enough for the cache."""
@@ -27,8 +29,6 @@ _UFUNCS: Mapping[str, Any] = {
     "neg": np.negative,
     "square": np.square,
     "sqrt": np.sqrt,
-    "sin": np.sin,
-    "cos": np.cos,
     "abs": np.absolute,
     "sign": np.sign,
     "atan2": np.arctan2,
@@ -50,10 +50,12 @@ class BlockProgram:
     def __init__(self, outputs: Sequence[Expr], inputs: Sequence[str], chunk: int = CHUNK) -> None:
         self.inputs = tuple(inputs)
         self.chunk = chunk
-        source, self._constants, self.buffer_count, self.operations = _program(list(outputs), self.inputs)
+        code = write_block_code(outputs, self.inputs)
+        self.buffer_count, self.operations = code.buffers, code.operations
+        self._constants = [np.asarray(value) for value in code.constants]
         namespace: dict[str, Any] = {f"np_{op}": ufunc for op, ufunc in _UFUNCS.items()}
-        namespace["np_select"], namespace["np_copy"] = _select, np.copyto
-        exec(compile(source, "<twin blocks>", "exec"), namespace)
+        namespace["np_select"], namespace["np_copy"], namespace["np_sincos"] = _select, np.copyto, sincos
+        exec(compile(code.source, "<twin blocks>", "exec"), namespace)
         self._run: Callable[..., None] = namespace["run"]
         self._local = threading.local()
 
@@ -85,55 +87,3 @@ class BlockProgram:
         if held is None:
             held = self._local.buffers = list(np.empty((self.buffer_count, self.chunk)))
         return held
-
-
-def _program(outputs: list[Expr], inputs: tuple[str, ...]) -> tuple[str, list[FloatArray], int, int]:
-    order = topological_order(outputs)
-    last_use: dict[Expr, int] = {}
-    for i, node in enumerate(order):
-        for a in node.args:
-            last_use[a] = i
-    constants: dict[Expr, str] = {}
-    place: dict[Expr, str] = {}
-    target = {e: f"o{k}" for k, e in reversed(list(enumerate(outputs)))}
-    held: dict[Expr, int] = {}
-    free: list[int] = []
-    count = operations = 0
-    lines: list[str] = []
-    for i, node in enumerate(order):
-        if node.op == "const":
-            constants[node] = place[node] = f"c{len(constants)}"
-            continue
-        if node.op == "variable":
-            place[node] = str(node.payload)
-            continue
-        arguments = [place[a] for a in node.args]
-        released = [held.pop(a) for a in set(node.args) if last_use[a] == i and a in held]
-        if node.op != "select":  # every other ufunc may write onto its own argument
-            free.extend(released)
-        if node in target:
-            place[node] = target[node]
-        else:
-            if not free:
-                free.append(count)
-                count += 1
-            held[node] = free.pop()
-            place[node] = f"b{held[node]}"
-        if node.op == "select":
-            free.extend(released)
-        operations += 1
-        lines.append(f"    np_{node.op}({', '.join(arguments)}, {place[node]})")
-    for k, e in enumerate(outputs):
-        if place[e] != f"o{k}":
-            lines.append(f"    np_copy(o{k}, {place[e]})")
-    header = [
-        "def run(inputs, outputs, buffers, constants):",
-        f"    {', '.join(inputs)}, = inputs",
-        f"    {', '.join(f'o{k}' for k in range(len(outputs)))}, = outputs",
-    ]
-    if count:
-        header.append(f"    {', '.join(f'b{k}' for k in range(count))}, = buffers")
-    if constants:
-        header.append(f"    {', '.join(constants.values())}, = constants")
-    values = [np.asarray(e.payload, dtype=np.float64) for e in constants]
-    return "\n".join([*header, *lines, "    return None"]), values, count, operations

@@ -1,0 +1,140 @@
+"""Source code of array programs: the order of the operations, and which buffer each result goes to.
+
+The order follows the heavier argument first (Sethi and Ullman 1970), so that few buffers are alive at a
+time and they stay in the cache.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from textile_twin_core.expression.graph import Expr, topological_order
+
+_SINCOS_WORK = 4
+
+
+@dataclass(frozen=True)
+class BlockCode:
+    """A function `run(inputs, outputs, buffers, constants)` as text, with what it needs."""
+
+    source: str
+    constants: tuple[float, ...]
+    buffers: int
+    operations: int
+
+
+def write_block_code(outputs: Sequence[Expr], inputs: Sequence[str]) -> BlockCode:
+    """One line per operation of what the outputs need, on as few buffers as the order allows."""
+    return _Writer(list(outputs), tuple(inputs)).write()
+
+
+@dataclass
+class _Writer:
+    outputs: list[Expr]
+    inputs: tuple[str, ...]
+    place: dict[Expr, str] = field(default_factory=dict)
+    constants: dict[Expr, str] = field(default_factory=dict)
+    lines: list[str] = field(default_factory=list)
+    free: list[int] = field(default_factory=list)
+    held: dict[Expr, int] = field(default_factory=dict)
+    buffers: int = 0
+    operations: int = 0
+
+    def write(self) -> BlockCode:
+        order = _heavier_first(self.outputs)
+        self.target = {e: f"o{k}" for k, e in reversed(list(enumerate(self.outputs)))}
+        self.partner = _partners(order)
+        self.last_use = {a: i for i, node in enumerate(order) for a in node.args}
+        for i, node in enumerate(order):
+            if node not in self.place:
+                self._write_node(i, node)
+        for k, e in enumerate(self.outputs):
+            if self.place[e] != f"o{k}":
+                self.lines.append(f"    np_copy(o{k}, {self.place[e]})")
+        header = [
+            "def run(inputs, outputs, buffers, constants):",
+            f"    {', '.join(self.inputs)}, = inputs",
+            f"    {', '.join(f'o{k}' for k in range(len(self.outputs)))}, = outputs",
+        ]
+        if self.buffers:
+            header.append(f"    {', '.join(f'b{k}' for k in range(self.buffers))}, = buffers")
+        if self.constants:
+            header.append(f"    {', '.join(self.constants.values())}, = constants")
+        source = "\n".join([*header, *self.lines, "    return None"])
+        return BlockCode(source, tuple(e.value for e in self.constants), self.buffers, self.operations)
+
+    def _write_node(self, number: int, node: Expr) -> None:
+        if node.op == "const":
+            self.constants[node] = self.place[node] = f"c{len(self.constants)}"
+        elif node.op == "variable":
+            self.place[node] = str(node.payload)
+        elif node.op in ("sin", "cos"):
+            self._write_sincos(node)
+        else:
+            arguments = [self.place[a] for a in node.args]
+            released = [self.held.pop(a) for a in set(node.args) if self.last_use[a] == number and a in self.held]
+            if node.op != "select":  # every ufunc may write onto its own argument
+                self.free.extend(released)
+            self._settle(node)
+            if node.op == "select":
+                self.free.extend(released)
+            self._line(f"np_{node.op}", [*arguments, self.place[node]])
+
+    def _write_sincos(self, node: Expr) -> None:
+        """Sine and cosine of one angle together; the partner is at hand when its turn comes."""
+        argument = self.place[node.args[0]]
+        pair = self.partner[node.args[0]]
+        for e in pair.values():
+            self._settle(e)
+        work = [self._take_buffer() for _ in range(_SINCOS_WORK + 2 - len(pair))]
+        spare = [f"b{k}" for k in work]
+        results = [self.place[pair[op]] if op in pair else spare.pop() for op in ("sin", "cos")]
+        self._line("np_sincos", [argument, *results, f"[{', '.join(spare)}]"])
+        self.free.extend(work)
+
+    def _settle(self, node: Expr) -> None:
+        """Give a result its place: an output's array or a buffer."""
+        if node in self.target:
+            self.place[node] = self.target[node]
+        else:
+            self.held[node] = self._take_buffer()
+            self.place[node] = f"b{self.held[node]}"
+
+    def _take_buffer(self) -> int:
+        if not self.free:
+            self.free.append(self.buffers)
+            self.buffers += 1
+        return self.free.pop()
+
+    def _line(self, function: str, arguments: Sequence[str]) -> None:
+        self.operations += 1
+        self.lines.append(f"    {function}({', '.join(arguments)})")
+
+
+def _partners(order: Sequence[Expr]) -> dict[Expr, dict[str, Expr]]:
+    """By angle, its sine and cosine as far as they are needed."""
+    found: dict[Expr, dict[str, Expr]] = {}
+    for node in order:
+        if node.op in ("sin", "cos"):
+            found.setdefault(node.args[0], {})[node.op] = node
+    return found
+
+
+def _heavier_first(outputs: Sequence[Expr]) -> list[Expr]:
+    weight: dict[Expr, int] = {}
+    for node in topological_order(outputs):
+        weights = sorted((weight[a] for a in node.args), reverse=True)
+        weight[node] = max([1 if node.args else 0, *(w + k for k, w in enumerate(weights))])
+    order: list[Expr] = []
+    seen: set[Expr] = set()
+    stack = [(e, False) for e in reversed(outputs)]
+    while stack:
+        node, ready = stack.pop()
+        if ready:
+            order.append(node)
+        elif node not in seen:
+            seen.add(node)
+            stack.append((node, True))
+            stack.extend((a, False) for a in sorted(node.args, key=weight.__getitem__) if a not in seen)
+    return order
