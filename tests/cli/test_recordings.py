@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -251,6 +254,31 @@ def test_an_output_that_is_there_is_kept_unless_forced(
     assert main([*command, "--force"]) == 0
     assert sorted(entry.name for entry in (tmp_path / "out").iterdir()) == ["metadata.yaml", "out_0.mcap"]
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+
+
+_STOPPED = """
+import os, signal, sys, time
+import textile_twin_core.files.replay as replay
+from textile_twin_core.cli.main import main
+
+def stopped_halfway(bag, out, *_, **__):
+    out.copy_topic(bag, "main_shaft/angle")
+    assert len(os.listdir(os.path.dirname(sys.argv[-1]))) == 1
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(60)
+
+replay.replay_bag = stopped_halfway
+sys.exit(main())
+"""
+
+
+def test_a_stopped_command_takes_its_half_written_file_away(tmp_path: Path, bag: Path) -> None:
+    arguments = ["replay", str(bag), "--machine", "tufting", "--out", str(tmp_path / "out")]
+    done = subprocess.run(
+        [sys.executable, "-c", _STOPPED, *arguments], check=False, timeout=120, stderr=subprocess.PIPE
+    )
+    assert (done.returncode, done.stderr) == (128 + signal.SIGTERM, b"")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_cut_off_recording_is_read_with_a_notice_and_recovered(

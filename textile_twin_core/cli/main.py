@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -47,6 +48,9 @@ def _help() -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with its arguments; the exit code: 0, 2 for the user's mistake, 1 for ours."""
     given = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:
+        # So that half-written files are taken away when we are told to stop.
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         return _run(given)
     except TwinError as error:
