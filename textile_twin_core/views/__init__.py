@@ -5,6 +5,6 @@ from __future__ import annotations
 from textile_twin_core.views.live import LiveView
 from textile_twin_core.views.plot import plot_comparison
 from textile_twin_core.views.recording import write_comparison_recording
-from textile_twin_core.views.viewer import open_viewer, screenshot
+from textile_twin_core.views.viewer import open_viewer, screenshot, screenshots
 
-__all__ = ["LiveView", "open_viewer", "plot_comparison", "screenshot", "write_comparison_recording"]
+__all__ = ["LiveView", "open_viewer", "plot_comparison", "screenshot", "screenshots", "write_comparison_recording"]

@@ -68,7 +68,7 @@ def style_series(stream: rr.RecordingStream) -> None:
         "torque/predicted",
         rr.Measurements.from_fields(
             colors=[palette.PREDICTED],
-            names=["predicted as the sensor shows it, one sigma"],
+            names=["predicted ± sigma"],
             widths=[1.8],
             aggregation_policy=_MIN_MAX,
         ),
@@ -90,6 +90,19 @@ def style_series(stream: rr.RecordingStream) -> None:
             rr.SeriesLines(colors=[palette.LIMIT], names=[f"{side} limit"], widths=[1.0]),
             static=True,
         )
+
+
+def style_angle_curves(stream: rr.RecordingStream) -> None:
+    """Colours of the curves over the shaft angle: the prediction thin and on top, so that it hides nothing."""
+    for name, colour, radius, order in (
+        ("measured", palette.dim(palette.MEASURED, 0.6), -0.6, 0.0),
+        ("last", palette.MEASURED, -2.0, 1.0),
+        ("predicted", palette.PREDICTED, -1.1, 2.0),
+    ):
+        style = rr.LineStrips2D.from_fields(colors=[colour], radii=[radius], draw_order=order)
+        stream.log(f"angle/{name}", style, static=True)
+    now = rr.Points2D.from_fields(colors=[palette.NOW], radii=[-5.0], draw_order=50.0)
+    stream.log("angle/now", now, static=True)
 
 
 def style_lanes(stream: rr.RecordingStream, lanes: Sequence[Lane]) -> None:

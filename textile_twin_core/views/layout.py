@@ -56,7 +56,7 @@ class Layout:
             column_shares=[1.25, 1.0, 0.92],
         )
         plots = rrb.Vertical(
-            self._series("Torque on the main shaft [N m]", "torque", legend=True),
+            self._series("Torque on the main shaft, predicted as its sensor shows it [N m]", "torque", legend=True),
             self._series(self.residual_title, "residual"),
             rrb.StateTimelineView(name="Phase of the cycle", origin="phase", time_view=self._window()),
             over_angle,

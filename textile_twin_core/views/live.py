@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import threading
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ import rerun as rr
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import RunningAngleBins
 from textile_twin_core.errors import TwinError
-from textile_twin_core.views import backdrop, palette
+from textile_twin_core.views import backdrop
 from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for
 from textile_twin_core.views.buffer import Block, Buffer
 from textile_twin_core.views.layout import Layout
@@ -147,18 +148,19 @@ class LiveView:
             self._draw_residual(*residual)
 
     def _draw_predicted(self, time: FloatArray, theta: FloatArray, torque: FloatArray, sigma: FloatArray) -> None:
-        self._fit_canvas(torque)
-        scribe, sensor = self._scribe, self._machine.sensors.torque
-        shown = sensor.gain * torque + sensor.offset_Nm
+        sensor = self._machine.sensors.torque
+        shown = np.asarray(sensor.gain * torque + sensor.offset_Nm)
+        self._fit_canvas(shown)
+        scribe = self._scribe
         scribe.predicted(time + sensor.delay_s, shown, abs(sensor.gain) * sigma)
-        joined = [
-            np.concatenate([old[-1:], new]) for old, new in zip(self._history, (time, theta, torque), strict=True)
-        ]
-        scribe.over_angle("predicted", joined[0], joined[1], joined[2], palette.PREDICTED, -1.6)
+        # From the last sample before, so that lines and phases go on without a seam.
+        block = (time, theta, shown)
+        joined = [np.concatenate([old[-1:], new]) for old, new in zip(self._history, block, strict=True)]
+        scribe.over_angle("predicted", joined[0], joined[1], joined[2])
         frames = self._frames(time)
         if frames.size:
             scribe.motion(time[frames], self._positions(theta[frames]))
-            scribe.now(time[frames], theta[frames], torque[frames])
+            scribe.now(time[frames], theta[frames], shown[frames])
         for lane in self._lanes:
             changes = state_changes(lane, joined[0], joined[1])
             known = bool(changes.states) and self._phases.get(lane.name) == changes.states[0]
@@ -166,19 +168,14 @@ class LiveView:
             if changes.states:
                 self._phases[lane.name] = changes.states[-1]
         kept = np.searchsorted(self._history[0], time[-1] - _HISTORY_S)
-        self._history = tuple(
-            np.concatenate([old[kept:], new]) for old, new in zip(self._history, (time, theta, torque), strict=True)
-        )
+        self._history = tuple(np.concatenate([old[kept:], new]) for old, new in zip(self._history, block, strict=True))
 
     def _draw_measured(self, time: FloatArray, torque: FloatArray) -> None:
         self._fit_canvas(torque)
         self._scribe.measured(time, torque)
         theta = self._theta(time)
-        for name, colour, radius in (
-            ("measured", palette.dim(palette.MEASURED, 0.6), -0.6),
-            ("last", palette.MEASURED, -1.6),
-        ):
-            self._scribe.over_angle(name, time, theta, torque, colour, radius)
+        for which in ("measured", "last"):
+            self._scribe.over_angle(which, time, theta, torque)
 
     def _draw_residual(self, time: FloatArray, residual: FloatArray) -> None:
         self._scribe.residual(time, residual, self._limit)
@@ -249,6 +246,7 @@ class LiveView:
         )
         try:
             if port is not None:
+                _refuse_taken(host, port)  # the server would only log that it could not listen
                 server = rr.GrpcServerSink(host, port, server_memory_limit=memory_limit)
                 sinks.append(server)
             self._stream.set_sinks(*sinks, default_blueprint=layout.blueprint())
@@ -259,6 +257,7 @@ class LiveView:
     def _backdrop(self) -> None:
         backdrop.draw_machine(self._stream, self._scribe.scene)
         backdrop.style_series(self._stream)
+        backdrop.style_angle_curves(self._stream)
         backdrop.style_lanes(self._stream, self._lanes)
         self._draw_canvas("angle", self._scribe.torque_canvas)
         self._draw_canvas("by_angle", self._scribe.residual_canvas)
@@ -297,3 +296,9 @@ class LiveView:
         if time.size < 2:
             return 0.0
         return float((theta[-1] - theta[0]) / (time[-1] - time[0]) * 60.0 / (2.0 * np.pi))
+
+
+def _refuse_taken(host: str, port: int) -> None:
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind((host, port))

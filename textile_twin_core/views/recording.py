@@ -13,7 +13,7 @@ import rerun as rr
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import Comparison, summary_rows
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.views import backdrop, palette
+from textile_twin_core.views import backdrop
 from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of, state_changes
@@ -107,6 +107,7 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
         marks = marks_of(comparison.events)
         backdrop.draw_machine(stream, scene)
         backdrop.style_series(stream)
+        backdrop.style_angle_curves(stream)
         backdrop.style_lanes(stream, lanes)
         backdrop.draw_canvas(stream, "angle", torque_canvas, marks, inside)
         backdrop.draw_canvas(stream, "by_angle", residual_canvas, marks, inside)
@@ -115,25 +116,16 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
         step = max(1, int(predicted_s.size / max(predicted_s[-1] * _FRAME_RATE_HZ, 1.0)))
         frames = np.arange(0, predicted_s.size, step)
         scribe.motion(predicted_s[frames], PointPositions(machine)(theta[frames]))
-        scribe.now(predicted_s[frames], theta[frames], comparison.predicted_Nm[frames])
         # Through the sensor, so that both curves and the residual speak of the same instant.
-        scribe.predicted(
-            predicted_s + comparison.fit.delay_s,
-            comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm,
-            abs(comparison.sensor_gain) * comparison.predicted_sigma_Nm,
-        )
+        shown = comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm
+        sigma = abs(comparison.sensor_gain) * comparison.predicted_sigma_Nm
+        scribe.predicted(predicted_s + comparison.fit.delay_s, shown, sigma)
+        scribe.over_angle("predicted", predicted_s, theta, shown)
+        scribe.now(predicted_s[frames], theta[frames], shown[frames])
         scribe.measured(measured_s, comparison.measured_Nm)
         scribe.residual(measured_s, comparison.residual_Nm, limit)
-        scribe.over_angle(
-            "measured",
-            measured_s,
-            comparison.theta_rad,
-            comparison.measured_Nm,
-            palette.dim(palette.MEASURED, 0.6),
-            -0.6,
-        )
-        scribe.over_angle("predicted", predicted_s, theta, comparison.predicted_Nm, palette.PREDICTED, -1.6)
-        scribe.over_angle("last", measured_s, comparison.theta_rad, comparison.measured_Nm, palette.MEASURED, -1.6)
+        for which in ("measured", "last"):
+            scribe.over_angle(which, measured_s, comparison.theta_rad, comparison.measured_Nm)
         scribe.phases([state_changes(lane, predicted_s, theta) for lane in lanes])
         scribe.residual_by_angle(comparison.by_angle)
         _say(scribe, comparison, origin, limit)

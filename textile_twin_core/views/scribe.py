@@ -66,15 +66,7 @@ class Scribe:
             over = np.abs(residual_Nm) > limit_Nm
             self._scalars("residual/over_limit", time_s[over], residual_Nm[over])
 
-    def over_angle(
-        self,
-        which: str,
-        time_s: FloatArray,
-        theta_rad: FloatArray,
-        torque_Nm: FloatArray,
-        colour: palette.Colour,
-        radius: float,
-    ) -> None:
+    def over_angle(self, which: str, time_s: FloatArray, theta_rad: FloatArray, torque_Nm: FloatArray) -> None:
         """A torque over the shaft angle, in short lines that the viewer keeps for some turns."""
         points = self.torque_canvas.place(theta_rad, torque_Nm)
         strips, ends = [], []
@@ -87,15 +79,11 @@ class Scribe:
             return
         columns = rr.LineStrips2D.columns(strips=strips)
         self.stream.send_columns(f"angle/{which}", _times(np.array(ends)), columns)
-        self.stream.log(f"angle/{which}", rr.LineStrips2D.from_fields(colors=[colour], radii=[radius]), static=True)
 
     def now(self, time_s: FloatArray, theta_rad: FloatArray, torque_Nm: FloatArray) -> None:
         """The present point of the plot over the shaft angle."""
         points = self.torque_canvas.place(theta_rad, torque_Nm).astype(np.float32)
         self.stream.send_columns("angle/now", _times(time_s), rr.Points2D.columns(positions=points))
-        self.stream.log(
-            "angle/now", rr.Points2D.from_fields(colors=[palette.NOW], radii=[-5.0], draw_order=50.0), static=True
-        )
 
     def phases(self, changes: Sequence[StateChanges]) -> None:
         """Changes of phase, lane by lane."""

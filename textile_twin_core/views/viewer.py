@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from rerun.experimental import ViewerClient
@@ -35,16 +36,16 @@ def open_viewer(path: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
 
 
 def screenshot(
-    path: str | os.PathLike[str],
+    source: str | os.PathLike[str],
     picture: str | os.PathLike[str],
     *,
     time_s: float | None = None,
     size: tuple[int, int] = (1920, 1080),
 ) -> Path:
-    """Draw a .rrd recording as the viewer shows it and save the picture as PNG. Needs no screen, but Vulkan.
+    """Draw a recording as the viewer shows it and save the picture as PNG. Needs no screen, but Vulkan.
 
     Args:
-        path: the recording.
+        source: a .rrd file, or the address of a live view.
         picture: the PNG to write.
         time_s: where the time cursor stands, seconds on the recording's time; its end without it.
         size: width and height of the window.
@@ -54,11 +55,28 @@ def screenshot(
 
     Raises:
         RecordingError: there is no such file.
-        TwinError: the viewer does not start, or not in time.
+        TwinError: the viewer does not start, or does not draw in time.
     """
-    recording, target = Path(path), Path(picture)
-    if not recording.is_file():
-        raise RecordingError(f"{recording}: there is no such recording")
+    return screenshots(source, [(time_s, picture)], size=size)[0]
+
+
+def screenshots(
+    source: str | os.PathLike[str],
+    pictures: Sequence[tuple[float | None, str | os.PathLike[str]]],
+    *,
+    size: tuple[int, int] = (1920, 1080),
+) -> list[Path]:
+    """Several pictures of one recording, each (time [s], PNG to write), with the viewer started once.
+
+    Raises:
+        RecordingError: there is no such file.
+        TwinError: the viewer does not start, or does not draw in time.
+    """
+    address = str(source)
+    if "://" not in address:
+        if not Path(source).is_file():
+            raise RecordingError(f"{source}: there is no such recording")
+        address = str(Path(source).resolve())
     port = _free_port()
     command = [str(_program()), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
     command += ["--window-size", f"{size[0]}x{size[1]}"]
@@ -67,11 +85,13 @@ def screenshot(
         place = {**os.environ, "HOME": home, "XDG_CONFIG_HOME": home, "XDG_CACHE_HOME": home, "XDG_DATA_HOME": home}
         viewer = subprocess.Popen(command, env=place, stdout=log, stderr=log)
         try:
-            image = _take(_connect(viewer, port), recording, time_s)
+            client = _connect(viewer, port)
+            _load(client, address)
+            images = [_picture(client, time_s) for time_s, _ in pictures]
         except TwinError as error:
             log.seek(0)
             last = log.read().decode(errors="replace").strip().splitlines()[-1:]
-            raise TwinError(f"{error}{f' ({last[0]})' if last else ''}") from error
+            raise TwinError(f"{source}: {error}{f' ({last[0]})' if last else ''}") from error
         finally:
             viewer.terminate()
             try:
@@ -79,32 +99,52 @@ def screenshot(
             except subprocess.TimeoutExpired:
                 viewer.kill()
                 viewer.wait()
-    target.write_bytes(image)
-    return target
+    targets = [Path(target) for _, target in pictures]
+    for target, image in zip(targets, images, strict=True):
+        target.write_bytes(image)
+    return targets
 
 
-def _take(client: ViewerClient, recording: Path, time_s: float | None) -> bytes:
-    client.open(str(recording.resolve()))
+def _load(client: ViewerClient, address: str) -> None:
+    client.open(address)
     end = time.monotonic() + _LOAD_S
-    while client.get_state().loading:
+    while True:
+        state = client.get_state()
+        if state.active_recording is not None and not state.loading:
+            return
         if time.monotonic() > end:
-            raise TwinError(f"{recording}: the viewer did not load it in {_LOAD_S:g} s")
+            raise TwinError(f"the viewer did not load it in {_LOAD_S:g} s")
         time.sleep(0.1)
+
+
+def _picture(client: ViewerClient, time_s: float | None) -> bytes:
     if time_s is not None:
-        client.set_time("time", duration=time_s, play_state="paused")
+        _set_time(client, time_s)
     time.sleep(1.0)
     # The first pictures are of empty plots: wait until three in a row are the same.
     last: list[bytes] = []
     end = time.monotonic() + _PICTURE_S
     while len(last) < 3 or len(set(last)) > 1:
         if time.monotonic() > end:
-            raise TwinError(f"{recording}: the viewer did not draw it in {_PICTURE_S:g} s")
+            raise TwinError(f"the viewer did not draw it in {_PICTURE_S:g} s")
         try:
             last = [*last, client.take_screenshot()][-3:]
         except TimeoutError:  # a busy machine: the viewer draws by software
             continue
         time.sleep(0.3)
     return last[-1]
+
+
+def _set_time(client: ViewerClient, time_s: float) -> None:
+    end = time.monotonic() + _LOAD_S
+    while True:
+        try:
+            client.set_time("time", duration=time_s, play_state="paused")
+            return
+        except ConnectionError as error:  # so the client says that no data have arrived yet
+            if time.monotonic() > end:
+                raise TwinError(f"the viewer had nothing to show at {time_s:g} s: {error}") from error
+            time.sleep(0.2)
 
 
 def _connect(viewer: subprocess.Popen[bytes], port: int) -> ViewerClient:

@@ -1,0 +1,96 @@
+"""The live view: every sample arrives, bounded buffers, served on loopback only."""
+
+from __future__ import annotations
+
+import socket
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.views.conftest import START_NS, Run, rows_of, scalars_of
+from textile_twin_core.errors import TwinError
+from textile_twin_core.views import LiveView
+from textile_twin_core.views.buffer import Buffer
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def feed(view: LiveView, run: Run, block: int = 100, pause_s: float = 0.0) -> None:
+    residual = run.comparison.residual_Nm
+    for first in range(0, run.stamps_ns.size, block):
+        part = slice(first, first + block)
+        view.add_predicted(run.stamps_ns[part], run.theta_rad[part], run.predicted_Nm[part], run.sigma_Nm[part])
+        view.add_measured(run.measured_ns[part], run.measured_Nm[part])
+        view.add_residual(run.measured_ns[part], residual[part])
+        time.sleep(pause_s)
+
+
+def test_every_sample_is_in_the_recording(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "live.rrd"
+    with LiveView(run.machine, port=None, path=path, flush_s=0.02, limit_Nm=1.0) as view:
+        feed(view, run, pause_s=0.01)
+    assert view.error is None
+    assert view.dropped == 0
+    times, measured = scalars_of(path, "/torque/measured")
+    np.testing.assert_allclose(times, (run.measured_ns - START_NS) * 1e-9, atol=1e-9)
+    np.testing.assert_array_equal(measured, run.measured_Nm)
+    _, predicted = scalars_of(path, "/torque/predicted", "Measurements:values")
+    np.testing.assert_allclose(predicted, 1.01 * run.predicted_Nm, rtol=1e-14)
+    _, residual = scalars_of(path, "/residual/residual")
+    np.testing.assert_array_equal(residual, run.comparison.residual_Nm)
+    times, _ = rows_of(path, "/world/base/links/l1", "Transform3D:translation")
+    assert 50 * 6 * 0.8 < times.size <= 60 * 6 + 1  # at most 60 pictures a second
+    _, states = rows_of(path, "/phase/needle_backing", "StateChange:state")
+    # Blocks leave no phase out and name none twice.
+    assert all(a != b for a, b in zip(states[1:], states[:-1], strict=True))
+    turns = np.count_nonzero(np.diff(np.floor((run.theta_rad - 0.38312100023839724) / (2 * np.pi))))
+    assert len(states) == 2 * turns + 1
+
+
+def test_serves_on_loopback_and_closes_its_port(run: Run) -> None:
+    port = free_port()
+    with LiveView(run.machine, port=port) as view:
+        assert view.url == f"rerun+http://127.0.0.1:{port}/proxy"
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0):
+            pass
+        with pytest.raises(ConnectionRefusedError), socket.create_connection((other_address(), port), timeout=1.0):
+            pass
+        feed(view, run)
+    assert view.error is None
+    view.close()  # a second time does nothing
+
+
+def other_address() -> str:
+    """An address of this machine that is not 127.0.0.1; Linux answers on all of 127/8."""
+    return "127.0.0.2"
+
+
+def test_a_taken_port_is_refused(run: Run) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = int(taken.getsockname()[1])
+        with pytest.raises(TwinError, match=str(port)):
+            LiveView(run.machine, port=port)
+
+
+def test_nowhere_to_show_is_refused(run: Run) -> None:
+    with pytest.raises(TwinError, match="a port to serve on or a file"):
+        LiveView(run.machine, port=None)
+
+
+def test_a_full_buffer_drops_the_oldest_and_counts_them() -> None:
+    buffer = Buffer(10)
+    for k in range(5):
+        buffer.put((np.full(4, float(k)), np.full(4, -float(k))))
+    assert buffer.dropped == 12
+    first, second = buffer.take()
+    assert first.tolist() == [3.0] * 4 + [4.0] * 4
+    assert second.tolist() == [-3.0] * 4 + [-4.0] * 4
+    assert buffer.take() == ()

@@ -1,0 +1,85 @@
+"""The viewer without a screen: curves and machine are really drawn, and the machine moves."""
+
+from __future__ import annotations
+
+import ctypes.util
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from PIL import Image
+
+from tests.views.conftest import Run
+from tests.views.test_live import feed, free_port
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.views import LiveView, open_viewer, palette, screenshot, screenshots, write_comparison_recording
+
+Pixels = npt.NDArray[np.int64]
+
+DRIVERS = [*Path("/usr/share/vulkan/icd.d").glob("*.json"), *Path("/etc/vulkan/icd.d").glob("*.json")]
+needs_vulkan = pytest.mark.skipif(
+    ctypes.util.find_library("vulkan") is None or not DRIVERS,
+    reason="no Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1",
+)
+
+# Parts of the 1920 x 1080 window: (left, top, right, bottom).
+MACHINE = (0, 70, 490, 800)
+TORQUE = (515, 75, 1915, 335)
+RESIDUAL = (515, 385, 1915, 520)
+PHASE = (495, 570, 1915, 665)
+OVER_ANGLE = (500, 720, 1050, 1020)
+BY_ANGLE = (1090, 720, 1500, 1020)
+
+
+def pixels(picture: Path) -> Pixels:
+    return np.asarray(Image.open(picture).convert("RGB"), dtype=np.int64)
+
+
+def part(image: Pixels, box: tuple[int, int, int, int]) -> Pixels:
+    return image[box[1] : box[3], box[0] : box[2]]
+
+
+def columns_of(image: Pixels, colour: palette.Colour, near: int = 40) -> int:
+    """Columns of an image that hold the colour: how far a curve reaches, however thin."""
+    return int(np.count_nonzero((np.abs(image - np.array(colour)).max(axis=2) < near).any(axis=0)))
+
+
+@needs_vulkan
+def test_curves_and_machine_are_drawn_and_the_machine_moves(run: Run, tmp_path: Path) -> None:
+    recording = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine)
+    first, second = (
+        pixels(picture)
+        for picture in screenshots(recording, [(4.0, tmp_path / "first.png"), (4.1, tmp_path / "second.png")])
+    )
+    assert first.shape == (1080, 1920, 3)
+    assert columns_of(part(first, TORQUE), palette.MEASURED) > 200
+    assert columns_of(part(first, TORQUE), palette.PREDICTED) > 800
+    assert columns_of(part(first, RESIDUAL), palette.RESIDUAL) > 400
+    assert columns_of(part(first, PHASE), palette.IN_BACKING) > 300
+    assert columns_of(part(first, OVER_ANGLE), palette.PREDICTED) > 150
+    assert columns_of(part(first, OVER_ANGLE), palette.MEASURED, near=60) > 100
+    assert columns_of(part(first, BY_ANGLE), palette.NOW) > 200
+    moved = np.abs(part(first, MACHINE) - part(second, MACHINE)).max(axis=2) > 30
+    assert 500 < np.count_nonzero(moved) < 0.5 * moved.size
+    drawn = np.abs(part(first, MACHINE) - np.array(palette.BACKGROUND)).max(axis=2) > 30
+    assert np.count_nonzero(drawn) > 0.05 * drawn.size
+
+
+@needs_vulkan
+def test_a_viewer_that_joins_late_sees_the_live_view(run: Run, tmp_path: Path) -> None:
+    with LiveView(run.machine, port=free_port(), flush_s=0.05) as view:
+        feed(view, run, pause_s=0.005)
+        assert view.url is not None
+        image = pixels(screenshot(view.url, tmp_path / "live.png", time_s=5.5))
+    assert view.error is None
+    assert columns_of(part(image, TORQUE), palette.MEASURED) > 200
+    assert columns_of(part(image, TORQUE), palette.PREDICTED) > 800
+    assert columns_of(part(image, OVER_ANGLE), palette.PREDICTED) > 150
+
+
+def test_a_missing_recording_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"none\.rrd: there is no such recording"):
+        open_viewer(tmp_path / "none.rrd")
+    with pytest.raises(RecordingError, match=r"none\.rrd: there is no such recording"):
+        screenshot(tmp_path / "none.rrd", tmp_path / "none.png")

@@ -1,0 +1,125 @@
+"""The recording read back: what went in stands in it, and the linkage moves as the mechanism's own equations say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun.chunk
+
+from tests.views.conftest import START_NS, Run, rows_of, scalars_of
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.views import write_comparison_recording
+
+
+@pytest.fixture(scope="module")
+def recording(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recording") / "run.rrd"
+    return write_comparison_recording(path, run.comparison, run.machine, title="run-up to 160 rpm")
+
+
+def test_measured_torque_is_the_measured_torque(recording: Path, run: Run) -> None:
+    times, values = scalars_of(recording, "/torque/measured")
+    np.testing.assert_allclose(times, (run.measured_ns - START_NS) * 1e-9, atol=1e-9)
+    np.testing.assert_array_equal(values, run.measured_Nm)
+
+
+def test_predicted_torque_is_what_the_sensor_should_show_with_its_sigma(recording: Path, run: Run) -> None:
+    times, values = scalars_of(recording, "/torque/predicted", "Measurements:values")
+    _, variances = scalars_of(recording, "/torque/predicted", "Measurements:variances")
+    delay = run.comparison.fit.delay_s
+    np.testing.assert_allclose(times, (run.stamps_ns - START_NS) * 1e-9 + delay, atol=1.1e-9)
+    np.testing.assert_allclose(values, 1.01 * run.predicted_Nm, rtol=1e-14)
+    np.testing.assert_allclose(variances, (1.01 * run.sigma_Nm) ** 2, rtol=1e-12)
+
+
+def test_residual_has_gaps_where_nothing_was_compared(recording: Path, run: Run) -> None:
+    times, values = scalars_of(recording, "/residual/residual")
+    np.testing.assert_array_equal(np.isfinite(values), run.comparison.used)
+    np.testing.assert_array_equal(values, run.comparison.residual_Nm)
+    limit = 3 * run.comparison.errors.rms_error_Nm
+    over_times, over = scalars_of(recording, "/residual/over_limit")
+    expected = np.abs(np.nan_to_num(run.comparison.residual_Nm)) > limit
+    np.testing.assert_allclose(over_times, times[expected], atol=1e-9)
+    np.testing.assert_array_equal(over, values[expected])
+    _, upper = scalars_of(recording, "/residual/limit_upper")
+    np.testing.assert_allclose(upper, limit)
+
+
+def test_links_stand_where_the_loop_closes(recording: Path, run: Run) -> None:
+    """Crank, coupler and needle bar from the loop closure of Xu et al. 2016, Eq. 1 and 14, solved here."""
+    times, places = rows_of(recording, "/world/base/links/l2", "Transform3D:translation")
+    theta = np.interp(times, (run.stamps_ns - START_NS) * 1e-9, run.theta_rad)
+    start = np.array([place[0] for place in places])[:, :2]
+    crank = 0.015 * np.column_stack([np.cos(theta), np.sin(theta)])
+    np.testing.assert_allclose(start, crank, atol=1e-7)  # 32 bits on the screen
+
+    to_c = np.array([0.070, 0.155]) - crank
+    distance = np.hypot(*to_c.T)
+    corner = np.arccos((0.115**2 + distance**2 - 0.138**2) / (2 * 0.115 * distance))
+    rocker = np.arctan2(-to_c[:, 1], -to_c[:, 0]) - corner  # of C -> B
+    arm = rocker + np.deg2rad(168.0) - 2 * np.pi
+    joint = np.array([0.070, 0.155]) + 0.125 * np.column_stack([np.cos(arm), np.sin(arm)])
+    slider = joint[:, 1] - np.sqrt(0.120**2 - (0.170 - joint[:, 0]) ** 2)
+    _, places = rows_of(recording, "/world/base/links/l6", "Transform3D:translation")
+    bar = np.array([place[0] for place in places])[:, :2]
+    np.testing.assert_allclose(bar[:, 0], 0.170, atol=1e-7)
+    np.testing.assert_allclose(bar[:, 1], slider, atol=1e-6)
+    stroke = bar[:, 1].max() - bar[:, 1].min()
+    assert stroke == pytest.approx(0.0327884, abs=2e-5)
+
+
+def test_the_crank_turns_with_the_shaft(recording: Path, run: Run) -> None:
+    times, turns = rows_of(recording, "/world/base/links/l1", "Transform3D:quaternion")
+    theta = np.interp(times, (run.stamps_ns - START_NS) * 1e-9, run.theta_rad)
+    x, y, z, w = np.array([turn[0] for turn in turns]).T
+    np.testing.assert_allclose([x, y], 0.0, atol=1e-7)
+    np.testing.assert_allclose(np.cos(2 * np.arctan2(z, w)), np.cos(theta), atol=1e-6)
+    np.testing.assert_allclose(np.sin(2 * np.arctan2(z, w)), np.sin(theta), atol=1e-6)
+
+
+def test_phases_change_at_the_events(recording: Path, run: Run) -> None:
+    times, states = rows_of(recording, "/phase/needle_backing", "StateChange:state")
+    theta = np.interp(times[1:], (run.stamps_ns - START_NS) * 1e-9, run.theta_rad)
+    entry, leave = 0.38312100023839724, 3.3846508836082833
+    for angle, (state,) in zip(np.mod(theta, 2 * np.pi), states[1:], strict=True):
+        assert angle == pytest.approx(entry if state == "in backing" else leave, abs=1e-4)
+    assert len(states) == 2 * np.count_nonzero(np.diff(np.floor((run.theta_rad - entry) / (2 * np.pi)))) + 1
+
+
+def test_the_bad_turn_is_in_the_list_of_events(recording: Path) -> None:
+    _, texts = rows_of(recording, "/events", "TextLog:text")
+    assert any("turn 9: residual +2." in text[0] for text in texts), texts
+
+
+def test_the_summary_tells_the_numbers(recording: Path, run: Run) -> None:
+    _, texts = rows_of(recording, "/summary", "TextDocument:text")
+    text = str(texts[0][0])
+    assert "run-up to 160 rpm" in text
+    assert f"{run.comparison.errors.rms_error_Nm:.4f} N m" in text
+    assert "load jump" in text
+
+
+def test_file_has_its_footer_and_layout(recording: Path) -> None:
+    reader = rerun.chunk.RrdReader(str(recording))
+    assert reader.store().schema() is not None  # needs the footer
+    assert len(reader.recordings()) == 1
+    assert len(reader.blueprints()) >= 1
+    assert recording.stat().st_size < 2_000_000
+
+
+def test_a_place_that_cannot_be_written_is_named_and_left_clean(run: Run, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="there is no folder"):
+        write_comparison_recording(tmp_path / "no" / "run.rrd", run.comparison, run.machine)
+    with pytest.raises(RecordingError, match="is a folder"):
+        write_comparison_recording(tmp_path, run.comparison, run.machine)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_old_file_is_replaced_as_a_whole(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    path.write_bytes(b"old")
+    write_comparison_recording(path, run.comparison, run.machine)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
+    assert scalars_of(path, "/torque/measured")[1].size == run.measured_Nm.size

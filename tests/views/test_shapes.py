@@ -1,0 +1,75 @@
+"""Solids, scene, canvas and phases against what geometry says they must be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for, round_ticks, split_turns
+from textile_twin_core.views.phases import inside_backing, lanes_of, state_changes
+from textile_twin_core.views.scene import build_scene
+from textile_twin_core.views.solids import Solid, circle, extrude, rectangle, stadium
+
+
+def volume(solid: Solid) -> float:
+    """Volume by the divergence theorem: positive only when every triangle looks outwards."""
+    a, b, c = (solid.vertices[solid.triangles[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
+
+
+def test_solids_are_closed_and_look_outwards() -> None:
+    colour = (1, 2, 3)
+    assert volume(extrude(rectangle(0, 2, 0, 3), -1, 4, colour)) == pytest.approx(30.0)
+    bar = extrude(stadium(2.0, 0.5, sides=200), 0.0, 1.0, colour)
+    assert volume(bar) == pytest.approx(2.0 + np.pi * 0.25, rel=1e-4)
+    cone = extrude(circle(1.0, sides=400), 0.0, 3.0, colour, end_scale=1e-9)
+    assert volume(cone) == pytest.approx(np.pi, rel=1e-3)
+    turned = bar.turned((0, 1, 0), (0, 0, 1), (1, 0, 0)).moved((5.0, -7.0, 2.0))
+    assert volume(turned) == pytest.approx(volume(bar))
+
+
+def test_scene_of_the_tufting_machine() -> None:
+    scene = build_scene(ttc.machines.tufting())
+    assert [part.name for part in scene.moving] == ["l1", "l2", "l3", "l4", "l5", "l6"]
+    assert set(scene.fixed_points) == {"O", "C"}
+    lengths = {part.name: part.length_m for part in scene.moving}
+    assert lengths == pytest.approx({"l1": 0.015, "l2": 0.138, "l3": 0.115, "l4": 0.125, "l5": 0.12, "l6": 0.44})
+    assert scene.backing is not None
+    # 557.84 mm below C, on the needle's own line.
+    assert scene.backing.point_m == pytest.approx((0.170, 0.155 - 0.55784))
+    assert scene.backing.direction == pytest.approx((0.0, -1.0))
+    assert np.ptp(scene.paths["F"][:, 1]) == pytest.approx(0.0327884, abs=1e-5)
+
+
+def test_canvas_puts_large_values_up_and_angles_within_a_turn() -> None:
+    canvas = AngleCanvas(low=-1.0, high=3.0, width=360.0, height=400.0)
+    place = canvas.place(np.deg2rad(np.array([0.0, 90.0, 450.0, -90.0])), np.array([3.0, -1.0, 0.0, 1.0]))
+    np.testing.assert_allclose(place, [[0, 0], [90, 400], [90, 300], [270, 200]], atol=1e-9)
+    wide = canvas_for([np.array([np.nan, 2.0, -0.5]), np.array([9.0])], 10.0, 10.0)
+    assert wide.low < -0.5 < 9.0 < wide.high
+    assert round_ticks(-0.6, 17.4, 6) == [0.0, 5.0, 10.0, 15.0]
+    assert round_ticks(-0.031, 0.012, 4) == pytest.approx([-0.02, 0.0])
+
+
+def test_lines_are_split_at_full_turns_and_gaps() -> None:
+    theta = np.array([6.0, 6.2, 6.4, 6.6, 6.8, 7.0])
+    points = np.column_stack([theta, theta])
+    points[4] = np.nan
+    assert [strip[:, 0].tolist() for strip in split_turns(theta, points)] == [[6.0, 6.2], [6.4, 6.6]]
+
+
+def test_phases_follow_the_shaft_forwards_and_backwards() -> None:
+    events = ttc.machines.tufting().events()
+    lanes = {lane.name: lane for lane in lanes_of(events)}
+    assert set(lanes) == {"needle_backing", "needle_stroke"}
+    time = np.linspace(0.0, 2.0, 801)
+    forward = state_changes(lanes["needle_backing"], time, 2 * np.pi * time)
+    assert forward.states == ("free", "in backing", "free", "in backing", "free")
+    entry, leave = 0.38312100023839724 / (2 * np.pi), 3.3846508836082833 / (2 * np.pi)
+    np.testing.assert_allclose(forward.time_s, [0.0, entry, leave, 1 + entry, 1 + leave], atol=1e-9)
+    backward = state_changes(lanes["needle_backing"], time, -2 * np.pi * time)
+    assert backward.states == ("free", "in backing", "free", "in backing", "free")
+    np.testing.assert_allclose(backward.time_s, [0.0, 1 - leave, 1 - entry, 2 - leave, 2 - entry], atol=1e-9)
+    inside = inside_backing(list(lanes.values()))
+    assert inside.mean() == pytest.approx(leave - entry, abs=2 / 720)
