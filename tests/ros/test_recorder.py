@@ -1,0 +1,99 @@
+"""record_node and replay_node on their own: power loss, services, silence, repetition, recorded time."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from tests.ros.suite import RELIABLE, SECOND_NS, Suite, shaft_angles, write_bag
+from tests.ros.test_live_topics import joint_state, stamp_of
+from textile_twin_core.files import open_bag
+
+
+def test_a_kill_loses_a_second_at_most(suite: Suite) -> None:
+    recording = suite.folder / "cut"
+    recorder = suite.start("record_node", f"bag:={recording}", "topics:=[main_shaft/angle]")
+    node = suite.node()
+    publisher = node.create_publisher(JointState, "main_shaft/angle", RELIABLE)
+    suite.spin_until(publisher.get_subscription_count, "recorder")
+    for stamp, angle in zip(*shaft_angles(2000), strict=True):
+        publisher.publish(joint_state(stamp, angle))
+    # Flushed from a timer, although nothing more comes.
+    suite.spin_until(lambda: _recorded(recording) == 2000, "flush of the recording")
+    assert recorder.end(signal.SIGKILL) == -signal.SIGKILL
+    bag = open_bag(recording)
+    assert bag.truncated
+    np.testing.assert_array_equal(bag.read_angles().stamps, shaft_angles(2000)[0])
+
+
+def _recorded(recording: Path) -> int:
+    try:
+        return open_bag(recording).message_count
+    except Exception:  # nothing is on the disk yet
+        return 0
+
+
+def test_recording_by_service(suite: Suite) -> None:
+    recording = suite.folder / "runs" / "run"
+    recorder = suite.start("record_node", f"bag:={recording}", "start:=false", "topics:=[words]")
+    node = suite.node()
+    publisher = node.create_publisher(String, "words", RELIABLE)
+
+    def ask(what: str) -> Any:
+        return suite.call(node, Trigger, f"record_node/{what}", Trigger.Request())
+
+    suite.spin_until(publisher.get_subscription_count, "recorder")
+    publisher.publish(String(data="not recorded"))
+    assert not ask("stop").success
+    for run in (1, 2):
+        assert ask("start").success
+        assert not ask("start").success
+        for number in range(10 * run):
+            publisher.publish(String(data=str(number)))
+        publisher.wait_for_all_acked()
+        suite.spin_until(lambda: ask("stop").message.startswith(f"{10 * run} messages"), "stop")  # noqa: B023
+    assert recorder.end() == 0
+    for name, count in (("run", 10), ("run_2", 20)):
+        assert open_bag(recording.with_name(name)).topics["/words"].count == count
+
+
+def test_a_recorder_without_data_says_so(suite: Suite) -> None:
+    recorder = suite.start(
+        "record_node", f"bag:={suite.folder / 'empty'}", "topics:=[main_shaft/angle]", "no_data_timeout_s:=0.3"
+    )
+    recorder.wait_for_words("no data to record")
+    assert "/main_shaft/angle: nobody publishes there" in recorder.words()
+    assert recorder.end() == 0
+    assert open_bag(suite.folder / "empty").message_count == 0
+
+
+def test_repetition_goes_on_in_time(suite: Suite) -> None:
+    stamps, angles = shaft_angles(100)
+    replay = suite.start(
+        "replay_node",
+        f"bag:={write_bag(suite.folder / 'played', stamps, angles)}",
+        "loop:=true",
+        "rate:=2.0",
+        "clock_rate_hz:=100.0",
+    )
+    node = suite.node()
+    heard: list[JointState] = []
+    clocks: list[int] = []
+    node.create_subscription(Clock, "/clock", lambda m: clocks.append(m.clock.sec * SECOND_NS + m.clock.nanosec), 10)
+    node.create_subscription(JointState, "main_shaft/angle", heard.append, RELIABLE)
+    suite.spin_until(lambda: len(heard) >= 250, "two repetitions")
+    assert replay.end() == 0
+    times = np.array([stamp_of(message) for message in heard])
+    period = 2_000_000
+    np.testing.assert_array_equal(times[:100], stamps)
+    np.testing.assert_allclose(np.diff(times), period, atol=2)
+    np.testing.assert_array_equal([message.position[0] for message in heard[100:200]], angles)
+    assert (np.diff(clocks) > 0).all()
+    assert stamps[0] <= clocks[0] and abs(clocks[-1] - times[-1]) < SECOND_NS

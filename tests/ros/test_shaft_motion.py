@@ -1,0 +1,55 @@
+"""The simulated shaft and its sensors."""
+
+from __future__ import annotations
+
+import math
+import statistics
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from textile_twin_ros.shaft_motion import Encoder, ShaftMotion, TorqueSensor
+
+
+@given(
+    time=st.floats(0.01, 20.0),
+    rpm=st.floats(-300.0, 300.0),
+    run_up=st.sampled_from([0.0, 3.0]),
+    ripple=st.floats(0.0, 0.5),
+)
+def test_speed_and_acceleration_are_derivatives(time: float, rpm: float, run_up: float, ripple: float) -> None:
+    motion = ShaftMotion(rpm, run_up, ripple)
+    step = 1e-4
+    if abs(time - run_up) < 2 * step:
+        return
+    before, now, after = (motion.at(time + shift)[0] for shift in (-step, 0.0, step))
+    _, omega, alpha = motion.at(time)
+    assert omega == pytest.approx((after - before) / (2 * step), rel=1e-4, abs=1e-3)
+    assert alpha == pytest.approx((after - 2 * now + before) / step**2, rel=1e-3, abs=1.0)
+
+
+def test_run_up_joins_the_steady_speed() -> None:
+    motion = ShaftMotion(160.0, 3.0, 0.02)
+    assert motion.at(0.0) == (0.0, 0.0, pytest.approx(160 * math.tau / 60 / 3.0 * 1.02))
+    (theta, omega, _), (theta_after, omega_after, _) = motion.at(3.0 - 1e-12), motion.at(3.0)
+    assert theta == pytest.approx(theta_after, abs=1e-9) and omega == pytest.approx(omega_after, abs=1e-9)
+
+
+@given(theta=st.floats(-100.0, 100.0), bits=st.integers(1, 20), direction=st.sampled_from([1, -1]))
+def test_encoder_shows_the_shaft_angle_to_its_resolution(theta: float, bits: int, direction: int) -> None:
+    encoder = Encoder(bits, zero_rad=0.3, direction=direction)
+    measured = encoder.read(theta)
+    assert 0.0 <= measured < math.tau
+    step = math.tau / 2**bits
+    assert measured / step == pytest.approx(round(measured / step), abs=1e-6)
+    error = math.remainder((measured - 0.3) * direction - theta, math.tau)
+    assert abs(error) <= step * (1 + 1e-6)
+
+
+def test_torque_sensor_has_gain_offset_and_noise() -> None:
+    assert TorqueSensor(1.01, 0.2).read(10.0) == pytest.approx(10.3)
+    noisy = TorqueSensor(noise_Nm=0.05, seed=3)
+    values = [noisy.read(1.0) for _ in range(4000)]
+    assert statistics.mean(values) == pytest.approx(1.0, abs=0.004)
+    assert statistics.stdev(values) == pytest.approx(0.05, rel=0.05)

@@ -1,0 +1,41 @@
+"""view_node draws what the nodes publish into a file that a rerun reader opens."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+
+from tests.ros.suite import RELIABLE, Suite, shaft_angles, write_bag
+
+rerun_chunk = pytest.importorskip("rerun.chunk")
+
+
+def test_live_view_is_written(suite: Suite) -> None:
+    file = suite.folder / "live.rrd"
+    stamps, angles = shaft_angles(1000)
+    bag = write_bag(suite.folder / "played", stamps, angles, angles)
+    view = suite.start("view_node", f"file:={file}", "port:=0")
+    outputs = ("predicted", "predicted_sigma", "residual")
+    wanted = ", ".join(f'"balancing_torque/{name}"' for name in outputs)
+    twin = suite.start("twin_node", f'wait_for:=[{wanted}, "joint_states"]')
+    replay = suite.start("replay_node", f"bag:={bag}", 'wait_for:=["main_shaft/angle", "balancing_torque/measured=2"]')
+    assert replay.wait() == 0, suite.words()
+    node = suite.node()
+    told: list[str] = []
+    node.create_subscription(
+        DiagnosticArray, "/diagnostics", lambda message: told.extend(state.name for state in message.status), RELIABLE
+    )
+    # What it still holds when it is told to end is drawn, too.
+    suite.spin_until(lambda: "view_node: view" in told, "diagnostics")
+    assert view.end() == 0, view.words()
+    assert twin.end() == 0
+    drawn: Counter[str] = Counter()
+    for chunk in rerun_chunk.RrdReader(str(file)).stream():
+        if not chunk.is_static:
+            drawn[chunk.entity_path] += chunk.to_record_batch().num_rows
+    assert drawn["/torque/measured"] == len(stamps)
+    assert drawn["/torque/predicted"] == len(stamps) - 2
+    assert sum(count for path, count in drawn.items() if path.startswith("/residual")) > 900
+    assert any(path.startswith("/world") for path in drawn)
