@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -19,15 +20,20 @@ PATIENCE_S = 10.0
 
 @dataclass
 class Program:
-    """One running program: its name, its process, and the file that takes what it prints."""
+    """One running program: its name, its process, and the file that takes what it prints, if any."""
 
     name: str
     process: subprocess.Popen[bytes]
-    log: Path
+    log: Path | None
 
-    def last_words(self, lines: int = 15) -> str:
-        """The last lines that the program printed."""
-        return "\n".join(self.log.read_text(errors="replace").splitlines()[-lines:])
+    def obituary(self, lines: int = 15) -> str:
+        """How the program ended, and the last lines that it printed."""
+        code = self.process.returncode
+        how = f"on signal {signal.Signals(-code).name}" if code < 0 else f"with exit code {code}"
+        if self.log is None:
+            return f"{self.name} ended {how}"
+        last_words = self.log.read_text(errors="replace").splitlines()[-lines:]
+        return "\n".join([f"{self.name} ended {how}; its last words ({self.log}):", *last_words])
 
 
 def follow_parent_to_the_end() -> None:
@@ -36,17 +42,17 @@ def follow_parent_to_the_end() -> None:
     ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGTERM)
 
 
-def start(command: Sequence[str], log_folder: Path, taken: set[str]) -> Program:
+def start(command: Sequence[str], log_folder: Path | None, taken: set[str]) -> Program:
     """Starts a command in a session of its own, so that Ctrl-C reaches it only through us."""
     name = Path(command[0]).name
     name = next(n for n in (name, *(f"{name}_{i}" for i in range(2, 100))) if n not in taken)
-    log = log_folder / f"{name}.log"
-    with log.open("wb") as stream:
+    log = None if log_folder is None else log_folder / f"{name}.log"
+    with ExitStack() as opened:
         process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
-            stdout=stream,
-            stderr=subprocess.STDOUT,
+            stdout=None if log is None else opened.enter_context(log.open("wb")),
+            stderr=None if log is None else subprocess.STDOUT,
             start_new_session=True,
             preexec_fn=follow_parent_to_the_end,
         )
@@ -89,9 +95,7 @@ def watch(programs: Sequence[Program], until: str | None) -> int:
                 return 0
             if code == 0 and until is not None:
                 continue
-            how = f"on signal {signal.Signals(-code).name}" if code < 0 else f"with exit code {code}"
-            print(f"{program.name} ended {how}; its last words ({program.log}):", file=sys.stderr)
-            print(program.last_words(), file=sys.stderr)
+            print(program.obituary(), file=sys.stderr)
             return code if code > 0 else 1
     return 0
 
@@ -102,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__,
         usage="bring_up.py [--logs DIR] [--until NAME] -- COMMAND ARGS ... --- COMMAND ARGS ...",
     )
-    parser.add_argument("--logs", type=Path, default=Path("out/logs"), help="where the programs' words go")
+    parser.add_argument("--logs", type=Path, help="folder for what the programs print; otherwise it is shown")
     parser.add_argument("--until", help="end all when this program has ended; without it, run until Ctrl-C")
     parser.add_argument("words", nargs=argparse.REMAINDER, help="commands, separated by ---")
     options = parser.parse_args(arguments)
@@ -115,9 +119,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     for signal_number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(signal_number, interrupt)
-    options.logs.mkdir(parents=True, exist_ok=True)
     programs: list[Program] = []
     try:
+        if options.logs is not None:
+            options.logs.mkdir(parents=True, exist_ok=True)
         for command in commands:
             programs.append(start(command, options.logs, {program.name for program in programs}))
         return watch(programs, options.until)
