@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
@@ -99,6 +100,24 @@ def test_the_rosbags_library_reads_every_message(bag: Path, truth: dict[str, np.
     same("/plain", truth["log"], truth["angle"], order=by_log)
     same("/joint_states", truth["stamps"], *truth["joints"].T, order=in_order)
     same("/needle/position", truth["stamps"], *truth["points"].T, order=in_order)
+
+
+def test_the_mcap_library_finds_index_and_checksums_right(bag: Path) -> None:
+    with (bag / "written_0.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == 5 * N + 1
+        by_id = {channel.id: channel.topic for channel in summary.channels.values()}
+        counts = {by_id[number]: count for number, count in summary.statistics.channel_message_counts.items()}
+        assert counts == {name: topic.count for name, topic in open_bag(bag).topics.items()}
+        last = 0
+        for _, channel, message in reader.iter_messages(topics=["/main_shaft/angle", "/plain"]):
+            assert message.log_time >= last
+            last = message.log_time
+            counts[channel.topic] -= 1
+        assert counts["/main_shaft/angle"] == counts["/plain"] == 0
 
 
 def test_our_reader_gives_the_same_numbers_bit_for_bit(bag: Path, truth: dict[str, np.ndarray]) -> None:
