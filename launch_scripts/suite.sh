@@ -18,7 +18,6 @@ machine="${1:-tufting}"
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 recording="out/recordings/$(date +%Y-%m-%d_%H-%M-%S)"
-
 exec "$venv/bin/python" "$root/launch_scripts/bring_up.py" -- \
     "$venv/bin/twin_node" --ros-args -p "machine:=$machine" "${@:2}" --- \
     "$venv/bin/record_node" --ros-args -p "bag:=$recording" "${@:2}" --- \
