@@ -53,6 +53,26 @@ def test_every_sample_is_in_the_recording(run: Run, tmp_path: Path) -> None:
     assert len(states) == 2 * turns + 1
 
 
+def test_wrapped_angles_and_torque_that_comes_first_are_drawn_in_place(run: Run, tmp_path: Path) -> None:
+    """The curve over the angle ends at the angle of its last sample, however blocks fall."""
+    path = tmp_path / "live.rrd"
+    with LiveView(run.machine, port=None, path=path, flush_s=0.02) as view:
+        for first in range(1000, 2000, 20):
+            late, part = slice(first - 10, first + 10), slice(first, first + 20)
+            wrapped = np.mod(run.theta_rad[late], 2 * np.pi)
+            view.add_predicted(run.stamps_ns[late], wrapped, run.predicted_Nm[late])
+            view.add_measured(run.measured_ns[part], run.measured_Nm[part])
+            time.sleep(0.03)
+    assert view.error is None
+    origin = run.stamps_ns[990]
+    times, strips = rows_of(path, "/angle/measured", "LineStrips2D:strips")
+    theta = np.interp(times, (run.stamps_ns - origin) * 1e-9, run.theta_rad)
+    ends = np.array([strip[0][-1][0] for strip in strips]) * (2 * np.pi / 720.0)
+    off = np.abs(np.angle(np.exp(1j * (ends - theta))))
+    assert np.count_nonzero(off > 1e-3) <= 6  # the strips that end with one of the five turns
+    assert len(strips) > 100
+
+
 def test_serves_on_loopback_and_closes_its_port(run: Run) -> None:
     port = free_port()
     with LiveView(run.machine, port=port) as view:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from textile_twin_core.machines.machine import Machine
 
 _HISTORY_S = 4.0  # predictions kept to find the shaft angle of a measured torque
+_AHEAD_S = 0.2  # measured torque may be this far ahead of its prediction
 _ANGLE_BINS = 120
 _SUMMARY_S = 1.0
 
@@ -92,7 +93,7 @@ class LiveView:
     def add_predicted(
         self, stamps_ns: IntArray, theta_rad: FloatArray, torque_Nm: FloatArray, sigma_Nm: FloatArray | None = None
     ) -> None:
-        """Take predictions (n,): stamps [ns], unwrapped shaft angle, torque, and its sigma where known."""
+        """Take predictions (n,): stamps [ns], shaft angle, torque, and its sigma where known."""
         sigma = np.full(np.size(torque_Nm), np.nan) if sigma_Nm is None else sigma_Nm
         self._put("predicted", stamps_ns, theta_rad, torque_Nm, sigma)
 
@@ -154,6 +155,7 @@ class LiveView:
         scribe = self._scribe
         scribe.predicted(time + sensor.delay_s, shown, abs(sensor.gain) * sigma)
         # From the last sample before, so that lines and phases go on without a seam.
+        theta = np.unwrap(np.concatenate([self._history[1][-1:], theta]))[-theta.size :]
         block = (time, theta, shown)
         joined = [np.concatenate([old[-1:], new]) for old, new in zip(self._history, block, strict=True)]
         scribe.over_angle("predicted", joined[0], joined[1], joined[2])
@@ -202,13 +204,12 @@ class LiveView:
             self._scribe = self._scribe.scaled(residual=canvas)
             self._draw_canvas("by_angle", canvas)
         self._scribe.residual_by_angle(bins)
-        speed = self._speed_rpm()
         lines = [
             f"### {self._machine.name}, live",
             "",
             f"| time | {time_s:.1f} s |",
             "|---|---|",
-            f"| shaft speed | {speed:.1f} rpm |",
+            f"| shaft speed | {self._speed_rad_s() * 30.0 / np.pi:.1f} rpm |",
             f"| residuals | {self._count} |",
             f"| RMS residual | {np.sqrt(self._squares / self._count):.4f} N m |",
             f"| largest residual | {self._worst:.3f} N m |",
@@ -284,18 +285,25 @@ class LiveView:
         return np.array(frames, dtype=np.int64)
 
     def _theta(self, time: FloatArray) -> FloatArray:
-        """Shaft angle at stamp - delay, nan where no prediction reaches."""
+        """Shaft angle at stamp - delay, nan where no prediction is near."""
         known, theta, _ = self._history
         if known.size == 0:
             return np.full(time.size, np.nan)
         at = time - self._machine.sensors.torque.delay_s
-        return np.asarray(np.interp(at, known, theta, left=np.nan, right=theta[-1]))
+        angle = np.asarray(np.interp(at, known, theta, left=np.nan, right=np.nan))
+        # Measured torque may come a little before its prediction: the shaft turns on as it does.
+        ahead = at - known[-1]
+        soon = (ahead > 0.0) & (ahead <= _AHEAD_S)
+        angle[soon] = theta[-1] + self._speed_rad_s() * ahead[soon]
+        return angle
 
-    def _speed_rpm(self) -> float:
+    def _speed_rad_s(self) -> float:
+        """Mean speed of the latest predictions."""
         time, theta, _ = self._history
         if time.size < 2:
             return 0.0
-        return float((theta[-1] - theta[0]) / (time[-1] - time[0]) * 60.0 / (2.0 * np.pi))
+        first = max(int(np.searchsorted(time, time[-1] - _AHEAD_S)) - 1, 0)
+        return float((theta[-1] - theta[first]) / (time[-1] - time[first]))
 
 
 def _refuse_taken(host: str, port: int) -> None:
