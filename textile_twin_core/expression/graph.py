@@ -130,6 +130,14 @@ def _add(a: Expr, b: Expr) -> Expr:
     (ka, ra), (kb, rb) = scaled(a), scaled(b)
     if ra is rb:
         return const(ka + kb) * ra
+    if ka == kb != 1.0:
+        return const(ka) * (ra + rb)
+    if ka == -kb and ka != 1.0 and kb != 1.0:
+        return const(ka) * (ra - rb)
+    if ka != 1.0 and kb != 1.0:
+        if abs(ka) >= abs(kb):
+            return const(ka) * _node("add", (ra, const(kb / ka) * rb))
+        return const(kb) * _node("add", (const(ka / kb) * ra, rb))
     return _node("add", (a, b))
 
 
@@ -154,6 +162,14 @@ def _subtract(a: Expr, b: Expr) -> Expr:
     (ka, ra), (kb, rb) = scaled(a), scaled(b)
     if ra is rb:
         return const(ka - kb) * ra
+    if ka == kb != 1.0:
+        return const(ka) * (ra - rb)
+    if ka == -kb and ka != 1.0 and kb != 1.0:
+        return const(ka) * (ra + rb)
+    if ka != 1.0 and kb != 1.0:
+        if abs(ka) >= abs(kb):
+            return const(ka) * _node("sub", (ra, const(kb / ka) * rb))
+        return const(kb) * _node("sub", (const(ka / kb) * ra, rb))
     return _node("sub", (a, b))
 
 
@@ -174,7 +190,7 @@ def _negate(a: Expr) -> Expr:
     if a.op == "neg":
         return a.args[0]
     if a.op == "sub":
-        return _node("sub", (a.args[1], a.args[0]))
+        return _subtract(a.args[1], a.args[0])
     factor, rest = scaled(a)
     if factor != 1.0:
         return const(-factor) * rest
@@ -212,11 +228,13 @@ def _divide(a: Expr, b: Expr) -> Expr:
         if a.is_constant:
             return const(a.value / b.value)
         return const(1.0 / b.value) * a
-    factor, rest = scaled(a)
     if a.is_constant and a.value == 0.0:
         return a
-    if factor != 1.0:
-        return const(factor) * _divide(rest, b)
+    if a.is_constant and a.value != 1.0:
+        return a * _divide(const(1.0), b)
+    (ka, ra), (kb, rb) = scaled(a), scaled(b)
+    if ka != 1.0 or kb != 1.0:
+        return const(ka / kb) * _divide(ra, rb)
     return _node("div", (a, b))
 
 
@@ -229,7 +247,17 @@ def _function(op: str, fold: Callable[[float], float]) -> Callable[[Expr | Numbe
     return apply
 
 
-sqrt = _function("sqrt", math.sqrt)
+_plain_sqrt = _function("sqrt", math.sqrt)
+
+
+def sqrt(a: Expr | Number) -> Expr:
+    """The square root of an expression."""
+    factor, rest = scaled(as_expr(a))
+    if factor > 0.0 and factor != 1.0:
+        return const(math.sqrt(factor)) * _plain_sqrt(rest)
+    return _plain_sqrt(a)
+
+
 sin = _function("sin", math.sin)
 cos = _function("cos", math.cos)
 absolute = _function("abs", abs)

@@ -24,7 +24,7 @@ def link_angle(link: LinkMotion, shaft_direction: Vector, near_rad: float = 0.0)
     """
     if link.angle is not None:
         return link.angle
-    phase = math.atan2(*interpret([shaft_direction.y, shaft_direction.x], {"theta": 0.0}, math))
+    phase: float = math.atan2(*interpret([shaft_direction.y, shaft_direction.x], {"theta": 0.0}, math))
     theta = np.linspace(0.0, 2.0 * np.pi, _SAMPLES)
     x, y = np.empty_like(theta), np.empty_like(theta)
     BlockProgram([link.direction.x, link.direction.y], ["theta"])([theta], [x, y])

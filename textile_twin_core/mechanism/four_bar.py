@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, const, sqrt
+from textile_twin_core.expression import Expr, const, sqrt, square
 from textile_twin_core.mechanism.motion import Circle, Rotation
 from textile_twin_core.mechanism.vector import Vector
 
@@ -114,7 +114,13 @@ class FourBar:
         """P and Q [m^2]."""
         (c, s), (p0, q0) = self.half_angle, self.heron_constants
         swing = 4.0 * self.ground_length * self.circle.radius
-        return swing * (c * c) + p0, swing * (s * s) + q0
+        return swing * (c * c + p0 / swing), swing * (s * s + q0 / swing)
+
+    @property
+    def distance_squared(self) -> Expr:
+        """D^2 [m^2]."""
+        swing = 4.0 * self.ground_length * self.circle.radius
+        return swing * (square(self.half_angle[1]) + (self.heron_constants[1] + (self.coupler - self.rocker) ** 2) / swing)
 
     @property
     def root(self) -> Expr:
@@ -141,7 +147,7 @@ class FourBar:
         g, l1, l2, l3 = self.ground_length, self.circle.radius, self.coupler, self.rocker
         c, s = self.half_angle
         _, folded = self.heron_factors
-        inverse_distance = 1.0 / (folded + (l2 - l3) ** 2)
+        inverse_distance = 1.0 / self.distance_squared
         shape = ((l2 - l3) * (l2 + l3)) * inverse_distance
         line = (0.5 * (g - l1) * (g + l1)) * inverse_distance
 

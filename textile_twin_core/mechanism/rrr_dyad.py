@@ -83,9 +83,8 @@ class RRRDyad:
         """Unit vectors along coupler and rocker, by the triangle over the line of the outer joints."""
         l2, l3 = self.lengths_m
         d = c.position - a.position
-        _, folded = self.heron_factors(a, c)
         root = self.root(a, c)
-        half_inverse = 0.5 / (folded + (l2 - l3) ** 2)
+        half_inverse = 0.5 / self.distance_squared(a, c)
         along = half_inverse * root
         share = half_inverse * ((l2 - l3) * (l2 + l3))
         normal = d.turned_left()
@@ -139,6 +138,14 @@ class RRRDyad:
             Closure(f"'{self.coupler}' and '{self.rocker}' are stretched and too short", stretched, scale),
             Closure(f"'{self.coupler}' and '{self.rocker}' are folded and differ too much", folded, scale),
         )
+
+    def distance_squared(self, a: PointMotion, c: PointMotion) -> Expr:
+        """D^2 of the outer joints [m^2]."""
+        four_bar = self._four_bar(a, c)
+        if four_bar is not None:
+            return four_bar.distance_squared
+        d = c.position - a.position
+        return d.dot(d)
 
     def heron_factors(self, a: PointMotion, c: PointMotion) -> tuple[Expr, Expr]:
         """P and Q: both are positive where the dyad closes; P = 0 stretched, Q = 0 folded [m^2]."""
