@@ -1,0 +1,52 @@
+"""The lock file: pinned, hashed, naming no server, and sufficient for what pyproject.toml asks for."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parents[2]
+LOCK = (ROOT / "requirements.lock").read_text()
+ENTRIES = re.sub(r" *\\\n *", " ", LOCK).splitlines()
+PYTHONS = ("3.11.0", "3.12.0", "3.13.0")
+
+
+def locked(python: str) -> dict[str, str]:
+    """Name -> version of what is installed with this Python on 64-bit Linux."""
+    here = {"python_version": python[:4], "python_full_version": python, "sys_platform": "linux"}
+    here |= {"platform_machine": "x86_64", "platform_system": "Linux", "implementation_name": "cpython"}
+    here |= {"platform_python_implementation": "CPython", "os_name": "posix"}
+    requirements = [Requirement(entry.split(" --hash")[0]) for entry in ENTRIES]
+    taken = [r for r in requirements if r.marker is None or r.marker.evaluate(here)]
+    return {canonicalize_name(r.name): str(r.specifier).removeprefix("==") for r in taken}
+
+
+def test_every_entry_is_pinned_and_hashed() -> None:
+    pinned = re.compile(r"[a-z0-9.-]+==[0-9a-z.+]+( ; [^\\]+?)?( --hash=sha256:[0-9a-f]{64})+")
+    assert ENTRIES
+    assert [entry[:60] for entry in ENTRIES if not pinned.fullmatch(entry)] == []
+
+
+def test_names_no_server_and_no_path() -> None:
+    assert not re.search(r"://|--index|--find-links|\.whl|(^|\s)[.~]?/", LOCK)
+
+
+@pytest.mark.parametrize("python", PYTHONS)
+def test_gives_what_the_project_asks_for(python: str) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"].values()
+    versions = locked(python)
+    for text in [*project["dependencies"], *(requirement for extra in extras for requirement in extra)]:
+        requirement = Requirement(text)
+        version = versions.get(canonicalize_name(requirement.name))
+        assert version is not None, f"{requirement.name} is not in requirements.lock: run launch_scripts/lock.sh"
+        assert requirement.specifier.contains(version), f"{text}: {version} is locked: run launch_scripts/lock.sh"
+
+
+def test_one_version_for_every_python() -> None:
+    assert locked("3.11.0") == locked("3.12.0") == locked("3.13.0")
