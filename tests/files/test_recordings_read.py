@@ -237,6 +237,19 @@ def test_wrong_type_and_missing_joint_tell_what_there_is(tmp_path: Path) -> None
         opened.read_torques("shaft", joint="motor")
 
 
+def test_raw_messages_of_overlapping_chunks_come_in_order_of_time(tmp_path: Path) -> None:
+    """Two chunks of one topic, recorded with delays that differ, and another topic between them."""
+    with BagWriter(tmp_path / "b") as out:
+        times = np.arange(1, 40_001)
+        out.write_floats("x", times + np.random.default_rng(1).integers(0, 500, len(times)), times * 1.0)
+        out.write_floats("y", times, times * 1.0)
+    opened = open_bag(tmp_path / "b")
+    assert len(list(opened.blocks("x"))) > 1
+    seen = [(time, topic) for topic, time, _ in opened.raw_messages()]
+    assert len(seen) == 80_000
+    assert [time for time, _ in seen] == sorted(time for time, _ in seen)
+
+
 def test_nan_is_kept(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "b") as out:
         out.write_joint_states("main_shaft/angle", np.arange(1, 4), ["main_shaft"], np.array([1.0, np.nan, np.inf]))
