@@ -10,7 +10,9 @@ from textile_twin_core.errors import MachineError, MotionError, RecordingError, 
 
 if TYPE_CHECKING:
     from textile_twin_core import machines
+    from textile_twin_core.dynamics.drive_torque import TorqueOverAngle, TorqueOverTime
     from textile_twin_core.machines import Machine
+    from textile_twin_core.machines.drive import drive
     from textile_twin_core.twin import Samples, Session, Twin
     from textile_twin_core.twin import compile_machine as compile
 
@@ -22,9 +24,12 @@ __all__ = [
     "Samples",
     "SceneError",
     "Session",
+    "TorqueOverAngle",
+    "TorqueOverTime",
     "Twin",
     "TwinError",
     "compile",
+    "drive",
     "load_machine",
     "machines",
 ]
@@ -36,6 +41,9 @@ _ENGINE = {
     "Session": ("twin", "Session"),
     "Twin": ("twin", "Twin"),
     "compile": ("twin", "compile_machine"),
+    "TorqueOverAngle": ("dynamics.drive_torque", "TorqueOverAngle"),
+    "TorqueOverTime": ("dynamics.drive_torque", "TorqueOverTime"),
+    "drive": ("machines.drive", "drive"),
 }
 
 

@@ -1,0 +1,279 @@
+"""Forward motion: torque in, motion out, with the loads' leaps and standstill located exactly and energy booked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import DOP853, DenseOutput
+from scipy.optimize import brentq
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics.drive_torque import DriveTorque
+from textile_twin_core.dynamics.motion_equation import TURN, MotionEquation, Stretch
+from textile_twin_core.errors import MotionError
+
+_MOST_EVENTS = 1_000_000
+_SCAN = 1000
+"""Looks at a shaft at rest, over the time left, for the torque that moves it."""
+
+
+@dataclass(frozen=True)
+class DriveEvent:
+    """Something that happened: a load `leaps` (`loads` says which), the shaft `stops`, `starts` or `reverses`."""
+
+    kind: str
+    time_s: float
+    theta_rad: float
+    omega_rad_s: float
+    loads: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class DriveResult:
+    """Motion of the shaft at the times asked, (n,) arrays, and its energy account.
+
+    alpha_rad_s2 and drive_torque_Nm belong to the same instants. drive_work_J is what the drive has put in since
+    the first time, load_work_J what each load has (friction: negative), by load. evaluations counts those of
+    the equation of motion, steps the integrator's.
+    """
+
+    time_s: FloatArray
+    theta_rad: FloatArray
+    omega_rad_s: FloatArray
+    alpha_rad_s2: FloatArray
+    drive_torque_Nm: FloatArray
+    kinetic_energy_J: FloatArray
+    potential_energy_J: FloatArray
+    drive_work_J: FloatArray
+    load_work_J: Mapping[str, FloatArray]
+    events: tuple[DriveEvent, ...]
+    evaluations: int
+    steps: int
+
+    @property
+    def energy_error_J(self) -> FloatArray:
+        """(n,) energy gained that no work accounts for [J]: the integrator's error."""
+        energy = self.kinetic_energy_J + self.potential_energy_J
+        account: FloatArray = energy - energy[0] - self.drive_work_J
+        for work in self.load_work_J.values():
+            account = account - work
+        return account
+
+
+class Drive:
+    """One run: the shaft's state (angle, speed, work of the drive, work of each load) advanced from event to event."""
+
+    def __init__(
+        self, equation: MotionEquation, torque: DriveTorque, load_names: Sequence[str], tolerance: float
+    ) -> None:
+        self.equation, self.torque, self.load_names, self.tolerance = equation, torque, tuple(load_names), tolerance
+        self.breaks: tuple[float, ...] = tuple(getattr(torque, "breaks", ()))
+        self.events: list[DriveEvent] = []
+        self.evaluations = self.steps = 0
+
+    def run(self, theta0: float, omega0: float, times: FloatArray) -> DriveResult:
+        """Integrate over the rising times and give the motion there."""
+        self._times, self._rows = times, np.empty((times.size, 4 + self.equation.load_count))
+        self._torques = np.empty(times.size)
+        self._next = 0
+        self._scales = self._error_scales(theta0, omega0)
+        time = float(times[0])
+        state = np.zeros(3 + self.equation.load_count)
+        state[:2] = theta0, omega0
+        direction = before = int(np.sign(omega0))
+        for _ in range(_MOST_EVENTS):
+            if direction == 0:
+                direction, moment = self._leave_rest(time, state)
+                if direction * before < 0 and moment == time:
+                    self._note("reverses", time, state)
+                time = moment
+            if direction == 0 or time >= times[-1]:
+                break
+            before = direction
+            time, direction = self._advance(time, state, direction)
+        else:
+            raise MotionError(f"the shaft has met {_MOST_EVENTS} events by {time:.6g} s; ask for a shorter time")
+        self._record_rest(math.inf, state)
+        return self._result()
+
+    def _error_scales(self, theta0: float, omega0: float) -> FloatArray:
+        """Absolute errors that count as 1: an angle of 1 rad, and speed and energy as large as they will be."""
+        turn = [self.equation.energies(angle, 1.0) for angle in np.linspace(0.0, TURN, 37).tolist()]
+        inertia = 2.0 * min(kinetic for kinetic, _ in turn)
+        if not inertia > 0.0:
+            raise MotionError("the machine has no inertia that a torque could accelerate; give its bodies masses")
+        heights = [potential for _, potential in turn]
+        torque = abs(self._torque_at(float(self._times[0]), theta0, omega0))
+        energy = max(self.equation.energies(theta0, omega0)[0], max(heights) - min(heights), torque, 1e-9)
+        scales = np.full(3 + self.equation.load_count, energy)
+        scales[:2] = 1.0, math.sqrt(2.0 * energy / inertia)
+        return scales
+
+    def _torque_at(self, time: float, theta: float, omega: float) -> float:
+        value = float(self.torque(time, theta, omega))
+        if not math.isfinite(value):
+            raise MotionError(f"the drive torque is {value} at {time:.6g} s and {theta:.6g} rad; it must be finite")
+        return value
+
+    def _slopes(self, time: float, state: FloatArray, stretch: Stretch) -> FloatArray:
+        theta, omega = float(state[0]), float(state[1])
+        try:
+            inertia, half_slope, weight, *loads = self.equation.terms(theta, omega, *stretch.values)
+        except (ValueError, ZeroDivisionError):
+            raise MotionError(
+                f"the machine cannot close at a shaft angle of {math.degrees(theta):.4f} deg, reached at {time:.6g} s"
+            ) from None
+        torque = self._torque_at(time, theta, omega)
+        alpha = (torque + sum(loads) - half_slope * omega * omega - weight) / inertia
+        return np.array([omega, alpha, torque * omega, *(load * omega for load in loads)])
+
+    def _leave_rest(self, time: float, state: FloatArray) -> tuple[int, float]:
+        """Direction in which the shaft starts from rest, and when; 0 when nothing moves it any more."""
+
+        def pushed(moment: float) -> int:
+            for direction in (1, -1):
+                stretch = self.equation.stretch(float(state[0]), direction)
+                if direction * self._slopes(moment, state, stretch)[1] > 0.0:
+                    return direction
+            return 0
+
+        direction = pushed(time)
+        if direction:
+            return direction, time
+        self._note("stops", time, state)
+        end = float(self._times[-1])
+        looks = np.union1d(np.linspace(time, end, _SCAN + 1), [b for b in self.breaks if time < b < end])
+        for low, high in zip(looks[:-1].tolist(), looks[1:].tolist(), strict=True):
+            if not pushed(high):
+                continue
+            while low < (middle := 0.5 * (low + high)) < high:
+                low, high = (low, middle) if pushed(middle) else (middle, high)
+            self._record_rest(high, state)
+            self._note("starts", high, state)
+            return pushed(high), high
+        return 0, end
+
+    def _advance(self, time: float, state: FloatArray, direction: int) -> tuple[float, int]:
+        """Integrate to the next event or the end; `state` is moved there. Returns time and direction (0: at rest)."""
+        stretch = self.equation.stretch(float(state[0]), direction)
+        bound = stretch.bound(direction)
+        end = min([b for b in self.breaks if b > time] + [float(self._times[-1])])
+        solver = self._solver(time, state, end, stretch)
+        while solver.status == "running":
+            begin, start = float(solver.t), solver.y.copy()
+            self._step(solver)
+            if direction * (solver.y[0] - bound) >= 0.0 or direction * solver.y[1] <= 0.0:
+                return self._land(begin, start, solver, state, stretch, direction)
+            self._record(solver.dense_output(), stretch)
+        state[:] = solver.y
+        return float(solver.t), direction
+
+    def _land(
+        self, begin: float, start: FloatArray, solver: DOP853, state: FloatArray, stretch: Stretch, direction: int
+    ) -> tuple[float, int]:
+        """Go from the beginning of the last step exactly onto what came first: standstill or the stretch's end."""
+        dense, bound, time = solver.dense_output(), stretch.bound(direction), float(solver.t)
+        which, target = 1, 0.0
+        if direction * solver.y[1] <= 0.0:
+            time = _root(lambda t: dense(t)[1], begin, time)
+        if direction * (dense(time)[0] - bound) >= 0.0:
+            which, target = 0, bound
+            time = _root(lambda t: dense(t)[0] - bound, begin, time)
+        pieces: list[DenseOutput] = []
+        end = start
+        for _ in range(5):  # Newton's method, each time with a step of its own
+            if not time > begin:
+                break
+            end, pieces = self._cross(begin, start, time, stretch)
+            rate = self._slopes(time, end, stretch)[which]
+            correction = float((end[which] - target) / rate) if rate else 0.0
+            if abs(correction) <= 4.0 * math.ulp(time) or abs(correction) > 0.5 * (time - begin):
+                break
+            time -= correction
+        for piece in pieces:
+            self._record(piece, stretch)
+        state[:] = end
+        state[which] = target
+        if which == 1:
+            return time, 0
+        after = self.equation.stretch(bound, direction)
+        self._note("leaps", time, state, [self.load_names[i] for i in self.equation.leaping_loads(stretch, after)])
+        return time, direction
+
+    def _cross(
+        self, begin: float, start: FloatArray, end: float, stretch: Stretch
+    ) -> tuple[FloatArray, list[DenseOutput]]:
+        """From the state at one time to that at another, in one step if its error allows."""
+        solver, pieces = self._solver(begin, start, end, stretch, end - begin), []
+        while solver.status == "running":
+            self._step(solver)
+            pieces.append(solver.dense_output())
+        return solver.y, pieces
+
+    def _solver(
+        self, time: float, state: FloatArray, end: float, stretch: Stretch, first_step: float | None = None
+    ) -> DOP853:
+        def slopes(t: float, y: FloatArray) -> FloatArray:
+            self.evaluations += 1
+            return self._slopes(t, y, stretch)
+
+        absolute = self.tolerance * self._scales
+        return DOP853(slopes, time, state.copy(), end, rtol=self.tolerance, atol=absolute, first_step=first_step)
+
+    def _step(self, solver: DOP853) -> None:
+        message = solver.step()
+        self.steps += 1
+        if solver.status == "failed":
+            raise MotionError(
+                f"the motion cannot be followed beyond {solver.t:.6g} s, angle {solver.y[0]:.6g} rad, speed "
+                f"{solver.y[1]:.6g} rad/s ({message}); is the drive torque smooth and the tolerance not too small?"
+            )
+
+    def _record(self, dense: DenseOutput, stretch: Stretch) -> None:
+        """The motion at the times asked up to the end of a step."""
+        while self._next < self._times.size and self._times[self._next] <= dense.t_max:
+            time = float(self._times[self._next])
+            state = dense(time)
+            self._write(state, float(self._slopes(time, state, stretch)[1]), time)
+
+    def _record_rest(self, until: float, state: FloatArray) -> None:
+        """Standstill at the times asked before another."""
+        while self._next < self._times.size and self._times[self._next] < until:
+            self._write(state, 0.0, float(self._times[self._next]))
+
+    def _write(self, state: FloatArray, alpha: float, time: float) -> None:
+        self._rows[self._next] = state[0], state[1], alpha, *state[2:]
+        self._torques[self._next] = self._torque_at(time, float(state[0]), float(state[1]))
+        self._next += 1
+
+    def _note(self, kind: str, time: float, state: FloatArray, loads: Sequence[str] = ()) -> None:
+        self.events.append(DriveEvent(kind, time, float(state[0]), float(state[1]), tuple(loads)))
+
+    def _result(self) -> DriveResult:
+        theta, omega, alpha, drive_work, *load_work = self._rows.T.copy()
+        energies = [self.equation.energies(a, w) for a, w in zip(theta.tolist(), omega.tolist(), strict=True)]
+        kinetic, potential = np.array(energies).T.copy()
+        return DriveResult(
+            self._times,
+            theta,
+            omega,
+            alpha,
+            self._torques,
+            kinetic,
+            potential,
+            drive_work,
+            dict(zip(self.load_names, load_work, strict=True)),
+            tuple(self.events),
+            self.evaluations,
+            self.steps,
+        )
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function crosses zero; an end of the range where rounding hides the crossing."""
+    if function(low) * function(high) > 0.0:
+        return high
+    return float(brentq(function, low, high, xtol=1e-300, rtol=1e-14))

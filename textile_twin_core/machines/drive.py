@@ -1,0 +1,95 @@
+"""drive(machine, drive_torque, theta0, omega0, t): torque in, motion out."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics.drive import Drive, DriveResult
+from textile_twin_core.dynamics.drive_torque import DriveTorque
+from textile_twin_core.dynamics.loads.load import Load
+from textile_twin_core.dynamics.motion_equation import MotionEquation
+from textile_twin_core.errors import MachineError, MotionError
+from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machines.model import total
+
+_TIMES = 1001
+
+
+def drive(
+    machine: Machine,
+    drive_torque: DriveTorque | float,
+    theta0: float,
+    omega0: float,
+    t: npt.ArrayLike,
+    tolerance: float = 1e-10,
+) -> DriveResult:
+    """The motion of a machine under a drive torque: run-up, coast-down, speed ripple.
+
+    drive_torque [N m]: a number, a function of (time, theta, omega), or one of the tables TorqueOverTime and
+    TorqueOverAngle. theta0 [rad], omega0 [rad/s]: the state at the first time. t [s]: the times at which the motion is
+    wanted, rising, or one number: a thousand steps from 0 to it. tolerance: relative error of a step.
+
+    The equation of motion is integrated by an explicit Runge-Kutta method of order 8 (Dormand and Prince; Hairer,
+    Norsett, Wanner 1993) with its own step size; where a load leaps and where the shaft stands still, a step ends
+    exactly there. Dry friction holds the shaft at rest until the torques that push it exceed it.
+    Raises MotionError for a motion that cannot be followed or a bad argument, MachineError for a machine
+    without masses.
+    """
+    if not isinstance(machine, Machine):
+        raise MachineError(f"'{getattr(machine, 'name', machine)}' is no linkage machine: drive has no law for it")
+    for what, value in (("theta0", theta0), ("omega0", omega0)):
+        if not math.isfinite(value):
+            raise MotionError(f"{what} must be a finite number, not {value!r}")
+    if not 0.0 < tolerance < 1.0:
+        raise MotionError(f"tolerance must lie between 0 and 1, not {tolerance!r}")
+    if isinstance(drive_torque, (int, float)):
+        constant = float(drive_torque)
+        torque: DriveTorque = lambda time, theta, omega: constant  # noqa: E731
+    elif callable(drive_torque):
+        torque = drive_torque
+    else:
+        raise MotionError(f"drive_torque must be a number or a function of (t, theta, omega), not {drive_torque!r}")
+    run = Drive(motion_equation(machine), torque, load_names(machine.loads), tolerance)
+    return run.run(float(theta0), float(omega0), _times(t))
+
+
+def motion_equation(machine: Machine) -> MotionEquation:
+    """The machine's equation of motion, all linkages on the shaft together."""
+    model = machine.model
+    slope = model.output("equivalent_inertia_slope_kgm2")
+    forces = [
+        total(load.unit_force(k.load_context) * k.intensity(i) for k in model.linkages)
+        for i, load in enumerate(machine.loads)
+    ]
+    return MotionEquation(
+        model.output("equivalent_inertia_kgm2"),
+        0.5 * slope,
+        model.output("potential_energy_J"),
+        model.output("torque_gravity_Nm"),
+        forces,
+    )
+
+
+def load_names(loads: Sequence[Load]) -> tuple[str, ...]:
+    """A name for each load: its type, numbered where there are several."""
+    types = [type(load).__name__ for load in loads]
+    several, seen, names = Counter(types), Counter[str](), []
+    for name in types:
+        seen[name] += 1
+        names.append(f"{name} {seen[name]}" if several[name] > 1 else name)
+    return tuple(names)
+
+
+def _times(t: npt.ArrayLike) -> FloatArray:
+    times = np.asarray(t, dtype=np.float64)
+    if times.ndim == 0 and times > 0.0:
+        times = np.linspace(0.0, float(times), _TIMES)
+    if times.ndim != 1 or times.size < 2 or not np.isfinite(times).all() or not (np.diff(times) > 0.0).all():
+        raise MotionError("t must be two or more rising times in seconds, or one time after 0")
+    return times
