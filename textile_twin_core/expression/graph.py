@@ -181,6 +181,9 @@ def _shift(offset: float, e: Expr) -> Expr:
         return _shift(offset + e.args[0].value, e.args[1])
     if e.op == "sub" and e.args[0].is_constant:
         return _subtract(const(offset + e.args[0].value), e.args[1])
+    factor, rest = scaled(e)
+    if factor != 1.0:
+        return const(factor) * _shift(offset / factor, rest)
     return _node("add", (const(offset), e))
 
 
@@ -261,7 +264,17 @@ def sqrt(a: Expr | Number) -> Expr:
 sin = _function("sin", math.sin)
 cos = _function("cos", math.cos)
 absolute = _function("abs", abs)
-sign = _function("sign", lambda v: float((v > 0) - (v < 0)))
+_plain_sign = _function("sign", lambda v: float((v > 0) - (v < 0)))
+
+
+def sign(a: Expr | Number) -> Expr:
+    """1, 0 or -1, by the sign of an expression."""
+    factor, rest = scaled(as_expr(a))
+    if factor > 0.0:
+        return _plain_sign(rest)
+    return -_plain_sign(rest) if factor < 0.0 else const(0.0)
+
+
 
 
 def square(a: Expr | Number) -> Expr:
@@ -282,6 +295,8 @@ def at_least(a: Expr | Number, b: Expr | Number) -> Expr:
     a, b = as_expr(a), as_expr(b)
     if a.is_constant and b.is_constant:
         return const(float(a.value >= b.value))
+    if b.is_constant and a.op == "add" and a.args[0].is_constant:
+        return at_least(a.args[1], b.value - a.args[0].value)
     return _node("at_least", (a, b))
 
 
