@@ -6,7 +6,10 @@ import numpy as np
 from scipy.optimize import nnls
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact.model import ContactError
+
+
+class JammedError(Exception):
+    """No forces keep every gap from closing; whoever knows the stops says so in their names."""
 
 
 def one_sided_forces(normals: FloatArray, masses: FloatArray, opening: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -15,7 +18,7 @@ def one_sided_forces(normals: FloatArray, masses: FloatArray, opening: FloatArra
     `normals` N is (bodies, stops), `masses` (bodies,), `opening` (stops,) what the gaps would do with no force:
     their acceleration (f in N) or (1 + restitution) times their closing speed (f in N s). The forces are those of
     Gauss' principle of least constraint, a non-negative least-squares problem.
-    Raises ContactError when no force can keep a gap from closing: a body jammed between driven element and frame.
+    Raises JammedError when no force can keep a gap from closing: a body between driven element and frame.
     """
     count = opening.size
     if count == 0 or bool((opening >= 0.0).all()):
@@ -34,9 +37,6 @@ def one_sided_forces(normals: FloatArray, masses: FloatArray, opening: FloatArra
         forces[pushing] = np.linalg.lstsq(part.T @ part, -opening[pushing], rcond=None)[0]
     result = weighted.T @ (weighted @ forces) + opening
     if result.min() < -1e-9 * float(np.abs(opening).max()):
-        raise ContactError(
-            "a body is jammed: stops against the driven element and the frame close on it from both sides; "
-            "set the limits so that a spring or pad stands between them"
-        )
+        raise JammedError
     result[pushing] = 0.0
     return forces, result

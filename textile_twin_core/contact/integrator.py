@@ -43,7 +43,7 @@ class ContactIntegrator:
     depend on it. `events_largest` bounds the events of one `advance`: beyond it ContactError names the contact.
     """
 
-    def __init__(self, model: ContactModel, tolerance: float = 1e-13, events_largest: int = 1_000_000) -> None:
+    def __init__(self, model: ContactModel, tolerance: float = 1e-13, events_largest: int = 100_000) -> None:
         if not 1e-16 <= tolerance <= 1e-3:
             raise ContactError(f"tolerance is {tolerance!r}; give one between 1e-16 and 1e-3")
         self.model = model
@@ -60,7 +60,7 @@ class ContactIntegrator:
 
     def _set_scale(self, length_m: float) -> None:
         self._length_m = length_m if length_m > 0.0 else 1.0
-        self.transitions = Transitions(self.model, self.forces, LENGTH_NOISE * self._length_m, self.tolerance)
+        self.transitions = Transitions(self.model, self.forces, LENGTH_NOISE * self._length_m)
 
     def start(
         self,
@@ -110,6 +110,7 @@ class ContactIntegrator:
         progress = Progress()
         self._meet(state, piece, progress)
         stalled = 0
+        released: set[int] = set()
         while state.time_s < piece.end_s:
             longest = piece.end_s - state.time_s
             segment = self._step(state, piece, longest)
@@ -126,19 +127,21 @@ class ContactIntegrator:
                 self._arrive(state, segment, end)
                 progress.segments.append(segment)
                 stalled = 0
+                released.clear()
                 continue
             if crossing.u > 0.0:
                 segment = segment.cut(crossing.u)
                 self._arrive(state, segment, min(segment.end_s, piece.end_s))
                 progress.segments.append(segment)
                 stalled = 0
+                released.clear()
             stalled += 1
-            self._handle(state, crossing, piece, progress)
+            self._handle(state, crossing, piece, released, progress)
             if stalled > 20 + 10 * len(self.model.stops) or len(progress.events) > self.events_largest:
                 part = self.model.pads if isinstance(crossing.kind, PadState) else self.model.stops
                 raise ContactError(
-                    f"{part[crossing.number].name}: more than {len(progress.events)} events up to "
-                    f"{state.time_s:.9g} s; give it a restitution below 1 or some damping"
+                    f"{part[crossing.number].name}: {len(progress.events)} events up to {state.time_s:.9g} s, no end; "
+                    "give it a restitution below 1 or some damping"
                 )
         return progress
 
@@ -208,7 +211,9 @@ class ContactIntegrator:
         state.velocities, state.drive_velocity_m_s = velocities[:-1], float(velocities[-1])
         state.speed_scale_m_s = max(state.speed_scale_m_s, float(np.abs(velocities).max()))
 
-    def _handle(self, state: ContactState, crossing: Crossing, piece: DrivePiece, progress: Progress) -> None:
+    def _handle(
+        self, state: ContactState, crossing: Crossing, piece: DrivePiece, released: set[int], progress: Progress
+    ) -> None:
         acceleration = piece.state(state.time_s)[2]
         number = crossing.number
         if isinstance(crossing.kind, PadState):
@@ -216,6 +221,7 @@ class ContactIntegrator:
             kind = _PAD_KIND[state.pads[number], crossing.kind]
             _, rate = self.transitions.pad_compression(state, number)
             self._switch_pad(state, number, crossing.kind)
+            released.clear()
             progress.events.append(
                 ContactEvent(
                     state.time_s,
@@ -233,9 +239,11 @@ class ContactIntegrator:
                 ContactEvent(state.time_s, "release", stop.name, (stop.lower, stop.upper), state.time_s)
             )
             state.closed = state.closed - {number}
-            progress.events += self.transitions.settle(state, acceleration, released=number)
+            released.add(number)
+            progress.events += self.transitions.settle(state, acceleration, released=released)
         else:
-            progress.events += self.transitions.settle(state, acceleration, hit=number)
+            released.discard(number)
+            progress.events += self.transitions.settle(state, acceleration, number, released)
 
     @staticmethod
     def _switch_pad(state: ContactState, number: int, to: PadState) -> None:

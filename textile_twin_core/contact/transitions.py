@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact.complementarity import one_sided_forces
+from textile_twin_core.contact.complementarity import JammedError, one_sided_forces
 from textile_twin_core.contact.drive_force import pad_normals, stop_normals
 from textile_twin_core.contact.forces import LinearForces
-from textile_twin_core.contact.model import ContactModel
+from textile_twin_core.contact.model import ContactError, ContactModel
 from textile_twin_core.contact.result import ContactEvent, PadState
 from textile_twin_core.contact.state import ContactState
 
 LENGTH_NOISE = 64 * 2.220446049250313e-16
 """Rounding of a gap, relative to the lengths it is the difference of."""
+
+_NEARLY_ELASTIC = 0.99
+_LOW_BOUNCE = 1e-9
 
 
 class Transitions:
@@ -26,11 +30,10 @@ class Transitions:
     one instant use the smallest of their restitutions, so that an impact never makes energy.
     """
 
-    def __init__(self, model: ContactModel, forces: LinearForces, length_noise_m: float, tolerance: float) -> None:
+    def __init__(self, model: ContactModel, forces: LinearForces, length_noise_m: float) -> None:
         self.model = model
         self.forces = forces
         self.length_noise_m = length_noise_m
-        self.tolerance = tolerance
         self.normals = stop_normals(model).T
         self.limits = np.array([stop.limit_m for stop in model.stops])
         self.pad_normals = pad_normals(model)
@@ -87,26 +90,55 @@ class Transitions:
         return forces, opening
 
     def settle(
-        self, state: ContactState, drive_acceleration: float, hit: int | None = None, released: int | None = None
+        self,
+        state: ContactState,
+        drive_acceleration: float,
+        hit: int | None = None,
+        released: Collection[int] = (),
     ) -> list[ContactEvent]:
         """Bring the state over an instant: impulses, then the set of stops that stay closed. Changes the state.
 
-        `hit` is the stop whose gap has just closed, `released` the one whose force has just come down to zero.
+        `hit` is the stop whose gap has just closed, `released` those whose force has come down to zero at this instant.
         """
+        if hit is not None:
+            self._shut(state, hit)
         gaps = self.gaps(state)
         touching = set(np.flatnonzero(gaps <= 4.0 * self.length_noise_m).tolist()) | state.closed
         if hit is not None:
             touching.add(hit)
-        events = self._impacts(state, drive_acceleration, sorted(touching))
+        try:
+            return self._resolve(state, drive_acceleration, sorted(touching), released)
+        except JammedError:
+            names = ", ".join(self.model.stops[k].name for k in sorted(touching))
+            raise ContactError(
+                f"at {state.time_s:.9g} s the stops {names} jam a body between the driven element and the frame; "
+                "set their limits so that a spring or pad stands between"
+            ) from None
+
+    def _resolve(
+        self, state: ContactState, drive_acceleration: float, touching: list[int], released: Collection[int]
+    ) -> list[ContactEvent]:
+        events = self._impacts(state, drive_acceleration, touching)
         speeds = self.opening_speeds(state)
         quiet = 1e-13 * state.speed_scale_m_s
-        candidates = [k for k in sorted(touching) if abs(speeds[k]) <= quiet and k != released]
+        candidates = [k for k in touching if abs(speeds[k]) <= quiet and k not in released]
         forces, opening = self._opening(state, drive_acceleration, candidates)
         faint = 1e-12 * max(float(np.abs(opening).max(initial=0.0)), abs(drive_acceleration))
-        state.closed = frozenset(
-            k for k, force in zip(candidates, forces, strict=True) if force > 0.0 or opening[k] <= faint
-        )
+        closed = [k for k, force in zip(candidates, forces, strict=True) if force > 0.0]
+        for k in candidates:
+            # one that neither pushes nor opens stays closed, unless the others already keep it shut
+            if k not in closed and opening[k] <= faint:
+                together = self.normals[:-1][:, [*closed, k]]
+                if np.linalg.matrix_rank(together) > len(closed):
+                    closed.append(k)
+        state.closed = frozenset(closed)
         return events
+
+    def _shut(self, state: ContactState, stop: int) -> None:
+        """Take the rounding out of the gap of a stop that has just been hit, so that bounces do not add it up."""
+        normal = self.normals[:-1, stop]
+        mobility = normal / self.forces.masses
+        state.positions = state.positions - mobility * (self.gaps(state)[stop] / float(normal @ mobility))
 
     def _impacts(self, state: ContactState, drive_acceleration: float, touching: list[int]) -> list[ContactEvent]:
         before = self.opening_speeds(state)
@@ -166,8 +198,9 @@ class Transitions:
         """Time [s] that the bounces still to come take, if they are too small to follow; None if they are not.
 
         Bounces of restitution e under a closing acceleration a end after 2 v / (a (1 - e)). Once that is so short
-        that the acceleration cannot change by more than 1e-6 of itself, or the next bounce is lower than the tolerance
-        allows to tell from rest, the stop closes; the event carries the time at which the bounces end.
+        that the acceleration cannot change by more than 1e-6 of itself, the stop closes; the event carries the time
+        at which the bounces end. Without such an end (e near 1) it closes when the next bounce is lower than 1e-9 of
+        the model's length.
         """
         speeds = self.opening_speeds(state)
         others = sorted(state.closed.difference(approaching))
@@ -182,10 +215,10 @@ class Transitions:
                 return None
             flight = 2.0 * speed / closing
             left = flight / (1.0 - restitution) if restitution < 1.0 else math.inf
-            low = speed * flight / 4.0 <= self.tolerance * self.length_scale_m
+            low = restitution > _NEARLY_ELASTIC and speed * flight / 4.0 <= _LOW_BOUNCE * self.length_scale_m
             if not (low or left * self.rate_s <= 1e-6):
                 return None
-            longest = max(longest, left if math.isfinite(left) else flight)
+            longest = max(longest, left if left * self.rate_s <= 1e-6 else flight)
         return longest
 
     @property
