@@ -8,9 +8,10 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.base import ShaftEstimator
 from textile_twin_core.shaft.causal import CausalEstimator, LagEstimator
 from textile_twin_core.shaft.report import SampleReport
+from textile_twin_core.shaft.smooth import SmoothEstimator
 from textile_twin_core.shaft.states import ShaftStates
 
-ESTIMATORS: dict[str, Any] = {"causal": CausalEstimator, "lag": LagEstimator}
+ESTIMATORS: dict[str, Any] = {"causal": CausalEstimator, "lag": LagEstimator, "smooth": SmoothEstimator}
 
 __all__ = ["ESTIMATORS", "SampleReport", "ShaftEstimator", "ShaftStates", "create_estimator"]
 
