@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 
 from textile_twin_core.machines.published import PublishedRow, decimals, printed_numbers
 
-_COLUMNS = (46, 6, 18, 17, 9)
-_TABLE_COLUMNS = (20, 36, 34, 9)
-_LAST_DIGITS = "the largest deviation, in units of the last printed digit"
+_WIDTH = 98
+_COLUMNS = (45, 6, 17, 18, 10)
+_LISTED_COLUMNS = (19, 0, 34, 35, 10)
+_LAST_DIGITS = "the deviation is the largest, in units of the last printed digit"
 
 
 class Paper(NamedTuple):
@@ -70,7 +71,7 @@ def as_text() -> str:
 
 def as_markdown() -> str:
     """All rows for a README: the counts, where print and machine differ, and every row folded away by paper."""
-    lines = ["| paper | machine | rows | agree with print | differ, reason given | not a number in print |"]
+    lines = ["| paper | machine | rows | agree with print | differ, reason given | words or nothing in print |"]
     lines.append("|---|---|--:|--:|--:|--:|")
     for paper, rows in papers():
         agree, differ, rest = _counts(rows)
@@ -149,6 +150,8 @@ def _number(value: float, row: PublishedRow) -> str:
     if 0.0 < abs(printed[0]) < 1e-3:
         return _plain(f"{value:.3e}" if value == row.computed else f"{value:.1e}")
     places = max(decimals(printed[0]), 0)
+    if not row.unit and places == 0 and value == round(value):
+        return f"{value:.0f}"
     return f"{value:.{places + (2 if places < 2 else 1)}f}"
 
 
@@ -157,31 +160,30 @@ def _plain(text: str) -> str:
 
 
 def _sections(rows: Iterable[PublishedRow]) -> Iterable[tuple[str, list[PublishedRow]]]:
-    for section, group in groupby(rows, key=lambda row: row.section):
-        members = list(group)
-        listed = isinstance(members[0].computed, tuple)
-        yield f"{section}; deviation: {_LAST_DIGITS}" if listed else section, members
+    for section, members in groupby(rows, key=lambda row: row.section):
+        group = list(members)
+        yield f"{section}; {_LAST_DIGITS}" if isinstance(group[0].computed, tuple) else section, group
 
 
 def _paper_lines(paper: Paper, rows: tuple[PublishedRow, ...]) -> list[str]:
-    lines = [f"{paper.name}: {paper.machine}", *textwrap.wrap(paper.title, 98, break_on_hyphens=False)]
+    headline = f"{paper.name}: {paper.machine}"
+    lines = [headline, "=" * len(headline), *textwrap.wrap(paper.title, _WIDTH, break_on_hyphens=False)]
     for section, group in _sections(rows):
-        lines += ["", *textwrap.wrap(section, 98)]
-        listed = isinstance(group[0].computed, tuple)
-        lines.append(_line(listed, "", "", "printed", "computed", "deviation"))
+        widths = _LISTED_COLUMNS if isinstance(group[0].computed, tuple) else _COLUMNS
+        *above, last = textwrap.wrap(section, _WIDTH)
+        if len(last) > widths[0]:
+            above, last = [*above, last], ""
+        lines += ["", *above, _line(widths, last, "", "printed", "computed", "deviation")]
         for row in group:
-            texts = row.quantity, row.unit, printed_text(row), computed_text(row), deviation_text(row)
-            lines.append(_line(listed, *texts))
-            lines += textwrap.wrap(row.reason, 96, initial_indent=" " * 6, subsequent_indent=" " * 6)
+            texts = printed_text(row), computed_text(row), deviation_text(row)
+            lines.append(_line(widths, f"  {row.quantity}", row.unit, *texts))
+            lines += textwrap.wrap(row.reason, _WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6)
     return lines
 
 
-def _line(listed: bool, quantity: str, unit: str, printed: str, computed: str, deviation: str) -> str:
-    if listed:
-        widths = _TABLE_COLUMNS
-        return f"  {quantity:{widths[0]}}{printed:>{widths[1] - 2}} {computed:>{widths[2]}} {deviation:>{widths[3]}}"
-    a, b, c, d, e = _COLUMNS
-    return f"  {quantity:{a - 2}} {unit:{b}}{printed:>{c}} {computed:>{d}} {deviation:>{e}}".rstrip()
+def _line(widths: tuple[int, ...], quantity: str, unit: str, *values: str) -> str:
+    numbers = "".join(f"{text:>{width}}" for text, width in zip(values, widths[2:], strict=True))
+    return f"{quantity:{widths[0]}} {unit:{widths[1]}}{numbers}".rstrip()
 
 
 def _markdown(*cells: str) -> str:
@@ -198,5 +200,5 @@ def _count(rows: tuple[PublishedRow, ...]) -> str:
     agree, differ, rest = _counts(rows)
     return (
         f"{len(rows)} rows: {agree} agree to the last printed digit, {differ} differ for the reason given,"
-        f" {rest} have no number in print."
+        f" {rest} have words or nothing in print."
     )

@@ -17,6 +17,7 @@ from textile_twin_core.cli.arguments import (
     number,
     positive,
 )
+from textile_twin_core.cli.progress import progress
 
 if TYPE_CHECKING:
     from textile_twin_core.files import MotionTable
@@ -80,7 +81,8 @@ def run(arguments: argparse.Namespace) -> None:
 
         write_simulated_bag(arguments.out, machine, motion, {name: values[name] for name in names})
     else:
-        write_table(arguments.out, motion.columns() | {name: values[name] for name in names})
+        with progress(len(motion), "writing") as done:
+            write_table(arguments.out, motion.columns() | {name: values[name] for name in names}, done)
     print(f"{arguments.out}: {len(motion)} samples of {len(names)} outputs")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _NEEDED = ("theta_rad", "omega_rad_s", "alpha_rad_s2")
 _TIME = "time_s"
+_ROWS = 100_000
+"""Rows written at once."""
 TABLE_SUFFIXES = (".csv", ".parquet")
 
 
@@ -146,10 +148,13 @@ def _read_parquet(path: Path) -> pyarrow.Table:
         raise MotionError(f"{path}: not a Parquet table of numbers: {first}") from error
 
 
-def write_table(path: str | Path, columns: Mapping[str, FloatArray]) -> None:
+def write_table(
+    path: str | Path, columns: Mapping[str, FloatArray], progress: Callable[[int], object] | None = None
+) -> None:
     """Write equally long columns as .csv (shortest text that reads back to the same float) or .parquet.
 
-    The file appears when it is complete. Raises OutputError for another suffix or a place that cannot be written.
+    `progress` is called with the number of rows just written. The file appears when it is complete.
+    Raises OutputError for another suffix or a place that cannot be written.
     """
     import pyarrow
     import pyarrow.csv
@@ -165,4 +170,8 @@ def write_table(path: str | Path, columns: Mapping[str, FloatArray]) -> None:
             return
         with pyarrow.OSFile(str(partial), "wb") as file:
             file.write((",".join(table.column_names) + "\n").encode())
-            pyarrow.csv.write_csv(table, file, pyarrow.csv.WriteOptions(include_header=False))
+            for start in range(0, table.num_rows, _ROWS):
+                part = table.slice(start, _ROWS)
+                pyarrow.csv.write_csv(part, file, pyarrow.csv.WriteOptions(include_header=False))
+                if progress is not None:
+                    progress(part.num_rows)
