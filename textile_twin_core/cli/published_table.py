@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from textile_twin_core.machines.published import PublishedRow, decimals, printed_numbers
 
 _WIDTH = 98
-_COLUMNS = (45, 6, 17, 18, 10)
+_COLUMNS = (47, 6, 16, 18, 10)
 _LISTED_COLUMNS = (19, 0, 34, 35, 10)
 _LAST_DIGITS = "the deviation is the largest, in units of the last printed digit"
 
@@ -199,6 +199,6 @@ def _counts(rows: Iterable[PublishedRow]) -> tuple[int, int, int]:
 def _count(rows: tuple[PublishedRow, ...]) -> str:
     agree, differ, rest = _counts(rows)
     return (
-        f"{len(rows)} rows: {agree} agree to the last printed digit, {differ} differ for the reason given,"
+        f"{len(rows)} rows: {agree} agree with print, {differ} differ for the reason given,"
         f" {rest} have words or nothing in print."
     )

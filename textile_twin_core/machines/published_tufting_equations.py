@@ -59,14 +59,14 @@ def equation_rows(machine: Machine, speed_rad_s: float) -> list[PrintedAndOurs]:
             "l2 w1^2 must be l1 w1^2",
         ),
         (
-            "Eq. 33: acceleration of l4 towards C, largest",
+            "Eq. 33: acceleration of l4 to C, largest",
             "m/s^2",
             f"{half_4 * np.abs(w4).max():.3f}",
             half_4 * float((w4**2).max()),
             "w4 must be w4^2",
         ),
         (
-            "Eq. 35: torque on the driven shaft, no friction",
+            "Eq. 35: driven-shaft torque, no friction",
             "N m",
             span(eq_35, 2),
             span(torque, 2),

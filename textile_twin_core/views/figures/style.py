@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -13,9 +14,9 @@ from textile_twin_core.arrays import FloatArray
 
 BLUE, ORANGE, GREEN, PINK, SKY, BROWN = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#8C5A00"
 INK, FAINT, PRINTED = "#1d2733", "#7b8794", "#444444"
-IN_BACKING = "#f3ead9"
+BAND = "#f6f0e4"
 
-_STYLE = {
+_STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
     "text.color": INK,
@@ -24,8 +25,6 @@ _STYLE = {
     "axes.linewidth": 0.8,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": "#e6eaee",
@@ -36,7 +35,7 @@ _STYLE = {
     "lines.solid_joinstyle": "round",
     "legend.frameon": False,
     "legend.fontsize": 8.5,
-    "legend.handlelength": 1.6,
+    "legend.handlelength": 1.2,
     "figure.dpi": 150.0,
     "savefig.dpi": 150.0,
     "mathtext.default": "regular",
@@ -44,22 +43,21 @@ _STYLE = {
 
 
 def figure(
-    rows: int, columns: int, size: tuple[float, float], title: str, note: str = "", sharex: bool | str = True
+    rows: int, columns: int, size: tuple[float, float], title: str, note: str, sharey: bool = False
 ) -> tuple[Figure, list[Axes]]:
     """A figure of rows x columns panels with a title and a note below; panels in reading order."""
     with rc_context(_STYLE):
         made = Figure(figsize=size, layout="constrained", facecolor="white")
         made.suptitle(title, x=0.008, ha="left", fontsize=11.5, fontweight="bold")
-        if note:
-            made.supxlabel(note, x=0.008, ha="left", fontsize=8.0, color=FAINT)
-        grid = made.subplots(rows, columns, sharex=sharex, squeeze=False)
+        made.supxlabel(note, x=0.008, ha="left", fontsize=8.0, color=FAINT)
+        grid = made.subplots(rows, columns, sharex=True, sharey=sharey, squeeze=False)
     panels: list[Axes] = list(grid.flat)
     return made, panels
 
 
 def panel(axes: Axes, letter: str, what: str, unit: str) -> None:
     """Title of a panel: its letter as in print, what it shows and in which unit."""
-    axes.set_title(f"{letter})  {what} [{unit}]" if letter else f"{what} [{unit}]")
+    axes.set_title(f"{letter})  {what} [{unit}]" if letter else f"{what} [{unit}]", loc="left", fontsize=9.5)
 
 
 def curves(axes: Axes, x: FloatArray, named: Sequence[tuple[str, FloatArray, str]]) -> None:

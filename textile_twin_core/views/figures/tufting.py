@@ -16,6 +16,7 @@ from textile_twin_core.views.figures import style
 
 _ANGLE = "angle of the main shaft [deg]"
 _DEGREES = np.linspace(0.0, 360.0, 7201)
+_HALF_DIGIT_S = 0.005
 _COLOURS = {1: style.FAINT, 2: style.BLUE, 3: style.ORANGE, 4: style.GREEN, 5: style.PINK, 6: style.BROWN}
 
 
@@ -111,7 +112,8 @@ def figure_9() -> Figure:
         1,
         (9.0, 6.4),
         "Tufting machine at 160 rpm: balancing torque  (Xu et al. 2016, Fig. 9)",
-        "Computed: the trace that the paper measured is not published.  Dashed: the times that it prints for it.",
+        "Computed: the trace that the paper measured is not published."
+        "  Bands: the times that it prints, half a digit to either side.",
     )
     time = FIGURE_9_START_S + np.radians(_DEGREES) / SPEED_RAD_S
     r = _over_a_turn("balancing_torque_Nm", "driven_shaft_torque_Nm")
@@ -122,12 +124,12 @@ def figure_9() -> Figure:
         axes.plot(time, r[name], color=colour)
         style.panel(axes, "", what, "N m")
         for _, _, seconds, _ in PRINTED_EVENTS:
-            axes.axvline(float(seconds), color=style.PRINTED, lw=0.9, ls=(0, (4, 3)))
+            axes.axvspan(float(seconds) - _HALF_DIGIT_S, float(seconds) + _HALF_DIGIT_S, color=style.BAND, zorder=0)
     for quantity, degrees, seconds, _ in PRINTED_EVENTS:
         words = quantity.replace("the backing", "backing").replace("needle ", "")
         panels[0].annotate(
-            f" {words}\n {degrees:g} deg",
-            (float(seconds), 0.97),
+            f"{words}\n{degrees:g} deg, {seconds} s",
+            (float(seconds) + 1.3 * _HALF_DIGIT_S, 0.97),
             xycoords=("data", "axes fraction"),
             va="top",
             fontsize=8.0,
@@ -147,4 +149,4 @@ def _shade(panels: list[Axes]) -> None:
     """Where the needle is in the backing."""
     angle = {event.name: math.degrees(event.angle_rad) for event in tufting().events()}
     for axes in panels:
-        axes.axvspan(angle["needle_enters_backing"], angle["needle_leaves_backing"], color=style.IN_BACKING, zorder=0)
+        axes.axvspan(angle["needle_enters_backing"], angle["needle_leaves_backing"], color=style.BAND, zorder=0)
