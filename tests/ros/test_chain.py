@@ -19,10 +19,11 @@ from tests.ros.suite import SECOND_NS, Suite, running_suite, shaft_angles, write
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.files import open_bag
 
+RESIDUAL = "balancing_torque/residual"
 OUTPUTS = (
     "balancing_torque/predicted",
     "balancing_torque/predicted_sigma",
-    "balancing_torque/residual",
+    RESIDUAL,
     "needle/position",
     "joint_states",
 )
@@ -32,14 +33,16 @@ X1_M, X2_M, H1_M = 0.070, 0.100, 0.155
 
 
 def play_through(suite: Suite, bag: Path, rate: float, *twin_parameters: str) -> Path:
-    """Play a bag through twin_node into record_node; the recording."""
+    """Play a bag through twin_node into record_node; the recording, which ends when all of it has come."""
     recording = suite.folder / "recording"
     topics = ["main_shaft/angle", "balancing_torque/measured", *OUTPUTS]
+    count = open_bag(bag).topics["/main_shaft/angle"].count
+    expected = {topic: count if topic in topics[:2] else count - 2 for topic in topics if topic != RESIDUAL}
     recorder = suite.start(
         "record_node",
         f"bag:={recording}",
         f"topics:={json.dumps(topics)}",
-        "stop_when_idle_s:=1.5",
+        f"stop_after:={json.dumps([f'{topic}={count}' for topic, count in expected.items()])}",
         "queue_s:=20.0",
     )
     twin = suite.start("twin_node", f"wait_for:={json.dumps(OUTPUTS)}", "qos_depth:=20000", *twin_parameters)
@@ -108,7 +111,7 @@ def test_nodes_publish_what_an_offline_session_computes(chain: Chain) -> None:
 
 def test_residual_is_measured_minus_the_prediction_at_the_sensors_time(chain: Chain) -> None:
     recorded, first = open_bag(chain.recording), chain.stamps[0]
-    residual = recorded.read_torques("balancing_torque/residual")
+    residual = recorded.read_torques(RESIDUAL)
     predicted = recorded.read_torques("balancing_torque/predicted")
     expected = np.interp(residual.stamps - first, predicted.stamps - first, predicted.torque_Nm)
     sent = np.searchsorted(chain.stamps + 1_000_000, residual.stamps)

@@ -13,8 +13,7 @@ from tests.ros.suite import Suite, node_environment, shaft_angles, write_bag
 from textile_twin_core.files import open_bag
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("executor", ["events", "single"])
+@pytest.mark.parametrize(("executor", "number"), [("events", signal.SIGINT), ("single", signal.SIGTERM)])
 def test_nodes_end_on_signals(suite: Suite, number: signal.Signals, executor: str) -> None:
     bag = write_bag(suite.folder / "played", *shaft_angles(100_000))
     started = [

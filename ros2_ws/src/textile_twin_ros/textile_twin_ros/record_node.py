@@ -28,6 +28,7 @@ _OWN_BUSINESS = ("/rosout", "/parameter_events")
 _NEVER_SILENT = ("/diagnostics", "/clock")
 _LOOK_S = 0.1
 _HOUSEKEEPING_S = 0.25
+_AFTERMATH_S = 0.5
 
 
 @dataclass
@@ -168,12 +169,14 @@ class RecordNode(Node):
         self._writer.flush()
         now = time.monotonic()
         idle = self.settings.stop_when_idle_s
-        ended = idle and self._anything and now - self._last > idle
-        enough = self._enough and all(self.counts[topic] >= count for topic, count in self._enough.items())
-        if (ended or enough) and not self.finished.done():
+        quiet_s = now - self._last
+        ended = idle and self._anything and quiet_s > idle
+        complete = self._enough and all(self.counts[topic] >= count for topic, count in self._enough.items())
+        # Other topics may still have something to say of the last messages counted.
+        if (ended or (complete and quiet_s > _AFTERMATH_S)) and not self.finished.done():
             self.finished.set_result(0)
         # Where silence is the end, it is nothing to warn of.
-        silent = now - self._last > self.settings.no_data_timeout_s and not (idle and self._anything)
+        silent = quiet_s > self.settings.no_data_timeout_s and not (idle and self._anything)
         if silent and not self._told_silent:
             self.get_logger().warning(self._silence())
         self._told_silent = silent

@@ -20,6 +20,7 @@ from textile_twin_ros.spinning import EXECUTORS, run
 from textile_twin_ros.twin_stream import TwinStream
 
 _LOOK_S = 0.05
+_ENDED_S = 0.5
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -163,7 +164,8 @@ class TwinNode(LifecycleNode):
         stream = self._stream
         if stream is None:
             return
-        stream.choose_outputs(measured=self._torque is not None and self._torque.has_publishers())
+        torque = self._torque
+        stream.choose_outputs(measured=torque is not None and (torque.has_publishers() or torque.watch.received > 0))
         if self._starting and all(
             stream.publishers[topic].get_subscription_count() for topic in self.settings.wait_for
         ):
@@ -172,9 +174,9 @@ class TwinNode(LifecycleNode):
         if self._active and self._angle is not None and self._torque is not None:
             self._angle.renew()
             self._torque.renew()
-            # A flush ends the estimator's record: where nothing is held back, a mere pause must not do that.
-            looks_ahead = self.settings.shaft == "lag" and bool(self._angle.watch.received)
-            if looks_ahead and self._angle.watch.silent_s > max(1.0, 5.0 * self.settings.shaft_lag_s):
+            # A flush ends the estimator's record, which a mere pause must not do.
+            ended = self._angle.watch.received and self._angle.watch.silent_s > _ENDED_S
+            if self.settings.shaft == "lag" and ended and not self._angle.has_publishers():
                 stream.flush()
 
     def _statuses(self) -> list[Status]:
