@@ -73,3 +73,14 @@ def test_phases_follow_the_shaft_forwards_and_backwards() -> None:
     np.testing.assert_allclose(backward.time_s, [0.0, 1 - leave, 1 - entry, 2 - leave, 2 - entry], atol=1e-9)
     inside = inside_backing(list(lanes.values()))
     assert inside.mean() == pytest.approx(leave - entry, abs=2 / 720)
+
+
+@pytest.mark.parametrize("name", ttc.machines.NAMES)
+def test_every_machine_has_a_scene(name: str) -> None:
+    machine = ttc.machines.create(name)
+    scene = build_scene(machine)
+    assert [part.name for part in scene.moving] == [link.name for link in machine.links]
+    assert scene.fixed_points
+    for part in scene.moving:
+        assert volume(part.solid) > 0.0
+        assert np.isfinite(part.solid.vertices).all()

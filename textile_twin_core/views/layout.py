@@ -107,7 +107,8 @@ class Layout:
     def _linkage(self) -> rrb.Spatial3DView:
         low, high = self.scene.lower, self.scene.upper
         x, y = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])
-        away = 1.24 * self.scene.size_m
+        # Far enough for a view that is higher than wide.
+        away = 1.24 * max(high[1] - low[1], (high[0] - low[0]) / 0.72)
         return rrb.Spatial3DView(
             name=f"Machine: {self.machine}",
             origin="world",

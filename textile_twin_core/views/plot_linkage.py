@@ -72,8 +72,8 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
         )
     axes.set_aspect("equal")
     axes.set_axis_off()
-    axes.margins(0.1, 0.04)
-    axes.set_title(f"Linkage at {np.rad2deg(theta):.1f}°", loc="left", fontsize=13, color=_INK)
+    axes.margins(0.1, 0.07)
+    axes.set_title(f"Linkage at {np.rad2deg(theta):.1f}°", loc="left", fontsize=13, color=_INK, pad=12)
 
 
 def _outward(name: str, scene: MachineScene, points: dict[str, FloatArray]) -> FloatArray:
