@@ -1,0 +1,96 @@
+"""Laws of motion against their definitions, integrated with many digits, and against the shaft that drives them."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from textile_twin_core.errors import MachineError
+from textile_twin_core.machines.motion_laws import MotionLaw, from_function, from_table, rise_dwell_fall
+
+RISE, STROKE = 0.6446, 0.0326
+
+
+def law(name: str) -> MotionLaw:
+    return rise_dwell_fall(name, STROKE, RISE, math.pi, 0.5)
+
+
+def modified_sine_acceleration(s: mp.mpf) -> mp.mpf:
+    """Acceleration of the standard modified sine, peak 1: quarter sines of period 1/2 outside, of 3/2 between."""
+    if s <= mp.mpf(1) / 8:
+        return mp.sin(4 * mp.pi * s)
+    if s <= mp.mpf(7) / 8:
+        return mp.cos(4 * mp.pi / 3 * (s - mp.mpf(1) / 8))
+    return -mp.sin(4 * mp.pi * (1 - s))
+
+
+def test_modified_sine_is_its_acceleration_integrated_twice() -> None:
+    with mp.workdps(30):
+        breaks = [0, mp.mpf(1) / 8, mp.mpf(7) / 8, 1]
+
+        def twice(s: mp.mpf) -> mp.mpf:
+            edges = [b for b in breaks if b < s] + [s]
+            return mp.quad(lambda r: (s - r) * modified_sine_acceleration(r), edges)
+
+        whole = twice(mp.mpf(1))
+        for s in (0.05, 0.125, 0.3, 0.5, 0.8, 0.95):
+            exact = float(twice(mp.mpf(s)) / whole) * STROKE
+            assert law("modified_sine").evaluate(s * RISE) == pytest.approx(exact, abs=1e-17)
+        peak = float(1 / whole)
+    found = max(law("modified_sine").evaluate(t, 2) for t in np.linspace(0.0, RISE, 4001).tolist())
+    assert peak == pytest.approx(5.528, abs=5e-4)
+    assert found * RISE**2 / STROKE == pytest.approx(peak, rel=1e-6)
+
+
+def test_cycloidal() -> None:
+    for s in (0.0, 0.1, 0.25, 0.5, 0.9):
+        exact = STROKE * (s - math.sin(2 * math.pi * s) / (2 * math.pi))
+        assert law("cycloidal").evaluate(s * RISE) == pytest.approx(exact, abs=1e-17)
+
+
+@pytest.mark.parametrize("name", ["modified_sine", "cycloidal"])
+def test_sections_join_without_a_step_in_velocity_or_acceleration(name: str) -> None:
+    the_law = law(name)
+    for start in the_law.starts_rad:
+        for derivative, allowed in ((0, 1e-16), (1, 1e-15), (2, 1e-14)):
+            before = the_law.sections[the_law.starts_rad.index(start) - 1]
+            previous = the_law.starts_rad[the_law.starts_rad.index(start) - 1]
+            width = start - previous if start > previous else 2 * math.pi - previous
+            assert before.value(width, derivative) == pytest.approx(the_law.evaluate(start, derivative), abs=allowed)
+
+
+@pytest.mark.parametrize("theta", [(0.3, -25.0, 3.0), (6.0, 40.0, -60.0, 1.0), (-1e6, 31.0), (3.7, 26.0, 0.0, 1e-6)])
+def test_pieces_follow_the_shaft_forwards_backwards_and_through_reversal(theta: tuple[float, ...]) -> None:
+    the_law = law("modified_sine")
+    at = 0.0
+    for piece in the_law.pieces(0.0, 1.0, theta):
+        assert piece.start_s == at
+        at = piece.end_s
+        for time in np.linspace(piece.start_s, piece.end_s, 5).tolist():
+            angle = sum(c * time**k for k, c in enumerate(theta))
+            rounding = 1e-15 * (1.0 + abs(theta[0]))
+            assert piece.state(time)[0] == pytest.approx(the_law.evaluate(angle), abs=rounding)
+    assert at == 1.0
+
+
+def test_a_users_function_and_table() -> None:
+    fitted = from_function(lambda angle: 0.01 * math.exp(math.sin(angle)))
+    angles = np.linspace(0.0, 7.0, 50)
+    assert max(abs(fitted.evaluate(a) - 0.01 * math.exp(math.sin(a))) for a in angles.tolist()) < 1e-13
+    knots = np.linspace(1.0, 1.0 + 2 * math.pi, 201)
+    table = from_table(knots, 0.02 * np.cos(knots))
+    assert max(abs(table.evaluate(a) - 0.02 * math.cos(a)) for a in angles.tolist()) < 1e-12
+
+
+def test_wrong_laws_are_refused() -> None:
+    with pytest.raises(MachineError, match="modified_sine, cycloidal"):
+        rise_dwell_fall("modified-sine", 0.03, 0.5, 3.0, 0.5)
+    with pytest.raises(MachineError, match="within one turn"):
+        rise_dwell_fall("cycloidal", 0.03, 3.2, 3.0, 0.5)
+    with pytest.raises(MachineError, match="does not increase at row 3"):
+        from_table(np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0]), np.zeros(6))
+    with pytest.raises(MachineError, match="at least 6"):
+        from_table(np.arange(3.0), np.zeros(3))

@@ -1,0 +1,72 @@
+"""No crossing is missed: roots isolated by Bernstein coefficients against roots that are known."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from textile_twin_core.contact.polynomials import earliest_crossing, first_crossing, value
+
+
+def from_roots(*roots: float, lead: float = 1.0) -> np.ndarray:
+    """Power coefficients, lowest first."""
+    return lead * np.polynomial.polynomial.polyfromroots(roots)
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
+def test_a_pair_of_roots_closer_than_any_sampling_is_found(apart: float) -> None:
+    polynomial = from_roots(0.3, 0.3 + apart)
+    found = first_crossing(polynomial, 0.0)
+    assert found == pytest.approx(0.3, abs=1e-16 / apart)
+
+
+def test_a_touch_without_crossing_is_no_event() -> None:
+    assert first_crossing(from_roots(0.37, 0.37), 1e-15) is None
+
+
+def test_a_start_from_zero_upwards_is_no_event_and_the_return_is() -> None:
+    assert first_crossing(from_roots(0.0, 0.7, lead=-1.0), 1e-15) == pytest.approx(0.7, abs=1e-15)
+    assert first_crossing(from_roots(0.0, 0.0, 0.0, 0.7, lead=-1.0), 1e-15) == pytest.approx(0.7, abs=1e-15)
+    assert first_crossing(np.array([1e-17, -1e-17, 0.5, -1.0]), 1e-15) == pytest.approx(0.5, abs=1e-14)
+
+
+def test_a_start_from_zero_downwards_is_an_event_at_once() -> None:
+    assert first_crossing(np.array([1e-17, -1.0, 5.0]), 1e-15) == 0.0
+    assert first_crossing(np.array([0.0, 0.0, -1.0, 5.0]), 1e-15) == 0.0
+
+
+def test_nothing_above_noise_is_no_event() -> None:
+    assert first_crossing(np.array([-1e-16, 1e-16, -1e-16]), 1e-15) is None
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.lists(st.floats(0.01, 0.99), min_size=1, max_size=7),
+    st.lists(st.tuples(st.floats(-2.0, 3.0), st.floats(0.05, 2.0)), max_size=4),
+)
+def test_first_of_many_roots(roots: list[float], complex_pairs: list[tuple[float, float]]) -> None:
+    roots = sorted(roots)
+    if any(b - a < 1e-3 for a, b in pairwise(roots)):
+        return
+    polynomial = from_roots(*roots)
+    for real, imaginary in complex_pairs:
+        polynomial = np.convolve(polynomial, [real**2 + imaginary**2, -2.0 * real, 1.0])
+    if polynomial[0] < 0.0:
+        polynomial = -polynomial
+    found = first_crossing(polynomial, 0.0)
+    assert found is not None
+    slope = abs(value(np.arange(1, polynomial.size) * polynomial[1:], roots[0]))
+    rounding = 1e-14 * float(np.abs(polynomial).sum())
+    assert abs(found - roots[0]) <= rounding / slope + 1e-15
+
+
+def test_the_earliest_of_several_rows() -> None:
+    rows = np.array([from_roots(0.9, 2.0), from_roots(0.4, 0.5), from_roots(-1.0, -2.0), from_roots(1.2, 5.0)])
+    found = earliest_crossing(rows, np.full(4, 1e-15))
+    assert found is not None
+    assert found[0] == 1
+    assert found[1] == pytest.approx(0.4, abs=1e-14)
