@@ -83,11 +83,10 @@ class PadFlow:
         series, forces = self._series(coordinates.tolist(), speeds.tolist(), drive.tolist(), h)
         coefficients = np.array(series).reshape(self.mode.size, self.order + 1)
         pressure = np.array(forces)
-        way = self.tolerance * max(speed_scale * h, 1e-300)
         factor = min(
             4.0,
-            _longest(coefficients, way, self.order - 2),
-            _longest(pressure, self.tolerance * max(float(np.abs(pressure).max()), 1e-300), self.order - 2),
+            self._longest(coefficients, max(speed_scale * h, 1e-300)),
+            self._longest(pressure, max(float(np.abs(pressure).max()), 1e-300)),
         )
         self._guess_s = h * factor
         if piece.rate > 0.0:
@@ -95,6 +94,21 @@ class PadFlow:
         factor = min(factor, longest_s / h)
         movers = self.mode.movers(coefficients, drive)
         return h * factor, rescale(movers, factor), rescale(pressure, factor)
+
+    def _longest(self, series: FloatArray, scale: float) -> float:
+        """Factor on the step at which what follows the series comes down to the tolerance, relative to its scale.
+
+        The radius of convergence is read from the last six coefficients: some of two may vanish by symmetry.
+        """
+        if series.size == 0:
+            return math.inf
+        powers = np.arange(series.shape[1])[-6:]
+        last = np.abs(series[:, -6:]).max(axis=0)
+        if not last.any():
+            return math.inf
+        present = last > 0.0
+        radius = float(((scale / last[present]) ** (1.0 / powers[present])).min())
+        return 0.9 * radius * self.tolerance ** (1.0 / (self.order - 2))
 
     def _series(
         self, coordinates: list[float], speeds: list[float], drive: list[float], h: float
@@ -123,14 +137,6 @@ class PadFlow:
                     right += pad[5][c] * force[k]
                 q[c].append((h * h * right + h * (k + 1) * rate) * grow)
         return q, forces
-
-
-def _longest(series: FloatArray, allowed: float, power: int) -> float:
-    """Factor on the step at which the last two coefficients of every row come down to what is allowed."""
-    if series.size == 0:
-        return math.inf
-    last = float(np.abs(series[:, -2:]).max())
-    return 0.9 * (allowed / last) ** (1.0 / power) if last > 0.0 else math.inf
 
 
 def _pad_term(

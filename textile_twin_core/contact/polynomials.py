@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
-from math import comb
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def bernstein_matrix(degree: int) -> FloatArray:
     matrix = np.zeros((degree + 1, degree + 1))
     for power in range(degree + 1):
         for index in range(power, degree + 1):
-            matrix[power, index] = comb(index, power) / comb(degree, power)
+            matrix[power, index] = math.comb(index, power) / math.comb(degree, power)
     return matrix
 
 
@@ -32,7 +32,7 @@ def _halves(degree: int) -> tuple[FloatArray, FloatArray]:
     left = np.zeros((degree + 1, degree + 1))
     for index in range(degree + 1):
         for source in range(index + 1):
-            left[source, index] = comb(index, source) / 2.0**index
+            left[source, index] = math.comb(index, source) / 2.0**index
     right = left[::-1, ::-1].copy()
     return left, right
 
@@ -80,6 +80,8 @@ def first_crossing(coefficients: FloatArray, noise: float) -> float | None:
     pending = [(0.0, 1.0, bernstein)]
     while pending:
         low, high, local = pending.pop()
+        if local.min() * high**order >= -noise:
+            continue
         negative = local < 0.0
         changes = int(np.count_nonzero(negative[1:] != negative[:-1]))
         if changes == 0:
@@ -87,15 +89,26 @@ def first_crossing(coefficients: FloatArray, noise: float) -> float | None:
                 return low
             continue
         if changes == 1 and not negative[0]:
-            return _bisect(rest, low, high)
-        if high - low < _SMALLEST_WIDTH:
-            if local.min() * max(high, 1e-300) ** order < -noise:
-                return low
+            root = _bisect(rest, low, high)
+            if _dip(rest, root) * root**order >= noise:
+                return root
             continue
+        if high - low < _SMALLEST_WIDTH:
+            return low
         middle = 0.5 * (low + high)
         pending.append((middle, high, local @ right_half))
         pending.append((low, middle, local @ left_half))
     return None
+
+
+def _dip(coefficients: FloatArray, root: float) -> float:
+    """How far below zero the polynomial goes after a downward root, from its slope and curvature there."""
+    function = slope = bend = 0.0
+    for coefficient in coefficients[::-1].tolist():
+        bend = bend * root + slope
+        slope = slope * root + function
+        function = function * root + coefficient
+    return 0.25 * slope * slope / bend if bend > 0.0 else math.inf
 
 
 def _bisect(coefficients: FloatArray, low: float, high: float) -> float:
