@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import Expr, sign, substitute, topological_order, variable
 from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.expression.scalar import compile_scalar
@@ -53,7 +52,8 @@ class MotionEquation:
         self.terms = compile_scalar([inertia, half_slope, potential_slope, *smooth], [*_STATE, *names])
         """J, J'/2, V' and each load's torque at (theta, omega, leaping factors)."""
         self._energy = compile_scalar([inertia, potential], ["theta"])
-        self._owners = [{i for i, e in enumerate(loads) if node in topological_order([e])} for node in self._leaps]
+        needed = [set(topological_order([load])) for load in loads]
+        self._owners = [{i for i, nodes in enumerate(needed) if leap in nodes} for leap in self._leaps]
 
     def energies(self, theta: float, omega: float) -> tuple[float, float]:
         """Kinetic and potential energy [J]."""
@@ -92,7 +92,8 @@ class MotionEquation:
         """Angles in [0, 2 pi) of the leaps, rising, and the factors' values after each."""
         if not self._leaps:
             return [], [()]
-        theta: FloatArray = (np.arange(_SAMPLES + 1) + _SHIFT) * (TURN / _SAMPLES)
+        step = TURN / _SAMPLES
+        theta = np.linspace(_SHIFT * step, TURN + _SHIFT * step, _SAMPLES + 1)
         sampled = np.empty((len(self._leaps), theta.size))
         BlockProgram(self._leaps, list(_STATE))([theta, np.full_like(theta, omega)], list(sampled))
         function = compile_scalar(self._leaps, list(_STATE))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +17,8 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const
 from textile_twin_core.mechanism.vector import Vector
 
+Spectrum: TypeAlias = npt.NDArray[np.complex128]
+
 MOST_HARMONICS = 64
 CLOSE_ENOUGH = 1e-3
 _SAMPLES = 4096
@@ -23,9 +27,11 @@ _TURN = 2.0 * math.pi
 
 @dataclass(frozen=True)
 class PeriodicTable:
-    """Values over one turn [rad], read as the periodic cubic spline through them, cut after some harmonics.
+    """Values over one turn [rad] as a Fourier series.
 
-    `harmonics` None takes the fewest that meet every value to 0.1 % of their range, at most 64. A series has no
+    Evenly spaced values whose upper third of harmonics is empty give their own series; all others that of the
+    periodic cubic spline through them, which does not ring between the points. `harmonics` None takes the fewest
+    that meet every value to 0.1 % of their range, at most 64. A series has no
     branches, so every evaluator and every derivative keeps its full accuracy; a leap is no series: what leaps
     (a needle in the backing) is a load of its own.
     Raises MachineError for fewer than three angles, angles that do not rise or span more than a turn, and
@@ -54,23 +60,34 @@ class PeriodicTable:
     @cached_property
     def coefficients(self) -> tuple[complex, ...]:
         """c_0 .. c_H of Re sum c_k exp(i k theta)."""
-        angles = np.array([*self.angle_rad, self.angle_rad[0] + _TURN])
-        spline = CubicSpline(angles, [*self.values, self.values[0]], bc_type="periodic")
-        spectrum = np.fft.rfft(spline(np.arange(_SAMPLES) * (_TURN / _SAMPLES))) * (2.0 / _SAMPLES)
-        spectrum[0] *= 0.5
-        if self.harmonics is not None:
-            return tuple(complex(c) for c in spectrum[: self.harmonics + 1])
         limit = CLOSE_ENOUGH * float(np.ptp(self.values))
-        for count in range(MOST_HARMONICS + 1):
-            miss = self._miss(spectrum[: count + 1])
-            if miss <= limit:
-                return tuple(complex(c) for c in spectrum[: count + 1])
+        miss = math.inf
+        for spectrum in self._spectra():
+            if self.harmonics is not None and self.harmonics < len(spectrum):
+                return tuple(complex(c) for c in spectrum[: self.harmonics + 1])
+            for count in range(min(MOST_HARMONICS + 1, len(spectrum))):
+                miss = self._miss(spectrum[: count + 1])
+                if self.harmonics is None and miss <= limit:
+                    return tuple(complex(c) for c in spectrum[: count + 1])
         raise MachineError(
             f"{self.what}: {MOST_HARMONICS} harmonics miss a value by {miss:.3g}, over 0.1 % of the range; "
             "smooth the table, or give 'harmonics' to accept such a miss"
         )
 
-    def _miss(self, spectrum: npt.NDArray[np.complex128]) -> float:
+    def _spectra(self) -> Iterator[Spectrum]:
+        """Coefficients c_k of sum c_k exp(i k theta): those of evenly spaced values, then those of the spline."""
+        n = len(self.values)
+        angles = np.array([*self.angle_rad, self.angle_rad[0] + _TURN])
+        if np.allclose(np.diff(angles), _TURN / n, rtol=0.0, atol=1e-6 * _TURN / n):
+            own = np.fft.rfft(self.values)[: n // 3 + 1] * (2.0 / n)
+            own[0] *= 0.5
+            yield own * np.exp(-1j * np.arange(own.size) * angles[0])
+        spline = CubicSpline(angles, [*self.values, self.values[0]], bc_type="periodic")
+        smooth = np.fft.rfft(spline(np.arange(_SAMPLES) * (_TURN / _SAMPLES))) * (2.0 / _SAMPLES)
+        smooth[0] *= 0.5
+        yield smooth[: _SAMPLES // 4 + 1]
+
+    def _miss(self, spectrum: Spectrum) -> float:
         angles = np.asarray(self.angle_rad)
         waves = np.exp(1j * np.outer(angles, np.arange(len(spectrum))))
         return float(np.abs((waves @ spectrum).real - np.asarray(self.values)).max())

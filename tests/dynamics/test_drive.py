@@ -1,0 +1,201 @@
+"""Forward motion against exact solutions, an independent integration, and the energy account."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import textile_twin_core as ttc
+from textile_twin_core.dynamics import Body, Load
+from textile_twin_core.dynamics.loads import JointFriction, ShaftFriction, Spring, TorqueTable
+from textile_twin_core.machines import Machine
+from textile_twin_core.mechanism import Crank
+
+TUFTING = ttc.machines.tufting()
+
+
+def rotor(*loads: Load, inertia: float = 2.0, arm_kg: float = 0.0) -> Machine:
+    """A flywheel; with `arm_kg` also a pendulum of 0.5 m."""
+    bodies = (Body.flywheel(inertia), Body("arm", arm_kg, centroid=(1.0, 0.0)))
+    return Machine("rotor", {"O": (0.0, 0.0)}, (Crank("arm", at="O", end="A", length_m=0.5),), bodies, loads)
+
+
+def test_constant_torque_on_a_rotor() -> None:
+    t = np.linspace(0.0, 3.0, 31)
+    run = ttc.drive(rotor(), 5.0, 0.2, -4.0, t)
+    assert np.allclose(run.omega_rad_s, -4.0 + 2.5 * t, atol=1e-12)
+    assert np.allclose(run.theta_rad, 0.2 - 4.0 * t + 1.25 * t**2, atol=1e-12)
+    assert np.allclose(run.alpha_rad_s2, 2.5)
+    assert np.allclose(run.drive_work_J, 5.0 * (run.theta_rad - 0.2), atol=1e-11)
+    (event,) = run.events
+    assert event.kind == "reverses"
+    assert event.time_s == pytest.approx(1.6, abs=1e-14)
+
+
+def test_coast_down_by_viscous_and_dry_friction_ends_at_rest() -> None:
+    """J w' = -c w - M: w = (w0 + M/c) exp(-c t / J) - M/c, which ends at t = J/c ln(1 + c w0 / M)."""
+    j, c, m, w0 = 2.0, 0.4, 1.5, 9.0
+    t = np.linspace(0.0, 10.0, 101)
+    run = ttc.drive(rotor(ShaftFriction(c, m)), 0.0, 0.0, w0, t, tolerance=1e-12)
+    end = j / c * math.log1p(c * w0 / m)
+    (stop,) = run.events
+    assert stop.kind == "stops"
+    assert stop.time_s == pytest.approx(end, abs=1e-11)
+    moving = t < end
+    exact = (w0 + m / c) * np.exp(-c * t[moving] / j) - m / c
+    assert np.allclose(run.omega_rad_s[moving], exact, atol=1e-10)
+    assert not run.omega_rad_s[~moving].any()
+    assert run.load_work_J["ShaftFriction"][-1] == pytest.approx(-0.5 * j * w0**2, rel=1e-11)
+
+
+def test_dry_friction_holds_until_the_drive_breaks_it_loose() -> None:
+    """Drive of 1 N m/s against 1.5 N m: it starts at 1.5 s, then w = (t - 1.5)^2 / (2 J)."""
+    t = np.linspace(0.0, 4.0, 41)
+    for sense in (1.0, -1.0):
+        run = ttc.drive(rotor(ShaftFriction(0.0, 1.5)), lambda time, theta, omega, s=sense: s * time, 0.3, 0.0, t)
+        assert [e.kind for e in run.events] == ["stops", "starts"]
+        assert run.events[1].time_s == pytest.approx(1.5, abs=1e-14)
+        assert np.allclose(run.omega_rad_s, sense * np.maximum(t - 1.5, 0.0) ** 2 / 4.0, atol=1e-9)
+
+
+def test_a_swing_with_dry_friction_loses_its_work_each_half_and_sticks() -> None:
+    """J w' = -3 sin a -+ M: between two dead points 3 (cos a2 - cos a1) = M |a2 - a1|."""
+    angles = tuple(2.0 * math.pi * k / 48 for k in range(48))
+    k_table = tuple(-3.0 * math.sin(a) for a in angles)
+    run = ttc.drive(
+        rotor(TorqueTable(angles, k_table), ShaftFriction(0.0, 0.2)), 0.0, 1.0, 0.0, np.linspace(0, 30, 301)
+    )
+    turns = [e.theta_rad for e in run.events]
+    assert run.events[-1].kind == "stops"
+    assert all(e.kind == "reverses" for e in run.events[:-1])
+    for a, b in zip([1.0, *turns], turns, strict=False):
+        assert 3.0 * (math.cos(b) - math.cos(a)) == pytest.approx(0.2 * abs(b - a), abs=1e-8)
+    assert abs(3.0 * math.sin(turns[-1])) < 0.2
+
+
+def test_pendulum_against_elliptic_functions() -> None:
+    """A physical pendulum over its top: sin of half its angle from below is the Jacobi function sn."""
+    run = ttc.drive(rotor(inertia=0.3, arm_kg=2.0), 0.0, -math.pi / 2, 8.0, np.linspace(0.0, 5.0, 51), tolerance=1e-13)
+    inertia, moment = 0.3 + 2.0 * 0.25, 2.0 * 9.81 * 0.5
+    frequency = mp.sqrt(mp.mpf(moment) / inertia)
+    m = (mp.mpf(8.0) / (2 * frequency)) ** 2  # k^2 > 1: it turns round
+    for time, theta in zip(run.time_s.tolist(), run.theta_rad.tolist(), strict=True):
+        phase = mp.sqrt(m) * frequency * time
+        half = (theta + math.pi / 2) / 2
+        exact = mp.ellipfun("sn", phase, 1 / m)
+        assert math.sin(half) == pytest.approx(float(exact), abs=2e-11)
+
+
+def test_run_up_of_the_tufting_machine_against_another_integrator() -> None:
+    """Radau with the twin's own torque, between the same leaps left to its step control."""
+    machine = dataclasses.replace(TUFTING, bodies=(*TUFTING.bodies, Body.flywheel(0.15)))
+    t = np.linspace(0.0, 1.5, 151)
+    run = ttc.drive(machine, lambda time, theta, omega: 20.0 - 0.8 * omega, 0.0, 0.0, t)
+    twin = ttc.compile(machine, ["balancing_torque_Nm", "equivalent_inertia_kgm2"], method="exact")
+
+    def slope(time: float, y: np.ndarray) -> list[float]:
+        now = twin.evaluate(float(y[0]), float(y[1]), 0.0)
+        return [y[1], (20.0 - 0.8 * y[1] - now["balancing_torque_Nm"]) / now["equivalent_inertia_kgm2"]]
+
+    other = solve_ivp(slope, (0.0, 1.5), [0.0, 0.0], method="Radau", t_eval=t, rtol=1e-8, atol=1e-8, max_step=2e-3)
+    assert run.omega_rad_s[-1] > 5.0
+    assert np.abs(run.theta_rad - other.y[0]).max() < 2e-5
+    assert np.abs(run.energy_error_J).max() < 1e-8 * run.kinetic_energy_J.max()
+    assert {e.loads for e in run.events if e.kind == "leaps"} == {("Backing",)}
+    entries = [e.theta_rad % (2.0 * math.pi) for e in run.events if e.kind == "leaps"]
+    known = sorted(e.angle_rad for e in machine.events())
+    assert all(min(abs(a - b) for b in known) < 1e-12 for a in entries)
+
+
+@pytest.mark.parametrize(
+    "loads",
+    [
+        (),
+        TUFTING.loads,
+        (JointFriction("l3", 0.4), JointFriction("l5", 0.2, against="l4"), Spring("C", "E", 300.0, 0.1)),
+    ],
+    ids=["gravity alone", "backing", "joints and a spring"],
+)
+def test_energy_is_booked(loads: tuple[Load, ...]) -> None:
+    machine = dataclasses.replace(TUFTING, loads=loads, bodies=(*TUFTING.bodies, Body.flywheel(0.3)))
+    run = ttc.drive(machine, lambda time, theta, omega: 6.0 * math.cos(3.0 * time), 0.0, 16.0, 2.0)
+    scale = run.kinetic_energy_J.max() + np.abs(run.drive_work_J).max()
+    assert np.abs(run.energy_error_J).max() < 1e-8 * scale
+    for work in run.load_work_J.values():
+        assert work.shape == run.time_s.shape
+
+
+def test_two_phased_linkages_leap_at_each_ones_own_angle() -> None:
+    phases = (0.0, math.pi / 3)
+    machine = dataclasses.replace(
+        TUFTING,
+        linkages=tuple(ttc.machines.ShaftPlace(p) for p in phases),
+        bodies=(*TUFTING.bodies, Body.flywheel(5.0)),
+    )
+    run = ttc.drive(machine, 30.0, 0.0, 16.0, 0.5)
+    found = [e.theta_rad for e in run.events if e.theta_rad < 2.0 * math.pi]
+    entries = [e.angle_rad for e in TUFTING.events() if "backing" in e.name]
+    reached = [a for e in entries for p in phases if (a := (e - p) % (2.0 * math.pi)) < run.theta_rad[-1]]
+    assert len(reached) >= 3
+    for angle in reached:
+        assert min(abs(angle - f) for f in found) < 1e-12
+
+
+class TestTables:
+    def test_torque_over_time(self) -> None:
+        torque = ttc.TorqueOverTime((0.5, 1.0, 2.0), (0.0, 4.0, 1.0))
+        run = ttc.drive(rotor(), torque, 0.0, 0.0, np.linspace(0.0, 3.0, 7))
+        impulse = [0.0, 0.0, 1.0, 1.0 + 0.5 * (4.0 + 2.5) / 2, 3.5, 4.0, 4.5]
+        assert np.allclose(run.omega_rad_s * 2.0, impulse, atol=1e-12)
+        assert np.allclose(run.drive_torque_Nm, [0.0, 0.0, 4.0, 2.5, 1.0, 1.0, 1.0])
+
+    def test_torque_over_angle(self) -> None:
+        angles = tuple(2.0 * math.pi * k / 12 for k in range(12))
+        torque = ttc.TorqueOverAngle(angles, tuple(2.0 + math.sin(a) for a in angles))
+        run = ttc.drive(rotor(), torque, 0.0, 1.0, np.linspace(0.0, 3.0, 31), tolerance=1e-12)
+        work = 2.0 * run.theta_rad + 1.0 - np.cos(run.theta_rad)
+        assert np.allclose(run.drive_work_J, work, atol=1e-10)
+        assert np.allclose(run.omega_rad_s**2, 1.0 + work, rtol=1e-10)
+
+    @pytest.mark.parametrize(
+        ("times", "torques", "message"),
+        [
+            ((0.0,), (1.0,), "two or more times"),
+            ((0.0, 1.0), (1.0,), "as many torques"),
+            ((0.0, 1.0, 1.0), (1.0, 2.0, 3.0), "point 2 at 1.0 s follows 1.0 s"),
+            ((0.0, math.nan), (1.0, 2.0), "finite"),
+        ],
+    )
+    def test_bad_tables(self, times: tuple[float, ...], torques: tuple[float, ...], message: str) -> None:
+        with pytest.raises(ttc.MotionError, match=message):
+            ttc.TorqueOverTime(times, torques)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"theta0": math.nan}, "theta0 must be a finite number"),
+        ({"omega0": math.inf}, "omega0 must be a finite number"),
+        ({"t": [0.0, 0.0]}, "rising times"),
+        ({"t": -1.0}, "rising times"),
+        ({"t": [1.0]}, "rising times"),
+        ({"tolerance": 0.0}, "tolerance must lie between"),
+        ({"drive_torque": "much"}, "must be a number or a function"),
+        ({"drive_torque": math.nan}, "drive torque is nan at 0 s"),
+        ({"machine": dataclasses.replace(TUFTING, bodies=(), loads=())}, "no inertia"),
+    ],
+)
+def test_bad_arguments(arguments: dict[str, object], message: str) -> None:
+    usual: dict[str, object] = {"machine": TUFTING, "drive_torque": 1.0, "theta0": 0.0, "omega0": 1.0, "t": 1.0}
+    with pytest.raises(ttc.TwinError, match=message):
+        ttc.drive(**(usual | arguments))  # type: ignore[arg-type]
+
+
+def test_a_machine_without_masses_says_which() -> None:
+    with pytest.raises(ttc.MachineError, match="gear_1_kg"):
+        ttc.drive(ttc.machines.elliptic_gear_beatup(), 1.0, 0.0, 0.0, 1.0)

@@ -1,0 +1,236 @@
+"""Every load against its power worked out by hand, and by both routes to the torque."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics import Body, Load
+from textile_twin_core.dynamics.loads import (
+    Backing,
+    ForceTable,
+    JointDamping,
+    JointFriction,
+    PeriodicTable,
+    PointDamping,
+    ShaftFriction,
+    SliderFriction,
+    Spring,
+    TorqueTable,
+    TorsionSpring,
+)
+
+Values = dict[str, FloatArray]
+
+MACHINE = ttc.machines.tufting()
+THETA = np.linspace(-7.0, 9.0, 401)
+OMEGA = np.linspace(-18.0, 21.0, 401)
+ALPHA = 40.0 * np.sin(THETA)
+ANGLES = tuple(2.0 * math.pi * k / 24 for k in range(24))
+TABLE = tuple(1.0 + 3.0 * math.sin(a) - 2.0 * math.cos(3.0 * a + 0.2) for a in ANGLES)
+
+
+def table(theta: FloatArray) -> FloatArray:
+    return 1.0 + 3.0 * np.sin(theta) - 2.0 * np.cos(3.0 * theta + 0.2)
+
+
+def velocity(v: Values, point: str, fixed: str | None = None) -> FloatArray:
+    """Velocity of a point by central differences of its position over the angle, times the speed: (2, n)."""
+    step = 1e-5
+    outputs = [f"point_{point}_x_m", f"point_{point}_y_m"]
+    twin = ttc.compile(MACHINE, outputs)
+    ahead, behind = twin.evaluate(THETA + step), twin.evaluate(THETA - step)
+    return np.array([(ahead[o] - behind[o]) / (2.0 * step) for o in outputs]) * OMEGA
+
+
+def place(v: Values, point: str) -> FloatArray:
+    return np.array([v[f"point_{point}_x_m"], v[f"point_{point}_y_m"]])
+
+
+def spring_power(v: Values, a: str, b: str, pull: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    way = place(v, b) - place(v, a)
+    length = np.hypot(*way)
+    return pull(length) * np.sum(way / length * (velocity(v, a) - velocity(v, b)), axis=0)
+
+
+# load and its power on the machine [W]
+CASES: dict[str, tuple[Load, Callable[[Values], FloatArray]]] = {
+    "joint friction on the ground": (JointFriction("l3", 1.5), lambda v: -1.5 * np.abs(v["omega_3_rad_s"])),
+    "joint friction of two links": (
+        JointFriction("l2", 1.5, against="l3"),
+        lambda v: -1.5 * np.abs(v["omega_2_rad_s"] - v["omega_3_rad_s"]),
+    ),
+    "joint friction on a slider": (JointFriction("l5", 2.0, against="l6"), lambda v: -2.0 * np.abs(v["omega_5_rad_s"])),
+    "joint friction of an arm": (
+        JointFriction("l4", 2.0, against="l5"),
+        lambda v: -2.0 * np.abs(v["omega_4_rad_s"] - v["omega_5_rad_s"]),
+    ),
+    "slider friction": (SliderFriction("l6", 70.0), lambda v: -70.0 * np.abs(v["needle_velocity_m_s"])),
+    "joint damping": (JointDamping("l2", 0.8), lambda v: -0.8 * v["omega_2_rad_s"] ** 2),
+    "joint damping of two links": (
+        JointDamping("l1", 0.8, against="l2"),
+        lambda v: -0.8 * (v["omega_1_rad_s"] - v["omega_2_rad_s"]) ** 2,
+    ),
+    "damped slider": (PointDamping("F", 90.0), lambda v: -90.0 * v["needle_velocity_m_s"] ** 2),
+    "damped joint": (PointDamping("B", 90.0), lambda v: -90.0 * np.sum(velocity(v, "B") ** 2, axis=0)),
+    "shaft friction": (ShaftFriction(0.3, 2.0), lambda v: -0.3 * OMEGA**2 - 2.0 * np.abs(OMEGA)),
+    "spring on the ground": (
+        Spring("O", "B", 4e3, 0.1, 5.0),
+        lambda v: spring_power(v, "O", "B", lambda length: 4e3 * (length - 0.1) + 5.0),
+    ),
+    "spring of two points": (
+        Spring("A", "E", 4e3, 0.2, -15.0),
+        lambda v: spring_power(v, "A", "E", lambda length: 4e3 * (length - 0.2) - 15.0),
+    ),
+    "torsion spring": (
+        TorsionSpring("l3", 50.0, 3.3, 2.0),
+        lambda v: (50.0 * (3.3 - v["theta_3_rad"]) + 2.0) * v["omega_3_rad_s"],
+    ),
+    "torsion spring of two links": (
+        TorsionSpring("l3", 50.0, 1.3, 2.0, against="l2"),
+        lambda v: (50.0 * (1.3 - v["theta_3_rad"] + v["theta_2_rad"]) + 2.0)
+        * (v["omega_3_rad_s"] - v["omega_2_rad_s"]),
+    ),
+    "torque table on the shaft": (TorqueTable(ANGLES, TABLE), lambda v: table(THETA) * OMEGA),
+    "torque table on a link": (
+        TorqueTable(ANGLES, TABLE, on="l3", scale=0.5),
+        lambda v: 0.5 * table(THETA) * v["omega_3_rad_s"],
+    ),
+    "force table": (
+        ForceTable("B", (3.0, -4.0), ANGLES, TABLE),
+        lambda v: table(THETA) * (0.6 * velocity(v, "B")[0] - 0.8 * velocity(v, "B")[1]),
+    ),
+}  # fmt: skip
+
+
+def outputs(machine: ttc.Machine) -> list[str]:
+    return [name for name in machine.outputs if name.startswith(("theta_", "omega_", "needle_", "point_", "torque_"))]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_power_by_hand(name: str) -> None:
+    load, power = CASES[name]
+    machine = dataclasses.replace(MACHINE, loads=(load,))
+    values = ttc.compile(machine, outputs(machine)).evaluate(THETA, OMEGA, ALPHA)
+    expected = power(values)
+    error = np.abs(values["torque_load_Nm"] * OMEGA + expected).max()
+    rounding = 1e-9 if "point" in name or "joint" in name or "spring" in name or "force" in name else 1e-13
+    assert error < rounding * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("phases", [(0.0,), (0.3, 2.0, 2.0)], ids=["one linkage", "three linkages"])
+def test_both_routes(name: str, phases: tuple[float, ...]) -> None:
+    machine = dataclasses.replace(
+        MACHINE,
+        loads=(CASES[name][0], *MACHINE.loads),
+        linkages=tuple(ttc.machines.ShaftPlace(p) for p in phases),
+    )
+    both = ["balancing_torque_Nm", "balancing_torque_newton_euler_Nm"]
+    one, two = ttc.compile(machine, both, method="exact").evaluate(THETA, OMEGA, ALPHA).values()
+    assert np.abs(one - two).max() < 1e-13 * np.abs(one).max()
+
+
+def test_flywheel_and_counterweight() -> None:
+    """A rotor adds its inertia; a point mass on the crank behind the shaft turns with its own weight and inertia."""
+    arm, mass = 0.4, 2.0  # of the crank's length, kg
+    bodies = (Body.flywheel(0.7, mass_kg=30.0), Body("l1", mass, centroid=(-arm, 0.0)))
+    machine = dataclasses.replace(MACHINE, bodies=(*MACHINE.bodies, *bodies))
+    wanted = ["balancing_torque_Nm", "balancing_torque_newton_euler_Nm", "equivalent_inertia_kgm2", "reaction_O_y_N"]
+    more = ttc.compile(machine, wanted).evaluate(THETA, OMEGA, ALPHA)
+    less = ttc.compile(MACHINE, wanted).evaluate(THETA, OMEGA, ALPHA)
+    radius = arm * 0.015
+    inertia = 0.7 + mass * radius**2
+    assert np.allclose(more["equivalent_inertia_kgm2"] - less["equivalent_inertia_kgm2"], inertia, rtol=1e-13)
+    torque = inertia * ALPHA - mass * 9.81 * radius * np.cos(THETA)
+    for route in wanted[:2]:
+        assert np.abs(more[route] - less[route] - torque).max() < 1e-13 * np.abs(more[route]).max()
+    lift = radius * (np.sin(THETA) * OMEGA**2 - np.cos(THETA) * ALPHA)  # upward acceleration of the mass
+    added = mass * (9.81 + lift)
+    assert np.abs(more["reaction_O_y_N"] - less["reaction_O_y_N"] - added).max() < 1e-11 * np.abs(added).max()
+
+
+def test_standstill_has_no_friction() -> None:
+    machine = dataclasses.replace(MACHINE, loads=(JointFriction("l3", 5.0), ShaftFriction(1.0, 4.0), *MACHINE.loads))
+    assert ttc.compile(machine, ["torque_load_Nm"]).evaluate(0.5, 0.0, 0.0) == {"torque_load_Nm": 0.0}
+
+
+class TestPeriodicTable:
+    @pytest.mark.parametrize("start", [0.0, 0.1])
+    def test_evenly_spaced_values_of_few_harmonics_are_exact(self, start: float) -> None:
+        angles = np.array(ANGLES) + start
+        found = PeriodicTable("t", tuple(angles), tuple(table(angles)))
+        assert np.allclose(found.coefficients, [1.0, -3.0j, 0.0, -2.0 * np.exp(0.2j)], atol=1e-14)
+
+    def test_harmonics_cut_the_series(self) -> None:
+        assert np.allclose(PeriodicTable("t", ANGLES, TABLE, harmonics=1).coefficients, [1.0, -3.0j], atol=1e-14)
+
+    def test_uneven_measured_angles_are_met(self) -> None:
+        rng = np.random.default_rng(5)
+        angles = np.sort(rng.uniform(0.3, 6.2, 60))
+        angles = angles[np.concatenate([[True], np.diff(angles) > 0.02])]
+        values = np.exp(np.sin(angles)) + 0.3 * np.cos(5.0 * angles)
+        found = PeriodicTable("t", tuple(angles), tuple(values))
+        waves = np.exp(1j * np.outer(angles, np.arange(len(found.coefficients))))
+        miss = np.abs((waves @ np.array(found.coefficients)).real - values).max()
+        assert miss <= 1e-3 * np.ptp(values)
+
+    @pytest.mark.parametrize(
+        ("angles", "values", "message"),
+        [
+            ((0.0, 1.0), (1.0, 2.0), "at least three angles"),
+            ((0.0, 1.0, 2.0), (1.0, 2.0), "as many values"),
+            ((0.0, 2.0, 1.0), (1.0, 2.0, 3.0), "angles must rise"),
+            ((0.0, 2.0, 2.0 * math.pi), (1.0, 2.0, 1.0), "within one turn"),
+            ((0.0, 1.0, 2.0), (1.0, math.nan, 3.0), "finite"),
+            (tuple(k * 0.01 for k in range(600)), (0.0,) * 300 + (1.0,) * 300, "harmonics miss a value by"),
+        ],
+    )
+    def test_bad_tables(self, angles: tuple[float, ...], values: tuple[float, ...], message: str) -> None:
+        with pytest.raises(ttc.MachineError, match=message):
+            PeriodicTable("torque table", angles, values)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: JointFriction("l3", -1.0), "torque_Nm must be zero or positive"),
+        (lambda: SliderFriction("l6", math.nan), "force_N must be zero or positive"),
+        (lambda: JointDamping("l3", -0.1), "viscous_Nms must be zero or positive"),
+        (lambda: PointDamping("B", math.inf), "viscous_Ns_m must be zero or positive"),
+        (lambda: ShaftFriction(-1.0), "viscous_Nms must be zero or positive"),
+        (lambda: Spring("A", "B", 0.0, 0.1), "stiffness must be positive"),
+        (lambda: Spring("A", "A", 1.0, 0.1), "two different points"),
+        (lambda: TorsionSpring("l3", 1.0, math.nan), "must be finite"),
+        (lambda: Backing("needle", math.nan, 0.5, 0.5), "finite number"),
+        (lambda: ForceTable("B", (0.0, 0.0), ANGLES, TABLE), "not zero"),
+        (lambda: Body("l1", -1.0), "mass_kg must be zero or positive"),
+        (lambda: Body("l1", 1.0, math.nan), "inertia_kgm2 must be zero or positive"),
+    ],
+)
+def test_bad_numbers(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(ttc.MachineError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("load", "message"),
+    [
+        (JointFriction("l9", 1.0), "'l9', which is not there; links: l1, l2"),
+        (JointDamping("l2", 1.0, against="x"), "'x', which is not there"),
+        (SliderFriction("needle", 1.0), "'needle', which is not there"),
+        (Spring("A", "Z", 1.0, 0.1), "no point 'Z'"),
+        (PointDamping("Z", 1.0), "no point 'Z'"),
+        (TorqueTable(ANGLES, TABLE, on="l7"), "'l7', which is not there"),
+        (TorsionSpring("l1", 1.0, 0.0), "wind up for ever"),
+    ],
+)
+def test_unknown_names(load: Load, message: str) -> None:
+    with pytest.raises(ttc.MachineError, match=message):
+        ttc.compile(dataclasses.replace(MACHINE, loads=(load,)), ["balancing_torque_Nm"])
