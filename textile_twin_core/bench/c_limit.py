@@ -1,0 +1,155 @@
+"""The limit: the same closed form as C, compiled on the spot, once vectorised and once as a plain loop over libm."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.timing import Candidate
+from textile_twin_core.expression import Expr, topological_order
+
+_HEAD = """#include <math.h>
+#include <stddef.h>
+"""
+
+# Cody-Waite reduction by pi/2 and minimax polynomials (Muller 2016, ch. 11): no branch, so it vectorises
+_SINCOS = """static inline __attribute__((always_inline)) void both(double x, double *s, double *c) {
+    double k = __builtin_rint(x * 0.63661977236758134308);
+    double r = __builtin_fma(-k, 1.57079632679489655800e+00, x);
+    r = __builtin_fma(-k, 6.12323399573676603587e-17, r);
+    double z = r * r;
+    double p = 1.58962301576546568060e-10;
+    p = __builtin_fma(p, z, -2.50507477628578072866e-8);
+    p = __builtin_fma(p, z, 2.75573136213857245213e-6);
+    p = __builtin_fma(p, z, -1.98412698295895385996e-4);
+    p = __builtin_fma(p, z, 8.33333333332211858878e-3);
+    p = __builtin_fma(p, z, -1.66666666666666307295e-1);
+    double sine = __builtin_fma(p * z, r, r);
+    double q = -1.13585365213876817300e-11;
+    q = __builtin_fma(q, z, 2.08757008419747316778e-9);
+    q = __builtin_fma(q, z, -2.75573141792967388112e-7);
+    q = __builtin_fma(q, z, 2.48015872888517045348e-5);
+    q = __builtin_fma(q, z, -1.38888888888730564116e-3);
+    q = __builtin_fma(q, z, 4.16666666666665929218e-2);
+    double cosine = 1.0 - __builtin_fma(-q * z, z, 0.5 * z);
+    long long n = (long long)k;
+    double a = (n & 1) ? cosine : sine, b = (n & 1) ? sine : cosine;
+    *s = (n & 2) ? -a : a;
+    *c = ((n + 1) & 2) ? -b : b;
+}
+"""
+_PLAIN = """static inline void both(double x, double *s, double *c) { *s = sin(x); *c = cos(x); }
+"""
+_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
+
+
+def c_source(outputs: Sequence[Expr], vectorised: bool) -> str:
+    """A C function `run(n, theta, omega, alpha, out)` of the outputs; out holds them one after the other."""
+    order = topological_order(outputs)
+    name: dict[Expr, str] = {}
+    lines = []
+    for node in order:
+        if node.op == "const":
+            name[node] = f"({node.value!r})"
+        elif node.op == "variable":
+            name[node] = f"{node.payload}[i]"
+        else:
+            name[node] = f"v{len(name)}"
+            lines.append(_line(node, name))
+    stores = [f"        out[{k} * n + i] = {name[e]};" for k, e in enumerate(outputs)]
+    signature = (
+        "void run(size_t n, const double *restrict theta, const double *restrict omega,\n"
+        "         const double *restrict alpha, double *restrict out)"
+    )
+    body = "\n".join(["    for (size_t i = 0; i < n; ++i) {", *lines, *stores, "    }"])
+    return f"{_HEAD}{_SINCOS if vectorised else _PLAIN}{signature} {{\n{body}\n}}\n"
+
+
+def _line(node: Expr, name: dict[Expr, str]) -> str:
+    a = [name[x] for x in node.args]
+    match node.op:
+        case "add" | "sub" | "mul" | "div":
+            right = f"{a[0]} {_INFIX[node.op]} {a[1]}"
+        case "neg":
+            right = f"-{a[0]}"
+        case "square":
+            right = f"{a[0]} * {a[0]}"
+        case "sqrt":
+            right = f"__builtin_sqrt({a[0]})"
+        case "abs":
+            right = f"__builtin_fabs({a[0]})"
+        case "sign":
+            right = f"(double)({a[0]} > 0.0) - (double)({a[0]} < 0.0)"
+        case "at_least":
+            right = f"{a[0]} >= {a[1]} ? 1.0 : 0.0"
+        case "select":
+            right = f"{a[0]} != 0.0 ? {a[1]} : {a[2]}"
+        case "atan2":
+            right = f"atan2({a[0]}, {a[1]})"
+        case "sin" | "cos":
+            return f"        double s_{name[node]}, c_{name[node]}; both({a[0]}, &s_{name[node]}, &c_{name[node]});" + (
+                f" double {name[node]} = {node.op[0]}_{name[node]};"
+            )
+        case _:
+            raise TypeError(f"'{node.op}' has no C form")
+    return f"        double {name[node]} = {right};"
+
+
+def c_candidates(scene: Scene) -> Iterator[Candidate]:
+    """The vectorised limit and the plain loop, where a C compiler is at hand."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        return
+    outputs = [scene.machine.model.output(name) for name in scene.outputs]
+    fast = ["-O3", "-march=native", "-mprefer-vector-width=512", "-fno-math-errno", "-fno-trapping-math"]
+    for method, vectorised, flags in (
+        ("vectorised", True, [*fast, "-ffp-contract=fast"]),
+        ("libm loop", False, ["-O2"]),
+    ):
+        function = _compile(compiler, c_source(outputs, vectorised), flags)
+        if function is not None:
+            yield _candidate(scene, function, method)
+
+
+def _compile(compiler: str, source: str, flags: Sequence[str]) -> ctypes._NamedFuncPointer | None:
+    folder = Path(tempfile.mkdtemp(prefix="textile_twin_bench_"))
+    try:
+        (folder / "twin.c").write_text(source)
+        library = folder / "twin.so"
+        command = [compiler, *flags, "-fPIC", "-shared", "-o", str(library), str(folder / "twin.c"), "-lm"]
+        done = subprocess.run(command, capture_output=True, check=False)
+        if done.returncode != 0 and "-mprefer-vector-width=512" in flags:
+            return _compile(compiler, source, [f for f in flags if not f.startswith("-mprefer")])
+        return ctypes.CDLL(str(library)).run if done.returncode == 0 else None
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _candidate(scene: Scene, function: ctypes._NamedFuncPointer, method: str) -> Candidate:
+    pointer = ctypes.POINTER(ctypes.c_double)
+    function.argtypes = [ctypes.c_size_t, *[pointer] * 4]
+    function.restype = None
+    out = np.empty((len(scene.outputs), scene.samples))
+    arguments = [a.ctypes.data_as(pointer) for a in (*scene.motion, out)]
+    few = np.empty(len(scene.outputs))
+    one = [*arguments[:3], few.ctypes.data_as(pointer)]
+
+    def result() -> dict[str, FloatArray]:
+        return dict(zip(scene.outputs, out, strict=True))
+
+    return Candidate(
+        method,
+        "C",
+        batch=lambda: function(scene.samples, *arguments),
+        samples=scene.samples,
+        single=lambda: function(1, *one),
+        result=result,
+    )

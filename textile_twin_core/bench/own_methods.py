@@ -1,0 +1,39 @@
+"""Our methods as candidates: closed forms and tables at several tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.timing import Candidate
+from textile_twin_core.errors import SceneError
+from textile_twin_core.twin import Twin, compile_machine
+
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-13)
+
+
+def own_candidates(scene: Scene) -> Iterator[Candidate]:
+    """Exact, and tables where they reach their tolerance."""
+    yield _candidate(scene, compile_machine(scene.machine, scene.outputs, "exact"), "exact")
+    for tolerance in TOLERANCES:
+        try:
+            twin = compile_machine(scene.machine, scene.outputs, "table", tolerance)
+        except SceneError:
+            continue
+        yield _candidate(scene, twin, f"table {tolerance:.0e}")
+
+
+def _candidate(scene: Scene, twin: Twin, method: str) -> Candidate:
+    out = {name: np.empty(scene.samples) for name in scene.outputs}
+    theta, omega, alpha = scene.motion
+    one = (1.234, float(omega[0]), float(alpha[0]))
+    return Candidate(
+        method,
+        None,
+        batch=lambda: twin.evaluate(theta, omega, alpha, out=out),
+        samples=scene.samples,
+        single=lambda: twin.evaluate(*one),
+        result=lambda: out,
+    )

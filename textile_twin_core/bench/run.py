@@ -1,0 +1,78 @@
+"""The bench: every candidate of every scene, timed in turns, as rows of speed and error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+from textile_twin_core.bench.c_limit import c_candidates
+from textile_twin_core.bench.own_methods import own_candidates
+from textile_twin_core.bench.peers import peer_candidates
+from textile_twin_core.bench.scenes import Scene, scenes
+from textile_twin_core.bench.timing import Candidate, take_turns
+from textile_twin_core.machines import Machine
+
+
+@dataclass(frozen=True)
+class Row:
+    """One candidate on one scene.
+
+    error_over_peak: largest error over the peak of its output, against extended precision; ns_per_sample: of a
+    batch of `batch` samples; us_per_call: of one sample at a time; None where a candidate does not offer it.
+    """
+
+    method: str
+    peer: str | None
+    outputs: str
+    machine: str
+    batch: int
+    error_over_peak: float | None
+    ns_per_sample: float | None
+    us_per_call: float | None
+    note: str = ""
+
+    def to_json(self) -> dict[str, object]:
+        """A plain dictionary."""
+        return asdict(self)
+
+
+def run_bench(
+    machine: Machine,
+    with_peers: bool = False,
+    rounds: int = 11,
+    samples: int = 100_000,
+    scene_names: Sequence[str] | None = None,
+    progress: Callable[[int, int], object] = lambda done, total: None,
+) -> list[Row]:
+    """Rows for all scenes of a machine; `progress` hears of rounds done and their number."""
+    chosen = [s for s in scenes(machine, samples) if scene_names is None or s.name in scene_names]
+    rows: list[Row] = []
+    total, done = rounds * len(chosen), 0
+    for scene in chosen:
+        candidates = [*c_candidates(scene), *own_candidates(scene)]
+        if with_peers:
+            candidates += peer_candidates(scene)
+
+        def tick(count: int) -> None:
+            nonlocal done
+            done += count
+            progress(done, total)
+
+        take_turns(candidates, rounds, tick)
+        rows += [_row(scene, candidate) for candidate in candidates]
+    return rows
+
+
+def _row(scene: Scene, candidate: Candidate) -> Row:
+    error = None if candidate.result is None else scene.error(candidate.result())
+    return Row(
+        candidate.method,
+        candidate.peer,
+        scene.name,
+        scene.machine.name,
+        candidate.samples,
+        error,
+        candidate.ns_per_sample,
+        candidate.us_per_call,
+        candidate.note,
+    )

@@ -1,0 +1,73 @@
+"""Fair timing: all candidates in one process, taking turns, and the median of the rounds."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from textile_twin_core.arrays import FloatArray
+
+_CALLS = 200
+
+
+@dataclass
+class Candidate:
+    """One way to evaluate a scene.
+
+    `batch` evaluates `samples` samples at once, `single` one sample; either may be missing. `result` gives
+    the outputs of the batch's samples for the error. `peer` is the library, None for our own methods.
+    """
+
+    method: str
+    peer: str | None
+    batch: Callable[[], Any] | None = None
+    samples: int = 0
+    single: Callable[[], Any] | None = None
+    result: Callable[[], dict[str, FloatArray]] | None = None
+    note: str = ""
+    batch_times: list[float] = field(default_factory=list)
+    single_times: list[float] = field(default_factory=list)
+
+    @property
+    def ns_per_sample(self) -> float | None:
+        """Median over the rounds [ns]."""
+        return statistics.median(self.batch_times) / self.samples * 1e9 if self.batch_times else None
+
+    @property
+    def us_per_call(self) -> float | None:
+        """Median over the rounds [us]."""
+        return statistics.median(self.single_times) * 1e6 if self.single_times else None
+
+
+def take_turns(
+    candidates: Iterable[Candidate], rounds: int, progress: Callable[[int], object] = lambda _: None
+) -> None:
+    """Time every candidate once a round, so that whatever slows the machine meets all alike."""
+    candidates = list(candidates)
+    for candidate in candidates:  # warm caches, compile what compiles late
+        for function in (candidate.batch, candidate.single):
+            if function is not None:
+                function()
+    for _ in range(rounds):
+        for candidate in candidates:
+            if candidate.batch is not None:
+                begin = time.perf_counter()
+                candidate.batch()
+                candidate.batch_times.append(time.perf_counter() - begin)
+            if candidate.single is not None:
+                candidate.single_times.append(_per_call(candidate.single))
+        progress(1)
+
+
+def _per_call(function: Callable[[], Any]) -> float:
+    begin = time.perf_counter()
+    function()
+    first = time.perf_counter() - begin
+    calls = max(1, min(_CALLS, int(0.01 / max(first, 1e-7))))
+    begin = time.perf_counter()
+    for _ in range(calls):
+        function()
+    return (time.perf_counter() - begin) / calls
