@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.shaft.knocks import find_knocks, response, response_stretch
+from textile_twin_core.shaft.knocks import NARROW, WIDE, find_knocks, response, response_stretch
 from textile_twin_core.shaft.spline import ORDER, Knots, LocalBasis, PenalisedSpline
 from textile_twin_core.shaft.turns import TURN
 
@@ -25,6 +25,8 @@ KNOT_S = 0.04
 BLOCK_S = 0.4
 STIFF, SOFT, STIFFEST = 1e-6, 1e-1, 3e-8
 """Intensities of the jerk relative to the squared speed [1/s^3]: for finding knocks, to begin with, at least."""
+ROUNDS = 8
+SAME_S = 0.012
 QUADRATURE = np.polynomial.hermite_e.hermegauss(15)
 
 
@@ -211,19 +213,24 @@ class Chunk:
         change = (mean[block] / self.intensity) ** 1.8
         self.intensity = np.maximum(self.intensity * change, STIFFEST * self.intensity_scale)
 
-    def look_for_knocks(self, rounds: int = 2) -> None:
-        """Find knocks against a stiff spline and fit them."""
-        span = float(self.time[-1] - self.time[0])
-        most = int(4.0 * span) + 2
+    def look_for_knocks(self) -> None:
+        """Find knocks against a stiff spline and fit them, round by round until none is left."""
+        most = int(4.0 * (self.time[-1] - self.time[0])) + 2
         adapted = self.intensity
-        for _ in range(rounds):
-            self.intensity = np.full(self.knots.intervals, STIFF * self.intensity_scale)
+        self.intensity = np.full(self.knots.intervals, STIFF * self.intensity_scale)
+        avoided = np.zeros(0)
+        for _ in range(ROUNDS):
             self.solve()
-            sigma = float(np.median(np.abs(self.residual))) / 0.6745
-            sigma = max(sigma, float(np.sqrt(np.median(self.variance))))
-            new = find_knocks(self.time, self.residual, sigma, float(np.exp(self._log_response)), most)
-            far = [np.all(np.abs(t - self.knock_times) > 0.01) for t in new[:, 0]]
-            new = new[np.array(far, dtype=bool)] if new.size else new
+            new = self._find(most, WIDE)
+            near = np.abs(self.knock_times[:, None] - new[:, 0]) < SAME_S
+            if near.any():  # a find beside a fitted knock: that one stands for two and hides both
+                avoided = np.concatenate([avoided, self.knock_times[near.any(axis=1)]])
+                keep = ~near.any(axis=1)
+                self.knock_times, self.knock_sizes = self.knock_times[keep], self.knock_sizes[keep]
+                self.solve()
+                new = self._find(most, NARROW)
+            taken = np.concatenate([self.knock_times, avoided])
+            new = new[np.all(np.abs(taken[:, None] - new[:, 0]) >= SAME_S, axis=0)]
             if not new.size:
                 break
             order = np.argsort(np.concatenate([self.knock_times, new[:, 0]]))
@@ -233,6 +240,11 @@ class Chunk:
                 self.solve()
             self._drop_weak()
         self.intensity = adapted
+
+    def _find(self, most: int, window_s: tuple[float, float, float]) -> FloatArray:
+        sigma = float(np.median(np.abs(self.residual))) / 0.6745
+        sigma = max(sigma, float(np.sqrt(np.median(self.variance))))
+        return find_knocks(self.time, self.residual, sigma, float(np.exp(self._log_response)), most, window_s)
 
     def _drop_weak(self) -> None:
         ripple, knocks = self.ripple.size, self.knock_times.size

@@ -7,10 +7,11 @@ from scipy.signal import fftconvolve
 
 from textile_twin_core.arrays import FloatArray
 
-BEFORE_S, AFTER_S = 0.10, 0.16
+WIDE = (0.10, 0.16, 0.18)
+NARROW = (0.04, 0.08, 0.06)
+"""Window of the matched filter before and after a knock, and the least distance of two finds [s]."""
 CERTAIN = 6.0
 """In standard deviations: what a matched filter must show before it is taken for a knock."""
-APART_S = 0.06
 
 
 def response(after: FloatArray, time_constant: float) -> FloatArray:
@@ -27,7 +28,14 @@ def response_stretch(after: FloatArray, time_constant: float) -> FloatArray:
     return np.asarray(time_constant**2 * (2.0 - (2.0 + 2.0 * d + d * d) * np.exp(-d)))
 
 
-def find_knocks(time: FloatArray, residual: FloatArray, sigma: float, time_constant: float, most: int) -> FloatArray:
+def find_knocks(
+    time: FloatArray,
+    residual: FloatArray,
+    sigma: float,
+    time_constant: float,
+    most: int,
+    window_s: tuple[float, float, float] = WIDE,
+) -> FloatArray:
     """Knocks that stand out of a residual.
 
     A matched filter: the response with what a slow drift (a cubic over the window) could explain taken out of it.
@@ -38,6 +46,7 @@ def find_knocks(time: FloatArray, residual: FloatArray, sigma: float, time_const
         sigma: its standard deviation where nothing happens.
         time_constant: of the response [s].
         most: how many to return at most, the surest first.
+        window_s: `WIDE`, the surer, or `NARROW`, which tells two knocks apart that follow each other closely.
 
     Returns:
         (m, 2) time [s] and size [rad/s^2], in the order of time.
@@ -45,7 +54,7 @@ def find_knocks(time: FloatArray, residual: FloatArray, sigma: float, time_const
     step = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1], step)
     even = np.interp(grid, time, residual)
-    lead, tail = max(int(BEFORE_S / step), 4), max(int(AFTER_S / step), 6)
+    lead, tail = max(int(window_s[0] / step), 4), max(int(window_s[1] / step), 6)
     if grid.size < lead + tail + 1 or sigma <= 0.0:
         return np.zeros((0, 2))
     window = np.arange(-lead, tail + 1) * step
@@ -57,12 +66,12 @@ def find_knocks(time: FloatArray, residual: FloatArray, sigma: float, time_const
     match = fftconvolve(even, shape[::-1], mode="valid")  # place i: knock at grid[i + lead]
     strength = np.abs(match) / (sigma * np.sqrt(power))
     found: list[tuple[float, float]] = []
-    apart = max(int(APART_S / step), 1)
+    apart = max(int(window_s[2] / step), 1)
     strength = strength.copy()
     while len(found) < most:
         best = int(np.argmax(strength))
         if strength[best] < CERTAIN:
             break
         found.append((float(grid[best + lead]), float(match[best] / power)))
-        strength[max(best - 3 * apart, 0) : best + 3 * apart + 1] = 0.0
+        strength[max(best - apart, 0) : best + apart + 1] = 0.0
     return np.array(sorted(found)).reshape(-1, 2)
