@@ -29,7 +29,7 @@ def link_angle(link: LinkMotion, shaft_direction: Vector, near_rad: float = 0.0)
     x, y = np.empty_like(theta), np.empty_like(theta)
     BlockProgram([link.direction.x, link.direction.y], ["theta"])([theta], [x, y])
     sampled = np.unwrap(np.arctan2(y, x))
-    turns = round((sampled[-1] - sampled[0]) / (2.0 * math.pi))
+    turns: int = round((sampled[-1] - sampled[0]) / (2.0 * math.pi))
     periodic = sampled - turns * (theta + phase)
     middle = float(periodic.min() + periodic.max()) / 2.0
     middle += 2.0 * math.pi * round((near_rad - middle) / (2.0 * math.pi))

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MachineError
@@ -15,6 +15,7 @@ from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.expression.scalar import compile_scalar
 from textile_twin_core.mechanism.group import Group
 from textile_twin_core.mechanism.linkage import Linkage
+from textile_twin_core.mechanism.rrp_dyad import RRPDyad
 from textile_twin_core.mechanism.rrr_dyad import RRRDyad
 
 FULL_TURN = (0.0, 2.0 * math.pi)
@@ -24,21 +25,26 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Closeness:
-    """How near one group comes to opening.
+    """How near one dyad comes to opening, over the range of the shaft angle.
 
-    `margin` is the smallest closure value over its scale (0: change point or toggle) at the shaft
-    angle `theta_rad`; `transmission_angle_rad` is the smallest angle between coupler and rocker,
-    folded to 0..90 deg, for an RRR dyad.
+    margin: the smallest closure value over its scale (0: change point or toggle), at the shaft angle theta_rad.
+    distance_m: how far the dyad's ends are then from where its links lie in one line, or its rod across the guide;
+    there the motion's own error grows as rounding over distance. transmission_range_rad: smallest and largest angle
+    between coupler and rocker, or between rod and guide normal; transmission_angle_rad: the one farthest from a right
+    angle, folded to 0..90 deg. grashof: class of a four-bar linkage, by which links turn fully; None for other dyads.
     """
 
     group: str
     margin: float
     theta_rad: float
-    transmission_angle_rad: float | None
+    distance_m: float
+    transmission_range_rad: tuple[float, float]
+    transmission_angle_rad: float
+    grashof: str | None = None
 
 
 def check_assembly(linkage: Linkage, range_rad: tuple[float, float] = FULL_TURN) -> tuple[Closeness, ...]:
-    """Closeness of every group that can open, over a range of the shaft angle.
+    """Closeness of every dyad, over a range of the shaft angle.
 
     Raises MachineError with the shaft angle where the chain opens.
     """
@@ -49,27 +55,37 @@ def check_assembly(linkage: Linkage, range_rad: tuple[float, float] = FULL_TURN)
         if not found:
             continue
         minima = [_minimum(closure.value, range_rad) for closure in found]
-        for closure, (theta, value) in zip(found, minima, strict=True):
+        for closure, (_, value) in zip(found, minima, strict=True):
             if not value >= -_ROUNDING * closure.scale:
-                opens = _opens_at(closure.value, range_rad, theta)
                 raise MachineError(
-                    f"group '{group.name}' cannot close: at a shaft angle of {math.degrees(opens):.4f} deg "
-                    f"{closure.how}; change its lengths or where it is fixed"
+                    f"group '{group.name}' cannot close{_opens_at(closure.value, range_rad)} {closure.how}; "
+                    "change its lengths or where it is fixed"
                 )
         margin, theta = min((v / c.scale, t) for c, (t, v) in zip(found, minima, strict=True))
-        reports.append(Closeness(group.name, max(margin, 0.0), theta, _transmission(group, minima)))
+        # over their constant sum the two values are cos^2 and sin^2 of half the transmission angle
+        stretched, folded = (max(value, 0.0) for _, value in minima)
+        whole, distance = _measures(group, stretched, folded)
+        smallest, rest = (2.0 * math.asin(min(1.0, math.sqrt(v / whole))) for v in (folded, stretched))
+        grashof = group.grashof(motion) if isinstance(group, RRRDyad) else None
+        reports.append(
+            Closeness(
+                group.name, max(margin, 0.0), theta, distance, (smallest, math.pi - rest), min(smallest, rest), grashof
+            )
+        )
     return tuple(reports)
 
 
-def _transmission(group: Group, minima: list[tuple[float, float]]) -> float | None:
-    if not isinstance(group, RRRDyad):
-        return None
-    l2, l3 = group.lengths_m
-    angles = []
-    for _, value in minima:
-        ratio = max(value, 0.0) / (4.0 * l2 * l3)  # cos^2 or sin^2 of half the angle
-        angles.append(2.0 * math.asin(min(1.0, math.sqrt(ratio))))
-    return min(angles)
+def _measures(group: Group, stretched: float, folded: float) -> tuple[float, float]:
+    """What a dyad's two closure values add up to, and its smallest distance from opening [m], from their minima."""
+    if isinstance(group, RRPDyad):
+        return 2.0 * group.lengths_m[0], min(stretched, folded)
+    assert isinstance(group, RRRDyad)
+    (l2, l3), whole = group.lengths_m, 4.0 * group.lengths_m[0] * group.lengths_m[1]
+    longest, shortest = l2 + l3, abs(l2 - l3)
+    from_longest = stretched / (longest + math.sqrt(longest**2 - stretched))
+    nearest = math.sqrt(shortest**2 + folded)
+    from_shortest = folded / (shortest + nearest) if nearest else 0.0
+    return whole, min(from_longest, from_shortest)
 
 
 def _values(value: Expr, thetas: FloatArray) -> FloatArray:
@@ -92,10 +108,14 @@ def _minimum(value: Expr, range_rad: tuple[float, float]) -> tuple[float, float]
     return float(thetas[i]), float(sampled[i])
 
 
-def _opens_at(value: Expr, range_rad: tuple[float, float], worst: float) -> float:
+def _opens_at(value: Expr, range_rad: tuple[float, float]) -> str:
+    """Where a chain opens as the shaft turns forward, in words."""
     thetas = np.linspace(*range_rad, _SAMPLES)
-    sampled = _values(value, thetas)
-    opened = np.flatnonzero(~(sampled >= 0.0))
-    if opened.size == 0 or opened[0] == 0:
-        return worst if opened.size == 0 else float(thetas[0])
-    return float(thetas[opened[0]])
+    closed = _values(value, thetas) >= 0.0
+    opening = np.flatnonzero(closed[:-1] & ~closed[1:])
+    if opening.size == 0:
+        return " at any shaft angle:" if not closed.any() else f": at {math.degrees(thetas[~closed][0]):.4f} deg"
+    low, high = float(thetas[opening[0]]), float(thetas[opening[0] + 1])
+    function = compile_scalar([value], ["theta"])
+    angle = brentq(lambda t: function(t)[0], low, high)
+    return f": it opens at a shaft angle of {math.degrees(angle):.4f} deg, where"

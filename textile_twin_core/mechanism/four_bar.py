@@ -92,6 +92,23 @@ class FourBar:
         return math.hypot(*self._ground_direction)
 
     @property
+    def grashof(self) -> str:
+        """The linkage's class by Grashof's criterion; a difference within rounding is a change point."""
+        lengths = {
+            "crank-rocker": self.circle.radius,
+            "double-rocker": self.coupler,
+            "rocker-crank": self.rocker,
+            "double-crank": self.ground_length,
+        }
+        shortest, *middle, longest = sorted(lengths.values())
+        surplus = math.fsum((*middle, -shortest, -longest))
+        if abs(surplus) <= _SAME * longest:
+            return "change point"
+        if surplus < 0.0:
+            return "triple-rocker"
+        return min(lengths, key=lambda name: lengths[name])
+
+    @property
     def half_angle(self) -> tuple[Expr, Expr]:
         """c and s."""
         x, y = self._ground_direction
@@ -120,7 +137,9 @@ class FourBar:
     def distance_squared(self) -> Expr:
         """D^2 [m^2]."""
         swing = 4.0 * self.ground_length * self.circle.radius
-        return swing * (square(self.half_angle[1]) + (self.heron_constants[1] + (self.coupler - self.rocker) ** 2) / swing)
+        return swing * (
+            square(self.half_angle[1]) + (self.heron_constants[1] + (self.coupler - self.rocker) ** 2) / swing
+        )
 
     @property
     def root(self) -> Expr:
@@ -146,7 +165,6 @@ class FourBar:
         """Derivatives of the angles of coupler and rocker with respect to the crank's."""
         g, l1, l2, l3 = self.ground_length, self.circle.radius, self.coupler, self.rocker
         c, s = self.half_angle
-        _, folded = self.heron_factors
         inverse_distance = 1.0 / self.distance_squared
         shape = ((l2 - l3) * (l2 + l3)) * inverse_distance
         line = (0.5 * (g - l1) * (g + l1)) * inverse_distance

@@ -130,6 +130,11 @@ class RRRDyad:
         stretched, folded = self.heron_factors(a, c)
         return self._side * sqrt(stretched * folded)
 
+    def grashof(self, motion: Motion) -> str | None:
+        """Grashof's class of the four-bar linkage that this dyad makes on a crank; None elsewhere."""
+        four_bar = self._four_bar(motion.points[self.from_point], motion.points[self.ground])
+        return None if four_bar is None else four_bar.grashof
+
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
         """The dyad opens when its outer joints are too far apart or too close."""
         stretched, folded = self.heron_factors(motion.points[self.from_point], motion.points[self.ground])
