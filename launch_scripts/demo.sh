@@ -17,7 +17,7 @@ played=bags/tufting_160rpm_synthetic # also in demo.yaml
 rm -rf out/demo
 mkdir -p out/demo
 # Nobody else's nodes join in: this computer only, and a domain of our own.
-export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID="$((1 + $$ % 100))" ROS_LOG_DIR="$root/out/demo/log"
+export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID="$((1 + $$ % 100))" ROS_LOG_DIR="$root/out/demo/log/ros"
 
 echo "Playing $played at $rate times its speed through replay_node, twin_node and record_node ..."
 programs=()
