@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.shaft.knocks import NARROW, WIDE, find_knocks, response, response_stretch
+from textile_twin_core.shaft.knocks import NARROW, WIDE, find_knocks, response, response_slopes
 from textile_twin_core.shaft.spline import ORDER, Knots, LocalBasis, PenalisedSpline
 from textile_twin_core.shaft.turns import TURN
 
@@ -115,15 +115,23 @@ class Chunk:
 
     # The linear algebra
 
-    def _border(self, basis_time: FloatArray, clock_columns: FloatArray) -> FloatArray:
-        """(n, p) derivatives of the modelled phase minus the clock, by ripple, knock sizes, knock times, log T."""
-        after = basis_time[:, None] - self.knock_times
-        constant = np.exp(self._log_response)
-        angle, speed, _ = response(after, constant)
-        columns = [-clock_columns, angle, -speed * self.knock_sizes]
-        if self.knock_times.size:
-            columns.append(response_stretch(after, constant) @ self.knock_sizes[:, None])
-        return np.concatenate(columns, axis=1)
+    def _equations(self) -> tuple[Clock, FloatArray, FloatArray]:
+        """The clock, the phase less the knocks, and the (n, p) derivatives by ripple, knock sizes, knock times, log T."""
+        clock = Clock(self.orders, self.ripple)
+        columns = clock(self.angle)
+        ripple, knocks = self.ripple.size, self.knock_times.size
+        border = np.zeros((self.time.size, ripple + (2 * knocks + 1 if knocks else 0)))
+        border[:, :ripple] = -columns[:, 1:]
+        data = columns[:, 0]
+        constant = float(np.exp(self._log_response))
+        first = np.searchsorted(self.time, self.knock_times)
+        for j, (at, size, begin) in enumerate(zip(self.knock_times, self.knock_sizes, first.tolist(), strict=True)):
+            angle, speed, stretch = response_slopes(self.time[begin:] - at, constant)
+            border[begin:, ripple + j] = angle
+            border[begin:, ripple + knocks + j] = -size * speed
+            border[begin:, -1] += size * stretch
+            data[begin:] -= size * angle
+        return clock, data, border
 
     def _prior(self) -> FloatArray:
         """Inverse prior variances of the border's unknowns."""
@@ -141,25 +149,21 @@ class Chunk:
 
     def solve(self) -> None:
         """One Gauss-Newton step for everything; leaves residuals, coefficients and the pieces of the covariance."""
-        clock = Clock(self.orders, self.ripple)
-        columns = clock(self.angle)
-        after = self.time[:, None] - self.knock_times
-        knocks = response(after, float(np.exp(self._log_response)))[0] @ self.knock_sizes
-        border = self._border(self.time, columns[:, 1:])
-        data = columns[:, 0] - knocks
+        clock, data, border = self._equations()
         weight = 1.0 / self.variance
         spline = PenalisedSpline(self.knots, self.basis, weight, self.intensity)
         stacked = spline.project(np.concatenate([data[:, None], border], axis=1))
         solved = spline.solve(stacked)
         through = solved[:, 1:]
-        normal = (border * weight[:, None]).T @ border - stacked[:, 1:].T @ through
+        weighted = border * weight[:, None]
+        normal = weighted.T @ border - stacked[:, 1:].T @ through
         prior = self._prior()
         known = np.concatenate([self.ripple, self.knock_sizes])
         pull = np.zeros(prior.size)
         pull[: known.size] = -prior[: known.size] * known
         if self.knock_times.size:
             pull[-1] = -prior[-1] * (self._log_response - np.log(self.response_s))
-        right = (border * weight[:, None]).T @ data - stacked[:, 1:].T @ solved[:, 0]
+        right = weighted.T @ data - stacked[:, 1:].T @ solved[:, 0]
         normal[np.diag_indices_from(normal)] += prior
         self._covariance = np.linalg.inv(normal)
         change = self._covariance @ (right + pull)
@@ -236,7 +240,7 @@ class Chunk:
             order = np.argsort(np.concatenate([self.knock_times, new[:, 0]]))
             self.knock_times = np.concatenate([self.knock_times, new[:, 0]])[order]
             self.knock_sizes = np.concatenate([self.knock_sizes, new[:, 1]])[order]
-            for _ in range(4):
+            for _ in range(3):
                 self.solve()
             self._drop_weak()
         self.intensity = adapted
@@ -287,11 +291,11 @@ class Chunk:
         self.prune()
         self.solve()
         self.look_for_knocks()
-        for round_ in range(12):
+        for round_ in range(7):
             self.solve()
             self.scale_variance()
             self.adapt()
-            if round_ in (3, 5, 7):
+            if 2 <= round_ <= 4:
                 self.refine()
         self._drop_weak()
         for _ in range(2):

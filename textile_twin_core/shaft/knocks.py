@@ -22,10 +22,16 @@ def response(after: FloatArray, time_constant: float) -> FloatArray:
     return np.stack([angle, time_constant * d * fade, np.where(after >= 0.0, (1.0 - d) * fade, 0.0)])
 
 
-def response_stretch(after: FloatArray, time_constant: float) -> FloatArray:
-    """Derivative of the response's angle by the logarithm of the time constant."""
-    d = np.maximum(after, 0.0) / time_constant
-    return np.asarray(time_constant**2 * (2.0 - (2.0 + 2.0 * d + d * d) * np.exp(-d)))
+def response_slopes(after: FloatArray, time_constant: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """At times from the impulse on: the response's angle, its speed, and the angle's derivative by log T."""
+    d = after / time_constant
+    fade = np.exp(-d)
+    square = time_constant**2
+    return (
+        square * (1.0 - (1.0 + d) * fade),
+        time_constant * d * fade,
+        square * (2.0 - (2.0 + 2.0 * d + d * d) * fade),
+    )
 
 
 def find_knocks(

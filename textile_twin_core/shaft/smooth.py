@@ -16,8 +16,8 @@ from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.turns import TURN
 
-CHUNK = 8192
-OVERLAP = 1024
+CHUNK = 6144
+OVERLAP = 512
 FEWEST = 24
 """Samples below which nothing but a straight line is fitted."""
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.sparse import csr_array
 
 from textile_twin_core.arrays import FloatArray, IntArray
 
@@ -92,7 +93,7 @@ class PenalisedSpline:
 
     def __init__(self, knots: Knots, basis: LocalBasis, weight: FloatArray, intensity: FloatArray) -> None:
         self.basis = basis
-        self._knots, self._weight = knots, weight
+        self._knots = knots
         band = np.zeros((ORDER, knots.size))
         jerk = knots.jerk()
         stiff = np.diff(knots.breaks) / intensity
@@ -103,19 +104,15 @@ class PenalisedSpline:
                 band[high - low] += np.bincount(basis.first + low, products, knots.size)
                 band[high - low] += np.bincount(starts + low, stiff * jerk[:, low] * jerk[:, high], knots.size)
         band[0] *= 1.0 + 1e-12
+        rows = np.arange(basis.first.size + 1) * ORDER
+        weighted = (basis.value * weight[:, None]).ravel()
+        shape = (basis.first.size, knots.size)
+        self._transposed = csr_array((weighted, basis.columns.ravel(), rows), shape=shape).T.tocsr()
         self._factor = cholesky_banded(band, lower=True, check_finite=False)
 
     def project(self, data: FloatArray) -> FloatArray:
         """B' W data for (n,) or (n, p) data."""
-        columns = data[:, None] if data.ndim == 1 else data
-        weighted = columns * self._weight[:, None]
-        out = np.zeros((self._knots.size, columns.shape[1]))
-        for p in range(columns.shape[1]):
-            for k in range(ORDER):
-                out[:, p] += np.bincount(
-                    self.basis.first + k, weighted[:, p] * self.basis.value[:, k], self._knots.size
-                )
-        return out[:, 0] if data.ndim == 1 else out
+        return np.asarray(self._transposed @ data)
 
     def solve(self, projected: FloatArray) -> FloatArray:
         """Coefficients for projected data."""
