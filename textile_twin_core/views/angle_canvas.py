@@ -11,6 +11,10 @@ from textile_twin_core.arrays import BoolArray, FloatArray
 
 TWO_PI = 2.0 * np.pi
 
+#: Width and height of the canvases, in the proportions of the views that they fill.
+TORQUE_SIZE = (720.0, 430.0)
+RESIDUAL_SIZE = (720.0, 560.0)
+
 
 @dataclass(frozen=True, slots=True)
 class AngleCanvas:

@@ -14,7 +14,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import RunningAngleBins
 from textile_twin_core.errors import TwinError
 from textile_twin_core.views import backdrop
-from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for
+from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.buffer import Block, Buffer
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of, state_changes
@@ -73,14 +73,15 @@ class LiveView:
         self._positions = PointPositions(machine)
         self._origin: int | None = None
         self._history: Block = (np.empty(0), np.empty(0), np.empty(0))
+        self._measured: Block = (np.empty(0), np.empty(0), np.empty(0))
         self._bins = RunningAngleBins(_ANGLE_BINS)
         self._squares, self._count, self._worst = 0.0, 0, 0.0
         self._next_frame_s, self._next_summary_s = -np.inf, -np.inf
         self._phases: dict[str, str] = {}
 
         self._stream = rr.RecordingStream("textile-twin")
-        canvas = AngleCanvas(-1.0, 1.0, 720.0, 430.0)
-        self._scribe = Scribe(self._stream, build_scene(machine), canvas, AngleCanvas(-1.0, 1.0, 720.0, 560.0))
+        torque, residual = AngleCanvas(-1.0, 1.0, *TORQUE_SIZE), AngleCanvas(-1.0, 1.0, *RESIDUAL_SIZE)
+        self._scribe = Scribe(self._stream, build_scene(machine), torque, residual)
         self.url = self._serve(host, port, path, memory_limit)
         self._backdrop()
         self._stop = threading.Event()
@@ -175,9 +176,11 @@ class LiveView:
     def _draw_measured(self, time: FloatArray, torque: FloatArray) -> None:
         self._fit_canvas(torque)
         self._scribe.measured(time, torque)
-        theta = self._theta(time)
+        block = (time, self._theta(time), torque)
+        joined = [np.concatenate([old, new]) for old, new in zip(self._measured, block, strict=True)]
         for which in ("measured", "last"):
-            self._scribe.over_angle(which, time, theta, torque)
+            self._scribe.over_angle(which, joined[0], joined[1], joined[2])
+        self._measured = tuple(column[-1:] for column in block)
 
     def _draw_residual(self, time: FloatArray, residual: FloatArray) -> None:
         self._scribe.residual(time, residual, self._limit)
@@ -199,7 +202,7 @@ class LiveView:
 
     def _draw_statistics(self, time_s: float) -> None:
         bins = self._bins.bins()
-        canvas = canvas_for([bins.min_Nm, bins.max_Nm], 720.0, 560.0)
+        canvas = canvas_for([bins.min_Nm, bins.max_Nm], *RESIDUAL_SIZE)
         if canvas.low < self._scribe.residual_canvas.low or canvas.high > self._scribe.residual_canvas.high:
             self._scribe = self._scribe.scaled(residual=canvas)
             self._draw_canvas("by_angle", canvas)

@@ -14,7 +14,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import Comparison, summary_rows
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.views import backdrop
-from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for
+from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of, state_changes
 from textile_twin_core.views.scene import PointPositions, build_scene
@@ -161,9 +161,9 @@ def _say(scribe: Scribe, comparison: Comparison, origin: int, limit: float) -> N
 
 def _canvases(comparison: Comparison) -> tuple[AngleCanvas, AngleCanvas]:
     used = comparison.used
-    torque = canvas_for([comparison.measured_Nm[used], comparison.expected_Nm[used]], 720.0, 430.0)
+    torque = canvas_for([comparison.measured_Nm[used], comparison.expected_Nm[used]], *TORQUE_SIZE)
     bins = comparison.by_angle
-    residual = canvas_for([bins.min_Nm, bins.max_Nm], 720.0, 560.0)
+    residual = canvas_for([bins.min_Nm, bins.max_Nm], *RESIDUAL_SIZE)
     return torque, residual
 
 

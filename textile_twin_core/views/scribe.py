@@ -16,7 +16,6 @@ from textile_twin_core.views.layout import TIMELINE
 from textile_twin_core.views.phases import StateChanges
 from textile_twin_core.views.scene import MachineScene, poses
 
-_MIN_MAX = rr.components.AggregationPolicy.MinMax
 _SEGMENT = 8  # samples of a line in the plot over the shaft angle
 
 
