@@ -19,6 +19,7 @@ COMMANDS = {
     "compare": "measured against predicted torque: table, report, recording, plot",
     "recover": "a complete recording from one that a kill or a power loss cut off",
     "view": "show a recording in the viewer",
+    "bench": "speed against error on this computer",
     "synthesize": "link lengths from what a mechanism must do",
 }
 """Sub-commands and what they do; each is a module of this package, imported when it is asked for."""

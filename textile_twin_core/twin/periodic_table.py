@@ -107,8 +107,7 @@ def tabulate(functions: Sequence[Expr], weights: FloatArray, tolerance: float) -
     """The cheapest table of functions of theta that keeps outputs within the tolerance, off the nodes.
 
     `weights` (outputs, functions) is what an error of a function, over its own largest value, does to an
-    output. No function errs by more than ten times the tolerance, whatever its weight. None when rounding or
-    `MOST_NODES` forbid it.
+    output. None when rounding or `MOST_NODES` forbid it.
     """
     program = BlockProgram(functions, ["theta"])
     for most in (_CHEAP_NODES, MOST_NODES):
@@ -116,8 +115,7 @@ def tabulate(functions: Sequence[Expr], weights: FloatArray, tolerance: float) -
             nodes = _FEWEST_NODES
             while nodes <= most:
                 table = _fit(program, len(functions), nodes, degree)
-                inherited = float((weights @ table.errors).max(initial=0.0))
-                excess = max(inherited, 0.1 * float(table.errors.max())) / max(tolerance, _ROUNDING)
+                excess = float((weights @ table.errors).max(initial=0.0)) / max(tolerance, _ROUNDING)
                 if excess <= 1.0:
                     return table
                 nodes = _next_nodes(nodes, excess, degree)

@@ -12,23 +12,20 @@ from textile_twin_core.twin.linear_form import depends_on
 
 PHASE = variable("phase")
 """The shaft angle within its turn, from half an interval below 0 to half an interval below 2 pi [rad]."""
-_NEAR_ORIGIN = 0.1
+_BELOW_ORIGIN = 0.1
 _ONLY_THETA = {"theta"}
 
 
 def as_phase_steps(intensity: Expr) -> Expr | None:
     """The intensity with every leap over the angle written as comparisons of the phase.
 
-    None when something smooth in the angle remains, or a leap lies at the origin of the phase.
+    None when something smooth in the angle remains.
     """
     split = _split_signs(intensity)
     staircases: dict[Expr, Expr] = {}
     for node in reversed(topological_order([split])):  # the largest pieces first
         if depends_on(node) == _ONLY_THETA and _is_staircase(node):
-            steps = _steps(node)
-            if steps is None:
-                return None
-            staircases[node] = steps
+            staircases[node] = _steps(node)
     (result,) = substitute([split], staircases)
     return None if "theta" in depends_on(result) else result
 
@@ -72,14 +69,12 @@ def _is_staircase(expression: Expr) -> bool:
     return bool(expression.args) and all(_is_staircase(a) for a in expression.args)
 
 
-def _steps(staircase: Expr) -> Expr | None:
+def _steps(staircase: Expr) -> Expr:
     """A staircase over theta as a sum of comparisons of the phase, one for each leap."""
     edges = sorted({angle for level in _leaps(staircase) for side in crossings(level) for angle in side})
-    if any(min(a, 2.0 * math.pi - a) < _NEAR_ORIGIN for a in edges):
-        return None
+    edges = [a - 2.0 * math.pi for a in edges if a > 2.0 * math.pi - _BELOW_ORIGIN] + edges
     function = compile_scalar([staircase], ["theta"])
-    bounds = [0.0, *edges, 2.0 * math.pi]
-    heights = [function(0.5 * (a + b))[0] for a, b in pairwise(bounds)]
+    heights = [function(0.5 * (a + b))[0] for a, b in pairwise([-_BELOW_ORIGIN, *edges, 2.0 * math.pi])]
     result = const(heights[0])
     for angle, (before, after) in zip(edges, pairwise(heights), strict=True):
         result += (after - before) * at_least(PHASE, angle)

@@ -27,6 +27,8 @@ from textile_twin_core.twin.phase_steps import as_phase_steps
 
 FINEST_TABLE = 1e-13
 """A tolerance that tables of smooth mechanisms reach; below it, rounding of their coefficients counts."""
+_SPEED_SHARES = (0.1, 1.0, 10.0)
+"""The tolerance holds from a tenth to ten times the nominal speed."""
 _REDUCTION = 10.0
 _GATHER = 2.0
 
@@ -86,21 +88,22 @@ class TableEvaluator:
             )
         return table
 
-    def _weights(self, speed: float) -> FloatArray:
-        """(outputs, functions): an output's error over its peak at nominal speed per relative error of a function."""
+    def _weights(self, nominal_speed: float) -> FloatArray:
+        """(rows, functions): error over peak of each output, at several speeds, per relative error of a function."""
         theta = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
-        acceleration = 0.1 * speed**2
-        values = {name: np.empty_like(theta) for name in self.outputs}
-        self.exact.fill((theta, np.full_like(theta, speed), np.full_like(theta, acceleration)), values)
         functions = [np.empty_like(theta) for _ in self.functions]
         BlockProgram(self.functions, ["theta"])([theta], functions)
         sizes = np.array([np.abs(f).max() for f in functions])
-        state = {"theta": 0.0, "omega": speed, "alpha": acceleration, "phase": 1.0}
-        state.update({f"f{i}": 0.0 for i in range(len(self.functions))})
+        zeros = {f"f{i}": 0.0 for i in range(len(self.functions))}
         rows = []
-        for name, expression in self.combined.items():
-            peak = float(np.abs(values[name]).max())
-            rows.append(np.abs(_slopes(expression, len(self.functions), state)) * sizes / (peak or 1.0))
+        for speed in (share * nominal_speed for share in _SPEED_SHARES):
+            acceleration = 0.1 * speed**2
+            values = {name: np.empty_like(theta) for name in self.outputs}
+            self.exact.fill((theta, np.full_like(theta, speed), np.full_like(theta, acceleration)), values)
+            state = {"theta": 0.0, "omega": speed, "alpha": acceleration, "phase": 1.0, **zeros}
+            for name, expression in self.combined.items():
+                peak = float(np.abs(values[name]).max())
+                rows.append(np.abs(_slopes(expression, len(self.functions), state)) * sizes / (peak or 1.0))
         return np.array(rows)
 
     @property
