@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import errno
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -237,6 +239,20 @@ def test_a_fault_of_ours_is_one_line_too(
     error = capsys.readouterr().err
     assert "a fault of textile-twin" in error
     assert error.count("\n") == 1
+
+
+def test_trouble_with_the_disk_is_not_ours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pyarrow.csv
+
+    def no_room(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(pyarrow.csv, "write_csv", no_room)
+    assert main(["simulate", "tufting", *_TURN, "--out", str(tmp_path / "f.csv")]) == 2
+    assert "no space left on device" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_machines_tells_outputs_and_parameters(capsys: pytest.CaptureFixture[str]) -> None:
