@@ -66,7 +66,8 @@ def start_twin(suite: Suite, *parameters: str, **words: Any) -> Any:
 
 
 def test_silence_is_told(suite: Suite) -> None:
-    twin = suite.start("twin_node", "no_data_timeout_s:=0.5")
+    # In recorded time, too, which does not go on when nothing is played.
+    twin = suite.start("twin_node", "no_data_timeout_s:=0.5", "use_sim_time:=true")
     bench = Bench(suite, namespace="/elsewhere")
     twin.wait_for_words("no data on /main_shaft/angle")
     suite.spin_until(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from tests.ros.suite import RELIABLE, SECOND_NS, Suite, shaft_angles, write_bag
+from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, shaft_angles, write_bag
 from tests.ros.test_live_topics import joint_state, stamp_of
 from textile_twin_core.files import open_bag
 
@@ -31,6 +32,23 @@ def test_a_kill_loses_a_second_at_most(suite: Suite) -> None:
     bag = open_bag(recording)
     assert bag.truncated
     np.testing.assert_array_equal(bag.read_angles().stamps, shaft_angles(2000)[0])
+
+
+def test_a_full_disk_is_one_line(suite: Suite) -> None:
+    command = [str(Path(sys.executable).parent / "record_node"), "--ros-args", "-p", f"bag:={suite.folder / 'full'}"]
+    log = suite.folder / "full.log"
+    # The shell's limit on the size of files, in blocks of 1024 bytes, stands for a disk without room.
+    limited = ["bash", "-c", 'ulimit -f 64; exec "$@"', "-", *command, "-p", "topics:=[main_shaft/angle]"]
+    recorder = Program(limited, log, suite.environment)
+    suite.processes.append(recorder)
+    publisher = suite.node().create_publisher(JointState, "main_shaft/angle", RELIABLE)
+    suite.spin_until(publisher.get_subscription_count, "recorder")
+    for stamp, angle in zip(*shaft_angles(3000), strict=True):
+        publisher.publish(joint_state(stamp, angle))
+    suite.spin_until(lambda: recorder.process.poll() is not None, "end of the recorder")
+    assert recorder.wait() == 2
+    assert recorder.words().splitlines()[-1].startswith(f"record_node: {suite.folder / 'full'}: File too large")
+    assert "Traceback" not in recorder.words()
 
 
 def _recorded(recording: Path) -> int:

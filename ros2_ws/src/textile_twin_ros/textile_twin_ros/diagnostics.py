@@ -11,6 +11,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from textile_twin_ros.spinning import call_every
+
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 _REPEAT_S = 10.0
 
@@ -37,7 +39,7 @@ class DiagnosticsPublisher:
     def __init__(self, node: Node, hardware: Callable[[], str], collect: Callable[[], list[Status]]) -> None:
         self._node, self._hardware, self._collect = node, hardware, collect
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
-        self._timer = node.create_timer(1.0, self.publish)
+        call_every(node, 1.0, self.publish)
 
     def publish(self) -> None:
         """Publish the statuses of this moment."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,13 +15,13 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from textile_twin_core.errors import RecordingError, SceneError
+from textile_twin_core.errors import RecordingError, SceneError, TwinError
 from textile_twin_core.files import BagWriter
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, describe_publishers, offered_qos, recording_qos
 from textile_twin_ros.messages import message_class
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.spinning import EXECUTORS, run
+from textile_twin_ros.spinning import EXECUTORS, call_every, run
 
 # What nodes tell each other, not what a machine does.
 _OWN_BUSINESS = ("/rosout", "/parameter_events")
@@ -74,6 +75,7 @@ class RecordNode(Node):
         self._inlets: dict[str, Subscription] = {}
         self._refused: set[str] = set()
         self._writer: BagWriter | None = None
+        self._open_files = ExitStack()
         self._runs = 0
         self.counts: Counter[str] = Counter()
         self._last = time.monotonic()
@@ -84,8 +86,8 @@ class RecordNode(Node):
             self._open()
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
-        self.create_timer(_LOOK_S, self._discover)
-        self.create_timer(_HOUSEKEEPING_S, self._keep_house)
+        call_every(self, _LOOK_S, self._discover)
+        call_every(self, _HOUSEKEEPING_S, self._keep_house)
         self._diagnostics = DiagnosticsPublisher(self, lambda: "", self._statuses)
         self._discover()
 
@@ -93,10 +95,10 @@ class RecordNode(Node):
         """Complete the recording and say what is in it."""
         if self._writer is None:
             return
-        writer, self._writer = self._writer, None
+        path, self._writer = self._writer.path, None
+        self._open_files.close()
         counts = ", ".join(f"{topic} {count}" for topic, count in sorted(self.counts.items()) if count)
-        writer.close()
-        print(f"recorded {self.counts.total()} messages in {writer.path}: {counts or 'nothing came'}", flush=True)
+        print(f"recorded {self.counts.total()} messages in {path}: {counts or 'nothing came'}", flush=True)
 
     def _parse_type(self, text: str) -> tuple[str, str]:
         topic, _, msgtype = text.partition("=")
@@ -115,7 +117,7 @@ class RecordNode(Node):
         if self._runs:
             path = path.with_name(f"{path.name}_{self._runs + 1}")
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._writer = BagWriter(path, live=True, overwrite=self.settings.overwrite)
+        self._writer = self._open_files.enter_context(BagWriter(path, live=True, overwrite=self.settings.overwrite))
         self._runs += 1
         self.counts.clear()
         self._anything = False
@@ -157,7 +159,11 @@ class RecordNode(Node):
     def _take(self, topic: str, raw: bytes) -> None:
         if self._writer is None:
             return
-        self._writer.write(topic, time.time_ns(), raw)
+        try:
+            self._writer.write(topic, time.time_ns(), raw)
+        except OSError as error:
+            self._give_up(self._writer.path, error)
+            return
         self.counts[topic] += 1
         if topic not in _NEVER_SILENT:
             self._last = time.monotonic()
@@ -166,7 +172,11 @@ class RecordNode(Node):
     def _keep_house(self) -> None:
         if self._writer is None:
             return
-        self._writer.flush()
+        try:
+            self._writer.flush()
+        except OSError as error:
+            self._give_up(self._writer.path, error)
+            return
         now = time.monotonic()
         idle = self.settings.stop_when_idle_s
         quiet_s = now - self._last
@@ -180,6 +190,15 @@ class RecordNode(Node):
         if silent and not self._told_silent:
             self.get_logger().warning(self._silence())
         self._told_silent = silent
+
+    def _give_up(self, path: Path, error: OSError) -> None:
+        """The disk takes no more: what is on it stays, the node ends."""
+        self._writer = None
+        with suppress(TwinError, OSError):
+            self._open_files.close()
+        reason = f"{path}: {error.strerror or error}: the recording ends after {self.counts.total()} messages"
+        if not self.finished.done():
+            self.finished.set_exception(RecordingError(f"{reason}; make room, and keep it with textile-twin recover"))
 
     def _silence(self) -> str:
         if not self._wanted:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Protocol, cast
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
@@ -32,6 +33,11 @@ class SuiteNode(Protocol):
         """Destroy the rclpy node."""
 
 
+def call_every(node: Node, period_s: float, callback: Callable[[], None]) -> None:
+    """Call a function every so often in real time, also where the node's time is that of a recording."""
+    node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
 def create_executor(name: str) -> Executor:
     """An executor: `events` costs a third of `single` per message and is the default wherever it serves."""
     if name == "events":
@@ -49,24 +55,23 @@ def run(command: str, create: Callable[[], SuiteNode], arguments: list[str] | No
     try:
         rclpy.init(args=arguments)
     except Exception as error:  # rclpy's argument errors have no common base
-        print(f"{command}: {_one_line(error)}", file=sys.stderr)
-        return 2
-    node: SuiteNode | None = None
+        return _tell(command, error)
+    nodes: list[SuiteNode] = []
+    code = 0
     try:
-        node = create()
-        return _spin(node)
+        nodes.append(create())
+        code = _spin(nodes[0])
     except TwinError as error:
-        print(f"{command}: {_one_line(error)}", file=sys.stderr)
-        return 2
+        code = _tell(command, error)
     except (KeyboardInterrupt, ExternalShutdownException):
-        return 0
+        pass
     except Exception:
         # A signal may take the context away in the middle of any call: that is an end like any other.
         if rclpy.ok():
             raise
-        return 0
     finally:
-        _end(node)
+        code = max(code, _end(command, nodes))
+    return code
 
 
 def finish_with(finished: Future, work: Callable[[], int]) -> None:
@@ -86,17 +91,23 @@ def _spin(node: SuiteNode) -> int:
     return int(node.finished.result()) if node.finished.done() else 0
 
 
-def _end(node: SuiteNode | None) -> None:
+def _end(command: str, nodes: list[SuiteNode]) -> int:
+    """Close and destroy the nodes; the exit code that follows from it."""
     # An impatient second Ctrl-C must not cut off the writing of a file.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     try:
-        if node is not None:
+        for node in nodes:
             node.close()
             node.destroy_node()
+    except TwinError as error:
+        return _tell(command, error)
     finally:
         rclpy.try_shutdown()
+    return 0
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+def _tell(command: str, error: Exception) -> int:
+    """One line for the person who made the mistake; its exit code."""
+    print(f"{command}: {' '.join(str(error).split())}", file=sys.stderr)
+    return 2

@@ -16,7 +16,7 @@ from textile_twin_ros.endpoints import depth_for, latched_qos
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Sample, SampleInput
-from textile_twin_ros.spinning import EXECUTORS, run
+from textile_twin_ros.spinning import EXECUTORS, call_every, run
 from textile_twin_ros.twin_stream import TwinStream
 
 _LOOK_S = 0.05
@@ -75,7 +75,7 @@ class TwinNode(LifecycleNode):
         self._diagnostics = DiagnosticsPublisher(self, lambda: self.settings.machine, self._statuses)
         if self._starting and self.trigger_configure() is not _SUCCESS and self._error is not None:
             raise self._error
-        self._look_timer = self.create_timer(_LOOK_S, self._look)
+        call_every(self, _LOOK_S, self._look)
 
     def close(self) -> None:
         """Nothing is left open: what was published is with the middleware."""

@@ -16,7 +16,7 @@ from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import SECOND_NS
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Kind, Sample, SampleInput
-from textile_twin_ros.spinning import EXECUTORS, run
+from textile_twin_ros.spinning import EXECUTORS, call_every, run
 
 _HAND_OVER_S = 0.05
 
@@ -67,7 +67,7 @@ class ViewNode(Node):
             self._listen("balancing_torque/residual", wrench),
             self._listen("joint_states", joints),
         ]
-        self.create_timer(_HAND_OVER_S, self._hand_over)
+        call_every(self, _HAND_OVER_S, self._hand_over)
         self._diagnostics = DiagnosticsPublisher(self, lambda: settings.machine, self._statuses)
         shown = [f"rerun {self._view.url}"] if self._view.url else []
         self.get_logger().info(f"look at it with: {' or '.join(shown + ([settings.file] if settings.file else []))}")
