@@ -2,10 +2,11 @@
 
 With phi from the ground line to the crank, c = cos(phi/2), s = sin(phi/2), a = 4 g l1:
 P = P0 + a c^2 and Q = Q0 + a s^2 are Heron's factors (2 l2 l3 sin mu = sqrt(P Q) = R), D^2 = Q + (l2 - l3)^2
-is the distance of the outer joints squared. The line of the outer joints turns at 1/2 - (g^2 - l1^2) / (2 D^2)
+is the distance of the outer joints squared. The line of the outer joints turns at l1 (2 g s^2 - (g - l1)) / D^2
 per unit of the crank, and coupler and rocker turn against it at tau (E -+ 1) with E = (l2^2 - l3^2) / D^2,
 tau = g l1 sin(phi) / R. Since tau' = g l1 (Q0 c^2 P - P0 s^2 Q) / R^3, neither speed nor acceleration loses
-digits near a change point, where P0 or Q0 is small and the textbook forms divide rounding by rounding.
+digits near a change point, where P0 or Q0 is small and the textbook forms divide rounding by rounding; and since the
+constants of all sums are rounded once, none are lost with rods much longer than the crank.
 
 Where P0 = Q0 = 0 (parallelogram, kite) all links come into one line twice a turn. The smooth continuation through
 these change points has R = +-a c s, which changes its sign there instead of touching zero, and so tau = +-1/2.
@@ -15,13 +16,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, sqrt, square
 from textile_twin_core.mechanism.motion import Circle, Rotation
-from textile_twin_core.mechanism.vector import Vector
+from textile_twin_core.mechanism.vector import Vector, exact_length
 
 _SAME = 1e-14
+_CLOSE = 0.1
 
 
 @dataclass(frozen=True)
@@ -117,36 +120,73 @@ class FourBar:
         return gc * half.x + gs * half.y, gc * half.y - gs * half.x
 
     @property
+    def _lengths(self) -> tuple[Fraction, Fraction, Fraction, Fraction]:
+        """Ground, crank, coupler and rocker, exactly [m]: their differences vanish near change points."""
+        (cx, cy), (gx, gy) = self.circle.centre, self.ground
+        g = exact_length(Fraction(gx) - Fraction(cx), Fraction(gy) - Fraction(cy))
+        return g, Fraction(self.circle.radius), Fraction(self.coupler), Fraction(self.rocker)
+
+    @property
+    def rise(self) -> float:
+        """g - l1 [m]."""
+        g, l1, _, _ = self._lengths
+        return float(g - l1)
+
+    @property
+    def shares(self) -> tuple[Expr, Expr]:
+        """1 - E and 1 + E: (D^2 -+ (l2^2 - l3^2)) / D^2."""
+        g, l1, l2, l3 = self._lengths
+        swing, inverse = self._swing, self._swing / self.distance_squared
+        less, more = (float((g - l1) ** 2 + sign * (l2**2 - l3**2)) for sign in (-1, 1))
+        squared = square(self.half_angle[1])
+        return (squared + less / swing) * inverse, (squared + more / swing) * inverse
+
+    @property
+    def _swing(self) -> float:
+        """a [m^2]."""
+        return 4.0 * self.ground_length * self.circle.radius
+
+    @property
+    def apart(self) -> Vector:
+        """From the crank's end to the fixed joint [m], without cancellation where the two nearly meet."""
+        g, l1, _, _ = self._lengths
+        x, y = self._ground_direction
+        angle = math.atan2(y, x) / 2.0
+        (c, s), middle = self.half_angle, self.circle.half.rotated(math.cos(angle), math.sin(angle))
+        along, across = self.rise * c, float(g + l1) * s
+        return Vector(along * middle.x + across * middle.y, along * middle.y - across * middle.x)
+
+    @property
+    def ends_nearly_meet(self) -> bool:
+        """Whether the crank's end comes close to the fixed joint."""
+        return abs(self.rise) < _CLOSE * self.ground_length
+
+    @property
     def heron_constants(self) -> tuple[float, float]:
-        """P0 and Q0 [m^2]; their small factors are summed without rounding."""
+        """P0 and Q0 [m^2], rounded once: their factors vanish near change points."""
         if self.passing:
             return 0.0, 0.0
-        g, l1, l2, l3 = self.ground_length, self.circle.radius, self.coupler, self.rocker
-        stretched = math.fsum((l2, l3, -l1, -g)) * math.fsum((l2, l3, l1, g))
-        folded = math.fsum((g, l3, -l1, -l2)) * math.fsum((g, l2, -l1, -l3))
-        return stretched, folded
+        g, l1, l2, l3 = self._lengths
+        return float((l2 + l3 - l1 - g) * (l2 + l3 + l1 + g)), float((g + l3 - l1 - l2) * (g + l2 - l1 - l3))
 
     @property
     def heron_factors(self) -> tuple[Expr, Expr]:
         """P and Q [m^2]."""
         (c, s), (p0, q0) = self.half_angle, self.heron_constants
-        swing = 4.0 * self.ground_length * self.circle.radius
+        swing = self._swing
         return swing * (c * c + p0 / swing), swing * (s * s + q0 / swing)
 
     @property
     def distance_squared(self) -> Expr:
         """D^2 [m^2]."""
-        swing = 4.0 * self.ground_length * self.circle.radius
-        return swing * (
-            square(self.half_angle[1]) + (self.heron_constants[1] + (self.coupler - self.rocker) ** 2) / swing
-        )
+        return self._swing * (square(self.half_angle[1]) + self.rise**2 / self._swing)
 
     @property
     def root(self) -> Expr:
         """R [m^2]; its sign is the branch."""
         if self.passing:
             c, s = self.half_angle
-            return (self.side * 4.0 * self.ground_length * self.circle.radius) * (c * s)
+            return (self.side * self._swing) * (c * s)
         stretched, folded = self.heron_factors
         return self.side * sqrt(stretched * folded)
 
@@ -163,17 +203,14 @@ class FourBar:
 
     def rates(self) -> Rates:
         """Derivatives of the angles of coupler and rocker with respect to the crank's."""
-        g, l1, l2, l3 = self.ground_length, self.circle.radius, self.coupler, self.rocker
-        c, s = self.half_angle
-        inverse_distance = 1.0 / self.distance_squared
-        shape = ((l2 - l3) * (l2 + l3)) * inverse_distance
-        line = (0.5 * (g - l1) * (g + l1)) * inverse_distance
-
+        l1, l2, l3, g, rise = self.circle.radius, self.coupler, self.rocker, self.ground_length, self.rise
+        (c, s), (less, more), swing = self.half_angle, self.shares, self._swing
+        inverse = swing / self.distance_squared
+        line = 0.5 * ((s * s - 2.0 * l1 * rise / swing) * inverse)
         tau, tau_slope = self._relative_rate()
-        common = 0.5 - line + tau * shape
-        growth = (4.0 * g * l1) * (c * s * inverse_distance)  # (D^2)' / D^2
-        common_slope = line * growth + shape * (tau_slope - tau * growth)
-        return Rates((common - tau, common + tau), (common_slope - tau_slope, common_slope + tau_slope))
+        growth = c * s * inverse  # (D^2)' / D^2
+        bend = growth * (inverse * (0.5 * rise * (g + l1) / swing - ((l2 - l3) * (l2 + l3) / swing) * tau))
+        return Rates((line - tau * less, line + tau * more), (bend - tau_slope * less, bend + tau_slope * more))
 
 
 def _same(a: float, b: float) -> bool:

@@ -85,7 +85,7 @@ class RRPDyad:
     def _slider_crank(self, start: PointMotion) -> SliderCrank | None:
         if start.circle is None:
             return None
-        return SliderCrank(start.circle, self.lengths_m[0], self.guide_point_m, self.axis, self._sense)
+        return SliderCrank(start.circle, self.lengths_m[0], self.guide_point_m, self.guide_direction, self._sense)
 
     def solve(self, motion: Motion) -> None:
         """Add rod, slider, their joint and the slider's tip."""

@@ -81,15 +81,17 @@ class RRRDyad:
 
     def _directions(self, a: PointMotion, c: PointMotion) -> tuple[Vector, Vector]:
         """Unit vectors along coupler and rocker, by the triangle over the line of the outer joints."""
-        l2, l3 = self.lengths_m
-        d = c.position - a.position
-        root = self.root(a, c)
-        half_inverse = 0.5 / self.distance_squared(a, c)
-        along = half_inverse * root
-        share = half_inverse * ((l2 - l3) * (l2 + l3))
-        normal = d.turned_left()
-        u2 = ((share + 0.5) * (1.0 / l2)) * d + (along * (1.0 / l2)) * normal
-        u3 = ((share - 0.5) * (1.0 / l3)) * d + (along * (1.0 / l3)) * normal
+        (l2, l3), four_bar, squared = self.lengths_m, self._four_bar(a, c), self.distance_squared(a, c)
+        if four_bar is None:
+            share = ((l2 - l3) * (l2 + l3)) / squared
+            less, more = 1.0 - share, 1.0 + share
+        else:
+            less, more = four_bar.shares
+        close = four_bar is not None and four_bar.ends_nearly_meet
+        d = four_bar.apart if four_bar is not None and close else c.position - a.position
+        along, normal = self.root(a, c) / squared, d.turned_left()
+        u2 = ((0.5 / l2) * more) * d + ((0.5 / l2) * along) * normal
+        u3 = ((0.5 / l3) * along) * normal - ((0.5 / l3) * less) * d
         return u2, u3
 
     def _four_bar(self, a: PointMotion, c: PointMotion) -> FourBar | None:

@@ -10,26 +10,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 from textile_twin_core.expression import Expr, sqrt
 from textile_twin_core.mechanism.motion import Circle
+from textile_twin_core.mechanism.vector import exact_length
 
 
 @dataclass(frozen=True)
 class SliderCrank:
-    """A crank on a circle, a rod's length and a guide (point, unit direction); `sense` +1 forward, -1 backward."""
+    """A crank on a circle, a rod's length and a guide (point, direction); `sense` +1 forward, -1 backward."""
 
     circle: Circle
     rod: float
     guide_point: tuple[float, float]
     axis: tuple[float, float]
     sense: float
-
-    @property
-    def centre_offset(self) -> float:
-        """Distance of the crank's centre from the guide, to the left of its direction [m]."""
-        x, y = self.circle.centre[0] - self.guide_point[0], self.circle.centre[1] - self.guide_point[1]
-        return self.axis[0] * y - self.axis[1] * x
 
     @property
     def half_angle_sums(self) -> tuple[Expr, Expr]:
@@ -44,9 +40,12 @@ class SliderCrank:
 
     @property
     def margins(self) -> tuple[float, float]:
-        """L0 and M0 [m], summed without rounding."""
-        offset, r = self.centre_offset, self.circle.radius
-        return math.fsum((self.rod, -offset, -r)), math.fsum((self.rod, offset, -r))
+        """L0 and M0 [m], rounded once; the centre's offset is its distance from the guide, to the left of it."""
+        ax, ay = (Fraction(v) for v in self.axis)
+        (cx, cy), (gx, gy) = self.circle.centre, self.guide_point
+        x, y = Fraction(cx) - Fraction(gx), Fraction(cy) - Fraction(gy)
+        offset, reach = (ax * y - ay * x) / exact_length(ax, ay), Fraction(self.rod) - Fraction(self.circle.radius)
+        return float(reach - offset), float(reach + offset)
 
     @property
     def factors(self) -> tuple[Expr, Expr]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 from textile_twin_core.expression import Expr, const
 from textile_twin_core.expression.graph import Number, as_expr
@@ -64,3 +65,9 @@ def unit_direction(angle_rad: float) -> tuple[float, float]:
     if abs(quarters) < 1e6 and abs(quarters - round(quarters)) < 1e-15 * max(1.0, abs(quarters)):
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarters) % 4]
     return math.cos(angle_rad), math.sin(angle_rad)
+
+
+def exact_length(x: Fraction, y: Fraction) -> Fraction:
+    """The length of a vector to 60 digits, for differences of lengths that nearly cancel."""
+    squared, scale = x * x + y * y, 1 << 240
+    return Fraction(math.isqrt(squared.numerator * scale * scale // squared.denominator), scale)
