@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.shaft.turns import TURN
+from textile_twin_core.shaft.turns import TURN, split_turns
 
 LOOK_AT = (12, 48, 192, 768)
 UNKNOWN_STEP_RAD = 0.012
@@ -27,9 +27,11 @@ class EncoderNoise:
     Args:
         resolution_rad: encoder step; None: find it.
         jitter_s: standard deviation of the stamps; None: learn it, from 20 us.
+        period_rad: after which the encoder's counts come again.
     """
 
-    def __init__(self, resolution_rad: float | None, jitter_s: float | None) -> None:
+    def __init__(self, resolution_rad: float | None, jitter_s: float | None, period_rad: float = TURN) -> None:
+        self._period = period_rad
         self._find = resolution_rad is None
         self._learn = jitter_s is None
         self.known = resolution_rad is not None
@@ -46,7 +48,7 @@ class EncoderNoise:
         self._looked.append(raw)
         if len(self._looked) in LOOK_AT:
             readings = np.array(self._looked)
-            step = encoder_step(readings)
+            step = encoder_step(readings, self._period)
             if step is not None:
                 self.known = True
                 self.step = step
@@ -93,15 +95,23 @@ def _density(x: float) -> float:
     return math.exp(-0.5 * x * x) / math.sqrt(2.0 * math.pi)
 
 
-def encoder_step(angles: FloatArray) -> float | None:
+def encoder_step(angles: FloatArray, period_rad: float = TURN) -> float | None:
     """The step that all angles are multiples of, but for a common offset; 0 when there is none, None when too few differ.
 
     Args:
         angles: (n,) readings [rad] in time order, wrapped or not.
+        period_rad: after which the encoder's counts come again.
     """
-    values = np.unique(angles)
-    grain = 16.0 * np.finfo(np.float64).eps * max(float(np.abs(values).max()), 1.0)
-    gaps = np.diff(values)
+    step = _common_step(angles, angles)
+    if step:
+        return step
+    within = split_turns(angles)[1] if period_rad == TURN else np.mod(angles, period_rad)
+    return _common_step(angles, within) or step
+
+
+def _common_step(angles: FloatArray, values: FloatArray) -> float | None:
+    grain = 16.0 * np.finfo(np.float64).eps * max(float(np.abs(angles).max()), 1.0)
+    gaps = np.diff(np.unique(values))
     gaps = gaps[gaps > max(10.0 * grain, FINEST_STEP_RAD)]
     if gaps.size < ENOUGH_GAPS:
         return None

@@ -87,7 +87,7 @@ class SmoothEstimator:
         step = np.concatenate([block.step_s for block in blocks])
         raw = np.concatenate([block.angles for block in blocks])
         step[0] = 0.0
-        encoder = self._step if self._step is not None else (encoder_step(raw[:4096]) or 0.0)
+        encoder = self._step if self._step is not None else (encoder_step(raw[:4096], self._period) or 0.0)
         rows, covariance = np.zeros((count, 5)), np.zeros((count, 3, 3))
         for part in stretches(step, raw, self._wrapping, self._period, self._gap, self._report):
             own = slice(part.start, part.start + part.time.size)

@@ -87,7 +87,7 @@ class ShaftTracker:
 
     def __init__(self, settings: TrackerSettings, report: SampleReport, lag_s: float = 0.0) -> None:
         self._settings, self._report = settings, report
-        self._noise = EncoderNoise(settings.step_rad, settings.stamp_jitter_s)
+        self._noise = EncoderNoise(settings.step_rad, settings.stamp_jitter_s, settings.period_rad)
         self._unwrap = Unwrapper(settings.wrapping, settings.period_rad)
         self._watch = Watch(report)
         self._orders = list(range(1, settings.harmonics + 1))
