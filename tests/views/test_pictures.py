@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes.util
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +78,28 @@ def test_a_viewer_that_joins_late_sees_the_live_view(run: Run, tmp_path: Path) -
     assert columns_of(part(image, TORQUE), palette.MEASURED) > 200
     assert columns_of(part(image, TORQUE), palette.PREDICTED) > 800
     assert columns_of(part(image, OVER_ANGLE), palette.PREDICTED) > 150
+
+
+@needs_vulkan
+def test_no_viewer_is_left_behind(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STARTED_BY", str(tmp_path))
+    recording = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine)
+    screenshot(recording, tmp_path / "run.png", size=(640, 400))
+    assert Image.open(tmp_path / "run.png").size == (640, 400)
+    end = time.monotonic() + 20.0
+    while (left := started_by(tmp_path)) and time.monotonic() < end:
+        time.sleep(0.2)
+    assert left == []
+
+
+def started_by(mark: Path) -> list[bytes]:
+    """Commands of the living processes that inherited the mark."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if f"STARTED_BY={mark}".encode() in (process / "environ").read_bytes():
+                found.append((process / "cmdline").read_bytes())
+    return found
 
 
 def test_a_missing_recording_is_named(tmp_path: Path) -> None:

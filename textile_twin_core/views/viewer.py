@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from rerun.experimental import ViewerClient
@@ -83,7 +85,8 @@ def screenshots(
     with tempfile.TemporaryDirectory(prefix="viewer-") as home, tempfile.TemporaryFile() as log:
         # The viewer keeps its settings in its own home, so that the picture is of the layout that was recorded.
         place = {**os.environ, "HOME": home, "XDG_CONFIG_HOME": home, "XDG_CACHE_HOME": home, "XDG_DATA_HOME": home}
-        viewer = subprocess.Popen(command, env=place, stdout=log, stderr=log)
+        # In a group of its own: the program is a launcher, and the viewer its child.
+        viewer = subprocess.Popen(command, env=place, stdout=log, stderr=log, start_new_session=True)
         try:
             client = _connect(viewer, port)
             _load(client, address)
@@ -93,16 +96,20 @@ def screenshots(
             last = log.read().decode(errors="replace").strip().splitlines()[-1:]
             raise TwinError(f"{source}: {error}{f' ({last[0]})' if last else ''}") from error
         finally:
-            viewer.terminate()
-            try:
-                viewer.wait(timeout=10.0)
-            except subprocess.TimeoutExpired:
-                viewer.kill()
-                viewer.wait()
+            _end(viewer)
     targets = [Path(target) for _, target in pictures]
     for target, image in zip(targets, images, strict=True):
         target.write_bytes(image)
     return targets
+
+
+def _end(viewer: subprocess.Popen[bytes]) -> None:
+    """End the launcher and the viewer."""
+    for how in (signal.SIGTERM, signal.SIGKILL):
+        with suppress(ProcessLookupError):
+            os.killpg(viewer.pid, how)
+        with suppress(subprocess.TimeoutExpired):
+            viewer.wait(timeout=5.0)
 
 
 def _load(client: ViewerClient, address: str) -> None:
