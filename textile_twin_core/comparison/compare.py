@@ -12,12 +12,27 @@ from textile_twin_core.comparison.alignment import AlignmentError, Track, build_
 from textile_twin_core.comparison.by_angle import bin_by_angle, by_revolution
 from textile_twin_core.comparison.delay import SensorFit, fit_sensor
 from textile_twin_core.comparison.inputs import usable_measurements, usable_predictions
-from textile_twin_core.comparison.residual import TorqueSensorLike
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
 from textile_twin_core.comparison.statistics import error_statistics
 
 _LEAST_SAMPLES = 16
 _TURNING_SHARE = 0.1  # of the fast end of the recorded speeds
+
+
+class TorqueSensorLike(Protocol):
+    """A torque sensor: `measured(t) = gain * true(t - delay) + offset`."""
+
+    @property
+    def gain(self) -> float:
+        """Dimensionless gain."""
+
+    @property
+    def offset_Nm(self) -> float:
+        """Reading at zero torque [N m]."""
+
+    @property
+    def delay_s(self) -> float:
+        """Time by which the reading lags [s]."""
 
 
 class EventLike(Protocol):
