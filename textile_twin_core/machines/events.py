@@ -17,7 +17,9 @@ from textile_twin_core.expression.scalar import compile_scalar
 if TYPE_CHECKING:
     from textile_twin_core.machines.machine import Machine
 
-_SAMPLES = 2881
+_SAMPLES = 2880
+_START = 0.1234
+"""Where the search begins [rad]: no angle at which machines are set, so that no event lies on a sample."""
 
 
 @dataclass(frozen=True)
@@ -44,24 +46,25 @@ def machine_events(machine: Machine) -> tuple[Event, ...]:
 
 
 def crossings(level: Expr) -> tuple[list[float], list[float]]:
-    """Angles in [0, 2 pi) where an expression of theta crosses zero: rising, falling [rad]."""
-    theta = np.linspace(0.0, 2.0 * math.pi, _SAMPLES)
+    """Angles in [0, 2 pi) where a periodic expression of theta crosses zero: rising, falling [rad]."""
+    theta = _START + np.linspace(0.0, 2.0 * math.pi, _SAMPLES, endpoint=False)
     values = np.empty_like(theta)
     BlockProgram([level], ["theta"])([theta], [values])
     function = compile_scalar([level], ["theta"])
     rising: list[float] = []
     falling: list[float] = []
     positive = values >= 0.0
-    for i in np.flatnonzero(positive[1:] != positive[:-1]):
-        angle = _root(lambda t: function(t)[0], float(theta[i]), float(theta[i + 1])) % (2.0 * math.pi)
-        (rising if positive[i + 1] else falling).append(angle)
+    following = np.roll(positive, -1)  # the last interval ends where the first begins, one turn on
+    for i in np.flatnonzero(positive != following):
+        low = float(theta[i])
+        angle = _root(lambda t: function(t)[0], low, low + 2.0 * math.pi / _SAMPLES) % (2.0 * math.pi)
+        (rising if following[i] else falling).append(angle)
     return rising, falling
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    if function(low) == 0.0:
-        return low
-    if function(high) == 0.0:
-        return high
+    at_low, at_high = function(low), function(high)
+    if at_low * at_high >= 0.0:  # one end is the root, to rounding
+        return low if abs(at_low) <= abs(at_high) else high
     root: float = brentq(function, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps)
     return root

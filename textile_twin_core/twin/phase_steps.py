@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import pairwise
 
 from textile_twin_core.expression import Expr, at_least, const, sign, substitute, topological_order, variable
@@ -31,15 +32,24 @@ def as_phase_steps(intensity: Expr) -> Expr | None:
 
 
 def _split_signs(expression: Expr) -> Expr:
-    """sign(f(theta) g) as sign(f) sign(g)."""
+    """sign(f(theta) g) as sign(f) sign(g), and products with their factors of theta alone side by side."""
     parts: dict[Expr, Expr] = {}
     for node in topological_order([expression]):
         if node.op == "sign" and node.args[0].op in ("mul", "neg"):
-            product = const(1.0)
-            for factor in _factors(node.args[0]):
-                product *= sign(factor)
-            parts[node] = product
-    return substitute([expression], parts)[0]
+            parts[node] = _product(sign(factor) for factor in _factors(node.args[0]))
+    (split,) = substitute([expression], parts)
+    if split.op not in ("mul", "neg"):
+        return split
+    factors = _factors(split)
+    of_theta = _product(f for f in factors if depends_on(f) == _ONLY_THETA)
+    return of_theta * _product(f for f in factors if depends_on(f) != _ONLY_THETA)
+
+
+def _product(factors: Iterable[Expr]) -> Expr:
+    result = const(1.0)
+    for factor in factors:
+        result *= factor
+    return result
 
 
 def _factors(product: Expr) -> list[Expr]:

@@ -1,0 +1,116 @@
+"""The expression graph and its back ends against each other, mpmath and numerical differences."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from textile_twin_core.expression import (
+    Expr,
+    absolute,
+    at_least,
+    atan2,
+    const,
+    cos,
+    derivative,
+    interpret,
+    select,
+    sign,
+    sin,
+    sqrt,
+    substitute,
+    variable,
+)
+from textile_twin_core.expression.angle_grid import AngleGrid
+from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.scalar import compile_scalar
+from textile_twin_core.expression.sincos import sincos
+
+X, Y = variable("x"), variable("y")
+
+
+def expressions() -> st.SearchStrategy[Expr]:
+    leaves = st.one_of(st.just(X), st.just(Y), st.floats(-3.0, 3.0).map(const))
+    return st.recursive(
+        leaves,
+        lambda inner: st.one_of(
+            st.tuples(inner, inner).map(lambda p: p[0] + p[1]),
+            st.tuples(inner, inner).map(lambda p: p[0] - p[1]),
+            st.tuples(inner, inner).map(lambda p: p[0] * p[1]),
+            st.tuples(inner, inner).map(lambda p: p[0] / (2.0 + p[1] * p[1])),
+            inner.map(sin),
+            inner.map(cos),
+            inner.map(lambda e: sqrt(1.0 + e * e)),
+            inner.map(absolute),
+            st.tuples(inner, inner).map(lambda p: select(at_least(p[0], 0.5), p[1], p[0])),
+            st.tuples(inner, inner).map(lambda p: sign(p[0]) * p[1]),
+        ),
+        max_leaves=25,
+    )
+
+
+@settings(max_examples=150, deadline=None)
+@given(expressions(), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+def test_all_back_ends_agree(expression: Expr, x: float, y: float) -> None:
+    (plain,) = interpret([expression], {"x": x, "y": y}, math)
+    (scalar,) = compile_scalar([expression], ["x", "y"])(x, y)
+    out = np.empty(3)
+    BlockProgram([expression], ["x", "y"])([np.full(3, x), np.full(3, y)], [out])
+    scale = 1e-12 * max(1.0, abs(plain))
+    assert scalar == pytest.approx(plain, abs=scale)
+    assert out[1] == pytest.approx(plain, abs=scale) or abs(plain) > 1e8
+
+
+def test_equal_expressions_are_one_node() -> None:
+    assert (X + Y) * 2.0 is 2.0 * (Y + X)
+    assert X - X is const(0.0)
+    assert X + X is 2.0 * X
+    assert 3.0 - (1.0 - X) is X + 2.0
+
+
+def test_derivative_against_complex_step() -> None:
+    e = sin(X * Y) * sqrt(1.0 + X * X) / (2.0 + cos(Y)) + X * X * Y - 4.0 / (X + 5.0)
+    (slope,) = derivative([e], X)
+    step = 1e-30
+    (stepped,) = interpret([e], {"x": 0.7 + 1j * step, "y": 1.3}, cmath)
+    (found,) = interpret([slope], {"x": 0.7, "y": 1.3}, math)
+    assert found == pytest.approx(stepped.imag / step, rel=1e-14)
+
+
+def test_substitution_folds_what_becomes_constant() -> None:
+    (e,) = substitute([X * Y + sin(Y)], {Y: const(0.0)})
+    assert e is const(0.0)
+
+
+def test_angles_of_directions() -> None:
+    assert compile_scalar([atan2(X, Y)], ["x", "y"])(1.0, -1.0)[0] == math.atan2(1.0, -1.0)
+
+
+@pytest.mark.parametrize("size", [1e-8, 1.0, 1e4, 1e9])
+def test_sine_and_cosine_to_the_last_place(size: float) -> None:
+    x = np.random.default_rng(2).uniform(-size, size, 500)
+    s, c = np.empty_like(x), np.empty_like(x)
+    sincos(x, s, c, [np.empty_like(x) for _ in range(4)])
+    with mp.workdps(40):
+        for i, angle in enumerate(x):
+            assert abs(mp.mpf(float(s[i])) - mp.sin(mp.mpf(float(angle)))) < 2.3e-16
+            assert abs(mp.mpf(float(c[i])) - mp.cos(mp.mpf(float(angle)))) < 2.3e-16
+
+
+@pytest.mark.parametrize("nodes", [32, 1024, 2048])
+def test_reduction_keeps_the_rest_of_a_billion_radians(nodes: int) -> None:
+    grid = AngleGrid(nodes)
+    theta = np.random.default_rng(4).uniform(-1e9, 1e9, 300)
+    index, rest = np.empty(300, dtype=np.int64), np.empty(300)
+    grid.reduce(theta, index, rest, np.empty(300), np.empty(300))
+    with mp.workdps(50):
+        step = 2 * mp.pi / nodes
+        for t, k, r in zip(theta, index, rest, strict=True):
+            turns = (mp.mpf(float(t)) - mp.mpf(float(r)) - int(k) * step) / (2 * mp.pi)
+            assert abs(turns - mp.nint(turns)) * 2 * mp.pi < 1e-15
