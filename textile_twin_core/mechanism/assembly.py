@@ -118,4 +118,4 @@ def _opens_at(value: Expr, range_rad: tuple[float, float]) -> str:
     low, high = float(thetas[opening[0]]), float(thetas[opening[0] + 1])
     function = compile_scalar([value], ["theta"])
     angle = brentq(lambda t: function(t)[0], low, high)
-    return f": it opens at a shaft angle of {math.degrees(angle):.4f} deg, where"
+    return f": it opens at a shaft angle of {math.degrees(angle):.4f} deg where"
