@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import mpmath as mp
@@ -13,7 +14,7 @@ import numpy as np
 from tests.generators.planar_truth import four_bar, slider_crank
 from textile_twin_core.expression import Expr
 from textile_twin_core.expression.blocks import BlockProgram
-from textile_twin_core.expression.scalar import compile_scalar
+from textile_twin_core.expression.scalar import ScalarFunction, compile_scalar
 from textile_twin_core.mechanism import Crank, Linkage, RRPDyad, RRRDyad
 
 DIGITS = 50
@@ -23,9 +24,15 @@ NUDGE = mp.mpf(2) ** -53
 
 def by_both_back_ends(expressions: Sequence[Expr], theta: float) -> list[tuple[float, ...]]:
     """Values at an angle: as plain floats, and from an array."""
+    scalar, program = _back_ends(tuple(expressions))
     blocks = [np.empty(9) for _ in expressions]
-    BlockProgram(list(expressions), ["theta"])([np.full(9, theta)], blocks)
-    return [compile_scalar(list(expressions), ["theta"])(theta), tuple(float(b[4]) for b in blocks)]
+    program([np.full(9, theta)], blocks)
+    return [scalar(theta), tuple(float(b[4]) for b in blocks)]
+
+
+@lru_cache(maxsize=64)
+def _back_ends(expressions: tuple[Expr, ...]) -> tuple[ScalarFunction, BlockProgram]:
+    return compile_scalar(list(expressions), ["theta"]), BlockProgram(list(expressions), ["theta"])
 
 
 @dataclass(frozen=True)
