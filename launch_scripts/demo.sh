@@ -5,11 +5,11 @@ set -euo pipefail
 if [[ "${1:-}" == -* || $# -gt 1 ]]; then
     cat >&2 <<'HELP'
 usage: launch_scripts/demo.sh [RATE]
-RATE: speed of playing, 1 is that of the machine, 4 when not given. The results go to out/demo.
+RATE: speed of playing, 1 is that of the machine, 2 when not given. The results go to out/demo.
 HELP
     exit 2
 fi
-rate="${1:-4}"
+rate="${1:-2}"
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
@@ -26,14 +26,20 @@ for node in record_node twin_node replay_node; do
 done
 "$venv/bin/python" launch_scripts/bring_up.py --logs out/demo/log --until record_node -- "${programs[@]}" -p "rate:=$rate"
 
+# The check and the comparison read the same recording, each on a processor of its own.
+"$venv/bin/textile-twin" compare out/demo/bag --machine tufting --predicted recorded --json out/demo/comparison.json \
+    --rrd out/demo/comparison.rrd --png out/demo/comparison.png > out/demo/comparison.txt &
+comparing=$!
+trap 'kill "$comparing" 2> /dev/null || true' EXIT
 "$venv/bin/python" launch_scripts/demo_check.py "$played" out/demo/bag
-"$venv/bin/textile-twin" compare out/demo/bag --machine tufting --predicted recorded \
-    --json out/demo/comparison.json --rrd out/demo/comparison.rrd --png out/demo/comparison.png
+wait "$comparing"
+echo
+cat out/demo/comparison.txt
 
 cat <<'FURTHER'
 
 Look further:
-  out/demo/comparison.png                            measured and predicted torque by shaft angle
-  .venv/bin/textile-twin view out/demo/comparison.rrd   the machine in motion beside its torque
-  .venv/bin/textile-twin compare out/demo/bag --machine tufting   the whole comparison
+  out/demo/comparison.png                                torque and residual, over time and over the shaft angle
+  .venv/bin/textile-twin view out/demo/comparison.rrd    the machine in motion beside its torque
+  .venv/bin/textile-twin compare --help                  what else can be compared: out/demo/bag is the recording
 FURTHER
