@@ -11,25 +11,23 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.machines.elliptic_gear_beatup import elliptic_gear_beatup
 from textile_twin_core.machines.events import Event
 from textile_twin_core.machines.handloom_beatup import handloom_beatup
-from textile_twin_core.machines.machine import (
-    Encoder,
-    Machine,
-    Scene,
-    Sensors,
-    ShaftPlace,
-    TorqueSensor,
-)
+from textile_twin_core.machines.machine import Machine, ShaftPlace
+from textile_twin_core.machines.needle_transfer import NeedleTransferMachine, needle_transfer
+from textile_twin_core.machines.sensors import Encoder, Scene, Sensors, TorqueSensor
 from textile_twin_core.machines.tufting import tufting
 
-_FACTORIES: Mapping[str, Callable[..., Machine]] = {
+AnyMachine = Machine | NeedleTransferMachine
+
+_FACTORIES: Mapping[str, Callable[..., AnyMachine]] = {
     "tufting": tufting,
     "handloom_beatup": handloom_beatup,
+    "needle_transfer": needle_transfer,
     "elliptic_gear_beatup": elliptic_gear_beatup,
 }
 NAMES: tuple[str, ...] = tuple(_FACTORIES)
 
 
-def create(name: str, **overrides: float) -> Machine:
+def create(name: str, **overrides: float | str) -> AnyMachine:
     """A published machine by name, with parameters overridden.
 
     Raises MachineError for an unknown machine or parameter, with the nearest names.
@@ -49,9 +47,11 @@ def create(name: str, **overrides: float) -> Machine:
 
 __all__ = [
     "NAMES",
+    "AnyMachine",
     "Encoder",
     "Event",
     "Machine",
+    "NeedleTransferMachine",
     "Scene",
     "Sensors",
     "ShaftPlace",
@@ -59,5 +59,6 @@ __all__ = [
     "create",
     "elliptic_gear_beatup",
     "handloom_beatup",
+    "needle_transfer",
     "tufting",
 ]

@@ -49,9 +49,7 @@ def machine_joints(machine: Machine) -> tuple[Joint, ...]:
                 joints.append(_pivot(motion, names, group.driven, group.driven_at))
             case RigidArm():
                 host = motion.links[group.on]
-                joints.append(
-                    Joint(f"{group.name}_mount", "fixed", host.name, group.name, (0.0, 0.0), group.angle_rad)
-                )
+                joints.append(Joint(f"{group.name}_mount", "fixed", host.name, group.name, (0.0, 0.0), group.angle_rad))
             case RRRDyad():
                 joints.append(_pivot(motion, names, group.coupler, group.from_point))
                 joints.append(_pivot(motion, names, group.rocker, group.ground))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -68,9 +67,9 @@ class Machine:
     loads: tuple[Load, ...] = ()
     measures: tuple[Measure, ...] = ()
     gravity_m_s2: tuple[float, float] = (0.0, -9.81)
-    sensors: Sensors = Sensors()
+    sensors: Sensors = field(default_factory=Sensors)
     linkages: tuple[ShaftPlace, ...] = (ShaftPlace(),)
-    scene: Scene = Scene()
+    scene: Scene = field(default_factory=Scene)
     joint_names: Mapping[str, str] = field(default_factory=dict)
     angle_near_rad: Mapping[str, float] = field(default_factory=dict)
     transmitted: Mapping[str, str] = field(default_factory=dict)

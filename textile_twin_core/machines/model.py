@@ -16,6 +16,7 @@ from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.expression import Expr, const, variable
 from textile_twin_core.machines.joints import Joint, joint_state
+from textile_twin_core.machines.sensitivity import TorqueSensitivity
 from textile_twin_core.mechanism import MAIN_SHAFT, Crank, Displacement, Group, Motion, RigidArm, RRPDyad
 from textile_twin_core.mechanism.angles import link_angle
 from textile_twin_core.mechanism.vector import Vector
@@ -29,9 +30,7 @@ Builder = Callable[[], Expr]
 class LinkageModel:
     """One linkage at its phase: motion, reduction, loads and reactions."""
 
-    def __init__(
-        self, machine: Machine, number: int, shaft: ShaftState, loads_as_variables: bool = False
-    ) -> None:
+    def __init__(self, machine: Machine, number: int, shaft: ShaftState, loads_as_variables: bool = False) -> None:
         self.machine, self.number, self.shaft = machine, number, shaft
         self._loads_as_variables = loads_as_variables
         phase_rad = machine.linkages[number].phase_rad
@@ -99,13 +98,10 @@ class MachineModel:
     With `loads_as_variables` the loads' intensities stay open, for those who evaluate them apart.
     """
 
-    def __init__(
-        self, machine: Machine, shaft: ShaftState | None = None, loads_as_variables: bool = False
-    ) -> None:
+    def __init__(self, machine: Machine, shaft: ShaftState | None = None, loads_as_variables: bool = False) -> None:
         self.machine, self.shaft = machine, shaft or ShaftState()
         self.linkages = [
-            LinkageModel(machine, number, self.shaft, loads_as_variables)
-            for number in range(len(machine.linkages))
+            LinkageModel(machine, number, self.shaft, loads_as_variables) for number in range(len(machine.linkages))
         ]
         self._builders: dict[str, Builder] = {}
         self._built: dict[str, Expr] = {}
@@ -124,6 +120,13 @@ class MachineModel:
     def first(self) -> LinkageModel:
         """The first linkage on the shaft."""
         return self.linkages[0]
+
+    @cached_property
+    def torque_sensitivity(self) -> TorqueSensitivity | None:
+        """How the torque follows the shaft's state; None for a machine without masses."""
+        if self.machine.missing_for_torque:
+            return None
+        return TorqueSensitivity(self.output("balancing_torque_Nm"))
 
     def output(self, name: str) -> Expr:
         """The expression of an output. Raises SceneError, with near names, for an unknown one."""

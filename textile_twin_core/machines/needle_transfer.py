@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 
@@ -29,10 +29,24 @@ from textile_twin_core.contact import (
 )
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machines.motion_laws import TURN, MotionLaw, from_function, from_table, rise_dwell_fall
+from textile_twin_core.machines.sensors import Scene, Sensors
 
 DESIGNS = ("original", "optimised")
 ELEMENTS = ("element_1", "element_2", "element_3")
 PIN, CONE, PAD, COLLETS = "pin", "cone", "rubber_pad", "collet_contact"
+
+MOTION = ("position_m", "velocity_m_s", "acceleration_m_s2")
+DRIVE = (
+    "drive_force_N",
+    "balancing_torque_Nm",
+    "torque_inertial_Nm",
+    "torque_gravity_Nm",
+    "torque_load_Nm",
+    "kinetic_energy_J",
+    "potential_energy_J",
+)
+"""What the drive must give between impacts: force on element 1, its torque on the shaft (force times dx_1/dtheta) with
+its parts (element 1's own inertia; springs, dampers and stops), and the energies of the elements and the springs."""
 
 _START_2_M: Mapping[str, float] = {"original": 0.0719, "optimised": 0.0669}
 _MILLI = 1e3
@@ -53,6 +67,8 @@ class NeedleTransferMachine:
     parameters: Mapping[str, float]
     name: str = "needle_transfer"
     description: str = "needle transfer of a sewing machine (Pejchar and Beran 2011)"
+    sensors: Sensors = field(default_factory=Sensors)
+    scene: Scene = field(default_factory=lambda: Scene(outputs=tuple(f"{e}_{m}" for e in ELEMENTS for m in MOTION)))
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
@@ -81,20 +97,6 @@ class NeedleTransferMachine:
             end_s = TURN / abs(speed) if times is None else float(np.max(times))
         pieces = self.law.pieces(0.0, end_s, (0.0, speed))
         return run_contact(self.integrator(tolerance), self.start_m, pieces, times)
-
-
-MOTION = ("position_m", "velocity_m_s", "acceleration_m_s2")
-DRIVE = (
-    "drive_force_N",
-    "balancing_torque_Nm",
-    "torque_inertial_Nm",
-    "torque_gravity_Nm",
-    "torque_load_Nm",
-    "kinetic_energy_J",
-    "potential_energy_J",
-)
-"""What the drive must give between impacts: force on element 1, its torque on the shaft (force times dx_1/dtheta) with
-its parts (element 1's own inertia; springs, dampers and stops), and the energies of the elements and the springs."""
 
 
 def needle_transfer(

@@ -48,18 +48,14 @@ def machine_urdf(machine: Machine) -> str:
         if slides:
             reach = 10.0 * longest
             Xml.SubElement(element, "axis", xyz="1 0 0")
-            Xml.SubElement(
-                element, "limit", lower=f"{-reach:g}", upper=f"{reach:g}", effort="1e6", velocity="1e3"
-            )
+            Xml.SubElement(element, "limit", lower=f"{-reach:g}", upper=f"{reach:g}", effort="1e6", velocity="1e3")
         elif joint.kind == "continuous":
             Xml.SubElement(element, "axis", xyz="0 0 1")
     Xml.indent(robot)
     return '<?xml version="1.0"?>\n' + Xml.tostring(robot, encoding="unicode") + "\n"
 
 
-def _joint(
-    robot: Xml.Element, name: str, kind: str, parent: str, child: str, xyz: str, rpy: str
-) -> Xml.Element:
+def _joint(robot: Xml.Element, name: str, kind: str, parent: str, child: str, xyz: str, rpy: str) -> Xml.Element:
     element = Xml.SubElement(robot, "joint", name=name, type=kind)
     Xml.SubElement(element, "parent", link=parent)
     Xml.SubElement(element, "child", link=child)

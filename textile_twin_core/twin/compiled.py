@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
 from textile_twin_core.twin.accuracy import reached_errors
 from textile_twin_core.twin.exact import ExactEvaluator
+from textile_twin_core.twin.history import HistoryTwin
+from textile_twin_core.twin.instant import InstantPredictor
 from textile_twin_core.twin.plan import describe
 from textile_twin_core.twin.table import FINEST_TABLE, TableEvaluator
 
@@ -124,6 +127,10 @@ class Twin:
             "outside the range that it was declared for"
         )
 
+    def predictor(self) -> InstantPredictor:
+        """What a session asks for predictions."""
+        return InstantPredictor(self)
+
     def session(self, shaft: str = "causal", **settings: Any) -> Session:
         """A session: angle samples in, predictions out, state kept between blocks.
 
@@ -135,12 +142,24 @@ class Twin:
         return Session(self, shaft, **settings)
 
 
+@overload
 def compile_machine(
-    machine: Machine,
+    machine: Machine, outputs: Sequence[str] | None = None, method: str = "auto", tolerance: float = 1e-12
+) -> Twin: ...
+
+
+@overload
+def compile_machine(
+    machine: NeedleTransferMachine, outputs: Sequence[str] | None = None, method: str = "auto", tolerance: float = 1e-12
+) -> HistoryTwin: ...
+
+
+def compile_machine(
+    machine: Machine | NeedleTransferMachine,
     outputs: Sequence[str] | None = None,
     method: str = "auto",
     tolerance: float = 1e-12,
-) -> Twin:
+) -> Twin | HistoryTwin:
     """Compile a machine for the outputs asked; None takes those of the machine's scene.
 
     Raises SceneError for an unknown output or method, MachineError where the machine lacks what one needs.
@@ -154,4 +173,8 @@ def compile_machine(
         raise SceneError(f"there is no method '{method}'; choose one of {', '.join(METHODS)}")
     if not (math.isfinite(tolerance) and tolerance > 0.0):
         raise SceneError(f"tolerance must be a positive number, not {tolerance!r}")
+    if isinstance(machine, NeedleTransferMachine):
+        if method == "table":
+            raise SceneError(f"machine '{machine.name}' has a history, which no table holds; use method 'exact'")
+        return HistoryTwin(machine, names, tolerance)
     return Twin(machine, names, method, tolerance)

@@ -6,19 +6,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.machines.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
-from textile_twin_core.twin.sensitivity import TorqueSensitivity
 
 if TYPE_CHECKING:
     from textile_twin_core.twin.compiled import Twin
-
-_FEW = 16
+    from textile_twin_core.twin.history import HistoryTwin
 
 
 @dataclass(frozen=True)
@@ -86,11 +85,11 @@ class Samples:
 class Session:
     """A twin that is fed with angle samples of its encoder."""
 
-    def __init__(self, twin: Twin, shaft: str, **settings: Any) -> None:
+    def __init__(self, twin: Twin | HistoryTwin, shaft: str, **settings: Any) -> None:
         self.twin = twin
         self._estimator = create_estimator(shaft, **settings)
         self._encoder = twin.machine.sensors.encoder
-        self._winding = _windings(twin)
+        self._predictor: Predictor = twin.predictor()
 
     @property
     def report(self) -> SampleReport:
@@ -110,10 +109,10 @@ class Session:
         velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * factor
         return self._predict(self._estimator.step(stamps, angle, velocity))
 
-    def use(self, twin: Twin) -> None:
+    def use(self, twin: Twin | HistoryTwin) -> None:
         """Go on with another twin of the same machine: other outputs, the shaft's state is kept."""
         self.twin = twin
-        self._winding = _windings(twin)
+        self._predictor = twin.predictor()
 
     def finish(self) -> Samples:
         """Predictions for the samples that the estimator still holds."""
@@ -122,37 +121,24 @@ class Session:
     def reset(self) -> None:
         """Forget everything."""
         self._estimator.reset()
-
-    @cached_property
-    def _sensitivity(self) -> TorqueSensitivity | None:
-        machine = self.twin.machine
-        return None if machine.missing_for_torque else TorqueSensitivity(machine)
+        self._predictor.reset()
 
     def _predict(self, states: ShaftStates) -> Samples:
-        n = len(states)
-        outputs = {name: np.empty(n) for name in self.twin.outputs}
-        if 0 < n <= _FEW:
-            rows = zip(
-                states.phase_rad.tolist(),
-                states.omega_rad_s.tolist(),
-                states.alpha_rad_s2.tolist(),
-                strict=True,
-            )
-            for i, row in enumerate(rows):
-                for name, value in self.twin.evaluate(*row).items():
-                    outputs[name][i] = value
-        elif n and outputs:
-            self.twin.evaluate(states.phase_rad, states.omega_rad_s, states.alpha_rad_s2, out=outputs)
-        for name, winding in self._winding.items():
-            outputs[name] += winding * states.turns
-        return Samples(states, outputs, self._sensitivity)
+        return Samples(states, self._predictor.predict(states), self._predictor.sensitivity)
 
 
-def _windings(twin: Twin) -> dict[str, float]:
-    """Outputs that wind up with the shaft, such as its angle: their growth over one turn."""
-    begin, end = twin.evaluate(0.0, 0.0, 0.0), twin.evaluate(2.0 * math.pi, 0.0, 0.0)
-    return {
-        name: 2.0 * math.pi * round((end[name] - begin[name]) / (2.0 * math.pi))
-        for name in twin.outputs
-        if abs(end[name] - begin[name]) > 1.0
-    }
+class Predictor(Protocol):
+    """What turns shaft states into outputs, in their order."""
+
+    @property
+    def sensitivity(self) -> TorqueSensitivity | None:
+        """How the torque follows the state; None for a machine without one."""
+        ...
+
+    def predict(self, states: ShaftStates) -> dict[str, FloatArray]:
+        """Outputs at states, arrays (n,)."""
+        ...
+
+    def reset(self) -> None:
+        """Begin anew."""
+        ...

@@ -6,10 +6,9 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import INPUTS
-from textile_twin_core.expression import derivative, variable
+from textile_twin_core.expression import Expr, derivative, variable
 from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.expression.scalar import compile_scalar
-from textile_twin_core.machines.machine import Machine
 
 _FEW = 16
 
@@ -17,8 +16,7 @@ _FEW = 16
 class TorqueSensitivity:
     """Gradient of the balancing torque by (theta, omega, alpha)."""
 
-    def __init__(self, machine: Machine) -> None:
-        torque = machine.model.output("balancing_torque_Nm")
+    def __init__(self, torque: Expr) -> None:
         slopes = [derivative([torque], variable(name))[0] for name in INPUTS]
         self._scalar = compile_scalar(slopes, INPUTS)
         self._program = BlockProgram(slopes, INPUTS)

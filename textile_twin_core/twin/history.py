@@ -1,0 +1,127 @@
+"""Twins of machines with a history: the needle transfer, whose springs and stops remember what went before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import MotionError, SceneError
+from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
+from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion
+
+if TYPE_CHECKING:
+    from textile_twin_core.contact import ContactEvent
+    from textile_twin_core.shaft import ShaftStates
+    from textile_twin_core.twin.session import Session
+
+
+class HistoryTwin:
+    """A machine with history, integrated event by event in the order of the samples.
+
+    There is one method, exact between events; `tolerance` is that of the integrator in the rubber pad.
+    `events` are the impacts and touches of the last `evaluate`, with their impulses.
+    """
+
+    method = "exact"
+
+    def __init__(self, machine: NeedleTransferMachine, outputs: tuple[str, ...], tolerance: float) -> None:
+        self.machine, self.outputs, self.tolerance = machine, outputs, tolerance
+        self.events: list[ContactEvent] = []
+        if not 1e-14 <= tolerance <= 1e-3:
+            raise SceneError(f"a machine with history takes a tolerance between 1e-14 and 1e-3, not {tolerance!r}")
+        self._motion()  # refuse unknown outputs at once
+
+    def evaluate(
+        self,
+        theta: float | FloatArray,
+        omega: float | FloatArray = 0.0,
+        alpha: float | FloatArray = 0.0,
+        time: float | FloatArray | None = None,
+        out: Mapping[str, FloatArray] | None = None,
+    ) -> dict[str, Any]:
+        """The outputs by name at samples (n,) of shaft angle [rad], speed, acceleration and time [s], in order.
+
+        Element 1 follows the law of motion at theta; the first sample finds the machine as it comes from the
+        published start. Without `time` the shaft turns at a constant speed that is not zero. Raises
+        MotionError when times do not rise or cannot be told.
+        """
+        shape = np.broadcast_shapes(*(np.shape(a) for a in (theta, omega, alpha)))
+        columns = [np.broadcast_to(np.asarray(a, dtype=np.float64), shape).reshape(-1) for a in (theta, omega, alpha)]
+        times = _steady_time(*columns) if time is None else np.asarray(time, dtype=np.float64).reshape(-1)
+        motion = self._motion()
+        found = motion.step(times, *columns)
+        self.events = motion.events
+        if out is not None:
+            for name, values in found.items():
+                out[name][...] = values.reshape(shape)
+            return {name: out[name] for name in self.outputs}
+        return {name: values.reshape(shape) if shape else float(values[0]) for name, values in found.items()}
+
+    @property
+    def reached_error(self) -> float:
+        """Error over peak: that of the integrator; event times err by no more than the tolerance."""
+        return self.tolerance
+
+    def describe(self) -> str:
+        """What is integrated, and how."""
+        model = self.machine.model
+        bodies = ", ".join(body.name for body in model.bodies)
+        return "\n".join(
+            [
+                f"{self.machine.name}: {', '.join(self.outputs)}",
+                f"integrated in the order of time: {bodies}, driven by {model.drive}",
+                f"{len(model.springs)} springs with dampers, {len(model.stops)} stops, {len(model.pads)} pad",
+                f"between events: closed form; in the pad: adaptive, tolerance {self.tolerance:.0e}",
+            ]
+        )
+
+    def session(self, shaft: str = "causal", **settings: Any) -> Session:
+        """A session: angle samples in, predictions out, the machine's state kept between blocks."""
+        from textile_twin_core.twin.session import Session
+
+        return Session(self, shaft, **settings)
+
+    def predictor(self) -> HistoryPredictor:
+        """What a session asks for predictions."""
+        return HistoryPredictor(self._motion())
+
+    def _motion(self) -> NeedleTransferMotion:
+        return NeedleTransferMotion(self.machine, self.outputs, self.tolerance)
+
+
+class HistoryPredictor:
+    """Predictions at shaft states, in their order."""
+
+    sensitivity = None
+
+    def __init__(self, motion: NeedleTransferMotion) -> None:
+        self.motion = motion
+        self._first: Any = None
+
+    def predict(self, states: ShaftStates) -> dict[str, FloatArray]:
+        """Outputs at states, arrays (n,)."""
+        if len(states) == 0:
+            return {name: np.empty(0) for name in self.motion.outputs}
+        if self._first is None:
+            self._first = states.stamps[0]
+        elapsed: npt.NDArray[Any] = states.stamps - self._first
+        seconds = elapsed * 1e-9 if np.issubdtype(elapsed.dtype, np.integer) else elapsed
+        return self.motion.step(seconds, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.motion.reset()
+        self._first = None
+
+
+def _steady_time(theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:
+    speed = float(omega[0]) if omega.size else 0.0
+    if not (math.isfinite(speed) and speed != 0.0 and np.all(omega == speed) and np.all(alpha == 0.0)):
+        raise MotionError("a machine with history needs the time of each sample: give time= (time_s in a table)")
+    times: FloatArray = (theta - theta[0]) / speed
+    return times

@@ -1,0 +1,58 @@
+"""Predictions of machines without history: each shaft state for itself."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.machines.sensitivity import TorqueSensitivity
+from textile_twin_core.shaft import ShaftStates
+
+if TYPE_CHECKING:
+    from textile_twin_core.twin.compiled import Twin
+
+_FEW = 16
+
+
+class InstantPredictor:
+    """A twin evaluated at shaft states, by phase and turns, so that long runs keep their digits."""
+
+    def __init__(self, twin: Twin) -> None:
+        self._twin = twin
+        self._winding = _windings(twin)
+
+    @property
+    def sensitivity(self) -> TorqueSensitivity | None:
+        """How the torque follows the state; None for a machine without masses."""
+        return self._twin.machine.model.torque_sensitivity
+
+    def predict(self, states: ShaftStates) -> dict[str, FloatArray]:
+        """Outputs at states, arrays (n,)."""
+        n, twin = len(states), self._twin
+        outputs = {name: np.empty(n) for name in twin.outputs}
+        state = (states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
+        if n > _FEW and outputs:
+            twin.evaluate(*state, out=outputs)
+        else:
+            for i, row in enumerate(zip(*(a.tolist() for a in state), strict=True)):
+                for name, value in twin.evaluate(*row).items():
+                    outputs[name][i] = value
+        for name, winding in self._winding.items():
+            outputs[name] += winding * states.turns
+        return outputs
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+
+def _windings(twin: Twin) -> dict[str, float]:
+    """Outputs that wind up with the shaft, such as its angle: their growth over one turn."""
+    begin, end = twin.evaluate(0.0, 0.0, 0.0), twin.evaluate(2.0 * math.pi, 0.0, 0.0)
+    return {
+        name: 2.0 * math.pi * round((end[name] - begin[name]) / (2.0 * math.pi))
+        for name in twin.outputs
+        if abs(end[name] - begin[name]) > 1.0
+    }
