@@ -77,6 +77,12 @@ class Suite:
             assert time.monotonic() < deadline, f"{what}: not within {PATIENCE_S} s\n{self.words()}"
             self._executor.spin_once(timeout_sec=0.02)
 
+    def spin_for(self, seconds: float) -> None:
+        """Spin the test's nodes for a while."""
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            self._executor.spin_once(timeout_sec=0.02)
+
     def call(self, node: Node, service: Any, name: str, request: Any) -> Any:
         """Call a service and return its response."""
         client = node.create_client(service, name)

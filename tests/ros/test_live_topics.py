@@ -191,3 +191,81 @@ def test_what_nobody_hears_is_not_computed(suite: Suite) -> None:
     suite.spin_until(lambda: told and told[-1] == "computing nothing: nobody listens", "diagnostics")
     node.create_subscription(PointStamped, "needle/position", lambda message: None, RELIABLE)
     suite.spin_until(lambda: told[-1] == "computing needle/position", "diagnostics of one subscriber")
+
+
+def test_every_machine_has_its_topics(suite: Suite) -> None:
+    tools = {"tufting": "needle", "handloom_beatup": "beater", "elliptic_gear_beatup": "sley", "needle_transfer": ""}
+    assert set(tools) == set(ttc.machines.NAMES)
+    node = suite.node()
+    points: dict[str, list[PointStamped]] = {}
+    joints: dict[str, list[JointState]] = {}
+    publishers = []
+    for machine, tool in tools.items():
+        suite.start("twin_node", f"machine:={machine}", "wait_for:=[joint_states]", remaps=[f"__ns:=/mill/{machine}"])
+        points[machine], joints[machine] = [], []
+        namespace = f"/mill/{machine}"
+        node.create_subscription(JointState, f"{namespace}/joint_states", joints[machine].append, RELIABLE)
+        if tool:
+            node.create_subscription(PointStamped, f"{namespace}/{tool}/position", points[machine].append, RELIABLE)
+        publishers.append(node.create_publisher(JointState, f"{namespace}/main_shaft/angle", RELIABLE))
+    suite.spin_until(lambda: all(publisher.get_subscription_count() for publisher in publishers), "all twins")
+    stamps, angles = shaft_angles(100)
+    for stamp, angle in zip(stamps, angles, strict=True):
+        for publisher in publishers:
+            publisher.publish(joint_state(stamp, angle))
+    suite.spin_until(lambda: all(len(heard) == 98 for heard in joints.values()), "joints of all machines")
+    suite.spin_until(lambda: all(len(points[name]) >= 90 for name in tools if tools[name]), "tools of all machines")
+    assert list(joints["needle_transfer"][0].name) == ["element_1", "element_2", "element_3"]
+    for name, tool in tools.items():
+        if not tool:
+            continue
+        machine = ttc.machines.create(name)
+        offline = ttc.compile(machine, outputs=[f"{tool}_position_m"]).session().step(stamps, angles)
+        place = {stamp_of(message): message.point for message in points[name]}
+        chosen = [k for k, stamp in enumerate(offline.stamps.tolist()) if stamp in place]
+        x, y = (np.array([getattr(place[offline.stamps[k]], axis) for k in chosen]) for axis in ("x", "y"))
+        travel = offline[f"{tool}_position_m"][chosen]
+        if tool == "needle":
+            way = -(y - y[0])
+        else:  # along an arc: the chord of what it has gone since the first sample is shorter, by its curvature
+            chord, arc = np.hypot(x - x[0], y - y[0]), np.abs(travel - travel[0])
+            radius = machine.measures[0].radius_m
+            way = np.sign(travel - travel[0]) * 2.0 * radius * np.arcsin(chord / (2.0 * radius))
+            assert (chord <= arc + 1e-12).all()
+        np.testing.assert_allclose(way, travel - travel[0], rtol=0.0, atol=1e-9)
+
+
+def test_efforts_speeds_and_thinned_joints(suite: Suite) -> None:
+    start_twin(suite, "torque_type:=joint_state", "joint_states_rate_hz:=50.0", "joint:=crank")
+    bench = Bench(suite)
+    residuals: list[WrenchStamped] = []
+    joints: list[JointState] = []
+    bench.node.create_subscription(WrenchStamped, "balancing_torque/residual", residuals.append, RELIABLE)
+    bench.node.create_subscription(JointState, "joint_states", joints.append, RELIABLE)
+    effort = bench.node.create_publisher(JointState, "balancing_torque/measured", RELIABLE)
+    suite.spin_until(lambda: bench.angle.get_subscription_count() and effort.get_subscription_count(), "twin")
+    suite.spin_until(
+        lambda: (
+            "outputs" in bench.diagnostics
+            and "joint_states" in bench.diagnostics["outputs"].message
+            and "residual" in bench.diagnostics["outputs"].message
+        ),
+        "outputs chosen",
+    )
+    stamps, angles = shaft_angles(500, start_ns=0)
+    speeds = np.gradient(np.unwrap(angles), stamps * 1e-9)
+    for stamp, angle, speed in zip(stamps, angles, speeds, strict=True):
+        bench.angle.publish(joint_state(stamp, angle, speed, joint="crank"))
+        message = JointState(name=["crank"], effort=[2.0])
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(int(stamp), SECOND_NS)
+        effort.publish(message)
+    twin = ttc.compile(ttc.machines.tufting(), outputs=["balancing_torque_Nm"])
+    offline = twin.session().step(stamps, angles, speeds)
+    suite.spin_until(lambda: len(bench.torques) == len(offline) == len(residuals), "torques and residuals")
+    torques = np.array([message.wrench.torque.z for message in bench.torques])
+    np.testing.assert_allclose(torques, offline["balancing_torque_Nm"], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose([message.wrench.torque.z for message in residuals], 2.0 - torques, rtol=0.0, atol=1e-12)
+    # One joint state in each of the fifty periods of a second.
+    suite.spin_until(lambda: len(joints) == 50, "thinned joint states")
+    assert (np.diff([stamp_of(message) // 20_000_000 for message in joints]) == 1).all()
+    assert list(joints[0].effort) == []

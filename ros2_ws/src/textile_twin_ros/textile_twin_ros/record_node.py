@@ -8,6 +8,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -16,12 +17,14 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from textile_twin_core.errors import RecordingError, SceneError, TwinError
-from textile_twin_core.files import BagWriter
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, describe_publishers, offered_qos, recording_qos
 from textile_twin_ros.messages import message_class
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
+
+if TYPE_CHECKING:
+    from textile_twin_core.files import BagWriter
 
 # What nodes tell each other, not what a machine does.
 _OWN_BUSINESS = ("/rosout", "/parameter_events")
@@ -113,6 +116,9 @@ class RecordNode(Node):
         return self.resolve_topic_name(topic), int(count)
 
     def _open(self) -> None:
+        # Optional packages are imported where they are used, so that a missing one is told in one line.
+        from textile_twin_core.files import BagWriter
+
         path = Path(self.settings.bag)
         if self._runs:
             path = path.with_name(f"{path.name}_{self._runs + 1}")

@@ -15,7 +15,6 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 
 from textile_twin_core.errors import RecordingError, SceneError
-from textile_twin_core.files import open_bag
 from textile_twin_ros.endpoints import is_latched, latched_qos, relative_name, samples_qos
 from textile_twin_ros.messages import SECOND_NS, has_header, message_class, shift_stamp
 from textile_twin_ros.pacing import Pace
@@ -56,6 +55,9 @@ class ReplayNode(Node):
     """Publishes the bytes of a recording from a thread of its own, paced by the times at which they were recorded."""
 
     def __init__(self) -> None:
+        # Optional packages are imported where they are used, so that a missing one is told in one line.
+        from textile_twin_core.files import open_bag
+
         super().__init__("replay_node")
         self.settings = declare(self, ReplayParameters, self._on_change)
         if not self.settings.bag:

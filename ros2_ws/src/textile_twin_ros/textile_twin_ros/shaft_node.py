@@ -18,8 +18,7 @@ from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.shaft_motion import Encoder, ShaftMotion, TorqueSensor
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
-
-_TORQUE = "balancing_torque_Nm"
+from textile_twin_ros.twin_outputs import TORQUE, has_torque
 
 
 @dataclass
@@ -47,7 +46,7 @@ class ShaftNode(Node):
         self.executor_name = parameters.executor
         self.finished = Future()
         machine = load_machine(parameters.machine)
-        self._twin = ttc.compile(machine, outputs=[_TORQUE])
+        self._twin = ttc.compile(machine, outputs=[TORQUE]) if has_torque(machine) else None
         encoder, torque = machine.sensors.encoder, machine.sensors.torque
         self._motion = ShaftMotion(parameters.rpm, parameters.run_up_s, parameters.ripple)
         self._encoder = Encoder(parameters.encoder_bits, encoder.zero_rad, encoder.direction, encoder.ratio)
@@ -86,8 +85,8 @@ class ShaftNode(Node):
     def _publish(self, stamp_ns: int, time_s: float) -> None:
         theta, _, _ = self._motion.at(time_s)
         self._angles.publish(self._angle.message(stamp_ns, self._encoder.read(theta)))
-        if time_s >= self._delay_s:
-            torque = float(self._twin.evaluate(*self._motion.at(time_s - self._delay_s))[_TORQUE])
+        if self._twin is not None and time_s >= self._delay_s:
+            torque = float(self._twin.evaluate(*self._motion.at(time_s - self._delay_s))[TORQUE])
             self._torques.publish(self._torque.message(stamp_ns, self._sensor.read(torque)))
 
 

@@ -63,6 +63,11 @@ def run(command: str, create: Callable[[], SuiteNode], arguments: list[str] | No
         code = _spin(nodes[0])
     except TwinError as error:
         code = _tell(command, error)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith("textile_twin"):
+            raise
+        package = error.name.partition(".")[0]
+        code = _tell(command, f"this node needs the package {package}: pip install 'textile-twin-core[files,view]'")
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except Exception:
@@ -107,7 +112,7 @@ def _end(command: str, nodes: list[SuiteNode]) -> int:
     return 0
 
 
-def _tell(command: str, error: Exception) -> int:
+def _tell(command: str, error: Exception | str) -> int:
     """One line for the person who made the mistake; its exit code."""
     print(f"{command}: {' '.join(str(error).split())}", file=sys.stderr)
     return 2

@@ -10,6 +10,7 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+import textile_twin_core as ttc
 from textile_twin_core.errors import TwinError
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, latched_qos
@@ -100,8 +101,9 @@ class TwinNode(LifecycleNode):
             if not self._starting:
                 self.get_logger().error(str(error))
             return _FAILURE
-        self._description = self.create_publisher(String, "robot_description", latched_qos())
-        self._description.publish(String(data=machine.urdf()))
+        if isinstance(machine, ttc.Machine):
+            self._description = self.create_publisher(String, "robot_description", latched_qos())
+            self._description.publish(String(data=machine.urdf()))
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -134,7 +136,9 @@ class TwinNode(LifecycleNode):
         self._stop_listening()
         if self._stream is not None:
             self._stream.destroy()
-            self.destroy_publisher(self._description)
+            if self._description is not None:
+                self.destroy_publisher(self._description)
+                self._description = None
             self._stream = None
         return super().on_cleanup(state)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual
+from textile_twin_core.machines import AnyMachine
+from textile_twin_core.mechanism import Arc, Travel
 from textile_twin_ros.messages import (
     JOINT_STATE,
     POINT,
@@ -73,50 +75,78 @@ class PointOutput:
         return map(self._template.message, samples.stamps.tolist(), x, y)
 
 
-class JointOutput:
-    """Positions and velocities of every joint, passive ones too, at a limited rate.
-
-    They are evaluated by a twin of their own, and only for the samples that are due.
+class Thinning:
+    """Chooses by their stamps which samples a limited rate leaves over.
 
     Args:
-        machine: whose joints.
-        rate_hz: returns the largest rate, 0 for no limit; samples are chosen by their stamps.
-        compile_twin: compiles a twin of the machine for these outputs.
+        rate_hz: returns the largest rate, 0 for no limit.
+    """
+
+    def __init__(self, rate_hz: Callable[[], float]) -> None:
+        self._rate_hz = rate_hz
+        self._slot: int | None = None
+
+    def keeps(self, stamp_ns: int) -> bool:
+        """True for the first sample in each period of the rate."""
+        rate = self._rate_hz()
+        if rate <= 0.0:
+            return True
+        slot = int(stamp_ns * rate) // SECOND_NS
+        first, self._slot = slot != self._slot, slot
+        return first
+
+
+class JointOutput:
+    """Positions and velocities of every joint of a linkage, passive ones too, at a limited rate.
+
+    They are evaluated by a twin of their own, and only for the samples that are sent.
     """
 
     topic = "joint_states"
     msgtype = JOINT_STATE
     needs: tuple[str, ...] = ()
 
-    def __init__(self, machine: Any, rate_hz: Callable[[], float], compile_twin: CompileTwin) -> None:
+    def __init__(self, machine: ttc.Machine, rate_hz: Callable[[], float], compile_twin: CompileTwin) -> None:
         names = [joint.name for joint in machine.joints if joint.kind != "fixed"]
         self._template = JointTemplate(names)
         self._positions = [f"joint_{name}_position" for name in names]
         self._velocities = [f"joint_{name}_velocity" for name in names]
-        self._rate_hz, self._compile = rate_hz, compile_twin
+        self._thinning, self._compile = Thinning(rate_hz), compile_twin
         self._twin: Any = None
-        self._slot: int | None = None
 
     def messages(self, samples: Any) -> Iterable[bytes]:
-        """One JointState for each sample that is due."""
+        """One JointState for each sample that is sent."""
         if self._twin is None:
             self._twin = self._compile((*self._positions, *self._velocities))
         columns = (samples.stamps, samples.theta_rad, samples.omega_rad_s, samples.alpha_rad_s2)
         for stamp, *state in zip(*(column.tolist() for column in columns), strict=True):
-            if self._due(stamp):
+            if self._thinning.keeps(stamp):
                 values = self._twin.evaluate(*state)
                 yield self._template.full_message(
                     stamp, [values[name] for name in self._positions], [values[name] for name in self._velocities]
                 )
 
-    def _due(self, stamp_ns: int) -> bool:
-        """True for the first sample in each period of the rate."""
-        rate = self._rate_hz()
-        if rate <= 0.0:
-            return True
-        slot = int(stamp_ns * rate) // SECOND_NS
-        due, self._slot = slot != self._slot, slot
-        return due
+
+class ElementOutput:
+    """Positions and velocities of a machine's sliding elements, as joints of their names, at a limited rate."""
+
+    topic = "joint_states"
+    msgtype = JOINT_STATE
+
+    def __init__(self, elements: Sequence[str], rate_hz: Callable[[], float]) -> None:
+        self._template = JointTemplate(elements)
+        self._positions = tuple(f"{element}_position_m" for element in elements)
+        self._velocities = tuple(f"{element}_velocity_m_s" for element in elements)
+        self.needs = (*self._positions, *self._velocities)
+        self._thinning = Thinning(rate_hz)
+
+    def messages(self, samples: Any) -> Iterable[bytes]:
+        """One JointState for each sample that is sent."""
+        positions = zip(*(samples[name].tolist() for name in self._positions), strict=True)
+        velocities = zip(*(samples[name].tolist() for name in self._velocities), strict=True)
+        for stamp, position, velocity in zip(samples.stamps.tolist(), positions, velocities, strict=True):
+            if self._thinning.keeps(stamp):
+                yield self._template.full_message(stamp, position, velocity)
 
 
 class ResidualMessages:
@@ -130,24 +160,34 @@ class ResidualMessages:
         return (self._template.message(item.stamp_ns, item.residual_Nm) for item in residuals)
 
 
-def outputs_of(machine: Any, joint_rate_hz: Callable[[], float], compile_twin: CompileTwin) -> list[Output]:
+def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float], compile_twin: CompileTwin) -> list[Output]:
     """The topics that a machine has, without the residual.
 
-    A measure that follows a point of the machine (needle, beater, sley) gives the topic of that point's position.
+    Each measure of a linkage (needle, beater, sley) gives the topic of its point's position.
     """
-    points = [PointOutput(f"{measure.name}/position", measure.point) for measure in machine.measures]
-    joints = JointOutput(machine, joint_rate_hz, compile_twin)
-    if TORQUE not in machine.outputs:
-        return [*points, joints]
-    return [
-        TorqueOutput("balancing_torque/predicted", lambda samples: samples[TORQUE]),
-        TorqueOutput("balancing_torque/predicted_sigma", lambda samples: samples.torque_sigma_Nm),
-        *points,
-        joints,
-    ]
+    if not isinstance(machine, ttc.Machine):
+        suffix = "_position_m"
+        elements = [name.removesuffix(suffix) for name in machine.outputs if name.endswith(suffix)]
+        return [ElementOutput(elements, joint_rate_hz)]
+    ends = {link.name: link.end for link in machine.links}
+    outputs: list[Output] = []
+    if has_torque(machine):
+        outputs.append(TorqueOutput("balancing_torque/predicted", lambda samples: samples[TORQUE]))
+        outputs.append(TorqueOutput("balancing_torque/predicted_sigma", lambda samples: samples.torque_sigma_Nm))
+    for measure in machine.measures:
+        if isinstance(measure, Travel):
+            outputs.append(PointOutput(f"{measure.name}/position", measure.point))
+        elif isinstance(measure, Arc):
+            outputs.append(PointOutput(f"{measure.name}/position", ends[measure.link]))
+    return [*outputs, JointOutput(machine, joint_rate_hz, compile_twin)]
 
 
-def twins_of(machine: Any) -> CompileTwin:
+def has_torque(machine: AnyMachine) -> bool:
+    """Whether a balancing torque of this machine can be told: it has one, and no mass is missing."""
+    return isinstance(machine, ttc.Machine) and TORQUE in machine.outputs and not machine.missing_for_torque
+
+
+def twins_of(machine: AnyMachine) -> CompileTwin:
     """Compiles twins of a machine and keeps each that it has made."""
     made: dict[tuple[str, ...], Any] = {}
 

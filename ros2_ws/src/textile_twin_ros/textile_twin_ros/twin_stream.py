@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,20 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_jumps
+from textile_twin_core.machines import AnyMachine
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
 from textile_twin_ros.messages import WRENCH, message_class
 from textile_twin_ros.restart import RestartWatch
-from textile_twin_ros.twin_outputs import RESIDUAL_TOPIC, TORQUE, Output, ResidualMessages, outputs_of, twins_of
+from textile_twin_ros.twin_outputs import (
+    RESIDUAL_TOPIC,
+    TORQUE,
+    Output,
+    ResidualMessages,
+    has_torque,
+    outputs_of,
+    twins_of,
+)
 
 
 class TwinStream:
@@ -32,7 +41,7 @@ class TwinStream:
     def __init__(
         self,
         node: LifecycleNode,
-        machine: ttc.Machine,
+        machine: AnyMachine,
         shaft: str,
         settings: Mapping[str, float],
         depth: int,
@@ -40,9 +49,15 @@ class TwinStream:
     ) -> None:
         self._node = node
         self._compile = twins_of(machine)
-        self._idle = ttc.Twin(machine, (), "exact", machine.scene.tolerance)
         self._outputs = outputs_of(machine, joint_rate_hz, self._compile)
-        self._has_torque = TORQUE in machine.outputs and not machine.missing_for_torque
+        # A machine with a history goes through all of it, whoever listens.
+        self._has_history = not isinstance(machine, ttc.Machine)
+        self._idle = (
+            ttc.Twin(machine, (), "exact", machine.scene.tolerance)
+            if isinstance(machine, ttc.Machine)
+            else self._compile(self._needs(self._outputs))
+        )
+        self._has_torque = has_torque(machine)
         jumps = load_jumps(self._compile((TORQUE,))) if self._has_torque else ()
         self._residuals = ResidualStream(machine.sensors.torque, jumps)
         self._residual_messages = ResidualMessages()
@@ -86,8 +101,14 @@ class TwinStream:
         if wanted == self._wanted and residual == self._wants_residual:
             return
         self._wanted, self._wants_residual = wanted, residual
-        needs = [name for output in wanted for name in output.needs] + ([TORQUE] if residual else [])
-        self._session.use(self._compile(tuple(dict.fromkeys(needs))) if needs else self._idle)
+        if not self._has_history:
+            needs = self._needs(wanted, (TORQUE,) if residual else ())
+            self._session.use(self._compile(needs) if needs else self._idle)
+
+    @staticmethod
+    def _needs(outputs: Iterable[Output], more: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """What the engine has to compute for these topics, each once."""
+        return tuple(dict.fromkeys([name for output in outputs for name in output.needs] + list(more)))
 
     def wanted_topics(self) -> list[str]:
         """The topics that are computed at present."""
@@ -158,8 +179,7 @@ class TwinStream:
 
     def _warm_up(self) -> None:
         """Run every path once, so that the first sample is not kept waiting for what is made at first use."""
-        needs = {name: None for output in self._outputs for name in output.needs}
-        self._session.use(self._compile(tuple(needs)))
+        self._session.use(self._compile(self._needs(self._outputs)))
         for first, count in ((0, 1), (1, 1), (2, 1), (3, 20)):
             number = np.arange(first, first + count)
             samples = self._session.step(number * 2_000_000, number * 0.03)

@@ -9,10 +9,9 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.views import LiveView
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
-from textile_twin_ros.machine import load_machine
+from textile_twin_ros.machine import load_linkage
 from textile_twin_ros.messages import SECOND_NS
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Kind, Sample, SampleInput
@@ -44,12 +43,15 @@ class ViewNode(Node):
     """Collects samples of the twin's topics and hands them in blocks to a live view, which draws in its own thread."""
 
     def __init__(self) -> None:
+        # Optional packages are imported where they are used, so that a missing one is told in one line.
+        from textile_twin_core.views import LiveView
+
         super().__init__("view_node")
         self.settings = settings = declare(self, ViewParameters)
         self.executor_name = settings.executor
         self.finished = Future()
         self._view = LiveView(
-            load_machine(settings.machine),
+            load_linkage(settings.machine),
             host=settings.host,
             port=settings.port or None,
             path=settings.file or None,
