@@ -7,6 +7,7 @@ import os
 import pty
 import subprocess
 import sys
+import termios
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,7 @@ def test_figures_and_a_progress_bar_on_a_terminal(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "figures"
     code = "import sys; from textile_twin_core.cli.main import main; sys.exit(main(sys.argv[1:]))"
     terminal, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 80))
     command = [sys.executable, "-c", code, "published", "--plots", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs) as running:
         os.close(theirs)

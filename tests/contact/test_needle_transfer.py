@@ -17,7 +17,6 @@ from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMoti
 from textile_twin_core.machines.published_needle_transfer import (
     OTHER_READING,
     forward_stroke,
-    needle_transfer_rows,
 )
 
 READINGS = {"pad at 0.0949": {}, "pad at 0.0989": OTHER_READING}
@@ -47,14 +46,6 @@ def test_the_default_is_the_paper_within_its_contradictions(design: str) -> None
     assert stroke.contact_s * 1e3 == pytest.approx(contact, abs=0.09)
     assert 0.31e-3 < stroke.deceleration_s - stroke.pad_s < 0.40e-3
     assert (stroke.leaves_pin_m > 1e-4) == (design == "original")
-
-
-def test_published_rows_name_both_values_and_a_reason() -> None:
-    rows = needle_transfer_rows()
-    assert len(rows) == 9
-    assert all(row.reason for row in rows)
-    assert max(abs(row.deviation) for row in rows if row.deviation is not None) < 0.18
-    assert rows[0].computed == pytest.approx(32.6, abs=1e-12)
 
 
 NAMES = {

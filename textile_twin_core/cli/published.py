@@ -38,7 +38,9 @@ def run(arguments: argparse.Namespace) -> None:
             partial.write_text(text + "\n", encoding="utf-8")
     print(as_markdown() if arguments.markdown else as_text())
     if arguments.plots is not None:
-        _draw(arguments.plots)
+        names = _draw(arguments.plots)
+        if not arguments.markdown:
+            print(f"\n{arguments.plots}: {len(names)} figures")
 
 
 def _make_folder(folder: Path) -> None:
@@ -54,7 +56,8 @@ def _make_folder(folder: Path) -> None:
     check_folder(folder / "figure.png")
 
 
-def _draw(folder: Path) -> None:
+def _draw(folder: Path) -> list[str]:
+    """Draw every figure; their names."""
     from textile_twin_core.files import staged
     from textile_twin_core.views.figures import FIGURES
 
@@ -64,4 +67,4 @@ def _draw(folder: Path) -> None:
                 draw().savefig(partial)
             if done is not None:
                 done(1)
-    print(f"\n{folder}: {len(FIGURES)} figures: {', '.join(FIGURES)}")
+    return list(FIGURES)

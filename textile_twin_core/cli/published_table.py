@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable
+from functools import cache
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -23,9 +25,11 @@ class Paper(NamedTuple):
     title: str
 
 
+@cache
 def papers() -> tuple[tuple[Paper, tuple[PublishedRow, ...]], ...]:
     """The four papers with their rows."""
     from textile_twin_core.machines.published_beatup import ELLIPTIC_GEAR, HANDLOOM, elliptic_gear_rows, handloom_rows
+    from textile_twin_core.machines.published_needle_transfer import NEEDLE_TRANSFER, needle_transfer_rows
     from textile_twin_core.machines.published_tufting import TUFTING, tufting_rows
     from textile_twin_core.synthesis.published import table_1_rows
 
@@ -46,6 +50,14 @@ def papers() -> tuple[tuple[Paper, tuple[PublishedRow, ...]], ...]:
                 "Kinematic analysis of beat-up mechanism used for handmade carpet looms",
             ),
             (*handloom_rows(), *table_1_rows()),
+        ),
+        (
+            Paper(
+                NEEDLE_TRANSFER,
+                "needle transfer of a sewing machine",
+                "The Dynamic Analysis of the Needle Bar Mechanism of Sewing Machines",
+            ),
+            needle_transfer_rows(),
         ),
         (
             Paper(
@@ -76,11 +88,11 @@ def as_markdown() -> str:
     for paper, rows in papers():
         agree, differ, rest = _counts(rows)
         lines.append(f"| {paper.name} | {paper.machine} | {len(rows)} | {agree} | {differ} | {rest} |")
-    lines += ["", "Where print and machine differ by a unit of the last printed digit or more:", ""]
+    lines += ["", "Where print and machine differ by a unit of the last printed digit or more, or in words:", ""]
     lines += ["| paper | quantity | unit | printed | computed | why |", "|---|---|---|--:|--:|---|"]
     for row in published_rows():
-        if row.agrees is False:
-            what = f"{row.section}: {row.quantity}" if isinstance(row.computed, tuple) else row.quantity
+        if row.agrees is False or (row.agrees is None and row.printed is not None and row.reason):
+            what = f"{row.quantity} ({_short(row.section)})"
             lines.append(_markdown(row.paper, what, row.unit, printed_text(row), computed_text(row), row.reason))
     for paper, rows in papers():
         lines += ["", "<details>", f"<summary>{paper.name}: all {len(rows)} rows</summary>", ""]
@@ -163,6 +175,11 @@ def _sections(rows: Iterable[PublishedRow]) -> Iterable[tuple[str, list[Publishe
     for section, members in groupby(rows, key=lambda row: row.section):
         group = list(members)
         yield f"{section}; {_LAST_DIGITS}" if isinstance(group[0].computed, tuple) else section, group
+
+
+def _short(section: str) -> str:
+    """The title of a section without what follows its first comma, semicolon or bracket."""
+    return re.split(r"[,;]| \(| as ", section)[0].lower()
 
 
 def _paper_lines(paper: Paper, rows: tuple[PublishedRow, ...]) -> list[str]:

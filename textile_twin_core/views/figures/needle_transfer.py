@@ -11,17 +11,18 @@ from matplotlib.figure import Figure
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactRun
 from textile_twin_core.machines.needle_transfer import DESIGNS, PAD, NeedleTransferMachine, needle_transfer
+from textile_twin_core.machines.published_needle_transfer import (
+    COLLETS_MEET_MS,
+    LARGEST_DECELERATION_MS,
+    NEEDLE_TRANSFER,
+    PAD_REACHED_MS,
+)
 from textile_twin_core.views.figures import style
 
 _END_S = 0.0265
 _TIMES_S = np.linspace(0.0, _END_S, 10601)
 _COLOURS = {"element_1": style.FAINT, "element_2": style.BLUE, "element_3": style.ORANGE}
-_PAPER = "Pejchar and Beran 2011"
 _NOTE = "Law of motion of element 1: modified sine, 32.6 mm in 24.62 ms (a picture in print).  {}"
-
-PRINTED_PAD_MS = {"original": 15.75, "optimised": 17.96}
-PRINTED_LARGEST_MS = {"original": 16.10, "optimised": 18.15}
-PRINTED_CONTACT_MS = 19.23
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def figure_6() -> Figure:
     for axes, run in zip(panels, _runs(), strict=True):
         _draw(axes, run, "accelerations")
         second = run.of("accelerations", "element_2")
-        printed_ms = PRINTED_LARGEST_MS[run.design]
+        printed_ms = LARGEST_DECELERATION_MS[run.design]
         style.marked(axes, printed_ms, float(second.min()), f"{printed_ms:.2f} ms", (-8, 0), "right")
         _finish(axes, run, "m/s²")
     return made
@@ -53,7 +54,7 @@ def figure_7() -> Figure:
     made, panels = _figure(7, "velocities", "Dashed: printed time at which element 2 reaches the pad.")
     for axes, run in zip(panels, _runs(), strict=True):
         _draw(axes, run, "velocities")
-        _printed(axes, PRINTED_PAD_MS[run.design])
+        _printed(axes, PAD_REACHED_MS[run.design])
         _finish(axes, run, "m/s")
     return made
 
@@ -66,7 +67,7 @@ def figure_8() -> Figure:
         face = next(pad.position_m for pad in run.machine.model.pads if pad.name == PAD) * 1e3
         axes.axhline(face, color=style.PRINTED, lw=0.9, ls=":")
         axes.annotate("face of the rubber pad", (0.3, face), (0, 3), textcoords="offset points", fontsize=8.0)
-        _printed(axes, PRINTED_PAD_MS[run.design])
+        _printed(axes, PAD_REACHED_MS[run.design])
         _finish(axes, run, "mm")
     return made
 
@@ -79,7 +80,7 @@ def figure_9() -> Figure:
         on_3 = run.of("positions", "element_3") + run.machine.parameters["value_a_m"]
         axes.plot(_TIMES_S * 1e3, on_2 * 1e3, color=style.BLUE, label="on element 2, $x_2 + D$")
         axes.plot(_TIMES_S * 1e3, on_3 * 1e3, color=style.ORANGE, label="on element 3, $x_3 + A$")
-        _printed(axes, PRINTED_CONTACT_MS)
+        _printed(axes, COLLETS_MEET_MS)
         _finish(axes, run, "mm")
     return made
 
@@ -97,7 +98,7 @@ def _draw(axes: Axes, run: _Run, what: str, scale: float = 1.0) -> None:
 
 
 def _figure(number: int, what: str, note: str) -> tuple[Figure, list[Axes]]:
-    title = f"Needle transfer of a sewing machine: {what}  ({_PAPER}, Fig. {number})"
+    title = f"Needle transfer of a sewing machine: {what}  ({NEEDLE_TRANSFER}, Fig. {number})"
     return style.figure(2, 1, (9.0, 7.0), title, _NOTE.format(note), sharey=True)
 
 
