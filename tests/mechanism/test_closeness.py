@@ -117,7 +117,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "never closes": (lambda: four_bar(0.1, 0.2, 0.2, 3.0), "cannot close at any shaft angle: .* too short"),
     "folded": (lambda: four_bar(0.1, 3.0, 0.5, 1.0), "folded and differ too much"),
-    "slider out of reach": (
+    "slider too far": (
         lambda: slider(0.1, 0.2, 0.15),
         r"opens at a shaft angle of \d+\.\d{4} deg where rod 'rod'",
     ),
