@@ -84,19 +84,12 @@ class HypothesisBank:
         going = [self.next, after, self.next + self.width, after + self.width]
         return verdict.weight > LEAVING and float(verdict.weights[going].sum()) > LEAVING
 
-    def clear_events(self, columns: FloatArray) -> None:
-        """Forget every event, after the filter has taken in the verdict."""
-        columns[:, : self.events] = 0.0
-        self.information[: self.events] = 0.0
-        self.score[: self.events] = 0.0
-        self._odds[:] = 0.0
-
     def clear(self, columns: FloatArray) -> None:
         """Forget everything."""
-        self.clear_events(columns)
-        columns[:, self.events :] = 0.0
+        columns[:] = 0.0
         self.information[:] = 0.0
         self.score[:] = 0.0
+        self._odds[:] = 0.0
 
     def best_order(self) -> int | None:
         """Place among the idle orders of the one whose evidence is beyond doubt and largest, or None."""

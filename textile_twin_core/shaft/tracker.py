@@ -33,7 +33,7 @@ BANK_WIDTH = 32
 RIPPLE_AT_START = 0.03
 RIPPLE_AFTER_EVENT = 3e-4
 """Each event opens the ripple's coefficients by this much, so that a wrong ripple cannot live on as a row of events."""
-MINDED = 0.25
+MINDED = 0.5
 """From this weight of "something happened" on, the state reckons with it."""
 FIRST_READING_RAD = 2e-3
 FAR_RAD = 1e4
@@ -101,6 +101,7 @@ class ShaftTracker:
         self._resize()
         self._speed_noise = 0.0
         self._until_birth = 0
+        self._minded: Verdict | None = None
         self.ready: list[Estimate] = []
 
     def _resize(self) -> None:
@@ -161,13 +162,14 @@ class ShaftTracker:
         response = float(error[LOG_RESPONSE, LOG_RESPONSE])
         error[:] = 0.0
         self._bank.clear(error[:size, size:])
+        self._minded = None
         state[THETA], state[LEVEL] = angle, speed
         state[SLOPE] = state[DIP] = state[DIP_RATE] = 0.0
         scale = self._watch.restart(speed)
         at = np.arange(FIRST_RIPPLE, size)
         if first:
             ripple = np.zeros_like(ripple)
-            response = 0.25
+            response = 0.1
         error[FIRST_RIPPLE:size, FIRST_RIPPLE:size] = ripple
         error[at, at] += RIPPLE_AT_START**2 if first else 1e-6
         error[THETA, THETA] = max(FIRST_READING_RAD, self._noise.step) ** 2
@@ -217,11 +219,20 @@ class ShaftTracker:
         seen = error[THETA].copy()
         column = error[:, THETA]
         seen[: self._size] = column[: self._size]  # so that rounding cannot make the covariance drift out of symmetry
+        net, spread = self._explained(seen, innovation, variance)
         self._rank_one(seen, column / variance, innovation, variance)
-        normalised = innovation * innovation / variance
-        watch.judge(innovation / math.sqrt(variance), step)
+        watch.judge(net / math.sqrt(spread), step)
         if watch.quiet:
-            noise.learn(normalised, share)
+            noise.learn(net * net / spread, share)
+
+    def _explained(self, seen: FloatArray, innovation: float, variance: float) -> tuple[float, float]:
+        """The innovation less what the minded hypotheses expect of it, and its variance with theirs."""
+        verdict = self._minded
+        if verdict is None:
+            return innovation, variance
+        events = seen[self._size : self._size + self._bank.events]
+        expected = float(events @ verdict.mean)
+        return innovation - expected, variance + max(float((events * events) @ verdict.moment) - expected**2, 0.0)
 
     def _correct_speed(self, velocity: float) -> None:
         """Take the sensor's own speed as a further reading, of a noise that is learnt."""
@@ -268,11 +279,12 @@ class ShaftTracker:
                 bank.born(self._error[:, size:], watch.knock_rate * watch.period_s * stride)
             verdict = bank.verdict(watch.scale)
             watch.eventful = verdict.weight
-        self._write(verdict)
+        self._minded = verdict if verdict is not None and verdict.weight > MINDED else None
+        self._write(self._minded)
         if verdict is not None and self._until_birth <= 1 and bank.leaving(verdict):
             self._take_in(verdict)
 
-    def _write(self, verdict: Verdict | None) -> None:
+    def _write(self, minded: Verdict | None) -> None:
         watch, size = self._watch, self._size
         gradient = self._gradient
         angle, omega, alpha = observe(self._state, self._ripple, gradient)
@@ -280,7 +292,6 @@ class ShaftTracker:
         covariance = across[:, :size] @ gradient.T
         watch.moving(omega)
         estimate = Estimate(angle, omega, alpha, covariance, self._unwrap.origin, watch.settled, watch.time_s)
-        minded = verdict if verdict is not None and verdict.weight > MINDED else None
         past = self._past
         if past is not None:
             if past.full:
@@ -321,10 +332,8 @@ class ShaftTracker:
     def release(self) -> None:
         """Let go of every held state: nothing more will be learnt of them."""
         if self._past is not None:
-            verdict = self._bank.verdict(self._watch.scale) if self._watch.settled else None
-            minded = verdict if verdict is not None and verdict.weight > MINDED else None
             while len(self._past):
-                self._let_go(self._past, minded)
+                self._let_go(self._past, self._minded)
 
     def _take_in(self, verdict: Verdict) -> None:
         """Replace the mixture of what may have happened by one Gaussian, of the same mean and covariance."""
@@ -340,7 +349,8 @@ class ShaftTracker:
             self._past.mean += moved
         self._state += shift[:size]
         self._open_ripple(RIPPLE_AFTER_EVENT)
-        bank.clear_events(error[:, size:])
+        bank.clear(error[:, size:])  # the idle orders too: an event looks like some of each
+        self._minded = None
         self._watch.knock()
         self._ripple = self._ripple_here()
 
@@ -351,7 +361,8 @@ class ShaftTracker:
         error[SLOPE, SLOPE] += (4.0 * scale) ** 2
         error[DIP_RATE, DIP_RATE] += (2.0 * scale) ** 2
         self._open_ripple(0.003)
-        self._bank.clear_events(error[:, size:])
+        self._bank.clear(error[:, size:])
+        self._minded = None
 
     def _jump(self, leap: float) -> None:
         """The reading has leapt for good: the shaft is taken to run on as before, from another angle."""
@@ -374,14 +385,14 @@ class ShaftTracker:
         error[:size, :size] = (error[:size, :size] + error[:size, :size].T) / 2
         at = np.arange(FIRST_RIPPLE, size)
         error[at, at] += 1e-12
-        error[LOG_RESPONSE, LOG_RESPONSE] = min(float(error[LOG_RESPONSE, LOG_RESPONSE]) + 1e-6, 0.25)
+        error[LOG_RESPONSE, LOG_RESPONSE] = min(float(error[LOG_RESPONSE, LOG_RESPONSE]) + 1e-6, 0.1)
         if np.abs(self._state[FIRST_RIPPLE:]).max(initial=0.0) > LARGEST_RIPPLE:  # no shaft: what looked like ripple was not
             self._state[FIRST_RIPPLE:] = 0.0
             error[at] = 0.0
             error[:, at] = 0.0
             error[at, at] = RIPPLE_AT_START**2
         self._state[LOG_RESPONSE] = min(max(float(self._state[LOG_RESPONSE]), math.log(0.004)), math.log(1.0))
-        place = self._bank.best_order() if self._watch.settled else None
+        place = self._bank.best_order() if self._watch.settled and self._watch.calm else None
         if place is not None:
             self._take_in_order(place)
 

@@ -7,7 +7,7 @@ import math
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.turns import TURN
 
-KNOCKS_BEFORE_HZ = 1.0
+KNOCKS_BEFORE_HZ = 0.3
 KNOCK_MEMORY_S = 60.0
 SETTLING_TURNS = 1.0
 SETTLING_SAMPLES = 50
@@ -15,6 +15,7 @@ FASTEST_CHANGE_HZ = 60.0
 """No shaft changes its speed faster than by this many times its usual speed per second."""
 MISFIT_LOST = 9.0
 DRIFT_S = 0.25
+CALM_S = 0.15
 LEAST_INTENSITY, MOST_INTENSITY = math.log(1e-8), math.log(10.0)
 
 
@@ -48,6 +49,7 @@ class Watch:
         self._sense = 0
         self._still = False
         self._slow_s = 0.0
+        self._calm_s = 0.0
 
     # Time
 
@@ -105,7 +107,8 @@ class Watch:
         self._misfit += 0.25 * (min(square, 100.0) - self._misfit)
         fade = min(step / DRIFT_S, 0.5)
         self._drift += fade * (normalised - self._drift)
-        if not self.quiet or not self.settled:
+        self._calm_s += step
+        if not self.settled or not self.calm:
             return
         ratio = self._drift * self._drift * (2.0 - fade) / fade
         change = (min(ratio, 9.0) - 1.0) * 2.0 * step
@@ -117,13 +120,18 @@ class Watch:
         return self.eventful < 0.25 and self._misfit < 4.0
 
     @property
+    def calm(self) -> bool:
+        """Whether nothing special has gone on for a while."""
+        return self.quiet and self._calm_s > CALM_S
+
+    @property
     def lost(self) -> bool:
         """Whether the innovations are beyond what any hypothesis allows."""
-        return self._misfit > MISFIT_LOST and self.eventful < 0.999
+        return self._misfit > MISFIT_LOST
 
     def found_again(self) -> float:
         """The filter was opened; the scale of speed."""
-        self._misfit = 1.0
+        self._startle()
         self._report.transients += 1
         return self.scale
 
@@ -139,6 +147,10 @@ class Watch:
         self._report.knocks += 1
         self._knocks += 1.0
         self.eventful = 0.0
+        self._startle()
+
+    def _startle(self) -> None:
+        self._misfit, self._drift, self._calm_s = 1.0, 0.0, 0.0
 
     def is_leap(self, innovation: float, sigma: float, step: float) -> bool:
         """Whether no shaft can be where the reading says."""
