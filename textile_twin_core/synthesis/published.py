@@ -86,7 +86,7 @@ def table_1_rows() -> tuple[PublishedRow, ...]:
     return (*rows, count, *_chosen_design_rows())
 
 
-_DESIGN = "The chosen design"
+_DESIGN = "Count of Table 1, and the chosen design"
 
 
 def _chosen_design_rows() -> list[PublishedRow]:
