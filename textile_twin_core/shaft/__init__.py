@@ -8,10 +8,9 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.base import ShaftEstimator
 from textile_twin_core.shaft.causal import CausalEstimator, LagEstimator
 from textile_twin_core.shaft.report import SampleReport
-from textile_twin_core.shaft.smooth import SmoothEstimator
 from textile_twin_core.shaft.states import ShaftStates
 
-ESTIMATORS: dict[str, Any] = {"causal": CausalEstimator, "lag": LagEstimator, "smooth": SmoothEstimator}
+ESTIMATORS = ("causal", "lag", "smooth")
 
 __all__ = ["ESTIMATORS", "SampleReport", "ShaftEstimator", "ShaftStates", "create_estimator"]
 
@@ -25,6 +24,15 @@ def create_estimator(name: str, **settings: Any) -> ShaftEstimator:
     if name not in ESTIMATORS:
         raise SceneError(f"unknown shaft estimator '{name}': choose one of {', '.join(ESTIMATORS)}")
     try:
-        return ESTIMATORS[name](**settings)
+        return _estimator_class(name)(**settings)
     except TypeError as error:
         raise SceneError(f"shaft estimator '{name}': {error}") from error
+
+
+def _estimator_class(name: str) -> Any:
+    if name == "smooth":
+        # Imported when it is asked for: it takes half of scipy with it, which a node that never smooths need not load.
+        from textile_twin_core.shaft.smooth import SmoothEstimator
+
+        return SmoothEstimator
+    return {"causal": CausalEstimator, "lag": LagEstimator}[name]
