@@ -12,7 +12,7 @@ fi
 rate="${1:-2}"
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
-
+[[ "$rate" =~ ^[0-9]+(\.[0-9]+)?$ ]] || fail "the rate must be a number such as 2 or 0.5, not '$rate'"
 played=bags/tufting_160rpm_synthetic # also in demo.yaml
 rm -rf out/demo
 mkdir -p out/demo

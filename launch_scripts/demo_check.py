@@ -18,9 +18,9 @@ AGREEMENT = 1e-9
 """How far the nodes' torque may be from the one computed here, over its peak."""
 
 
-def predict(machine: ttc.Machine, angles: AngleSamples) -> tuple[FloatArray | IntArray, FloatArray]:
+def predict(machine: str, angles: AngleSamples) -> tuple[FloatArray | IntArray, FloatArray]:
     """Stamps [ns] and balancing torque [N m] from a recording's angles, by the estimator that the node has."""
-    session = ttc.compile(machine, outputs=["balancing_torque_Nm"]).session(shaft="causal")
+    session = ttc.compile(ttc.machines.create(machine), outputs=["balancing_torque_Nm"]).session(shaft="causal")
     samples = session.step(angles.stamps, angles.angles_rad, angles.velocities)
     return samples.stamps, samples["balancing_torque_Nm"]
 
@@ -32,7 +32,7 @@ def difference(published: TorqueSamples, stamps: FloatArray | IntArray, torque_N
     return float(np.max(np.abs(published.torque_Nm - torque_Nm)) / np.max(np.abs(torque_Nm)))
 
 
-def check(played_path: Path, recorded_path: Path, machine: ttc.Machine) -> int:
+def check(played_path: Path, recorded_path: Path, machine: str) -> int:
     """Print what was played, recorded and computed; returns 1 when something was lost or differs."""
     played, recorded = open_bag(played_path), open_bag(recorded_path)
     angles, published = played.read_angles(ANGLE), recorded.read_torques(PREDICTED)
@@ -64,7 +64,7 @@ def main() -> int:
     parser.add_argument("--machine", default="tufting")
     options = parser.parse_args()
     try:
-        return check(options.played, options.recorded, ttc.machines.create(options.machine))
+        return check(options.played, options.recorded, options.machine)
     except TwinError as error:
         print(f"demo_check.py: {error}", file=sys.stderr)
         return 2

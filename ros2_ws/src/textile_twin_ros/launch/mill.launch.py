@@ -3,12 +3,11 @@
 ros2 launch textile_twin_ros mill.launch.py machines:="m1 m2 m3" params_file:=mill.yaml
 """
 
+from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
-
-from launch import LaunchContext, LaunchDescription
 
 
 def twins(context: LaunchContext) -> list[Node]:

@@ -3,13 +3,12 @@
 ros2 launch textile_twin_ros replay.launch.py bag:=bags/tufting_160rpm_synthetic out:=out/recording rate:=4.0
 """
 
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, RegisterEventHandler, Shutdown
 from launch.event_handlers import OnProcessExit
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-
-from launch import LaunchDescription
 
 INPUTS = ["main_shaft/angle", "balancing_torque/measured"]
 OUTPUTS = [
