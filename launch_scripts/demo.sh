@@ -2,17 +2,16 @@
 # Plays a recording of a tufting machine through the nodes, records what they publish, and compares it with the measured torque.
 set -euo pipefail
 
-if [[ "${1:-}" == -* || $# -gt 1 ]]; then
-    cat >&2 <<'HELP'
-usage: launch_scripts/demo.sh [RATE]
-RATE: speed of playing, 1 is that of the machine, 2 when not given. The results go to out/demo.
-HELP
-    exit 2
+if [[ "${1:-}" == -* ]]; then
+    echo "usage: launch_scripts/demo.sh [RATE]"
+    echo "RATE: speed of playing, 1 is that of the machine, 2 when not given. The results go to out/demo."
+    exit
 fi
 rate="${1:-2}"
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 [[ "$rate" =~ ^[0-9]+(\.[0-9]+)?$ ]] || fail "the rate must be a number such as 2 or 0.5, not '$rate'"
+
 played=bags/tufting_160rpm_synthetic # also in demo.yaml
 rm -rf out/demo
 mkdir -p out/demo
