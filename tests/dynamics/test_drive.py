@@ -12,9 +12,9 @@ from scipy.integrate import solve_ivp
 
 import textile_twin_core as ttc
 from textile_twin_core.dynamics import Body, Load
-from textile_twin_core.dynamics.loads import JointFriction, ShaftFriction, Spring, TorqueTable
+from textile_twin_core.dynamics.loads import Backing, JointFriction, ShaftFriction, Spring, TorqueTable
 from textile_twin_core.machines import Machine
-from textile_twin_core.mechanism import Crank
+from textile_twin_core.mechanism import Crank, RRRDyad
 
 TUFTING = ttc.machines.tufting()
 
@@ -194,6 +194,34 @@ def test_bad_arguments(arguments: dict[str, object], message: str) -> None:
     usual: dict[str, object] = {"machine": TUFTING, "drive_torque": 1.0, "theta0": 0.0, "omega0": 1.0, "t": 1.0}
     with pytest.raises(ttc.TwinError, match=message):
         ttc.drive(**(usual | arguments))  # type: ignore[arg-type]
+
+
+def test_a_linkage_driven_into_its_toggle_says_where() -> None:
+    dyad = RRRDyad("l2", "l3", "A", "C", "B", (2.0, 1.5))
+    groups = (Crank("l1", at="O", end="A", length_m=2.0), dyad)
+    points, bodies = {"O": (0.0, 0.0), "C": (3.0, 0.0)}, (Body("l1", 1.0, 0.3), Body("l3", 1.0, 0.2))
+    machine = Machine("open", points, groups, bodies, range_rad=(0.7, 1.4))
+    with pytest.raises(ttc.MotionError, match=r"cannot close at a shaft angle of (8[67]|9\d)\.\d+ deg, reached at"):
+        ttc.drive(machine, 5.0, 1.0, 3.0, 1.0)
+
+
+def test_two_planes_of_the_backing_are_met_in_both_directions() -> None:
+    """Turning back, the needle goes in where it came out: the planes change their parts."""
+    backing = Backing("needle", 300.0, 0.5565, 0.5585, 20.0)
+    machine = dataclasses.replace(TUFTING, loads=(backing,), bodies=(*TUFTING.bodies, Body.flywheel(0.5)))
+    twin = ttc.compile(machine, ["needle_position_m"], method="exact")
+    for omega in (16.0, -16.0):
+        run = ttc.drive(machine, 0.0, 4.5, omega, 0.45)
+        depths = [twin.evaluate(e.theta_rad, 0.0, 0.0)["needle_position_m"] for e in run.events if e.kind == "leaps"]
+        planes = [d for d in depths if min(abs(d - 0.5565), abs(d - 0.5585)) < 1e-12]
+        assert planes[:2] == pytest.approx([0.5565, 0.5585], abs=1e-12)
+        assert len(depths) > len(planes)  # at its dead points free friction turns
+        assert np.abs(run.energy_error_J).max() < 1e-8 * run.kinetic_energy_J.max()
+
+
+def test_other_machines_have_no_drive() -> None:
+    with pytest.raises(ttc.MachineError, match="no linkage machine"):
+        ttc.drive("tufting", 1.0, 0.0, 0.0, 1.0)  # type: ignore[arg-type]
 
 
 def test_a_machine_without_masses_says_which() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 from scipy.integrate import DOP853, DenseOutput
@@ -101,7 +102,8 @@ class Drive:
 
     def _error_scales(self, theta0: float, omega0: float) -> FloatArray:
         """Absolute errors that count as 1: an angle of 1 rad, and speed and energy as large as they will be."""
-        turn = [self.equation.energies(angle, 1.0) for angle in np.linspace(0.0, TURN, 37).tolist()]
+        turn = [found for angle in np.linspace(0.0, TURN, 37).tolist() if (found := self._energies_of_speed_one(angle))]
+        turn.append(self._energies_of_speed_one(theta0) or self._refuse(theta0, float(self._times[0])))
         inertia = 2.0 * min(kinetic for kinetic, _ in turn)
         if not inertia > 0.0:
             raise MotionError("the machine has no inertia that a torque could accelerate; give its bodies masses")
@@ -111,6 +113,18 @@ class Drive:
         scales = np.full(3 + self.equation.load_count, energy)
         scales[:2] = 1.0, math.sqrt(2.0 * energy / inertia)
         return scales
+
+    def _energies_of_speed_one(self, theta: float) -> tuple[float, float] | None:
+        """Kinetic (at 1 rad/s) and potential energy [J]; None where the chain is open."""
+        try:
+            return self.equation.energies(theta, 1.0)
+        except (ValueError, ZeroDivisionError):
+            return None
+
+    def _refuse(self, theta: float, time: float) -> NoReturn:
+        raise MotionError(
+            f"the machine cannot close at a shaft angle of {math.degrees(theta):.4f} deg, reached at {time:.6g} s"
+        ) from None
 
     def _torque_at(self, time: float, theta: float, omega: float) -> float:
         value = float(self.torque(time, theta, omega))
@@ -123,9 +137,7 @@ class Drive:
         try:
             inertia, half_slope, weight, *loads = self.equation.terms(theta, omega, *stretch.values)
         except (ValueError, ZeroDivisionError):
-            raise MotionError(
-                f"the machine cannot close at a shaft angle of {math.degrees(theta):.4f} deg, reached at {time:.6g} s"
-            ) from None
+            self._refuse(theta, time)
         torque = self._torque_at(time, theta, omega)
         alpha = (torque + sum(loads) - half_slope * omega * omega - weight) / inertia
         return np.array([omega, alpha, torque * omega, *(load * omega for load in loads)])
@@ -167,7 +179,8 @@ class Drive:
             self._step(solver)
             if direction * (solver.y[0] - bound) >= 0.0 or direction * solver.y[1] <= 0.0:
                 return self._land(begin, start, solver, state, stretch, direction)
-            self._record(solver.dense_output(), stretch)
+            if self._next < self._times.size and self._times[self._next] <= solver.t:
+                self._record(solver.dense_output(), stretch)
         state[:] = solver.y
         return float(solver.t), direction
 

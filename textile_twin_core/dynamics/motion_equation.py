@@ -99,7 +99,10 @@ class MotionEquation:
         function = compile_scalar(self._leaps, list(_STATE))
 
         def at(angle: float) -> tuple[float, ...]:
-            return tuple(float(v) for v in function(angle, omega))
+            try:
+                return tuple(float(v) for v in function(angle, omega))
+            except ValueError:  # the chain is open there
+                return ()
 
         found: list[float] = []
         for i in np.flatnonzero((sampled[:, 1:] != sampled[:, :-1]).any(axis=0)):
