@@ -64,7 +64,11 @@ def run_bench(
 
 
 def _row(scene: Scene, candidate: Candidate) -> Row:
-    error = None if candidate.result is None else scene.error(candidate.result())
+    error = None
+    if candidate.error is not None:
+        error = candidate.error()
+    elif candidate.result is not None:
+        error = scene.error(candidate.result())
     return Row(
         candidate.method,
         candidate.peer,

@@ -18,7 +18,8 @@ class Candidate:
     """One way to evaluate a scene.
 
     `batch` evaluates `samples` samples at once, `single` one sample; either may be missing. `result` gives
-    the outputs of the batch's samples for the error. `peer` is the library, None for our own methods.
+    the outputs of the batch's samples for the error; `error` is given instead where the motion is not the scene's.
+    `peer` is the library, None for our own methods.
     """
 
     method: str
@@ -27,6 +28,7 @@ class Candidate:
     samples: int = 0
     single: Callable[[], Any] | None = None
     result: Callable[[], dict[str, FloatArray]] | None = None
+    error: Callable[[], float] | None = None
     note: str = ""
     batch_times: list[float] = field(default_factory=list)
     single_times: list[float] = field(default_factory=list)

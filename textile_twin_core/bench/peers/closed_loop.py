@@ -1,0 +1,153 @@
+"""Inverse dynamics of a closed linkage by an engine that knows trees: the loop is closed on the engine's kinematics.
+
+Timed, per sample: joint positions from a table accurate to 1e-5, two steps of Newton's method on the engine's gaps and
+Jacobians at the cut pins, joint velocities and accelerations that keep the pins closed, the engine's inverse dynamics of
+the tree, and its projection onto the shaft (the principle of virtual work). Friction of the backing is added by a test
+on the position that the engine gives the needle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.bench.peers.planar_tree import PlanarTree, planar_tree
+from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.timing import Candidate
+
+TORQUE = "balancing_torque_Nm"
+SAMPLES = 500
+_CLOSED_M = 1e-15
+_STEPS = 20
+
+
+class TreeEngine(Protocol):
+    """What an engine does for a tree; joints in the tree's order."""
+
+    def place(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Move to joint positions: gaps of the cut pins, later minus earlier, x then y [m], and their Jacobian."""
+        ...
+
+    def drift(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Acceleration of the gaps at joint velocities while the joints do not accelerate [m/s^2]."""
+        ...
+
+    def inverse(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Generalised forces of the tree for a motion, gravity included [N m, N]."""
+        ...
+
+    def tip(self) -> FloatArray:
+        """Position of the needle's tip where the joints were placed [m]."""
+        ...
+
+
+class Solved(NamedTuple):
+    """One sample: joint motion, inverse of the passive Jacobian, d q/d theta, forces of the tree and the answers."""
+
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    inverse: FloatArray
+    slope: FloatArray
+    forces: FloatArray
+    torque: float
+    travel: float
+
+
+class ClosedLoop:
+    """A tree whose cut pins are kept closed."""
+
+    def __init__(self, tree: PlanarTree, engine: TreeEngine) -> None:
+        self.tree = tree
+        self.engine = engine
+
+    def assemble(self, theta: float) -> tuple[FloatArray, FloatArray]:
+        """Joint positions at theta by Newton's method, and the Jacobian of the gaps there."""
+        q = self.tree.near(theta)
+        for _ in range(_STEPS):
+            gaps, jacobian = self.engine.place(q)
+            if max(map(abs, gaps.tolist())) < _CLOSED_M:
+                return q, jacobian
+            q[1:] -= np.linalg.solve(jacobian[:, 1:], gaps)
+        raise ArithmeticError(f"the loop does not close at {theta!r} rad")
+
+    def travel(self) -> float:
+        """The needle's travel where the joints were placed [m]."""
+        needle = self.tree.needle
+        if needle is None:
+            return 0.0
+        x, y = self.engine.tip().tolist()[:2]
+        return (x - needle.origin[0]) * needle.direction[0] + (y - needle.origin[1]) * needle.direction[1]
+
+    def position(self, theta: float, omega: float, alpha: float) -> float:
+        """The needle's travel at theta [m]."""
+        self.assemble(theta)
+        return self.travel()
+
+    def solve(self, theta: float, omega: float, alpha: float) -> Solved:
+        """Torque [N m] and travel [m] with what led to them."""
+        q, jacobian = self.assemble(theta)
+        inverse = np.linalg.inv(jacobian[:, 1:])
+        slope = np.empty(q.size)
+        slope[0], slope[1:] = 1.0, -(inverse @ jacobian[:, 0])
+        v = slope * omega
+        a = slope * alpha
+        a[1:] -= inverse @ self.engine.drift(q, v)
+        forces = self.engine.inverse(q, v, a)
+        torque, travel, needle = float(slope @ forces), self.travel(), self.tree.needle
+        if needle is not None:
+            torque += needle.friction(travel, needle.sense * float(slope[needle.body]), omega)
+        return Solved(q, v, a, inverse, slope, forces, torque, travel)
+
+
+def projected(scene: Scene, library: str, engine: Callable[[PlanarTree], TreeEngine]) -> Iterator[Candidate]:
+    """The engine on the scene's machine, where it is one of pins and sliders and the outputs are torque and travel."""
+    tree = planar_tree(scene.machine)
+    if tree is None:
+        return
+    travel = tree.needle.output if tree.needle else ""
+    if not set(scene.outputs) <= {TORQUE, travel}:
+        return
+    loop = ClosedLoop(tree, engine(tree))
+    if TORQUE in scene.outputs:
+
+        def sample(theta: float, omega: float, alpha: float) -> tuple[float, ...]:
+            solved = loop.solve(theta, omega, alpha)
+            return tuple(solved.torque if name == TORQUE else solved.travel for name in scene.outputs)
+    else:
+
+        def sample(theta: float, omega: float, alpha: float) -> tuple[float, ...]:
+            return (loop.position(theta, omega, alpha),)
+
+    yield one_by_one(scene, library, "projection", sample)
+
+
+def one_by_one(
+    scene: Scene,
+    library: str,
+    method: str,
+    sample: Callable[[float, float, float], tuple[float, ...]],
+    samples: int = SAMPLES,
+    note: str = "",
+) -> Candidate:
+    """A candidate without a batch mode of its own: the first samples in a loop of Python."""
+    samples = min(samples, scene.samples)
+    motion = [tuple(row) for row in np.column_stack([x[:samples] for x in scene.motion]).tolist()]
+    found = np.empty((samples, len(scene.outputs)))
+
+    def batch() -> None:
+        for k, state in enumerate(motion):
+            found[k] = sample(*state)
+
+    return Candidate(
+        method,
+        library,
+        batch=batch,
+        samples=samples,
+        single=lambda: sample(*motion[0]),
+        result=lambda: dict(zip(scene.outputs, found.T, strict=True)),
+        note=note,
+    )

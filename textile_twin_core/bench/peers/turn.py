@@ -1,0 +1,24 @@
+"""A steady turn: for libraries that cannot be asked at any angle, the scene's outputs at even angles and constant speed."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from textile_twin_core.bench.scenes import Motion, Scene
+
+
+class SteadyTurn(Scene):
+    """The angles 2 pi k / samples for k = 1 .. samples, at the machine's nominal speed without acceleration."""
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Angle [rad], speed [rad/s], acceleration [rad/s^2]."""
+        theta = 2.0 * np.pi / self.samples * np.arange(1.0, self.samples + 1.0)
+        return theta, np.full(self.samples, self.machine.nominal_speed_rad_s), np.zeros(self.samples)
+
+    @classmethod
+    def of(cls, scene: Scene, samples: int) -> SteadyTurn:
+        """The same machine and outputs in a turn of so many samples."""
+        return cls(scene.machine, scene.name, scene.outputs, samples)
