@@ -196,11 +196,12 @@ def test_bad_arguments(arguments: dict[str, object], message: str) -> None:
         ttc.drive(**(usual | arguments))  # type: ignore[arg-type]
 
 
-def test_a_linkage_driven_into_its_toggle_says_where() -> None:
+@pytest.mark.parametrize("loads", [(), (JointFriction("l3", 0.01),)], ids=["free", "friction"])
+def test_a_linkage_driven_into_its_toggle_says_where(loads: tuple[Load, ...]) -> None:
     dyad = RRRDyad("l2", "l3", "A", "C", "B", (2.0, 1.5))
     groups = (Crank("l1", at="O", end="A", length_m=2.0), dyad)
     points, bodies = {"O": (0.0, 0.0), "C": (3.0, 0.0)}, (Body("l1", 1.0, 0.3), Body("l3", 1.0, 0.2))
-    machine = Machine("open", points, groups, bodies, range_rad=(0.7, 1.4))
+    machine = Machine("open", points, groups, bodies, loads, range_rad=(0.7, 1.4))
     with pytest.raises(ttc.MotionError, match=r"cannot close at a shaft angle of (8[67]|9\d)\.\d+ deg, reached at"):
         ttc.drive(machine, 5.0, 1.0, 3.0, 1.0)
 

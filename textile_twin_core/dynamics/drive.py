@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 import numpy as np
@@ -12,6 +11,7 @@ from scipy.integrate import DOP853, DenseOutput
 from scipy.optimize import brentq
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics.drive_result import DriveEvent, DriveResult
 from textile_twin_core.dynamics.drive_torque import DriveTorque
 from textile_twin_core.dynamics.motion_equation import TURN, MotionEquation, Stretch
 from textile_twin_core.errors import MotionError
@@ -19,49 +19,6 @@ from textile_twin_core.errors import MotionError
 _MOST_EVENTS = 1_000_000
 _SCAN = 1000
 """Looks at a shaft at rest, over the time left, for the torque that moves it."""
-
-
-@dataclass(frozen=True)
-class DriveEvent:
-    """Something that happened: a load `leaps` (`loads` says which), the shaft `stops`, `starts` or `reverses`."""
-
-    kind: str
-    time_s: float
-    theta_rad: float
-    omega_rad_s: float
-    loads: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class DriveResult:
-    """Motion of the shaft at the times asked, (n,) arrays, and its energy account.
-
-    alpha_rad_s2 and drive_torque_Nm belong to the same instants. drive_work_J is what the drive has put in since
-    the first time, load_work_J what each load has (friction: negative), by load. evaluations counts those of
-    the equation of motion, steps the integrator's.
-    """
-
-    time_s: FloatArray
-    theta_rad: FloatArray
-    omega_rad_s: FloatArray
-    alpha_rad_s2: FloatArray
-    drive_torque_Nm: FloatArray
-    kinetic_energy_J: FloatArray
-    potential_energy_J: FloatArray
-    drive_work_J: FloatArray
-    load_work_J: Mapping[str, FloatArray]
-    events: tuple[DriveEvent, ...]
-    evaluations: int
-    steps: int
-
-    @property
-    def energy_error_J(self) -> FloatArray:
-        """(n,) energy gained that no work accounts for [J]: the integrator's error."""
-        energy = self.kinetic_energy_J + self.potential_energy_J
-        account: FloatArray = energy - energy[0] - self.drive_work_J
-        for work in self.load_work_J.values():
-            account = account - work
-        return account
 
 
 class Drive:
@@ -134,6 +91,8 @@ class Drive:
 
     def _slopes(self, time: float, state: FloatArray, stretch: Stretch) -> FloatArray:
         theta, omega = float(state[0]), float(state[1])
+        if self.equation.is_open(stretch):
+            self._refuse(theta, time)
         try:
             inertia, half_slope, weight, *loads = self.equation.terms(theta, omega, *stretch.values)
         except (ValueError, ZeroDivisionError):

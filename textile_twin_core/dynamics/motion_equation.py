@@ -55,6 +55,10 @@ class MotionEquation:
         needed = [set(topological_order([load])) for load in loads]
         self._owners = [{i for i, nodes in enumerate(needed) if leap in nodes} for leap in self._leaps]
 
+    def is_open(self, stretch: Stretch) -> bool:
+        """Whether the chain does not close over a stretch."""
+        return len(stretch.values) < len(self._leaps)
+
     def energies(self, theta: float, omega: float) -> tuple[float, float]:
         """Kinetic and potential energy [J]."""
         inertia, potential = self._energy(theta)
@@ -77,7 +81,7 @@ class MotionEquation:
 
     def leaping_loads(self, before: Stretch, after: Stretch) -> tuple[int, ...]:
         """Numbers of the loads that leap between two neighbouring stretches."""
-        changed = [k for k, pair in enumerate(zip(before.values, after.values, strict=True)) if pair[0] != pair[1]]
+        changed = [k for k, pair in enumerate(zip(before.values, after.values, strict=False)) if pair[0] != pair[1]]
         return tuple(sorted(set().union(*(self._owners[k] for k in changed))))
 
     @cached_property
@@ -95,13 +99,14 @@ class MotionEquation:
         step = TURN / _SAMPLES
         theta = np.linspace(_SHIFT * step, TURN + _SHIFT * step, _SAMPLES + 1)
         sampled = np.empty((len(self._leaps), theta.size))
-        BlockProgram(self._leaps, list(_STATE))([theta, np.full_like(theta, omega)], list(sampled))
+        with np.errstate(invalid="ignore", divide="ignore"):  # where the chain is open
+            BlockProgram(self._leaps, list(_STATE))([theta, np.full_like(theta, omega)], list(sampled))
         function = compile_scalar(self._leaps, list(_STATE))
 
         def at(angle: float) -> tuple[float, ...]:
             try:
                 return tuple(float(v) for v in function(angle, omega))
-            except ValueError:  # the chain is open there
+            except (ValueError, ZeroDivisionError):  # the chain is open there
                 return ()
 
         found: list[float] = []

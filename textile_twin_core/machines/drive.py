@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.dynamics.drive import Drive, DriveResult
+from textile_twin_core.dynamics.drive import Drive
+from textile_twin_core.dynamics.drive_result import DriveResult
 from textile_twin_core.dynamics.drive_torque import DriveTorque
 from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.dynamics.motion_equation import MotionEquation
