@@ -1,4 +1,4 @@
-"""The lock file: pinned, hashed, naming no server, and sufficient for what pyproject.toml asks for."""
+"""The lock files: pinned, hashed, naming no server, and sufficient for what pyproject.toml asks for."""
 
 from __future__ import annotations
 
@@ -11,42 +11,56 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
-LOCK = (ROOT / "requirements.lock").read_text()
-ENTRIES = re.sub(r" *\\\n *", " ", LOCK).splitlines()
+LOCKS = {"requirements.lock": "ros files view design dev", "requirements-peers.lock": "files design dev peers"}
 PYTHONS = ("3.11.0", "3.12.0", "3.13.0")
 
+each_lock = pytest.mark.parametrize("lock", LOCKS)
 
-def locked(python: str) -> dict[str, str]:
+
+def entries(lock: str) -> list[str]:
+    return re.sub(r" *\\\n *", " ", (ROOT / lock).read_text()).splitlines()
+
+
+def locked(lock: str, python: str) -> dict[str, str]:
     """Name -> version of what is installed with this Python on 64-bit Linux."""
     here = {"python_version": python[:4], "python_full_version": python, "sys_platform": "linux"}
     here |= {"platform_machine": "x86_64", "platform_system": "Linux", "implementation_name": "cpython"}
     here |= {"platform_python_implementation": "CPython", "os_name": "posix"}
-    requirements = [Requirement(entry.split(" --hash")[0]) for entry in ENTRIES]
+    requirements = [Requirement(entry.split(" --hash")[0]) for entry in entries(lock)]
     taken = [r for r in requirements if r.marker is None or r.marker.evaluate(here)]
     return {canonicalize_name(r.name): str(r.specifier).removeprefix("==") for r in taken}
 
 
-def test_every_entry_is_pinned_and_hashed() -> None:
+@each_lock
+def test_every_entry_is_pinned_and_hashed(lock: str) -> None:
     pinned = re.compile(r"[a-z0-9.-]+==[0-9a-z.+]+( ; [^\\]+?)?( --hash=sha256:[0-9a-f]{64})+")
-    assert ENTRIES
-    assert [entry[:60] for entry in ENTRIES if not pinned.fullmatch(entry)] == []
+    assert entries(lock)
+    assert [entry[:60] for entry in entries(lock) if not pinned.fullmatch(entry)] == []
 
 
-def test_names_no_server_and_no_path() -> None:
-    assert not re.search(r"://|--index|--find-links|\.whl|(^|\s)[.~]?/", LOCK)
+@each_lock
+def test_names_no_server_and_no_path(lock: str) -> None:
+    assert not re.search(r"://|--index|--find-links|\.whl|(^|\s)[.~]?/", (ROOT / lock).read_text())
 
 
+@each_lock
 @pytest.mark.parametrize("python", PYTHONS)
-def test_gives_what_the_project_asks_for(python: str) -> None:
+def test_gives_what_the_project_asks_for(lock: str, python: str) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extras = project["optional-dependencies"].values()
-    versions = locked(python)
+    extras = [project["optional-dependencies"][name] for name in LOCKS[lock].split()]
+    versions = locked(lock, python)
     for text in [*project["dependencies"], *(requirement for extra in extras for requirement in extra)]:
         requirement = Requirement(text)
         version = versions.get(canonicalize_name(requirement.name))
-        assert version is not None, f"{requirement.name} is not in requirements.lock: run launch_scripts/lock.sh"
+        assert version is not None, f"{requirement.name} is not in {lock}: run launch_scripts/lock.sh"
         assert requirement.specifier.contains(version), f"{text}: {version} is locked: run launch_scripts/lock.sh"
 
 
-def test_one_version_for_every_python() -> None:
-    assert locked("3.11.0") == locked("3.12.0") == locked("3.13.0")
+def test_every_extra_is_locked() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert set(project["optional-dependencies"]) == {name for names in LOCKS.values() for name in names.split()}
+
+
+@each_lock
+def test_one_version_for_every_python(lock: str) -> None:
+    assert locked(lock, "3.11.0") == locked(lock, "3.12.0") == locked(lock, "3.13.0")

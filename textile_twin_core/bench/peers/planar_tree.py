@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import Backing, Body
@@ -14,6 +15,7 @@ from textile_twin_core.mechanism import MAIN_SHAFT, Crank, RigidArm, RRPDyad, RR
 from textile_twin_core.twin import compile_machine
 
 Point = tuple[float, float]
+ComplexArray = npt.NDArray[np.complex128]
 GROUND = -1
 _NODES = 1024
 
@@ -96,6 +98,18 @@ class PlanarTree:
         q: FloatArray = self.start[k] + (place - k) * (self.start[k + 1] - self.start[k])
         q[0] = theta
         return q
+
+    def frames(self) -> tuple[list[ComplexArray], list[FloatArray]]:
+        """Origins [m], as complex numbers, and angles [rad] of the joints' frames over the turn of `start`."""
+        origins: list[ComplexArray] = []
+        angles: list[FloatArray] = []
+        for j, q in zip(self.joints, self.start.T, strict=True):
+            fixed = j.parent == GROUND
+            angle = np.zeros(q.size) if fixed else angles[j.parent]
+            at = complex(*j.at) * np.exp(1j * angle) + (0.0 if fixed else origins[j.parent])
+            origins.append(at if j.axis is None else at + q * complex(*j.axis))
+            angles.append(angle + q if j.axis is None else angle)
+        return origins, angles
 
 
 def planar_tree(machine: Machine) -> PlanarTree | None:
