@@ -77,7 +77,7 @@ def main() -> None:
     options = parser.parse_args()
     print(f"{'rate/Hz':>8} {'CPU/%':>8} {'p50/us':>10} {'p99/us':>10} {'lost':>6}")
     for rate in options.rates:
-        with tempfile.TemporaryDirectory() as folder, running_suite(Path(folder)) as suite:
+        with tempfile.TemporaryDirectory() as folder, running_suite(Path(folder), "events") as suite:
             print(measure(suite, rate, options.seconds, options.parameters), flush=True)
 
 

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from textile_twin_core.files import BagWriter
+from textile_twin_ros.spinning import create_executor
 
 PATIENCE_S = 30.0
 _DOMAINS = itertools.count(1 + os.getpid() % 60)
@@ -41,8 +41,9 @@ def node_environment(folder: Path, domain: int) -> dict[str, str]:
 class Suite:
     """Processes and a test node in one ROS domain of their own, on this computer alone."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, executor: str = "single") -> None:
         self.folder = folder
+        self._executor_name = executor
         self.domain = next(_DOMAINS) % 100
         self.environment = os.environ | node_environment(folder, self.domain)
         self.processes: list[Program] = []
@@ -65,7 +66,7 @@ class Suite:
                 os.environ[name] = self.environment[name]
             self._context = Context()
             rclpy.init(context=self._context, domain_id=self.domain)
-            self._executor = SingleThreadedExecutor(context=self._context)
+            self._executor = create_executor(self._executor_name, self._context)
         node = Node("test", context=self._context)
         self._executor.add_node(node)
         return node
@@ -136,9 +137,9 @@ class Program:
 
 
 @contextmanager
-def running_suite(folder: Path) -> Iterator[Suite]:
-    """A suite that ends with the block."""
-    suite = Suite(folder)
+def running_suite(folder: Path, executor: str = "single") -> Iterator[Suite]:
+    """A suite that ends with the block; `executor`: how the test's own nodes are run."""
+    suite = Suite(folder, executor)
     try:
         yield suite
     finally:

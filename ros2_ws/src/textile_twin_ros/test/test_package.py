@@ -34,6 +34,18 @@ def test_parameter_files_name_parameters_that_there_are() -> None:
             assert set(content["ros__parameters"]) <= known, file.name
 
 
+@pytest.mark.parametrize("node", NODES)
+def test_the_readme_tells_every_parameter(node: str) -> None:
+    if node == "view_node":
+        pytest.importorskip("rerun")
+    module = importlib.import_module(f"textile_twin_ros.{node}")
+    declaration = getattr(module, f"{node.removesuffix('_node').capitalize()}Parameters")
+    section = (PACKAGE / "README.md").read_text().split(f"## {node}\n")[1].split("\n## ")[0]
+    for field in dataclasses.fields(declaration):
+        row = next(line for line in section.splitlines() if line.startswith(f"| `{field.name}` |"))
+        assert field.metadata["description"] in row
+
+
 def test_launch_files_are_python() -> None:
     files = sorted((PACKAGE / "launch").glob("*.launch.py"))
     assert files

@@ -9,6 +9,7 @@ from typing import Protocol, cast
 
 import rclpy
 from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
@@ -38,13 +39,13 @@ def call_every(node: Node, period_s: float, callback: Callable[[], None]) -> Non
     node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
-def create_executor(name: str) -> Executor:
+def create_executor(name: str, context: Context | None = None) -> Executor:
     """An executor: `events` costs a third of `single` per message and is the default wherever it serves."""
     if name == "events":
         from rclpy.experimental.events_executor import EventsExecutor
 
-        return EventsExecutor()
-    return SingleThreadedExecutor()
+        return EventsExecutor(context=context)
+    return SingleThreadedExecutor(context=context)
 
 
 def run(command: str, create: Callable[[], SuiteNode], arguments: list[str] | None = None) -> int:
