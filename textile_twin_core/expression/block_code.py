@@ -1,15 +1,12 @@
-"""Source code of array programs: the order of the operations, and which buffer each result goes to.
-
-The order follows the heavier argument first (Sethi and Ullman 1970), so that few buffers are alive at a
-time and they stay in the cache.
-"""
+"""Source code of array programs: one line per operation, and which buffer each result goes to."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from textile_twin_core.expression.graph import Expr, topological_order
+from textile_twin_core.expression.graph import Expr
+from textile_twin_core.expression.schedule import schedule
 
 _SINCOS_WORK = 4
 
@@ -42,7 +39,7 @@ class _Writer:
     operations: int = 0
 
     def write(self) -> BlockCode:
-        order = _heavier_first(self.outputs)
+        order = schedule(self.outputs)
         self.target = {e: f"o{k}" for k, e in reversed(list(enumerate(self.outputs)))}
         self.partner = _partners(order)
         self.last_use = {a: i for i, node in enumerate(order) for a in node.args}
@@ -119,22 +116,3 @@ def _partners(order: Sequence[Expr]) -> dict[Expr, dict[str, Expr]]:
         if node.op in ("sin", "cos"):
             found.setdefault(node.args[0], {})[node.op] = node
     return found
-
-
-def _heavier_first(outputs: Sequence[Expr]) -> list[Expr]:
-    weight: dict[Expr, int] = {}
-    for node in topological_order(outputs):
-        weights = sorted((weight[a] for a in node.args), reverse=True)
-        weight[node] = max([1 if node.args else 0, *(w + k for k, w in enumerate(weights))])
-    order: list[Expr] = []
-    seen: set[Expr] = set()
-    stack = [(e, False) for e in reversed(outputs)]
-    while stack:
-        node, ready = stack.pop()
-        if ready:
-            order.append(node)
-        elif node not in seen:
-            seen.add(node)
-            stack.append((node, True))
-            stack.extend((a, False) for a in sorted(node.args, key=weight.__getitem__) if a not in seen)
-    return order
