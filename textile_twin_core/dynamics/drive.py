@@ -17,6 +17,7 @@ from textile_twin_core.dynamics.motion_equation import TURN, MotionEquation, Str
 from textile_twin_core.errors import MotionError
 
 _MOST_EVENTS = 1_000_000
+_TINY = 1e-8
 _SCAN = 1000
 """Looks at a shaft at rest, over the time left, for the torque that moves it."""
 
@@ -160,11 +161,14 @@ class Drive:
             if not time > begin:
                 break
             end, pieces = self._cross(begin, start, time, stretch)
-            rate = self._slopes(time, end, stretch)[which]
-            correction = float((end[which] - target) / rate) if rate else 0.0
-            if abs(correction) <= 4.0 * math.ulp(time) or abs(correction) > 0.5 * (time - begin):
+            slopes = self._slopes(time, end, stretch)
+            late = float((end[which] - target) / slopes[which]) if slopes[which] else 0.0
+            if abs(late) > 0.5 * (time - begin):
                 break
-            time -= correction
+            time -= late
+            if abs(late) < _TINY * (time - begin):  # a straight line is exact to rounding there
+                end = end - late * slopes
+                break
         for piece in pieces:
             self._record(piece, stretch)
         state[:] = end
