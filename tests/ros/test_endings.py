@@ -98,3 +98,11 @@ def test_a_mistake_ends_the_process_with_code_2(suite: Suite) -> None:
 def test_unknown_parameters_are_told(suite: Suite) -> None:
     program = suite.start("twin_node", "machin:=tufting")
     program.wait_for_words("parameter 'machin' is not one of this node's; did you mean 'machine'?")
+
+
+def test_a_service_without_home_starts(suite: Suite) -> None:
+    for name in ("HOME", "ROS_LOG_DIR"):
+        del suite.environment[name]
+    program = suite.start("twin_node")
+    program.wait_for_words("predicting from")
+    assert program.end() == 0

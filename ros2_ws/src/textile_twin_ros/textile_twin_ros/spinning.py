@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Protocol, cast
 
 import rclpy
@@ -53,6 +56,9 @@ def run(command: str, create: Callable[[], SuiteNode], arguments: list[str] | No
 
     0 after SIGINT, SIGTERM or the node's own end; 2 for the user's mistake, told in one line on stderr.
     """
+    if not {"HOME", "ROS_HOME", "ROS_LOG_DIR"} & os.environ.keys():
+        # A service of the system has no home, and rclpy does not start without a place for its log.
+        os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "ros_log")
     try:
         rclpy.init(args=arguments)
     except Exception as error:  # rclpy's argument errors have no common base
