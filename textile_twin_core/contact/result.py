@@ -78,11 +78,12 @@ class Segment:
     def motion(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Positions, velocities and accelerations (movers, times) at times inside it."""
         u = (times_s - self.start_s) / self.span_s
-        order = self.positions.shape[1] - 1
-        position = np.zeros((self.positions.shape[0], u.size))
-        velocity, bend = np.zeros_like(position), np.zeros_like(position)
-        for power in range(order, -1, -1):
-            bend = bend * u + velocity
-            velocity = velocity * u + position
-            position = position * u + self.positions[:, power, None]
-        return position, velocity / self.span_s, 2.0 * bend / self.span_s**2
+        index = np.arange(float(self.positions.shape[1]))
+        powers = u ** index[:, None]
+        slopes = self.positions[:, 1:] * index[1:]
+        bends = slopes[:, 1:] * index[1:-1]
+        return (
+            self.positions @ powers,
+            slopes @ powers[:-1] / self.span_s,
+            bends @ powers[:-2] / self.span_s**2,
+        )
