@@ -11,7 +11,7 @@ from textile_twin_core.errors import MachineError, MotionError, RecordingError, 
 if TYPE_CHECKING:
     from textile_twin_core import machines
     from textile_twin_core.dynamics.drive_torque import TorqueOverAngle, TorqueOverTime
-    from textile_twin_core.machines import Machine
+    from textile_twin_core.machines import AnyMachine, Machine
     from textile_twin_core.machines.drive import drive
     from textile_twin_core.twin import Samples, Session, Twin
     from textile_twin_core.twin import compile_machine as compile
@@ -56,7 +56,7 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module 'textile_twin_core' has no attribute '{name}'")
 
 
-def load_machine(path: str | Path) -> Machine:
+def load_machine(path: str | Path) -> AnyMachine:
     """A machine from a machine file (YAML). Raises MachineError with the key at fault."""
     from textile_twin_core.files import load_machine_file
 

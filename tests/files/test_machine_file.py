@@ -72,6 +72,11 @@ def test_a_published_machine_with_the_users_sensors(tmp_path: Path) -> None:
     assert load_machine_file(_file(tmp_path, "machine: tufting")) == ttc.machines.tufting()
 
 
+def test_a_parameter_that_is_a_word(tmp_path: Path) -> None:
+    machine = load_machine_file(_file(tmp_path, "machine: needle_transfer\nparameters: {design: optimised}"))
+    assert machine.start_m[0] == 0.0669
+
+
 def test_a_bar_takes_its_mass_from_density_and_section(tmp_path: Path) -> None:
     text = LOOM.replace(
         "l2: {mass_kg: 0.4, inertia_kgm2: 0.0015, centroid: [0.5, 0]}",
@@ -134,6 +139,8 @@ def test_a_fault_names_file_and_place(tmp_path: Path, old: str, new: str, says: 
         ("- 1", "the file: must be a mapping"),
         ("machine: tuftin", "did you mean tufting"),
         ("machine: tufting\nparameters: {l1: 3}", "no parameter 'l1'"),
+        ("machine: tufting\nparameters: {l1_m: long}", "parameters.l1_m: must be a number, not 'long'"),
+        ("machine: needle_transfer\nlinkages: [{phase_rad: 0}]", "linkages: machine 'needle_transfer' is no linkage"),
         ("machine: tufting\ngroups: []", "groups: unknown key 'groups'"),
     ],
 )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NoReturn
 from textile_twin_core.errors import TwinError
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines import Machine
+    from textile_twin_core.machines import AnyMachine, Machine
 
 _MOST_WORDS = 12
 MACHINE_SUFFIXES = (".yaml", ".yml")
@@ -121,21 +121,33 @@ def count(text: str) -> int:
     return int(text)
 
 
-def load_machine(name: str, settings: list[str]) -> Machine:
+def load_machine(name: str, settings: list[str]) -> AnyMachine:
     """The machine of that name or file, with --set applied. Raises MachineError or UsageError."""
     from textile_twin_core import machines
-    from textile_twin_core.files import load_machine_file
+    from textile_twin_core.files.machine_file import load_machine_file, published_machine
 
     is_file = name.endswith(MACHINE_SUFFIXES) or (name not in machines.NAMES and Path(name).exists())
-    values: dict[str, float] = {}
+    if is_file and settings:
+        raise UsageError("--set goes with a named machine; write the value into the machine file instead")
+    if is_file:
+        return load_machine_file(name)
+    values: dict[str, float | str] = {}
     for setting in settings:
         key, equals, text = setting.partition("=")
-        try:
-            values[key] = number(text)
-        except argparse.ArgumentTypeError as error:
-            raise UsageError(f"--set {setting}: {error}") from None
         if not equals:
             raise UsageError(f"--set {setting}: write NAME=VALUE")
-    if is_file and values:
-        raise UsageError("--set goes with a named machine; write the value into the machine file instead")
-    return load_machine_file(name) if is_file else machines.create(name, **values)
+        try:
+            values[key] = float(text)
+        except ValueError:
+            values[key] = text
+    return published_machine(name, values, "--set ")
+
+
+def load_linkage(name: str, settings: list[str]) -> Machine:
+    """The same for what works with linkages alone. Raises UsageError for another machine."""
+    from textile_twin_core.machines import Machine
+
+    machine = load_machine(name, settings)
+    if not isinstance(machine, Machine):
+        raise UsageError(f"machine '{machine.name}' is no linkage, and has no torque to compare; choose another")
+    return machine

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording, load_machine, shaft_settings
+from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording, load_linkage, shaft_settings
 from textile_twin_core.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Compare, print the table, write what was asked for."""
-    machine = load_machine(arguments.machine, arguments.set)
+    machine = load_linkage(arguments.machine, arguments.set)
 
     from textile_twin_core.files import staged
 

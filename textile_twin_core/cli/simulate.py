@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,10 +21,14 @@ from textile_twin_core.cli.arguments import (
 from textile_twin_core.cli.progress import progress
 
 if TYPE_CHECKING:
+    from textile_twin_core.arrays import FloatArray
+    from textile_twin_core.contact import ContactEvent
     from textile_twin_core.files import MotionTable
-    from textile_twin_core.machines import Machine
+    from textile_twin_core.machines import AnyMachine
 
 _TORQUES = ("balancing_torque_Nm", "torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm")
+_MOST_EVENTS = 40
+_BOUNCES = ("impact", "rest")
 _SUFFIXES = (".csv", ".parquet", ".mcap")
 
 
@@ -65,35 +70,64 @@ def run(arguments: argparse.Namespace) -> None:
     names = _outputs(machine, arguments.outputs)
 
     from textile_twin_core.files import check_folder, write_table
-    from textile_twin_core.twin import compile_machine
 
     check_folder(arguments.out)
     motion = _motion(arguments)
-    twin = compile_machine(
-        machine,
-        names,
-        method=arguments.method or machine.scene.method,
-        tolerance=arguments.tolerance or machine.scene.tolerance,
-    )
-    values = twin.evaluate(motion.theta_rad, motion.omega_rad_s, motion.alpha_rad_s2)
+    values, events = _evaluate(arguments, machine, names, motion)
     if arguments.out.suffix == ".mcap":
         from textile_twin_core.files.simulated_bag import write_simulated_bag
 
-        write_simulated_bag(arguments.out, machine, motion, {name: values[name] for name in names})
+        write_simulated_bag(arguments.out, machine, motion, values)
     else:
         with progress(len(motion), "writing") as done:
-            write_table(arguments.out, motion.columns() | {name: values[name] for name in names}, done)
+            write_table(arguments.out, motion.columns() | values, done)
     print(f"{arguments.out}: {len(motion)} samples of {len(names)} outputs")
+    if events:
+        _print_events(events)
 
 
-def _outputs(machine: Machine, asked: str | None) -> list[str]:
+def _evaluate(
+    arguments: argparse.Namespace, machine: AnyMachine, names: list[str], motion: MotionTable
+) -> tuple[dict[str, FloatArray], list[ContactEvent]]:
+    """The outputs over the motion, and the impacts and touches of a machine that has them."""
+    from textile_twin_core.twin import compile_machine
+    from textile_twin_core.twin.history import HistoryTwin
+
+    method, tolerance = arguments.method or machine.scene.method, arguments.tolerance or machine.scene.tolerance
+    twin = compile_machine(machine, names, method=method, tolerance=tolerance)
+    columns = (motion.theta_rad, motion.omega_rad_s, motion.alpha_rad_s2)
+    if isinstance(twin, HistoryTwin):
+        found = twin.evaluate(*columns, time=motion.time_s)
+        return {name: found[name] for name in names}, twin.events
+    found = twin.evaluate(*columns)
+    return {name: found[name] for name in names}, []
+
+
+def _print_events(events: list[ContactEvent]) -> None:
+    """Instants that no sample shows; bounces that follow each other on one stop are one line."""
+    lines: list[str] = []
+    for (_, name), group in groupby(events, key=lambda event: (event.kind in _BOUNCES, event.name)):
+        several = list(group)
+        kinds = " ".join(dict.fromkeys(event.kind for event in several))
+        first, last = (f"{event.time_s * 1e3:.4f}" for event in (several[0], several[-1]))
+        when = first if len(several) == 1 else f"{first} .. {last}"
+        bounces = sum(event.kind == "impact" for event in several)
+        impulse = max(abs(event.impulse_Ns) for event in several)
+        hit = f", {bounces} impacts" * (bounces > 1) + f", impulse {impulse:.4g} N s" * (impulse > 0.0)
+        lines.append(f"{when:>24} ms  {name} {kinds}{hit}")
+    if len(lines) > _MOST_EVENTS:
+        lines[_MOST_EVENTS:] = [f"and {len(lines) - _MOST_EVENTS} more"]
+    print("\n".join(lines))
+
+
+def _outputs(machine: AnyMachine, asked: str | None) -> list[str]:
     """Names of the outputs, each known to the machine."""
     from textile_twin_core.errors import SceneError
-    from textile_twin_core.machines import Scene
+    from textile_twin_core.machines import Machine, Scene
 
-    if asked is None and machine.scene != Scene():
-        return list(machine.scene.outputs)
     if asked is None:
+        if machine.scene != Scene() or not isinstance(machine, Machine):
+            return list(machine.scene.outputs)
         moved = [
             f"{measure.name}_{what}"
             for measure in machine.measures

@@ -6,7 +6,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording, load_machine
+from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording, load_linkage
 from textile_twin_core.cli.compare import compare_recording
 
 
@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> None:
         return
     if arguments.machine is None:
         raise UsageError("--machine is missing: a recording is shown beside what its machine should do")
-    machine = load_machine(arguments.machine, arguments.set)
+    machine = load_linkage(arguments.machine, arguments.set)
     comparison = compare_recording(arguments, machine)
 
     from textile_twin_core.views import write_comparison_recording

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from inspect import signature
 from pathlib import Path
 from typing import Any, get_type_hints
 
 import yaml
 
-from textile_twin_core import mechanism
+from textile_twin_core import machines, mechanism
 from textile_twin_core.dynamics import Body, loads
 from textile_twin_core.errors import MachineError
 from textile_twin_core.files.atomic import staged
 from textile_twin_core.files.declarations import build, convert, list_at, mapping_at, plain, type_tag, unknown
 from textile_twin_core.files.strict_yaml import read_yaml
-from textile_twin_core.machines import NAMES, Machine, Scene, Sensors, ShaftPlace, create
+from textile_twin_core.machines import AnyMachine, Machine, Scene, Sensors, ShaftPlace
 from textile_twin_core.mechanism import MAIN_SHAFT, Linkage
 
 
@@ -40,7 +41,7 @@ _APART = tuple(_DEFAULT)
 _ON_A_PUBLISHED_MACHINE = ("machine", "name", "parameters", "sensors", "linkages", "scene")
 
 
-def load_machine_file(path: str | Path) -> Machine:
+def load_machine_file(path: str | Path) -> AnyMachine:
     """The machine that a YAML file declares; without a name it is called as the file.
 
     Either a declaration from groups:
@@ -65,23 +66,39 @@ def load_machine_file(path: str | Path) -> Machine:
     try:
         entries = mapping_at(document, "the file")
         if "machine" in entries:
-            return _published(entries, path)
+            return _published(entries)
         return _declared(entries, path)
     except MachineError as error:
         raise MachineError(f"{path}: {error}") from error
 
 
-def _published(entries: dict[str, Any], path: Path) -> Machine:
+def published_machine(name: str, values: Mapping[str, Any], place: str) -> AnyMachine:
+    """A published machine with the user's values for its parameters, each of the kind that the parameter has.
+
+    `place` is where the values stand, for messages. Raises MachineError for a value of the wrong kind, and as
+    machines.create does.
+    """
+    factory = getattr(machines, name) if name in machines.NAMES else None
+    known = signature(factory).parameters if factory is not None else {}
+    for key, value in values.items():
+        if key in known:
+            convert(value, str if isinstance(known[key].default, str) else float, f"{place}{key}")
+    return machines.create(name, **values)
+
+
+def _published(entries: dict[str, Any]) -> AnyMachine:
     for key in entries:
         if key not in _ON_A_PUBLISHED_MACHINE:
             raise MachineError(f"{key}: {unknown('key', key, list(_ON_A_PUBLISHED_MACHINE))}")
-    parameters = convert(entries.get("parameters", {}), Mapping[str, float], "parameters")
-    machine = create(str(entries["machine"]), **parameters)
+    values = mapping_at(entries.get("parameters") or {}, "parameters")
+    machine = published_machine(str(entries["machine"]), values, "parameters.")
     changes: dict[str, Any] = {
         key: reader(entries[key], key)
         for key, reader in _TOP_LEVEL.items()
         if key in entries and key in _ON_A_PUBLISHED_MACHINE
     }
+    if "linkages" in changes and not isinstance(machine, Machine):
+        raise MachineError(f"linkages: machine '{machine.name}' is no linkage; leave them away")
     return dataclasses.replace(machine, **changes) if changes else machine
 
 
@@ -170,7 +187,7 @@ def machine_document(machine: Machine) -> dict[str, Any]:
     """What a file says to declare this machine: a published one by name and parameters, else its groups."""
     changed = {key: plain(getattr(machine, key)) for key in _APART if getattr(machine, key) != _DEFAULT[key]}
     if _is_published(machine):
-        usual = create(machine.name).parameters
+        usual = machines.create(machine.name).parameters
         parameters = {name: value for name, value in machine.parameters.items() if value != usual.get(name)}
         return {"machine": machine.name, **({"parameters": parameters} if parameters else {}), **changed}
     document: dict[str, Any] = plain(machine, leave_out=(*_APART, "parameters", "bodies", "missing_for_torque"))
@@ -187,10 +204,10 @@ def machine_document(machine: Machine) -> dict[str, Any]:
 
 def _is_published(machine: Machine) -> bool:
     """Whether it is a published machine, apart from parameters, sensors, scene and places on the shaft."""
-    if machine.name not in NAMES:
+    if machine.name not in machines.NAMES:
         return False
     try:
-        again = create(machine.name, **machine.parameters)
+        again = machines.create(machine.name, **machine.parameters)
     except MachineError:
         return False
     return dataclasses.replace(again, **{key: getattr(machine, key) for key in _APART}) == machine

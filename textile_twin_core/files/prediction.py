@@ -10,11 +10,11 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.files.bag import AngleSamples, Bag
+from textile_twin_core.files.predicted_topics import TORQUE
 from textile_twin_core.files.recording import Progress
 from textile_twin_core.machines import Machine
 from textile_twin_core.twin import Samples, Session, compile_machine
 
-TORQUE = "balancing_torque_Nm"
 ANGLE_TOPIC = "main_shaft/angle"
 MEASURED_TOPIC = "balancing_torque/measured"
 _BLOCK = 8192

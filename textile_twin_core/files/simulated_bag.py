@@ -12,13 +12,15 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError
 from textile_twin_core.files.bag_write import BagWriter
 from textile_twin_core.files.motion_table import MotionTable
-from textile_twin_core.machines import Machine
+from textile_twin_core.machines import AnyMachine
 
 _START_NS = 1_000_000_000
 """Time of the first sample: a stamp of 0 means in ROS that there is none."""
 
 
-def write_simulated_bag(path: Path, machine: Machine, motion: MotionTable, outputs: Mapping[str, FloatArray]) -> None:
+def write_simulated_bag(
+    path: Path, machine: AnyMachine, motion: MotionTable, outputs: Mapping[str, FloatArray]
+) -> None:
     """Write main_shaft/angle, balancing_torque/predicted when it is asked for, and outputs/NAME for every output.
 
     Times are those of the motion, or follow from its constant speed. Raises MotionError when neither tells them.

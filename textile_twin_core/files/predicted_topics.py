@@ -1,0 +1,53 @@
+"""Which topics carry a machine's predictions, and which outputs of the engine each needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from textile_twin_core.machines import AnyMachine, Machine
+
+TORQUE = "balancing_torque_Nm"
+
+
+@dataclass(frozen=True)
+class PredictedTopics:
+    """What is published of a machine.
+
+    has_torque: the balancing torque with its sigma and residual; points: topic -> the point of the machine whose
+    place it tells; joints: name of each joint of joint_states -> its outputs for position and velocity.
+    """
+
+    has_torque: bool
+    points: dict[str, str]
+    joints: dict[str, tuple[str, str]]
+
+    @property
+    def outputs(self) -> list[str]:
+        """The outputs to compile the machine for."""
+        torque = [TORQUE] if self.has_torque else []
+        places = [f"point_{point}_{axis}_m" for point in self.points.values() for axis in "xy"]
+        return [*torque, *places, *(name for pair in self.joints.values() for name in pair)]
+
+
+def predicted_topics(machine: AnyMachine) -> PredictedTopics:
+    """The topics of a machine: needle/position and the like for each measure of a linkage, its joints, its torque.
+
+    A machine of sliding elements has them as its joints, and no torque: its impacts are none that a sample could tell.
+    """
+    if not isinstance(machine, Machine):
+        suffix = "_position_m"
+        elements = [name.removesuffix(suffix) for name in machine.outputs if name.endswith(suffix)]
+        return PredictedTopics(False, {}, {name: (f"{name}{suffix}", f"{name}_velocity_m_s") for name in elements})
+    # A travel is that of a point; an arc that of the end of its link.
+    ends = {link.name: link.end for link in machine.links}
+    points: dict[str, str] = {}
+    for measure in machine.measures:
+        point = getattr(measure, "point", None) or ends.get(getattr(measure, "link", ""))
+        if point is not None:
+            points[f"{measure.name}/position"] = point
+    joints = [joint.name for joint in machine.joints if joint.kind != "fixed"]
+    return PredictedTopics(
+        has_torque=not machine.missing_for_torque,
+        points=points,
+        joints={name: (f"joint_{name}_position", f"joint_{name}_velocity") for name in joints},
+    )
