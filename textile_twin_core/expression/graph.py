@@ -71,6 +71,7 @@ class Expr:
 
 
 _INTERNED: Final[WeakValueDictionary[tuple[object, ...], Expr]] = WeakValueDictionary()
+_ROUNDING_OF_ONE: Final = 4e-16
 _COMMUTATIVE: Final = frozenset({"add", "mul"})
 
 
@@ -112,6 +113,11 @@ def scaled(e: Expr) -> tuple[float, Expr]:
     return 1.0, e
 
 
+def _joined(factor: float) -> float:
+    """A product or quotient of constants, 1 where only its rounding keeps it from that."""
+    return math.copysign(1.0, factor) if abs(abs(factor) - 1.0) < _ROUNDING_OF_ONE else factor
+
+
 def _add(a: Expr, b: Expr) -> Expr:
     if a.is_constant and b.is_constant:
         return const(a.value + b.value)
@@ -136,8 +142,8 @@ def _add(a: Expr, b: Expr) -> Expr:
         return const(ka) * (ra - rb)
     if ka != 1.0 and kb != 1.0:
         if abs(ka) >= abs(kb):
-            return const(ka) * _node("add", (ra, const(kb / ka) * rb))
-        return const(kb) * _node("add", (const(ka / kb) * ra, rb))
+            return const(ka) * _node("add", (ra, const(_joined(kb / ka)) * rb))
+        return const(kb) * _node("add", (const(_joined(ka / kb)) * ra, rb))
     return _node("add", (a, b))
 
 
@@ -160,6 +166,8 @@ def _subtract(a: Expr, b: Expr) -> Expr:
         if b.op == "sub" and b.args[0].is_constant:
             return _shift(a.value - b.args[0].value, b.args[1])
     (ka, ra), (kb, rb) = scaled(a), scaled(b)
+    if a.is_constant and kb != 1.0:
+        return const(-kb) * _shift(-a.value / kb, rb)
     if ra is rb:
         return const(ka - kb) * ra
     if ka == kb != 1.0:
@@ -168,8 +176,8 @@ def _subtract(a: Expr, b: Expr) -> Expr:
         return const(ka) * (ra + rb)
     if ka != 1.0 and kb != 1.0:
         if abs(ka) >= abs(kb):
-            return const(ka) * _node("sub", (ra, const(kb / ka) * rb))
-        return const(kb) * _node("sub", (const(ka / kb) * ra, rb))
+            return const(ka) * _node("sub", (ra, const(_joined(kb / ka)) * rb))
+        return const(kb) * _node("sub", (const(_joined(ka / kb)) * ra, rb))
     return _node("sub", (a, b))
 
 
@@ -214,11 +222,11 @@ def _multiply(a: Expr, b: Expr) -> Expr:
             return _negate(b)
         factor, rest = scaled(b)
         if factor != 1.0:
-            return const(a.value * factor) * rest
+            return const(_joined(a.value * factor)) * rest
         return _node("mul", (a, b))
     (ka, ra), (kb, rb) = scaled(a), scaled(b)
-    if ka * kb != 1.0:
-        return const(ka * kb) * _multiply(ra, rb)
+    if _joined(ka * kb) != 1.0:
+        return const(_joined(ka * kb)) * _multiply(ra, rb)
     if ra is not a or rb is not b:
         return _multiply(ra, rb)
     if a is b:
@@ -273,8 +281,6 @@ def sign(a: Expr | Number) -> Expr:
     if factor > 0.0:
         return _plain_sign(rest)
     return -_plain_sign(rest) if factor < 0.0 else const(0.0)
-
-
 
 
 def square(a: Expr | Number) -> Expr:

@@ -157,6 +157,18 @@ class FourBar:
         return Vector(along * middle.x + across * middle.y, along * middle.y - across * middle.x)
 
     @property
+    def apart_from_ground_line(self) -> Vector:
+        """From the crank's end to the fixed joint, in the frame with x along the ground line [m]."""
+        (c, s), l1 = self.half_angle, self.circle.radius
+        return Vector(self.ground_length - l1 * (c * c - s * s), (-2.0 * l1) * (c * s))
+
+    @property
+    def ground_direction(self) -> tuple[float, float]:
+        """Cosine and sine of the ground line's angle."""
+        x, y = self._ground_direction
+        return x / self.ground_length, y / self.ground_length
+
+    @property
     def ends_nearly_meet(self) -> bool:
         """Whether the crank's end comes close to the fixed joint."""
         return abs(self.rise) < _CLOSE * self.ground_length

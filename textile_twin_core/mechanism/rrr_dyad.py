@@ -87,12 +87,15 @@ class RRRDyad:
             less, more = 1.0 - share, 1.0 + share
         else:
             less, more = four_bar.shares
-        close = four_bar is not None and four_bar.ends_nearly_meet
-        d = four_bar.apart if four_bar is not None and close else c.position - a.position
-        along, normal = self.root(a, c) / squared, d.turned_left()
+        d, frame = c.position - a.position, (1.0, 0.0)
+        if four_bar is not None and four_bar.ends_nearly_meet:
+            d = four_bar.apart
+        elif four_bar is not None:  # along the ground line the crank's half angle gives all
+            d, frame = four_bar.apart_from_ground_line, four_bar.ground_direction
+        along, normal = self.root(a, c) * (1.0 / squared), d.turned_left()
         u2 = ((0.5 / l2) * more) * d + ((0.5 / l2) * along) * normal
         u3 = ((0.5 / l3) * along) * normal - ((0.5 / l3) * less) * d
-        return u2, u3
+        return u2.rotated(*frame), u3.rotated(*frame)
 
     def _four_bar(self, a: PointMotion, c: PointMotion) -> FourBar | None:
         if a.circle is None or not c.is_fixed:

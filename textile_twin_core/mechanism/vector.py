@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from textile_twin_core.expression import Expr, const
@@ -12,10 +12,15 @@ from textile_twin_core.expression.graph import Number, as_expr
 
 @dataclass(frozen=True)
 class Vector:
-    """A vector (x, y) of the plane."""
+    """A vector (x, y) of the plane.
+
+    One that was turned by a declared angle remembers from what, so that further turns become one.
+    """
 
     x: Expr
     y: Expr
+    source: Vector | None = field(default=None, compare=False)
+    turn: tuple[float, float] = field(default=(1.0, 0.0), compare=False)
 
     @classmethod
     def of(cls, x: Expr | Number, y: Expr | Number) -> Vector:
@@ -46,9 +51,13 @@ class Vector:
         """The vector turned by +90 degrees."""
         return Vector(-self.y, self.x)
 
-    def rotated(self, cosine: Number, sine: Number) -> Vector:
+    def rotated(self, cosine: float, sine: float) -> Vector:
         """The vector turned by the angle with this cosine and sine."""
-        return Vector(cosine * self.x - sine * self.y, sine * self.x + cosine * self.y)
+        if (cosine, sine) == (1.0, 0.0):
+            return self
+        source, (c, s) = self.source or self, self.turn
+        c, s = c * cosine - s * sine, s * cosine + c * sine
+        return Vector(c * source.x - s * source.y, s * source.x + c * source.y, source, (c, s))
 
     @property
     def is_zero(self) -> bool:
