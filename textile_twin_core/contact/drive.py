@@ -101,12 +101,18 @@ def quintic(span_s: float, start: Sequence[float], end: Sequence[float]) -> tupl
     )
 
 
+def moved(polynomial: Sequence[float], offset: float) -> tuple[float, ...]:
+    """Coefficients of p(offset + t) in powers of t, by repeated synthetic division."""
+    result = list(polynomial)
+    for start in range(len(result) - 1):
+        for power in range(len(result) - 2, start - 1, -1):
+            result[power] += offset * result[power + 1]
+    return tuple(result)
+
+
 def _shift(polynomial: Sequence[float], offset: float, span: float) -> list[float]:
     """Coefficients of p(offset + u span) in powers of u, trailing terms that cannot be told from zero dropped."""
-    shifted = list(polynomial)
-    for start in range(len(shifted) - 1):
-        for power in range(len(shifted) - 2, start - 1, -1):
-            shifted[power] += offset * shifted[power + 1]
+    shifted = list(moved(polynomial, offset))
     factor = 1.0
     for power in range(len(shifted)):
         shifted[power] *= factor

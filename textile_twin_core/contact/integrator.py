@@ -242,9 +242,20 @@ class ContactIntegrator:
             released.add(number)
             progress.events += self.transitions.settle(state, acceleration, released=released)
         else:
-            released.discard(number)
+            if number in released:
+                # its force vanished within the tolerance only: it has not opened yet
+                released.discard(number)
+                _take_back(progress.events, self.model.stops[number].name)
             progress.events += self.transitions.settle(state, acceleration, number, released)
 
     @staticmethod
     def _switch_pad(state: ContactState, number: int, to: PadState) -> None:
         state.pads = (*state.pads[:number], to, *state.pads[number + 1 :])
+
+
+def _take_back(events: list[ContactEvent], name: str) -> None:
+    """Remove the last release of a stop."""
+    for k in range(len(events) - 1, -1, -1):
+        if events[k].kind == "release" and events[k].name == name:
+            del events[k]
+            return

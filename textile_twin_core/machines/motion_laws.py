@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import PPoly, make_interp_spline
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact.drive import DrivePiece, Section
+from textile_twin_core.contact.drive import IDENTITY, DrivePiece, Section, moved
 from textile_twin_core.contact.polynomials import first_crossing
 from textile_twin_core.errors import MachineError
 
@@ -51,7 +51,7 @@ class MotionLaw:
         time = start_s
         stalled = 0
         while time < end_s:
-            local = DrivePiece(start_s, end_s, _LINE, (angle - base, *theta[1:]))
+            local = DrivePiece(start_s, end_s, IDENTITY, (angle - base, *theta[1:]))
             width = self._width(k)
             series = local.taylor(time, end_s - time, max(len(theta) - 1, 1))
             below = first_crossing(series, _ANGLE_NOISE) if stalled < 3 else None
@@ -61,7 +61,7 @@ class MotionLaw:
             u, step = min(exits, default=(1.0, 0))
             leave = end_s if step == 0 else min(time + u * (end_s - time), end_s)
             if leave > time:
-                yield DrivePiece(time, leave, self.sections[k], _moved(local.argument, time - start_s))
+                yield DrivePiece(time, leave, self.sections[k], moved(local.argument, time - start_s))
                 stalled = 0
             else:
                 stalled += 1
@@ -75,18 +75,6 @@ class MotionLaw:
     def _width(self, k: int) -> float:
         end = self.starts_rad[k + 1] if k + 1 < len(self.starts_rad) else TURN
         return end - self.starts_rad[k]
-
-
-_LINE = Section((0.0, 1.0))
-
-
-def _moved(polynomial: Sequence[float], offset: float) -> tuple[float, ...]:
-    """The polynomial in time past an origin that lies `offset` later."""
-    moved = list(polynomial)
-    for start in range(len(moved) - 1):
-        for power in range(len(moved) - 2, start - 1, -1):
-            moved[power] += offset * moved[power + 1]
-    return tuple(moved)
 
 
 def _modified_sine(stroke: float, angle: float) -> list[tuple[float, Section]]:
@@ -198,6 +186,6 @@ def _from_spline(spline: PPoly, angles: FloatArray, name: str) -> MotionLaw:
         start, width = float(angles[k]) % TURN, float(angles[k + 1] - angles[k])
         wrapped.append((start, Section(tuple(coefficients))))
         if start + width > TURN * (1 + 1e-15):
-            wrapped.append((0.0, Section(_moved(coefficients, TURN - start))))
+            wrapped.append((0.0, Section(moved(coefficients, TURN - start))))
     wrapped.sort(key=lambda part: part[0])
     return MotionLaw(name, tuple(start for start, _ in wrapped), tuple(section for _, section in wrapped))
