@@ -43,15 +43,26 @@ def run_bench(
     samples: int = 100_000,
     scene_names: Sequence[str] | None = None,
     progress: Callable[[int, int], object] = lambda done, total: None,
+    say: Callable[[str], object] = lambda line: None,
 ) -> list[Row]:
-    """Rows for all scenes of a machine; `progress` hears of rounds done and their number."""
+    """Rows for all scenes of a machine.
+
+    `progress` hears of rounds done and their number, `say` a line for each peer that is left out.
+    """
     chosen = [s for s in scenes(machine, samples) if scene_names is None or s.name in scene_names]
     rows: list[Row] = []
     total, done = rounds * len(chosen), 0
+    said: set[str] = set()
+
+    def say_once(line: str) -> None:
+        if line not in said:
+            said.add(line)
+            say(line)
+
     for scene in chosen:
         candidates = [*c_candidates(scene), *own_candidates(scene)]
         if with_peers:
-            candidates += peer_candidates(scene)
+            candidates += peer_candidates(scene, say_once)
 
         def tick(count: int) -> None:
             nonlocal done

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from textile_twin_core.cli.arguments import Parser, add_machine, count, load_machine
+from textile_twin_core.cli.arguments import Parser, add_machine, count, load_linkage
 
 
 def parser() -> Parser:
@@ -38,8 +38,8 @@ def run(arguments: argparse.Namespace) -> None:
     from textile_twin_core.bench.text import growth_table, ratios, speed_table
     from textile_twin_core.files import staged
 
-    machine = load_machine(arguments.machine, arguments.set)
-    rows = run_bench(machine, arguments.peers, arguments.rounds, progress=_bar("bench"))
+    machine = load_linkage(arguments.machine, arguments.set)
+    rows = run_bench(machine, arguments.peers, arguments.rounds, progress=_bar("bench"), say=_complain)
     print(speed_table(rows))
     if ratios(rows):
         print(f"\n{ratios(rows)}")
@@ -53,6 +53,10 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.png:
         with staged(arguments.png) as partial:
             plot_work_precision(rows, partial)
+
+
+def _complain(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
 
 
 def _bar(what: str) -> Callable[[int, int], object]:

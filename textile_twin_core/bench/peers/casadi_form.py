@@ -9,7 +9,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -70,15 +70,16 @@ def _compiled(functions: list[Any]) -> tuple[str, list[Any]]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _bound(function: Any, inputs: Any, out: FloatArray) -> Callable[[], object]:
+def _bound(function: Any, inputs: Sequence[FloatArray], out: FloatArray) -> Callable[[], object]:
     """A call that reads the inputs and writes the rows of `out` where they lie."""
     buffer, call = function.buffer()
     for k, values in enumerate(inputs):
         buffer.set_arg(k, memoryview(values))
     for k, row in enumerate(out):
         buffer.set_res(k, memoryview(row))
+    kept = (buffer, inputs, out)  # CasADi holds bare addresses: what they point at must live as long as the call
 
-    def run(buffer: Any = buffer) -> object:  # which must live as long as the call
+    def run(kept: object = kept) -> object:
         return call()
 
     return run
