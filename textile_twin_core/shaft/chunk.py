@@ -3,7 +3,7 @@
 Unknown are the phase psi(t) = spline + sum of knock responses, with theta' = psi' (1 + h(theta)), and the ripple h. The
 angle's clock Psi(theta) = integral of 1/(1 + h) turns readings into readings of psi, so that the fit is linear but for
 ripple, times and time constant of the knocks, which Gauss-Newton steps find. The prior on the spline's jerk is adapted
-block by block (expectation-maximisation), and so is the readings' variance.
+block by block, and so is the readings' variance.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ SIGNIFICANT = 25.0
 """Squared amplitude over variance from which an order of ripple stays in the model."""
 KNOT_S = 0.04
 BLOCK_S = 0.4
-STIFF, SOFT, STIFFEST = 1e-6, 1e-1, 3e-8
-"""Intensities of the jerk relative to the squared speed [1/s^3]: for finding knocks, to begin with, at least."""
+STIFF, SOFT = 1e-6, 1e-1
+"""Intensities of the jerk relative to the squared speed [1/s^3]: the least, and to begin with."""
+FAITH = 2.0
+"""Degrees of freedom by which a block keeps to the intensity that it has."""
 ROUNDS = 8
 SAME_S = 0.012
 QUADRATURE = np.polynomial.hermite_e.hermegauss(15)
@@ -151,6 +153,8 @@ class Chunk:
         """One Gauss-Newton step for everything; leaves residuals, coefficients and the pieces of the covariance."""
         clock, data, border = self._equations()
         weight = 1.0 / self.variance
+        course = np.polynomial.polynomial.polyfit(self.time, data, 2)
+        data = data - np.polynomial.polynomial.polyval(self.time, course)  # no jerk: kept out of the sums
         spline = PenalisedSpline(self.knots, self.basis, weight, self.intensity)
         stacked = spline.project(np.concatenate([data[:, None], border], axis=1))
         solved = spline.solve(stacked)
@@ -171,6 +175,7 @@ class Chunk:
         self._through, self._spline, self.clock = through, spline, clock
         fitted = np.sum(self.basis.value * self.coefficients[self.basis.columns], axis=1)
         self.residual = data - fitted - border @ change
+        self.coefficients = self.coefficients + self.knots.parabola(course)
         self._apply(change)
 
     def _apply(self, change: FloatArray) -> None:
@@ -193,13 +198,14 @@ class Chunk:
         self.ripple = self.ripple[np.repeat(keep, 2)]
 
     def scale_variance(self) -> None:
-        """Fit the readings' variance to the residuals, by their middle, so that events do not count."""
+        """Fit the readings' variance to the residuals within three sigmas, so that events do not count."""
         squares = self.residual**2 / self.variance
-        ratio = float(np.median(squares)) / 0.4549
+        within = squares[squares <= 9.0 * float(np.median(squares)) / 0.4549]
+        ratio = float(np.mean(within)) / 0.9733
         self.variance = np.maximum(self.variance * min(max(ratio, 1e-4), 1e4), 1e-16)
 
     def adapt(self) -> None:
-        """One step of expectation-maximisation for the jerk's intensity, in blocks."""
+        """One step of MacKay's (1992) for the jerk's intensity, in blocks: its power over the freedom the data give it."""
         jerk = self.knots.jerk()
         first = np.arange(self.knots.intervals)
         lengths = np.diff(self.knots.breaks)
@@ -209,18 +215,16 @@ class Chunk:
         spread = np.einsum("ij,ijk,ik->i", jerk, blocks, jerk)
         through = np.einsum("ij,ijp->ip", jerk, self._through[columns])
         spread += np.einsum("ip,pq,iq->i", through, self._covariance, through)
-        expected = lengths * (value**2 + spread)
-        block = np.minimum(((self.knots.breaks[:-1] - self.knots.breaks[0]) / BLOCK_S).astype(int), 10**7)
-        counts = np.maximum(np.bincount(block), 1)
-        mean = np.bincount(block, expected) / counts
-        # overstep on the logarithm: plain expectation-maximisation creeps
-        change = (mean[block] / self.intensity) ** 1.8
-        self.intensity = np.maximum(self.intensity * change, STIFFEST * self.intensity_scale)
+        block = ((self.knots.breaks[:-1] - self.knots.breaks[0]) / BLOCK_S).astype(int)
+        freedom = np.bincount(block, np.clip(1.0 - spread * lengths / self.intensity, 0.0, 1.0))
+        usual = np.exp(np.bincount(block, np.log(self.intensity)) / np.bincount(block))
+        power = (np.bincount(block, lengths * value**2) + FAITH * usual) / (freedom + FAITH)
+        change = np.clip(power / usual, 0.1, 10.0)[block]
+        self.intensity = np.maximum(self.intensity * change, STIFF * self.intensity_scale)
 
     def look_for_knocks(self) -> None:
         """Find knocks against a stiff spline and fit them, round by round until none is left."""
         most = int(4.0 * (self.time[-1] - self.time[0])) + 2
-        adapted = self.intensity
         self.intensity = np.full(self.knots.intervals, STIFF * self.intensity_scale)
         avoided = np.zeros(0)
         for _ in range(ROUNDS):
@@ -243,7 +247,6 @@ class Chunk:
             for _ in range(3):
                 self.solve()
             self._drop_weak()
-        self.intensity = adapted
 
     def _find(self, most: int, window_s: tuple[float, float, float]) -> FloatArray:
         sigma = float(np.median(np.abs(self.residual))) / 0.6745

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.shaft.gate import SPAN_OF_WRAPPED
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.turns import TURN, split_turns
@@ -110,10 +110,8 @@ def _middle(values: FloatArray) -> FloatArray:
     return middle
 
 
-def edges(
-    time: FloatArray, angle: FloatArray, step: float, jitter: float
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-    """Readings as (time, angle, variance) data, with the place of the sample that each comes from.
+def edges(time: FloatArray, angle: FloatArray, step: float, jitter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Readings as (time, angle, variance) data.
 
     While the shaft turns by several encoder steps per sample a reading is as good as its step over root 12. Where it turns
     by less, what is known exactly is when the count changed: the edge between the two counts lies between the two samples.
@@ -123,7 +121,7 @@ def edges(
     speed = np.abs(angle[np.minimum(place + 5, time.size - 1)] - angle[np.maximum(place - 5, 0)]) / span
     variance = step**2 / 12.0 + (speed * jitter) ** 2
     if step <= 0.0:
-        return time, angle, np.maximum(variance, 1e-14), place
+        return time, angle, np.maximum(variance, 1e-14)
     tick = np.diff(time, prepend=time[0])
     slow = speed * tick < 0.5 * step
     change = np.abs(np.diff(angle, prepend=angle[0]))
@@ -135,4 +133,4 @@ def edges(
     rest = slow & ~edge
     width = max(int(0.1 / max(float(np.median(tick)), 1e-9)), 1)
     variance[rest] = step**2 / 12.0 * width  # many readings of one count know no more than one
-    return when, what, np.maximum(variance, 1e-14), place
+    return when, what, np.maximum(variance, 1e-14)

@@ -124,7 +124,8 @@ class SmoothEstimator:
         time, angle = part.time[first:end], part.angle[first:end]
         good = part.good[first:end]
         shift = TURN * round(float(angle[0]) / TURN)
-        when, what, variance, _ = edges(time[good], angle[good] - shift, encoder, self._jitter)
+        start = float(time[0])
+        when, what, variance = edges(time[good] - start, angle[good] - shift, encoder, self._jitter)
         turns = abs(float(angle[-1] - angle[0])) / TURN
         most = self._most if turns > 2.0 else self._harmonics if turns > 1.0 else 0
         speed = float(np.median(np.abs(np.diff(what)) / np.diff(when))) if what.size > 1 else 0.0
@@ -135,7 +136,7 @@ class SmoothEstimator:
         amplitude = np.hypot(chunk.ripple[0::2], chunk.ripple[1::2])
         ripple = dict(zip(chunk.orders.tolist(), amplitude.tolist(), strict=True))
         self._report.ripple = tuple(ripple.get(k, 0.0) for k in range(1, max(ripple, default=0) + 1))
-        inside = np.clip(time, chunk.knots.breaks[0], chunk.knots.breaks[-1])
+        inside = np.clip(time - start, chunk.knots.breaks[0], chunk.knots.breaks[-1])
         states, covariance = chunk.states(inside, angle - shift)
         states[:, 0] += shift
         return states, covariance

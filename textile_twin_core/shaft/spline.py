@@ -75,6 +75,12 @@ class Knots:
             out[:, j + 1] += share
         return out
 
+    def parabola(self, polynomial: FloatArray) -> FloatArray:
+        """Coefficients of the spline that is p0 + p1 t + p2 t^2 (its polar form at the knots)."""
+        one, two, three = self._all[1:-3], self._all[2:-2], self._all[3:-1]
+        mean, product = (one + two + three) / 3.0, (one * two + one * three + two * three) / 3.0
+        return np.asarray(polynomial[0] + polynomial[1] * mean + polynomial[2] * product)
+
     def jerk(self) -> FloatArray:
         """(intervals, 4) third derivative of the four basis functions in each interval."""
         first = np.arange(self.intervals)
@@ -103,7 +109,7 @@ class PenalisedSpline:
                 products = weight * basis.value[:, low] * basis.value[:, high]
                 band[high - low] += np.bincount(basis.first + low, products, knots.size)
                 band[high - low] += np.bincount(starts + low, stiff * jerk[:, low] * jerk[:, high], knots.size)
-        band[0] *= 1.0 + 1e-12
+        band[0] *= 1.0 + 1e-13
         rows = np.arange(basis.first.size + 1) * ORDER
         weighted = (basis.value * weight[:, None]).ravel()
         shape = (basis.first.size, knots.size)

@@ -29,9 +29,9 @@ from textile_twin_core.shaft.ripple import (
 from textile_twin_core.shaft.turns import TURN
 from textile_twin_core.shaft.watch import Watch
 
-BANK_WIDTH = 32
+BANK_WIDTH = 20
 RIPPLE_AT_START = 0.03
-RIPPLE_AFTER_EVENT = 3e-4
+RIPPLE_AFTER_EVENT = 1e-4
 """Each event opens the ripple's coefficients by this much, so that a wrong ripple cannot live on as a row of events."""
 MINDED = 0.5
 """From this weight of "something happened" on, the state reckons with it."""
@@ -69,7 +69,7 @@ class TrackerSettings:
     wrapping: str = "auto"
     period_rad: float = TURN
     gap_s: float = 1.0
-    memory_s: float = 0.064
+    memory_s: float = 0.04
 
     @property
     def step_rad(self) -> float | None:

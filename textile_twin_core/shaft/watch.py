@@ -14,6 +14,8 @@ SETTLING_SAMPLES = 50
 FASTEST_CHANGE_HZ = 60.0
 """No shaft changes its speed faster than by this many times its usual speed per second."""
 MISFIT_LOST = 9.0
+LOST_SAMPLES = 10
+"""Hypotheses of what has just begun need so many samples to gain weight."""
 DRIFT_S = 0.25
 CALM_S = 0.15
 LEAST_INTENSITY, MOST_INTENSITY = math.log(1e-8), math.log(10.0)
@@ -39,7 +41,8 @@ class Watch:
         self.eventful = 0.0
         self._usual = 0.0
         self._since = 0
-        self._misfit = 1.0
+        self._misfit, self._misfits = 1.0, 0
+        self._misfits = 0
         self._drift = 0.0
         self._log_intensity = math.log(3e-7)
         self._knocks = KNOCKS_BEFORE_HZ
@@ -70,7 +73,7 @@ class Watch:
         """Begin to settle anew; the scale of speed."""
         self.turns = 0.0
         self._since = 0
-        self._misfit = 1.0
+        self._misfit, self._misfits = 1.0, 0
         self.eventful = 0.0
         self._usual = max(self._usual, abs(speed))
         return self.scale
@@ -105,6 +108,7 @@ class Watch:
         """
         square = normalised * normalised
         self._misfit += 0.25 * (min(square, 100.0) - self._misfit)
+        self._misfits = self._misfits + 1 if self._misfit > MISFIT_LOST else 0
         fade = min(step / DRIFT_S, 0.5)
         self._drift += fade * (normalised - self._drift)
         self._calm_s += step
@@ -127,7 +131,7 @@ class Watch:
     @property
     def lost(self) -> bool:
         """Whether the innovations are beyond what any hypothesis allows."""
-        return self._misfit > MISFIT_LOST
+        return self._misfits >= LOST_SAMPLES
 
     def found_again(self) -> float:
         """The filter was opened; the scale of speed."""
@@ -150,7 +154,7 @@ class Watch:
         self._startle()
 
     def _startle(self) -> None:
-        self._misfit, self._drift, self._calm_s = 1.0, 0.0, 0.0
+        self._misfit, self._misfits, self._drift, self._calm_s = 1.0, 0, 0.0, 0.0
 
     def is_leap(self, innovation: float, sigma: float, step: float) -> bool:
         """Whether no shaft can be where the reading says."""
