@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,13 +52,13 @@ def test_a_declared_machine_moves_as_its_geometry_says(tmp_path: Path) -> None:
     assert (left > 0).all()
 
 
-@pytest.mark.parametrize("rename", [False, True])
-def test_the_tufting_machine_goes_through_a_file(tmp_path: Path, rename: bool) -> None:
-    """By name and parameters while it is the published one, by its groups when it has another name."""
-    machine = ttc.machines.tufting(backing_force_N=900.0, torque_sensor_delay_s=0.002)
-    if rename:
-        machine = dataclasses.replace(machine, name="ours", parameters={})
-    assert ("machine" in machine_document(machine)) is not rename
+@pytest.mark.parametrize("change", [{}, {"name": "no 7"}, {"parameters": {}}, {"gravity_m_s2": (0.0, 0.0)}])
+def test_the_tufting_machine_goes_through_a_file(tmp_path: Path, change: dict[str, Any]) -> None:
+    """By the published name and parameters while these make it, else by its groups."""
+    machine = dataclasses.replace(ttc.machines.tufting(backing_force_N=900.0, torque_sensor_delay_s=0.002), **change)
+    assert ("machine" in machine_document(machine)) is (change.keys() <= {"name"})
+    if "gravity_m_s2" in change:
+        machine = dataclasses.replace(machine, parameters={})
     save_machine_file(machine, tmp_path / "m.yaml")
     assert load_machine_file(tmp_path / "m.yaml") == machine
 
@@ -75,6 +76,13 @@ def test_a_published_machine_with_the_users_sensors(tmp_path: Path) -> None:
 def test_a_parameter_that_is_a_word(tmp_path: Path) -> None:
     machine = load_machine_file(_file(tmp_path, "machine: needle_transfer\nparameters: {design: optimised}"))
     assert machine.start_m[0] == 0.0669
+
+
+@pytest.mark.parametrize("name", ["six_bar_loom", "tufting_two_linkages"])
+def test_the_examples_go_through_a_file(tmp_path: Path, name: str) -> None:
+    machine = load_machine_file(Path(__file__).parents[2] / "examples" / f"{name}.yaml")
+    save_machine_file(machine, tmp_path / "m.yaml")
+    assert load_machine_file(tmp_path / "m.yaml") == machine
 
 
 def test_a_bar_takes_its_mass_from_density_and_section(tmp_path: Path) -> None:

@@ -186,10 +186,11 @@ def _bar(entries: dict[str, Any], place: str, link: str, length_m: float) -> Bod
 def machine_document(machine: Machine) -> dict[str, Any]:
     """What a file says to declare this machine: a published one by name and parameters, else its groups."""
     changed = {key: plain(getattr(machine, key)) for key in _APART if getattr(machine, key) != _DEFAULT[key]}
-    if _is_published(machine):
-        usual = machines.create(machine.name).parameters
-        parameters = {name: value for name, value in machine.parameters.items() if value != usual.get(name)}
-        return {"machine": machine.name, **({"parameters": parameters} if parameters else {}), **changed}
+    base = _published_base(machine)
+    if base is not None:
+        name = {} if machine.name == base.name else {"name": machine.name}
+        parameters = {key: value for key, value in machine.parameters.items() if value != base.parameters[key]}
+        return {"machine": base.name, **name, **({"parameters": parameters} if parameters else {}), **changed}
     document: dict[str, Any] = plain(machine, leave_out=(*_APART, "parameters", "bodies", "missing_for_torque"))
     for key in ("groups", "measures", "loads"):
         if getattr(machine, key):
@@ -202,15 +203,16 @@ def machine_document(machine: Machine) -> dict[str, Any]:
     return document | changed
 
 
-def _is_published(machine: Machine) -> bool:
-    """Whether it is a published machine, apart from parameters, sensors, scene and places on the shaft."""
-    if machine.name not in machines.NAMES:
-        return False
-    try:
-        again = machines.create(machine.name, **machine.parameters)
-    except MachineError:
-        return False
-    return dataclasses.replace(again, **{key: getattr(machine, key) for key in _APART}) == machine
+def _published_base(machine: Machine) -> Machine | None:
+    """The published machine that this one is, apart from name, parameters, sensors, scene and places on the shaft."""
+    for name in machines.NAMES:
+        base = machines.create(name)
+        if isinstance(base, Machine) and base.parameters.keys() == machine.parameters.keys():
+            again = machines.create(name, **machine.parameters)
+            kept = {key: getattr(machine, key) for key in ("name", *_APART)}
+            if dataclasses.replace(again, **kept) == machine:
+                return base
+    return None
 
 
 def save_machine_file(machine: Machine, path: str | Path) -> None:
