@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import textile_twin_core as ttc
+from textile_twin_core.dynamics import Body, loads
+from textile_twin_core.machines import Scene
+from textile_twin_core.mechanism import Crank, RRRDyad
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +69,87 @@ def test_errors_name_what_is_wrong(machine: ttc.Machine) -> None:
         ttc.machines.tufting(l1_m=-0.015)
     with pytest.raises(ttc.MachineError, match="mass_kg"):
         ttc.machines.tufting(m2_kg=-1.0)
+
+
+@pytest.mark.parametrize("method", ["exact", "table", "auto"])
+def test_no_samples_give_no_values(machine: ttc.Machine, method: str) -> None:
+    twin = ttc.compile(machine, ["balancing_torque_Nm"], method)
+    assert twin.evaluate(np.empty((0, 3)), 1.0)["balancing_torque_Nm"].shape == (0, 3)
+
+
+def test_out_must_be_apart_from_the_motion_and_from_each_other(machine: ttc.Machine) -> None:
+    names = ["balancing_torque_Nm", "needle_position_m"]
+    twin = ttc.compile(machine, names, method="exact")
+    theta = np.linspace(0, 6, 100)
+    with pytest.raises(ttc.MotionError, match="shares memory with the motion"):
+        twin.evaluate(theta[:50], 1.0, out={names[0]: theta[25:75], names[1]: np.empty(50)})
+    with pytest.raises(ttc.MotionError, match="share memory; give each"):
+        twin.evaluate(theta, 1.0, out=dict.fromkeys(names, np.empty(100)))
+    frozen = np.empty(100)
+    frozen.flags.writeable = False
+    for unfit in (frozen, [0.0] * 100):
+        with pytest.raises(ttc.MotionError, match="writeable, contiguous"):
+            twin.evaluate(theta, 1.0, out={names[0]: unfit, names[1]: np.empty(100)})
+    block = np.vstack([theta, theta, theta])  # neighbours in one block do not overlap
+    found = twin.evaluate(block[0], 1.0, out={names[0]: block[1], names[1]: block[2]})
+    assert np.array_equal(found[names[0]], twin.evaluate(theta, 1.0)[names[0]])
+
+
+@pytest.mark.parametrize("wrong", ["a", 1j, ["a"]])
+def test_what_is_no_number_is_refused(machine: ttc.Machine, wrong: object) -> None:
+    with pytest.raises(ttc.MotionError, match="omega must be a real number"):
+        ttc.compile(machine, ["needle_position_m"]).evaluate(0.0, wrong)
+
+
+def test_nan_in_the_speed_reaches_friction_singly_and_in_blocks(machine: ttc.Machine) -> None:
+    twin = ttc.compile(machine, ["torque_load_Nm"], method="exact")
+    assert math.isnan(twin.evaluate(0.5, math.nan, 0.0)["torque_load_Nm"])
+    assert np.isnan(twin.evaluate(np.array([0.5]), math.nan, 0.0)["torque_load_Nm"]).all()
+
+
+def test_the_scene_says_method_and_tolerance(machine: ttc.Machine) -> None:
+    scene = Scene(outputs=("needle_position_m",), method="table", tolerance=1e-6)
+    twin = ttc.compile(replace(machine, scene=scene))
+    assert (twin.outputs, twin.method, twin.tolerance) == (("needle_position_m",), "table", 1e-6)
+    assert ttc.compile(replace(machine, scene=scene), method="exact").method == "exact"
+
+
+def four_bar(crank: float, coupler: float, rocker: float, **declared: object) -> ttc.Machine:
+    groups = (Crank("l1", "O", "A", crank), RRRDyad("l2", "l3", "A", "C", "B", (coupler, rocker)))
+    bodies = (Body("l2", 1.0, 0.01), Body("l3", 1.0, 0.01))
+    return ttc.Machine("four_bar", {"O": (0.0, 0.0), "C": (0.3, 0.0)}, groups, bodies, **declared)
+
+
+def test_change_points_are_named_and_do_not_end_a_session() -> None:
+    parallelogram = four_bar(0.1, 0.3, 0.1)
+    twin = ttc.compile(parallelogram, ["balancing_torque_Nm", "theta_1_rad"])
+    with pytest.raises(ttc.MotionError, match=r"change point at a shaft angle of 0\.0000 deg"):
+        twin.evaluate(0.0, 1.0, 0.0)
+    samples = twin.session().step(np.arange(10) * 1e-3, np.zeros(10))
+    assert len(samples) == 8
+    assert np.isnan(samples.torque_sigma_Nm).all()
+
+
+def test_auto_keeps_to_closed_forms_where_no_table_is_fine_enough() -> None:
+    near = four_bar(0.1, 0.2, 0.2)  # all links in one line once a turn
+    theta = np.linspace(0.0, 3.0, 200_001)
+    auto, exact = (ttc.compile(near, ["omega_2_rad_s"], m).evaluate(theta, 1.0) for m in ("auto", "exact"))
+    assert np.array_equal(auto["omega_2_rad_s"], exact["omega_2_rad_s"])
+
+
+def test_description_tells_of_every_load() -> None:
+    machine = four_bar(0.06, 0.2, 0.23, loads=(loads.JointDamping("l3", 0.5), loads.TorsionSpring("l3", 10.0, 1.0)))
+    torque = ttc.compile(machine, ["balancing_torque_Nm"], "exact").describe()
+    assert "load jointdamping: evaluated" in torque
+    assert "load torsionspring: evaluated" in torque
+    assert "load torsionspring: dropped" in ttc.compile(machine, ["theta_3_rad"], "exact").describe()
+
+
+def test_a_machine_with_history_checks_its_arrays() -> None:
+    twin = ttc.compile(ttc.machines.needle_transfer(), ["element_1_position_m"])
+    theta = np.linspace(0.0, 1.0, 20)
+    assert twin.evaluate(np.empty(0), 26.0)["element_1_position_m"].shape == (0,)
+    with pytest.raises(ttc.MotionError, match="do not fit"):
+        twin.evaluate(theta, 26.0, time=np.arange(3.0))
+    with pytest.raises(ttc.MotionError, match="contiguous float64"):
+        twin.evaluate(theta, 26.0, out={})

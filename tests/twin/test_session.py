@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
 import textile_twin_core as ttc
+from textile_twin_core.machines import Encoder, Sensors
+
+TURN = 2.0 * math.pi
 
 OUTPUTS = ["balancing_torque_Nm", "needle_position_m", "joint_main_shaft_position", "joint_coupler_position"]
 
@@ -71,3 +76,18 @@ def test_sigma_of_the_torque_follows_from_the_state() -> None:
         slopes.append((ends[0] - ends[1]) / (2 * step))
     expected = math.sqrt(np.array(slopes) @ samples.states.covariance[i] @ np.array(slopes))
     assert abs(samples.torque_sigma_Nm[i] - expected) < 1e-5 * expected
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.5, 2.0])
+@pytest.mark.parametrize("wraps", [True, False])
+@pytest.mark.parametrize("shaft", ["causal", "smooth"])
+def test_a_geared_encoder_may_wrap_at_its_own_turn(ratio: float, wraps: bool, shaft: str) -> None:
+    plain = ttc.machines.tufting()
+    geared = replace(plain, sensors=Sensors(Encoder(zero_rad=0.3, direction=-1, ratio=ratio)))
+    stamps, theta = motion()
+    measured = 0.3 - theta / ratio
+    session = ttc.compile(geared, OUTPUTS, "exact").session(shaft)
+    samples = session.step(stamps, np.mod(measured, TURN) if wraps else measured)
+    samples = samples if len(samples) else session.finish()
+    truth = ttc.compile(plain, OUTPUTS, "exact").evaluate(theta[samples.index], 16.755, 0.0)
+    assert np.abs(samples["needle_position_m"] - truth["needle_position_m"])[500:].max() < 1e-8

@@ -16,7 +16,7 @@ from textile_twin_core.expression.graph import Expr, topological_order
 _INFIX = {"add": "({} + {})", "sub": "({} - {})", "mul": "({} * {})", "div": "({} / {})", "neg": "(-{})"}
 _CALLS = {"sqrt": "sqrt({})", "sin": "sin({})", "cos": "cos({})", "abs": "abs({})", "atan2": "atan2({}, {})"}
 _SWITCHES = {"at_least": "({} >= {})", "select": "({1} if {0} else {2})"}
-_TWICE = {"square": "({0} * {0})", "sign": "(({0} > 0.0) - ({0} < 0.0))"}
+_TWICE = {"square": "({0} * {0})", "sign": "(({0} > 0.0) - ({0} < 0.0) if {0} == {0} else {0})"}
 _DEEPEST = 24
 
 ScalarFunction = Callable[..., tuple[float, ...]]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
@@ -22,10 +24,17 @@ class TorqueSensitivity:
         self._program = BlockProgram(slopes, INPUTS)
 
     def gradient(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:
-        """(n, 3) gradient [N m/rad, N m s/rad, N m s^2/rad] at (n,) states."""
+        """(n, 3) gradient [N m/rad, N m s/rad, N m s^2/rad] at (n,) states; NaN where the torque is not determined."""
         if theta.size <= _FEW:
             states = zip(theta.tolist(), omega.tolist(), alpha.tolist(), strict=True)
-            return np.array([self._scalar(*state) for state in states]).reshape(-1, 3)
+            return np.array([self._single(state) for state in states]).reshape(-1, 3)
         out = np.empty((3, theta.size))
-        self._program([theta, omega, alpha], list(out))
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            self._program([theta, omega, alpha], list(out))
         return np.ascontiguousarray(out.T)
+
+    def _single(self, state: tuple[float, ...]) -> tuple[float, ...]:
+        try:
+            return self._scalar(*state)
+        except (ValueError, ZeroDivisionError):
+            return (math.nan,) * len(INPUTS)

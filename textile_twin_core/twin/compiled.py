@@ -17,6 +17,7 @@ from textile_twin_core.twin.accuracy import reached_errors
 from textile_twin_core.twin.exact import ExactEvaluator
 from textile_twin_core.twin.history import HistoryTwin
 from textile_twin_core.twin.instant import InstantPredictor
+from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
 from textile_twin_core.twin.plan import describe
 from textile_twin_core.twin.table import FINEST_TABLE, TableEvaluator
 
@@ -49,7 +50,10 @@ class Twin:
         """What `auto` takes for long blocks."""
         if self.tolerance < FINEST_TABLE:
             return self._exact
-        table = self._table
+        try:
+            table = self._table
+        except SceneError:  # near a change point no table is fine enough
+            return self._exact
         return table if table.cost < self._exact.cost else self._exact
 
     @cached_property
@@ -79,45 +83,37 @@ class Twin:
         theta: float | FloatArray,
         omega: float | FloatArray = 0.0,
         alpha: float | FloatArray = 0.0,
+        *,
         out: Mapping[str, FloatArray] | None = None,
     ) -> dict[str, Any]:
         """The outputs by name, for shaft angle [rad], speed [rad/s] and acceleration [rad/s^2].
 
         Floats give floats. Arrays are broadcast against each other and give arrays of the common
         shape; `out` may hold arrays of that shape, float64 and contiguous, to write into.
-        NaN in gives NaN out. Raises MotionError for shapes that do not fit or an infinite float.
+        NaN in gives NaN out; so does, among arrays, an angle at which the machine cannot close or its motion is not
+        determined. Raises MotionError for such an angle or an infinite one given as a float, for shapes that do not
+        fit, and for arrays of `out` that are not separate.
         """
         if type(theta) is float and type(omega) is float and type(alpha) is float and out is None:
             try:
                 return self._evaluator.scalar(theta, omega, alpha)
             except ValueError:
                 raise self._cannot_close(theta) from None
-        arrays = [np.asarray(a, dtype=np.float64) for a in (theta, omega, alpha)]
-        if all(a.ndim == 0 for a in arrays) and out is None:
-            return self.evaluate(float(arrays[0]), float(arrays[1]), float(arrays[2]))
-        try:
-            shape = np.broadcast_shapes(*(a.shape for a in arrays))
-        except ValueError:
-            shapes = ", ".join(f"{n} {a.shape}" for n, a in zip(("theta", "omega", "alpha"), arrays, strict=True))
-            raise MotionError(f"the motion's arrays do not fit each other: {shapes}; give equal shapes") from None
-        result = self._prepare(shape, out)
+            except ZeroDivisionError:
+                raise self._not_determined(theta) from None
+        shape, columns = flat_columns({"theta": theta, "omega": omega, "alpha": alpha})
+        if not shape and out is None:
+            return self.evaluate(*(float(column[0]) for column in columns))
+        result = arrays_for(self.outputs, shape, out, columns)
         size = math.prod(shape)
-        flat = [np.broadcast_to(a, shape).reshape(-1) if a.ndim else np.broadcast_to(a, size) for a in arrays]
+        if size == 0:
+            return result
         evaluator = self._evaluator
         if self.method == "auto" and size >= _TABLE_PAYS_FROM:
             evaluator = self._table_or_exact
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            evaluator.fill((flat[0], flat[1], flat[2]), {name: a.reshape(-1) for name, a in result.items()})
+            evaluator.fill((columns[0], columns[1], columns[2]), {name: a.reshape(-1) for name, a in result.items()})
         return result
-
-    def _prepare(self, shape: tuple[int, ...], out: Mapping[str, FloatArray] | None) -> dict[str, FloatArray]:
-        if out is None:
-            return {name: np.empty(shape) for name in self.outputs}
-        for name in self.outputs:
-            a = out.get(name)
-            if a is None or a.shape != shape or a.dtype != np.float64 or not a.flags.c_contiguous:
-                raise MotionError(f"out['{name}'] must be a contiguous float64 array of shape {shape}")
-        return {name: out[name] for name in self.outputs}
 
     def _cannot_close(self, theta: float) -> MotionError:
         if not math.isfinite(theta):
@@ -125,6 +121,12 @@ class Twin:
         return MotionError(
             f"machine '{self.machine.name}' cannot close at a shaft angle of {math.degrees(theta):.4f} deg, "
             "outside the range that it was declared for"
+        )
+
+    def _not_determined(self, theta: float) -> MotionError:
+        return MotionError(
+            f"machine '{self.machine.name}' is at a change point at a shaft angle of {math.degrees(theta):.4f} deg, "
+            "where its motion or its forces are not determined"
         )
 
     def predictor(self) -> InstantPredictor:
@@ -144,29 +146,36 @@ class Twin:
 
 @overload
 def compile_machine(
-    machine: Machine, outputs: Sequence[str] | None = None, method: str = "auto", tolerance: float = 1e-12
+    machine: Machine, outputs: Sequence[str] | None = None, method: str | None = None, tolerance: float | None = None
 ) -> Twin: ...
 
 
 @overload
 def compile_machine(
-    machine: NeedleTransferMachine, outputs: Sequence[str] | None = None, method: str = "auto", tolerance: float = 1e-12
+    machine: NeedleTransferMachine,
+    outputs: Sequence[str] | None = None,
+    method: str | None = None,
+    tolerance: float | None = None,
 ) -> HistoryTwin: ...
 
 
 def compile_machine(
     machine: Machine | NeedleTransferMachine,
     outputs: Sequence[str] | None = None,
-    method: str = "auto",
-    tolerance: float = 1e-12,
+    method: str | None = None,
+    tolerance: float | None = None,
 ) -> Twin | HistoryTwin:
-    """Compile a machine for the outputs asked; None takes those of the machine's scene.
+    """Compile a machine for the outputs asked; what is None is taken from the machine's scene.
+
+    `method` is exact, table or auto (see Twin); `tolerance` the error over peak that a table may have.
 
     Raises SceneError for an unknown output or method, MachineError where the machine lacks what one needs.
     """
     if isinstance(outputs, str):
         raise SceneError(f"outputs must be a list of names, such as ['{outputs}']")
     names = tuple(dict.fromkeys(machine.scene.outputs if outputs is None else outputs))
+    method = machine.scene.method if method is None else method
+    tolerance = machine.scene.tolerance if tolerance is None else tolerance
     if not names:
         raise SceneError("no outputs are asked for; name at least one, for example balancing_torque_Nm")
     if method not in METHODS:

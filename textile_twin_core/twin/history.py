@@ -13,6 +13,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
 from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion
+from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
 
 if TYPE_CHECKING:
     from textile_twin_core.contact import ContactEvent
@@ -41,6 +42,7 @@ class HistoryTwin:
         theta: float | FloatArray,
         omega: float | FloatArray = 0.0,
         alpha: float | FloatArray = 0.0,
+        *,
         time: float | FloatArray | None = None,
         out: Mapping[str, FloatArray] | None = None,
     ) -> dict[str, Any]:
@@ -48,19 +50,20 @@ class HistoryTwin:
 
         Element 1 follows the law of motion at theta; the first sample finds the machine as it comes from the
         published start. Without `time` the shaft turns at a constant speed that is not zero. Raises
-        MotionError when times do not rise or cannot be told.
+        MotionError when times do not rise or cannot be told, and for arrays that do not fit.
         """
-        shape = np.broadcast_shapes(*(np.shape(a) for a in (theta, omega, alpha)))
-        columns = [np.broadcast_to(np.asarray(a, dtype=np.float64), shape).reshape(-1) for a in (theta, omega, alpha)]
-        times = _steady_time(*columns) if time is None else np.asarray(time, dtype=np.float64).reshape(-1)
-        motion = self._motion()
-        found = motion.step(times, *columns)
-        self.events = motion.events
-        if out is not None:
-            for name, values in found.items():
-                out[name][...] = values.reshape(shape)
-            return {name: out[name] for name in self.outputs}
-        return {name: values.reshape(shape) if shape else float(values[0]) for name, values in found.items()}
+        motion: dict[str, npt.ArrayLike] = {"theta": theta, "omega": omega, "alpha": alpha}
+        if time is not None:
+            motion["time"] = time
+        shape, columns = flat_columns(motion)
+        result = arrays_for(self.outputs, shape, out, columns)
+        times = _steady_time(*columns) if time is None else columns[3]
+        machine_motion = self._motion()
+        found = machine_motion.step(times, *columns[:3])
+        self.events = machine_motion.events
+        for name, values in found.items():
+            result[name][...] = values.reshape(shape)
+        return result if shape or out is not None else {name: float(values) for name, values in result.items()}
 
     @property
     def reached_error(self) -> float:
@@ -120,7 +123,9 @@ class HistoryPredictor:
 
 
 def _steady_time(theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:
-    speed = float(omega[0]) if omega.size else 0.0
+    if omega.size == 0:
+        return theta
+    speed = float(omega[0])
     if not (math.isfinite(speed) and speed != 0.0 and np.all(omega == speed) and np.all(alpha == 0.0)):
         raise MotionError("a machine with history needs the time of each sample: give time= (time_s in a table)")
     times: FloatArray = (theta - theta[0]) / speed

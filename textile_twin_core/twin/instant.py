@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import MotionError
 from textile_twin_core.machines.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import ShaftStates
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from textile_twin_core.twin.compiled import Twin
 
 _FEW = 16
+_INSIDE = 0.3819
+"""Share of the machine's range at which windings are read: away from the angles at which machines are set."""
 
 
 class InstantPredictor:
@@ -38,19 +41,31 @@ class InstantPredictor:
             twin.evaluate(*state, out=outputs)
         else:
             for i, row in enumerate(zip(*(a.tolist() for a in state), strict=True)):
-                for name, value in twin.evaluate(*row).items():
+                for name, value in self._single(row).items():
                     outputs[name][i] = value
         for name, winding in self._winding.items():
             outputs[name] += winding * states.turns
         return outputs
+
+    def _single(self, state: tuple[float, ...]) -> dict[str, float]:
+        """One sample, as it would come out of a block: NaN where the machine's motion is not determined."""
+        try:
+            return self._twin.evaluate(*state)
+        except MotionError:
+            return dict.fromkeys(self._twin.outputs, math.nan)
 
     def reset(self) -> None:
         """Nothing to forget."""
 
 
 def _windings(twin: Twin) -> dict[str, float]:
-    """Outputs that wind up with the shaft, such as its angle: their growth over one turn."""
-    begin, end = twin.evaluate(0.0, 0.0, 0.0), twin.evaluate(2.0 * math.pi, 0.0, 0.0)
+    """Outputs that wind up with the shaft, such as its angle: their growth over one turn.
+
+    Closed forms wind wherever the linkage closes, also when it does so over a part of the turn only.
+    """
+    low, high = twin.machine.range_rad
+    angle = low + _INSIDE * (high - low)
+    begin, end = twin.evaluate(angle, 0.0, 0.0), twin.evaluate(angle + 2.0 * math.pi, 0.0, 0.0)
     return {
         name: 2.0 * math.pi * round((end[name] - begin[name]) / (2.0 * math.pi))
         for name in twin.outputs

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from textile_twin_core.expression import Expr, topological_order
 from textile_twin_core.expression.cost import operation_counts
 from textile_twin_core.expression.graph import scaled
+from textile_twin_core.machines.drive import load_names
 from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machines.model import MachineModel
 from textile_twin_core.twin.exact import ExactEvaluator
 from textile_twin_core.twin.table import TableEvaluator
 
@@ -70,12 +72,14 @@ def _is_met(term: Expr, needed: set[int]) -> bool:
 
 
 def _loads(machine: Machine, outputs: Mapping[str, Expr]) -> list[str]:
-    needed = {id(node) for node in topological_order(outputs.values())}
+    if not machine.loads:
+        return []
+    model = MachineModel(machine, loads_as_variables=True)
+    needed = set(topological_order(model.output(name) for name in outputs))
     lines = []
-    for i, load in enumerate(machine.loads):
-        intensity = machine.model.first.intensity(i)
-        met = any(id(n) in needed for n in topological_order([intensity]) if n.op in ("sign", "at_least"))
-        lines.append(f"load {type(load).__name__.lower()}: {'evaluated' if met else 'dropped'}")
+    for i, name in enumerate(load_names(machine.loads)):
+        met = any(linkage.intensity_variable(i) in needed for linkage in model.linkages)
+        lines.append(f"load {name.lower()}: {'evaluated' if met else 'dropped'}")
     return lines
 
 

@@ -87,8 +87,9 @@ class Session:
 
     def __init__(self, twin: Twin | HistoryTwin, shaft: str, **settings: Any) -> None:
         self.twin = twin
-        self._estimator = create_estimator(shaft, **settings)
         self._encoder = twin.machine.sensors.encoder
+        period = {"period_rad": 2.0 * math.pi * self._encoder.ratio}  # one turn of the encoder, in shaft angle
+        self._estimator = create_estimator(shaft, **(period | settings))
         self._predictor: Predictor = twin.predictor()
 
     @property

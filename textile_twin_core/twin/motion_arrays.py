@@ -1,0 +1,63 @@
+"""Shaft motion as users give it, as flat columns of one length, and the arrays that outputs are written into."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import MotionError
+
+
+def flat_columns(motion: Mapping[str, npt.ArrayLike]) -> tuple[tuple[int, ...], list[FloatArray]]:
+    """The common shape of numbers and arrays, and each of them broadcast to it, as one dimension of float64.
+
+    Raises MotionError for what is no real number and for shapes that do not fit each other.
+    """
+    arrays = [_floats(name, value) for name, value in motion.items()]
+    try:
+        shape = np.broadcast_shapes(*(a.shape for a in arrays))
+    except ValueError:
+        shapes = ", ".join(f"{name} {a.shape}" for name, a in zip(motion, arrays, strict=True))
+        raise MotionError(f"the motion's arrays do not fit each other: {shapes}; give equal shapes") from None
+    size = math.prod(shape)
+    return shape, [np.broadcast_to(a, shape).reshape(-1) if a.ndim else np.broadcast_to(a, size) for a in arrays]
+
+
+def arrays_for(
+    outputs: Iterable[str],
+    shape: tuple[int, ...],
+    out: Mapping[str, FloatArray] | None,
+    columns: Iterable[FloatArray],
+) -> dict[str, FloatArray]:
+    """Arrays of a shape by output: new ones, or those of `out`.
+
+    Raises MotionError where an array of `out` is missing, has another form, or shares memory with another one or
+    with the motion's `columns`, which are still read while outputs are written.
+    """
+    if out is None:
+        return {name: np.empty(shape) for name in outputs}
+    chosen: dict[str, FloatArray] = {}
+    for name in outputs:
+        a = out.get(name)
+        if not (isinstance(a, np.ndarray) and a.shape == shape and a.dtype == np.float64 and a.flags.carray):
+            raise MotionError(f"out['{name}'] must be a writeable, contiguous float64 array of shape {shape}")
+        chosen[name] = a
+        if any(np.shares_memory(a, column) for column in columns):
+            raise MotionError(f"out['{name}'] shares memory with the motion; give it an array of its own")
+    spans = sorted((a.__array_interface__["data"][0], name) for name, a in chosen.items())
+    for (begin, one), (following, other) in pairwise(spans):
+        if following < begin + chosen[one].nbytes:
+            raise MotionError(f"out['{one}'] and out['{other}'] share memory; give each output an array of its own")
+    return chosen
+
+
+def _floats(name: str, value: npt.ArrayLike) -> FloatArray:
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise MotionError(f"{name} must be a real number or an array of them, not {value!r:.60}") from None
