@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.shaft.knocks import NARROW, WIDE, find_knocks, response, response_slopes
 from textile_twin_core.shaft.spline import ORDER, Knots, LocalBasis, PenalisedSpline
 from textile_twin_core.shaft.turns import TURN
@@ -27,6 +27,9 @@ STIFF, SOFT = 1e-6, 1e-1
 """Intensities of the jerk relative to the squared speed [1/s^3]: the least, and to begin with."""
 FAITH = 2.0
 """Degrees of freedom by which a block keeps to the intensity that it has."""
+MANOEUVRE, MANOEUVRE_S = 0.05, 0.2
+"""A change of speed, relative to the usual, within a time on either side that no knock makes."""
+LARGEST_RIPPLE = 0.3
 ROUNDS = 8
 SAME_S = 0.012
 QUADRATURE = np.polynomial.hermite_e.hermegauss(15)
@@ -225,8 +228,9 @@ class Chunk:
     def look_for_knocks(self) -> None:
         """Find knocks against a stiff spline and fit them, round by round until none is left."""
         most = int(4.0 * (self.time[-1] - self.time[0])) + 2
-        self.intensity = np.full(self.knots.intervals, STIFF * self.intensity_scale)
-        avoided = np.zeros(0)
+        moved = self._manoeuvres()
+        self.intensity = np.where(moved, SOFT, STIFF) * self.intensity_scale
+        avoided = self.knots.breaks[:-1][moved]
         for _ in range(ROUNDS):
             self.solve()
             new = self._find(most, WIDE)
@@ -248,6 +252,15 @@ class Chunk:
                 self.solve()
             self._drop_weak()
 
+    def _manoeuvres(self) -> BoolArray:
+        """Intervals in which the shaft changes its speed by far more than a knock does: there a soft spline must follow."""
+        at = np.arange(self.knots.intervals)[:, None] + np.arange(ORDER)
+        slope = self.knots.basis(self.knots.breaks[:-1]).slope
+        speed = np.sum(slope * self.coefficients[at], axis=1)
+        reach = max(int(MANOEUVRE_S / float(np.median(np.diff(self.knots.breaks)))), 1)
+        around = np.lib.stride_tricks.sliding_window_view(np.pad(speed, reach, mode="edge"), 2 * reach + 1)
+        return np.asarray(np.ptp(around, axis=1) > MANOEUVRE * np.sqrt(self.intensity_scale))
+
     def _find(self, most: int, window_s: tuple[float, float, float]) -> FloatArray:
         sigma = float(np.median(np.abs(self.residual))) / 0.6745
         sigma = max(sigma, float(np.sqrt(np.median(self.variance))))
@@ -264,6 +277,8 @@ class Chunk:
 
     def refine(self) -> bool:
         """Halve the knots where the residuals are too large; whether any was."""
+        if self.knots.intervals < 3:
+            return False
         squares = self.residual**2 / self.variance
         own = np.bincount(self.basis.first, np.minimum(squares, 1e4), self.knots.intervals)
         count = np.bincount(self.basis.first, minlength=self.knots.intervals)
@@ -287,13 +302,38 @@ class Chunk:
         return np.unique(np.clip(near, 0, self.knots.intervals - 1))
 
     def fit(self) -> None:
-        """The whole course: rough ripple, knocks, adapted noise, knots where they are needed."""
+        """The whole course: rough ripple, knocks, adapted noise, knots where they are needed.
+
+        Where that leaves the readings unexplained, as in the most violent motion, a soft spline alone follows them.
+        """
+        expected = self.variance
         self.solve()
         self.scale_variance()
         self.solve()
+        if np.mean(self._manoeuvres()) > 0.5:  # nothing comes round often enough to be called a ripple
+            self.orders, self.ripple = self.orders[:0], self.ripple[:0]
+            self.harmonics = 0
         self.prune()
         self.solve()
         self.look_for_knocks()
+        self._settle()
+        if self._credible(expected):
+            return
+        misfit = float(np.mean(self.residual**2))
+        kept = (self.orders, self.ripple, self.knock_times, self.knock_sizes, self.variance, self.intensity, self.knots)
+        self.orders, self.ripple = self.orders[:0], self.ripple[:0]
+        self.knock_times = self.knock_sizes = np.zeros(0)
+        self.variance = expected
+        self._set_knots(np.linspace(self.knots.breaks[0], self.knots.breaks[-1], self.knots.intervals + 1))
+        self._settle()
+        if not float(np.mean(self.residual**2)) < 0.5 * misfit and np.isfinite(misfit):
+            self.orders, self.ripple, self.knock_times, self.knock_sizes, self.variance, intensity, knots = kept
+            self._set_knots(knots.breaks)
+            self.intensity = intensity
+            self.solve()
+
+    def _settle(self) -> None:
+        """Adapt jerk, variance and knots until they fit each other."""
         for round_ in range(7):
             self.solve()
             self.scale_variance()
@@ -303,6 +343,11 @@ class Chunk:
         self._drop_weak()
         for _ in range(2):
             self.solve()
+
+    def _credible(self, expected: FloatArray) -> bool:
+        ripple = float(np.abs(self.ripple).max(initial=0.0))
+        squares = self.residual**2 / expected
+        return bool(ripple < LARGEST_RIPPLE and np.mean(squares) < 25.0 and np.isfinite(squares).all())
 
     # The result
 

@@ -34,6 +34,11 @@ class Stretch:
     origin: int
     start: int
 
+    def between(self, first: int, end: int) -> Stretch:
+        """The samples from `first` to `end`."""
+        own = slice(first, end)
+        return Stretch(self.time[own], self.angle[own], self.good[own], self.origin, self.start + first)
+
 
 def stretches(
     step: FloatArray, raw: FloatArray, wrapping: str, period: float, gap_s: float, report: SampleReport
@@ -117,20 +122,21 @@ def edges(time: FloatArray, angle: FloatArray, step: float, jitter: float) -> tu
     by less, what is known exactly is when the count changed: the edge between the two counts lies between the two samples.
     """
     place = np.arange(time.size)
-    span = np.maximum(time[np.minimum(place + 5, time.size - 1)] - time[np.maximum(place - 5, 0)], 1e-9)
-    speed = np.abs(angle[np.minimum(place + 5, time.size - 1)] - angle[np.maximum(place - 5, 0)]) / span
-    variance = step**2 / 12.0 + (speed * jitter) ** 2
-    if step <= 0.0:
-        return time, angle, np.maximum(variance, 1e-14)
     tick = np.diff(time, prepend=time[0])
+    typical = max(float(np.median(tick)), 1e-9)
+    reach = max(5, int(0.05 / typical))
+    after, before = np.minimum(place + reach, time.size - 1), np.maximum(place - reach, 0)
+    speed = np.abs(angle[after] - angle[before]) / np.maximum(time[after] - time[before], 1e-9)
+    variance = step**2 / 12.0 + (speed * jitter) ** 2
     slow = speed * tick < 0.5 * step
-    change = np.abs(np.diff(angle, prepend=angle[0]))
-    edge = slow & (change > 0.5 * step) & (change < 1.5 * step)
+    if not slow.any():
+        return time, angle, np.maximum(variance, 1e-14)
+    change = np.diff(angle, prepend=angle[0])
+    edge = slow & (np.abs(np.abs(change) - step) < 0.5 * step)
     when, what = time.copy(), angle.copy()
-    when[edge] = time[edge] - tick[edge] / 2.0
-    what[edge] = angle[edge] - np.diff(angle, prepend=angle[0])[edge] / 2.0
+    when[edge] -= tick[edge] / 2.0
+    what[edge] -= change[edge] / 2.0
     variance[edge] = (speed[edge] * tick[edge]) ** 2 / 12.0 + (speed[edge] * jitter) ** 2 + (0.02 * step) ** 2
-    rest = slow & ~edge
-    width = max(int(0.1 / max(float(np.median(tick)), 1e-9)), 1)
-    variance[rest] = step**2 / 12.0 * width  # many readings of one count know no more than one
-    return when, what, np.maximum(variance, 1e-14)
+    # Between the edges many readings of one count know no more than one does: keep few of them.
+    kept = ~slow | edge | (place % (2 * reach) == 0)
+    return when[kept], what[kept], np.maximum(variance[kept], 1e-14)

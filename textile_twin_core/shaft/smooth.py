@@ -110,7 +110,10 @@ class SmoothEstimator:
         for piece in range(pieces):
             first = piece * size
             end = count if piece == pieces - 1 else min(first + size + OVERLAP, count)
-            own, spread = self._chunk(part, first, end, encoder)
+            try:
+                own, spread = self._chunk(part, first, end, encoder)
+            except np.linalg.LinAlgError:  # readings that follow no motion at all
+                own, spread = _line(part.between(first, end), encoder)
             fade = np.clip((np.arange(first, end) - first + 1.0) / (filled - first + 1.0), 0.0, 1.0)
             if filled <= first:
                 fade[:] = 1.0
