@@ -13,7 +13,7 @@ from tests.contact.needle_reference import Stroke
 from textile_twin_core.contact import ContactError, ContactRun
 from textile_twin_core.errors import MachineError, MotionError, SceneError
 from textile_twin_core.machines.needle_transfer import COLLETS, CONE, DESIGNS, PAD, PIN, needle_transfer
-from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion
+from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion, measured_error
 from textile_twin_core.machines.published_needle_transfer import (
     OTHER_READING,
     forward_stroke,
@@ -281,3 +281,17 @@ def test_wrong_contacts_are_refused() -> None:
         needle_transfer(element_2_kg=0.0)
     with pytest.raises(ContactError, match="beyond stop collet_contact"):
         needle_transfer(value_d_m=0.04)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-12])
+def test_measured_error_is_honest_at_other_samples(tolerance: float) -> None:
+    machine = needle_transfer(design="optimised")
+    outputs = [f"element_{k}_{what}" for k in (2, 3) for what in ("position_m", "velocity_m_s", "acceleration_m_s2")]
+    told = measured_error(machine, outputs, tolerance)
+    times = np.sort(np.random.default_rng(5).uniform(0.0, 0.24, 10_000))
+    run, truth = (machine.simulate(times=times, tolerance=each) for each in (tolerance, 1e-16))
+    worst = 0.0
+    for what in ("positions", "velocities", "accelerations"):
+        found, exact = getattr(run, what)[:2], getattr(truth, what)[:2]
+        worst = max(worst, *(np.abs(found - exact).max(axis=1) / np.abs(exact).max(axis=1)))
+    assert 0.1 * told <= worst <= told or told == 1e-15

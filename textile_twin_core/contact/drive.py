@@ -21,6 +21,11 @@ class Section:
     frequency: float = 0.0
     phase: float = 0.0
 
+    @property
+    def still(self) -> bool:
+        """Whether it is a dwell."""
+        return len(self.polynomial) == 1 and not self.amplitude
+
     def value(self, s: float, derivative: int = 0) -> float:
         """The law or its derivative with respect to s."""
         total = 0.0
@@ -46,8 +51,11 @@ class DrivePiece:
 
     def taylor(self, time_s: float, span_s: float, order: int) -> FloatArray:
         """Coefficients (order+1,) of x(time + u span) in powers of u [m], exact to rounding."""
-        inner = _shift(self.argument, time_s - self.start_s, span_s)
         result = np.zeros(order + 1)
+        if self.section.still:
+            result[0] = self.section.polynomial[0]
+            return result
+        inner = _shift(self.argument, time_s - self.start_s, span_s)
         composed = _compose_polynomial(self.section.polynomial, inner, order)
         result[: composed.size] = composed
         if self.section.amplitude:

@@ -54,6 +54,9 @@ class ContactIntegrator:
         lengths += [abs(pad.position_m) for pad in model.pads]
         lengths += [abs(spring.free_length_m) for spring in model.springs]
         self._set_scale(max(lengths, default=0.0))
+        stiffness = float(np.abs(self.forces.stiffness).sum(axis=1).max())
+        self._still_force_N = stiffness * self._length_m + float(np.abs(self.forces.constant).max())
+        self._damping_Ns_m = float(np.abs(self.forces.damping).sum(axis=1).max())
         self._modes: dict[frozenset[int], Mode] = {}
         self._linear: dict[frozenset[int], LinearFlow] = {}
         self._on_pads: dict[tuple[frozenset[int], tuple[int, ...]], PadFlow] = {}
@@ -195,11 +198,9 @@ class ContactIntegrator:
         return Segment(state.time_s, span, positions, mode.closed, stop_forces, state.pads, pad_forces)
 
     def _noise(self, state: ContactState) -> Noise:
-        forces = self.forces
-        stiffness = float(np.abs(forces.stiffness).sum(axis=1).max())
-        damping = float(np.abs(forces.damping).sum(axis=1).max())
-        scale = stiffness * self._length_m + damping * state.speed_scale_m_s + float(np.abs(forces.constant).max())
-        return Noise(LENGTH_NOISE * self._length_m, 1e-13 * scale)
+        return Noise(
+            LENGTH_NOISE * self._length_m, 1e-13 * (self._still_force_N + self._damping_Ns_m * state.speed_scale_m_s)
+        )
 
     @staticmethod
     def _arrive(state: ContactState, segment: Segment, time_s: float) -> None:

@@ -54,11 +54,7 @@ class MotionLaw:
             local = DrivePiece(start_s, end_s, IDENTITY, (angle - base, *theta[1:]))
             width = self._width(k)
             series = local.taylor(time, end_s - time, max(len(theta) - 1, 1))
-            below = first_crossing(series, _ANGLE_NOISE) if stalled < 3 else None
-            series[0] -= width
-            above = first_crossing(-series, _ANGLE_NOISE) if stalled < 3 else None
-            exits = [(u, step) for u, step in ((below, -1), (above, 1)) if u is not None]
-            u, step = min(exits, default=(1.0, 0))
+            u, step = _leaves(series, width) if stalled < 3 else (1.0, 0)
             leave = end_s if step == 0 else min(time + u * (end_s - time), end_s)
             if leave > time:
                 yield DrivePiece(time, leave, self.sections[k], moved(local.argument, time - start_s))
@@ -75,6 +71,17 @@ class MotionLaw:
     def _width(self, k: int) -> float:
         end = self.starts_rad[k + 1] if k + 1 < len(self.starts_rad) else TURN
         return end - self.starts_rad[k]
+
+
+def _leaves(angle: FloatArray, width: float) -> tuple[float, int]:
+    """Where an angle, a power series over 0 <= u <= 1, leaves [0, width], and to which side (0: it stays)."""
+    swing = float(np.abs(angle[1:]).sum())
+    if swing < angle[0] < width - swing:
+        return 1.0, 0
+    below = first_crossing(angle, _ANGLE_NOISE)
+    above = first_crossing(np.append(width - angle[0], -angle[1:]), _ANGLE_NOISE)
+    exits = [(u, step) for u, step in ((below, -1), (above, 1)) if u is not None]
+    return min(exits, default=(1.0, 0))
 
 
 def _modified_sine(stroke: float, angle: float) -> list[tuple[float, Section]]:
