@@ -23,8 +23,8 @@ SIGNIFICANT = 25.0
 """Squared amplitude over variance from which an order of ripple stays in the model."""
 KNOT_S = 0.04
 BLOCK_S = 0.4
-STIFF, SOFT = 1e-6, 1e-1
-"""Intensities of the jerk relative to the squared speed [1/s^3]: the least, and to begin with."""
+STIFF, SOFT, WILD = 1e-6, 1e-1, 1e3
+"""Intensities of the jerk relative to the squared speed [1/s^3]: the least, to begin with, and in a manoeuvre."""
 FAITH = 2.0
 """Degrees of freedom by which a block keeps to the intensity that it has."""
 MANOEUVRE, MANOEUVRE_S = 0.05, 0.2
@@ -229,8 +229,8 @@ class Chunk:
         """Find knocks against a stiff spline and fit them, round by round until none is left."""
         most = int(4.0 * (self.time[-1] - self.time[0])) + 2
         moved = self._manoeuvres()
-        self.intensity = np.where(moved, SOFT, STIFF) * self.intensity_scale
-        avoided = self.knots.breaks[:-1][moved]
+        self.intensity = np.where(moved, WILD, STIFF) * self.intensity_scale
+        avoided = np.zeros(0)
         for _ in range(ROUNDS):
             self.solve()
             new = self._find(most, WIDE)
@@ -264,7 +264,9 @@ class Chunk:
     def _find(self, most: int, window_s: tuple[float, float, float]) -> FloatArray:
         sigma = float(np.median(np.abs(self.residual))) / 0.6745
         sigma = max(sigma, float(np.sqrt(np.median(self.variance))))
-        return find_knocks(self.time, self.residual, sigma, float(np.exp(self._log_response)), most, window_s)
+        new = find_knocks(self.time, self.residual, sigma, float(np.exp(self._log_response)), most, window_s)
+        interval = np.searchsorted(self.knots.breaks, new[:, 0]) - 1
+        return new[self.intensity[interval] < WILD * self.intensity_scale]
 
     def _drop_weak(self) -> None:
         ripple, knocks = self.ripple.size, self.knock_times.size
@@ -310,9 +312,12 @@ class Chunk:
         self.solve()
         self.scale_variance()
         self.solve()
-        if np.mean(self._manoeuvres()) > 0.5:  # nothing comes round often enough to be called a ripple
+        moved = self._manoeuvres()
+        if np.mean(moved) > 0.5:  # nothing comes round often enough to be called a ripple
             self.orders, self.ripple = self.orders[:0], self.ripple[:0]
             self.harmonics = 0
+        self.intensity = np.where(moved, WILD, SOFT) * self.intensity_scale
+        self.solve()
         self.prune()
         self.solve()
         self.look_for_knocks()
@@ -325,8 +330,9 @@ class Chunk:
         self.knock_times = self.knock_sizes = np.zeros(0)
         self.variance = expected
         self._set_knots(np.linspace(self.knots.breaks[0], self.knots.breaks[-1], self.knots.intervals + 1))
+        self.intensity[:] = WILD * self.intensity_scale
         self._settle()
-        if not float(np.mean(self.residual**2)) < 0.5 * misfit and np.isfinite(misfit):
+        if float(np.mean(self.residual**2)) > 0.5 * misfit and np.abs(kept[1]).max(initial=0.0) < LARGEST_RIPPLE:
             self.orders, self.ripple, self.knock_times, self.knock_sizes, self.variance, intensity, knots = kept
             self._set_knots(knots.breaks)
             self.intensity = intensity
@@ -334,12 +340,13 @@ class Chunk:
 
     def _settle(self) -> None:
         """Adapt jerk, variance and knots until they fit each other."""
-        for round_ in range(7):
+        for round_ in range(14):
             self.solve()
             self.scale_variance()
             self.adapt()
-            if 2 <= round_ <= 4:
-                self.refine()
+            refined = round_ >= 2 and self.refine()
+            if round_ >= 6 and not refined:
+                break
         self._drop_weak()
         for _ in range(2):
             self.solve()
