@@ -124,6 +124,26 @@ def test_replay_keeps_the_namespace(tmp_path: Path) -> None:
     assert "/mill/tufter_3/balancing_torque/residual" in open_bag(tmp_path / "out").topics
 
 
+def test_one_of_several_machines_in_a_recording(tmp_path: Path, bag: Path) -> None:
+    """The topics beside the shaft angle that is named are meant."""
+    both = tmp_path / "both"
+    source = open_bag(bag)
+    with BagWriter(both) as out:
+        for machine in ("/tufter_1", "/tufter_2"):
+            for topic in ("main_shaft/angle", "balancing_torque/measured"):
+                info = source.find_topic(topic)
+                out.add_topic(f"{machine}/{topic}", info.msgtype)
+                for block in source.blocks(topic):
+                    out.write_block(f"{machine}/{topic}", block)
+    chosen = ["--machine", "tufting", "--angle-topic", "/tufter_2/main_shaft/angle"]
+    assert main(["compare", str(both), "--machine", "tufting"]) == 2
+    assert main(["replay", str(both), *chosen, "--out", str(tmp_path / "out")]) == 0
+    topics = open_bag(tmp_path / "out").topics
+    assert "/tufter_2/balancing_torque/residual" in topics
+    assert "/tufter_1/balancing_torque/residual" not in topics
+    assert main(["compare", str(tmp_path / "out"), *chosen, "--predicted", "recorded"]) == 0
+
+
 def _compare(tmp_path: Path, bag: Path, *more: str) -> dict[str, Any]:
     out = tmp_path / "comparison.json"
     assert main(["compare", str(bag), "--machine", "tufting", "--json", str(out), *more]) == 0

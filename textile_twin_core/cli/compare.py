@@ -64,17 +64,17 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
     """The comparison that the arguments of add_recording ask for; recorded: with the predictions in the recording."""
     from textile_twin_core.comparison import compare_torque
     from textile_twin_core.files import open_bag
-    from textile_twin_core.files.prediction import published, recompute, usable_angles
+    from textile_twin_core.files.prediction import beside, published, recompute, usable_angles
 
     bag = open_bag(arguments.bag)
     for notice in bag.notices:
         print(f"textile-twin: {notice}", file=sys.stderr)
-    measured = bag.read_torques(arguments.torque_topic, arguments.joint)
     angles = usable_angles(bag, arguments.angle_topic, arguments.joint, arguments.skip_bad_samples)
+    measured = bag.read_torques(beside(bag, angles.topic, arguments.torque_topic), arguments.joint)
     with progress(len(angles), "predicting") as done:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
     if recorded:
-        predicted = published(bag, predicted)
+        predicted = published(bag, predicted, angles.topic)
     return compare_torque(
         measured.stamps,
         measured.torque_Nm,

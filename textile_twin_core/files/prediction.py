@@ -36,6 +36,18 @@ class PredictedTorque:
     rejected: Mapping[str, int]
 
 
+def namespace_of(angle_topic: str) -> str:
+    """The machine's namespace, which its angle's absolute topic begins with; empty for a topic of another name."""
+    suffix = f"/{ANGLE_TOPIC}"
+    return angle_topic.removesuffix(suffix) if angle_topic.endswith(suffix) else ""
+
+
+def beside(bag: Bag, angle_topic: str, topic: str) -> str:
+    """The topic of that name in the angle's own namespace where there is one, else the name as it is."""
+    own = f"{namespace_of(angle_topic)}/{topic.strip('/')}"
+    return own if own in bag.topics else topic
+
+
 def usable_angles(
     bag: Bag, topic: str = ANGLE_TOPIC, joint: str = "main_shaft", skip_bad: bool = False
 ) -> AngleSamples:
@@ -100,18 +112,14 @@ def recompute(
     )
 
 
-def published(
-    bag: Bag,
-    computed: PredictedTorque,
-    topic: str = "balancing_torque/predicted",
-    sigma_topic: str = "balancing_torque/predicted_sigma",
-) -> PredictedTorque:
-    """The torque that the live twin published into the recording.
+def published(bag: Bag, computed: PredictedTorque, angle_topic: str) -> PredictedTorque:
+    """The torque that the live twin published into the recording, beside the topic of the shaft angle.
 
     Shaft angles, and whether the estimator had settled, are those of `computed`, by the stamps, which a prediction
     shares with its angle sample. Raises RecordingError when no stamp is shared.
     """
-    torque = bag.read_torques(topic)
+    torque = bag.read_torques(beside(bag, angle_topic, "balancing_torque/predicted"))
+    sigma_topic = beside(bag, angle_topic, "balancing_torque/predicted_sigma")
     place = np.clip(np.searchsorted(computed.stamps_ns, torque.stamps), 0, len(computed.stamps_ns) - 1)
     shared = computed.stamps_ns[place] == torque.stamps
     if not shared.any():

@@ -12,7 +12,14 @@ from textile_twin_core.files.bag import Bag, TorqueSamples
 from textile_twin_core.files.bag_write import BagWriter
 from textile_twin_core.files.cdr_encode import encode_string
 from textile_twin_core.files.predicted_topics import TORQUE, PredictedTopics, predicted_topics
-from textile_twin_core.files.prediction import ANGLE_TOPIC, MEASURED_TOPIC, predictions, usable_angles
+from textile_twin_core.files.prediction import (
+    ANGLE_TOPIC,
+    MEASURED_TOPIC,
+    beside,
+    namespace_of,
+    predictions,
+    usable_angles,
+)
 from textile_twin_core.files.recording import Progress
 from textile_twin_core.files.rosbag2_metadata import LATCHED
 from textile_twin_core.machines import AnyMachine, Machine
@@ -52,7 +59,8 @@ def replay_bag(
     in the recording are not copied.
     """
     angles = usable_angles(bag, angle_topic, joint, skip_bad)
-    namespace = angles.topic.removesuffix(angle_topic.strip("/")).rstrip("/")
+    namespace = namespace_of(angles.topic)
+    torque_topic = beside(bag, angles.topic, torque_topic)
     topics = predicted_topics(machine)
     writer = _Predictions(topics, out, namespace)
     description = f"{namespace}/robot_description"
