@@ -1,4 +1,4 @@
-"""CasADi: the closed form as a symbolic function, as C that CasADi writes where a compiler is at hand, else interpreted.
+"""CasADi: the closed form in its symbols, as C that CasADi writes where a compiler is at hand, else interpreted.
 
 Timed: calls through CasADi's buffers, without conversions: one sample a call, and CasADi's `map` over arrays, which
 its generated C loops over.
@@ -74,9 +74,9 @@ def _bound(function: Any, inputs: Sequence[FloatArray], out: FloatArray) -> Call
     """A call that reads the inputs and writes the rows of `out` where they lie."""
     buffer, call = function.buffer()
     for k, values in enumerate(inputs):
-        buffer.set_arg(k, memoryview(values))
+        buffer.set_arg(k, values.data)
     for k, row in enumerate(out):
-        buffer.set_res(k, memoryview(row))
+        buffer.set_res(k, row.data)
     kept = (buffer, inputs, out)  # CasADi holds bare addresses: what they point at must live as long as the call
 
     def run(kept: object = kept) -> object:

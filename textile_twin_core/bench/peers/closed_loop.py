@@ -1,14 +1,14 @@
 """Inverse dynamics of a closed linkage by an engine that knows trees: the loop is closed on the engine's kinematics.
 
-Timed, per sample: joint positions from a table accurate to 1e-5, two steps of Newton's method on the engine's gaps and
-Jacobians at the cut pins, joint velocities and accelerations that keep the pins closed, the engine's inverse dynamics of
-the tree, and its projection onto the shaft (the principle of virtual work). Friction of the backing is added by a test
-on the position that the engine gives the needle.
+Timed, per sample: joint positions from a table accurate to 1e-5, two steps of Newton's method on the engine's gaps
+and Jacobians at the cut pins, joint velocities and accelerations that keep the pins closed, the engine's inverse
+dynamics of the tree, and its projection onto the shaft (the principle of virtual work). Friction of the backing is
+added by a test on the position that the engine gives the needle.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -45,16 +45,20 @@ class TreeEngine(Protocol):
 
 
 class Solved(NamedTuple):
-    """One sample: joint motion, inverse of the passive Jacobian, d q/d theta, forces of the tree and the answers."""
+    """One sample: torque [N m], travel [m], friction's torque [N m], and what led to them.
 
+    Joint motion, its derivative by theta, the inverse of the passive joints' Jacobian, the forces of the tree.
+    """
+
+    torque: float
+    travel: float
+    friction: float
     q: FloatArray
     v: FloatArray
     a: FloatArray
-    inverse: FloatArray
     slope: FloatArray
+    inverse: FloatArray
     forces: FloatArray
-    torque: float
-    travel: float
 
 
 class ClosedLoop:
@@ -79,7 +83,7 @@ class ClosedLoop:
         needle = self.tree.needle
         if needle is None:
             return 0.0
-        x, y = self.engine.tip().tolist()[:2]
+        x, y = (float(v) for v in self.engine.tip()[:2])
         return (x - needle.origin[0]) * needle.direction[0] + (y - needle.origin[1]) * needle.direction[1]
 
     def position(self, theta: float, omega: float, alpha: float) -> float:
@@ -90,17 +94,18 @@ class ClosedLoop:
     def solve(self, theta: float, omega: float, alpha: float) -> Solved:
         """Torque [N m] and travel [m] with what led to them."""
         q, jacobian = self.assemble(theta)
-        inverse = np.linalg.inv(jacobian[:, 1:])
+        inverse = np.asarray(np.linalg.inv(jacobian[:, 1:]), dtype=np.float64)
         slope = np.empty(q.size)
         slope[0], slope[1:] = 1.0, -(inverse @ jacobian[:, 0])
         v = slope * omega
         a = slope * alpha
         a[1:] -= inverse @ self.engine.drift(q, v)
         forces = self.engine.inverse(q, v, a)
-        torque, travel, needle = float(slope @ forces), self.travel(), self.tree.needle
+        travel, needle, friction = self.travel(), self.tree.needle, 0.0
         if needle is not None:
-            torque += needle.friction(travel, needle.sense * float(slope[needle.body]), omega)
-        return Solved(q, v, a, inverse, slope, forces, torque, travel)
+            friction = needle.friction(travel, needle.sense * float(slope[needle.body]), omega)
+        torque = float(slope @ forces) + friction
+        return Solved(torque, travel, friction, q, v, a, slope, inverse, forces)
 
 
 def projected(scene: Scene, library: str, engine: Callable[[PlanarTree], TreeEngine]) -> Iterator[Candidate]:
@@ -131,12 +136,17 @@ def one_by_one(
     method: str,
     sample: Callable[[float, float, float], tuple[float, ...]],
     samples: int = SAMPLES,
+    outputs: Sequence[str] | None = None,
     note: str = "",
 ) -> Candidate:
-    """A candidate without a batch mode of its own: the first samples in a loop of Python."""
+    """A candidate without a batch mode of its own: the first samples in a loop of Python.
+
+    `sample` gives the scene's outputs, or those named.
+    """
+    names = scene.outputs if outputs is None else outputs
     samples = min(samples, scene.samples)
     motion = [tuple(row) for row in np.column_stack([x[:samples] for x in scene.motion]).tolist()]
-    found = np.empty((samples, len(scene.outputs)))
+    found = np.empty((samples, len(names)))
 
     def batch() -> None:
         for k, state in enumerate(motion):
@@ -148,6 +158,6 @@ def one_by_one(
         batch=batch,
         samples=samples,
         single=lambda: sample(*motion[0]),
-        result=lambda: dict(zip(scene.outputs, found.T, strict=True)),
+        result=lambda: dict(zip(names, found.T, strict=True)),
         note=note,
     )

@@ -97,7 +97,8 @@ class DrakeTree:
         """Drake's inverse dynamics, with gravity."""
         self.plant.CalcForceElementsContribution(self.context, self._forces)
         forces: FloatArray = self.plant.CalcInverseDynamics(self.context, a[self._back], self._forces)
-        return forces[self._order]
+        ordered: FloatArray = forces[self._order]
+        return ordered
 
     def tip(self) -> FloatArray:
         """Position of the needle's tip."""

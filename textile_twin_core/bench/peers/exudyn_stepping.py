@@ -12,11 +12,25 @@ from typing import Any
 
 import exudyn
 import numpy as np
-from exudyn import itemInterface as items
+from exudyn.itemInterface import (
+    CoordinateConstraint,
+    LoadMassProportional,
+    MarkerBodyMass,
+    MarkerBodyRigid,
+    MarkerNodeCoordinate,
+    NodePointGround,
+    NodeRigidBody2D,
+    ObjectGround,
+    ObjectRigidBody2D,
+    PrismaticJoint2D,
+    RevoluteJoint2D,
+    SensorNode,
+    SensorObject,
+)
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.peers.closed_loop import TORQUE
-from textile_twin_core.bench.peers.planar_tree import GROUND, PlanarTree, Point, planar_tree
+from textile_twin_core.bench.peers.planar_tree import GROUND, ComplexArray, PlanarTree, Point, planar_tree
 from textile_twin_core.bench.peers.turn import SteadyTurn
 from textile_twin_core.bench.scenes import Scene
 from textile_twin_core.bench.timing import Candidate
@@ -34,47 +48,48 @@ class Stepping:
         self.system = mbs = exudyn.SystemContainer().AddSystem()
         origins, turns = tree.frames()
         begin = 3 * (len(tree.start) - 1) // 4
-        self._ground = mbs.AddObject(items.ObjectGround())
+        self._ground = mbs.AddObject(ObjectGround())
         self._bodies: list[Any] = []
         nodes = []
         for joint, origin, turn in zip(tree.joints, origins, turns, strict=True):
             direction = np.exp(1j * turn)
             centre = origin + direction * complex(*joint.centroid_m)
-            rate, speed = (_slope(direction)[begin] / (1j * direction[begin])).real * omega, _slope(centre)[begin] * omega
+            rate, speed = (
+                (_slope(direction)[begin] / (1j * direction[begin])).real * omega,
+                _slope(centre)[begin] * omega,
+            )
             node = mbs.AddNode(
-                items.NodeRigidBody2D(
+                NodeRigidBody2D(
                     referenceCoordinates=[centre[begin].real, centre[begin].imag, turn[begin]],
                     initialVelocities=[speed.real, speed.imag, rate],
                 )
             )
-            body = mbs.AddObject(items.ObjectRigidBody2D(mass=joint.mass_kg, inertia=joint.inertia_kgm2, nodeNumber=node))
-            mass = mbs.AddMarker(items.MarkerBodyMass(bodyNumber=body))
-            mbs.AddLoad(items.LoadMassProportional(markerNumber=mass, loadVector=[*tree.gravity, 0.0]))
+            body = mbs.AddObject(ObjectRigidBody2D(mass=joint.mass_kg, inertia=joint.inertia_kgm2, nodeNumber=node))
+            mass = mbs.AddMarker(MarkerBodyMass(bodyNumber=body))
+            mbs.AddLoad(LoadMassProportional(markerNumber=mass, loadVector=[*tree.gravity, 0.0]))
             nodes.append(node)
             self._bodies.append(body)
         for k, joint in enumerate(tree.joints):
             markers = [self._marker(joint.parent, joint.at), self._marker(k, (0.0, 0.0))]
             if joint.axis is None:
-                mbs.AddObject(items.RevoluteJoint2D(markerNumbers=markers))
+                mbs.AddObject(RevoluteJoint2D(markerNumbers=markers))
             else:
                 x, y = joint.axis
                 along, across = [x, y, 0.0], [-y, x, 0.0]
-                mbs.AddObject(items.PrismaticJoint2D(markerNumbers=markers, axisMarker0=along, normalMarker1=across))
+                mbs.AddObject(PrismaticJoint2D(markerNumbers=markers, axisMarker0=along, normalMarker1=across))
         for cut in tree.cuts:
             markers = [self._marker(cut.earlier, cut.at_earlier), self._marker(cut.later, cut.at_later)]
-            mbs.AddObject(items.RevoluteJoint2D(markerNumbers=markers))
-        fixed = mbs.AddMarker(
-            items.MarkerNodeCoordinate(nodeNumber=mbs.AddNode(items.NodePointGround()), coordinate=0)
-        )
-        crank = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=nodes[0], coordinate=2))
-        drive = mbs.AddObject(items.CoordinateConstraint(markerNumbers=[fixed, crank], offset=omega, velocityLevel=True))
+            mbs.AddObject(RevoluteJoint2D(markerNumbers=markers))
+        fixed = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=mbs.AddNode(NodePointGround()), coordinate=0))
+        crank = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nodes[0], coordinate=2))
+        drive = mbs.AddObject(CoordinateConstraint(markerNumbers=[fixed, crank], offset=omega, velocityLevel=True))
         kinds = exudyn.OutputVariableType
         self._torque = mbs.AddSensor(
-            items.SensorObject(objectNumber=drive, storeInternal=True, outputVariableType=kinds.Force)
+            SensorObject(objectNumber=drive, storeInternal=True, outputVariableType=kinds.Force)
         )
         if tree.needle is not None:
             self._tip, self._speed = (
-                mbs.AddSensor(items.SensorNode(nodeNumber=nodes[tree.needle.body], storeInternal=True, outputVariableType=k))
+                mbs.AddSensor(SensorNode(nodeNumber=nodes[tree.needle.body], storeInternal=True, outputVariableType=k))
                 for k in (kinds.Position, kinds.Velocity)
             )
         mbs.Assemble()
@@ -82,15 +97,13 @@ class Stepping:
         self.settings.timeIntegration.numberOfSteps = self.steps
         self.settings.timeIntegration.endTime = self.steps / a_turn * 2.0 * np.pi / omega
         self.settings.timeIntegration.newton.useModifiedNewton = True
-        self.settings.solutionSettings.writeSolutionToFile = False
-        self.settings.solutionSettings.sensorsWritePeriod = self.settings.timeIntegration.endTime / self.steps
+        self.settings.solution.file.write = False
+        self.settings.solution.sensors.writePeriod = self.settings.timeIntegration.endTime / self.steps
 
     def _marker(self, body: int, at: Point) -> Any:
         x, y = (0.0, 0.0) if body == GROUND else self.tree.joints[body].centroid_m
         number = self._ground if body == GROUND else self._bodies[body]
-        return self.system.AddMarker(
-            items.MarkerBodyRigid(bodyNumber=number, localPosition=[at[0] - x, at[1] - y, 0.0])
-        )
+        return self.system.AddMarker(MarkerBodyRigid(bodyNumber=number, localPosition=[at[0] - x, at[1] - y, 0.0]))
 
     def turn(self) -> dict[str, FloatArray]:
         """Torque [N m] and travel [m] at the even angles of the turn."""
@@ -112,11 +125,11 @@ class Stepping:
         return found
 
 
-def _slope(values: FloatArray) -> FloatArray:
+def _slope(values: ComplexArray) -> ComplexArray:
     """Derivative of a periodic function given at even angles of a turn, both ends included."""
     n = len(values) - 1
     orders = np.fft.fftfreq(n, 1.0 / n)
-    slope: FloatArray = np.fft.ifft(1j * orders * np.fft.fft(values[:-1]))
+    slope: ComplexArray = np.fft.ifft(1j * orders * np.fft.fft(values[:-1]))
     return slope
 
 

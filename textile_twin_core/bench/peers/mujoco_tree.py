@@ -1,13 +1,14 @@
 """MuJoCo: kinematics, Jacobians and recursive Newton-Euler algorithm of the tree, one sample at a time from Python.
 
-Timed: all of `closed_loop`; and, beside it, MuJoCo's own soft constraint at the cut pins, in which the torque that gives
-the asked acceleration at a closed position comes from two calls of its forward dynamics. MuJoCo's batch mode (rollout)
-steps motions forward and has no inverse dynamics, so the batch is a loop of Python.
+Timed: all of `closed_loop`; and, beside it, MuJoCo's own soft constraint at the cut pins, in which the torque that
+gives the asked acceleration at a closed position comes from two calls of its forward dynamics. MuJoCo's batch mode
+(rollout) steps motions forward and has no inverse dynamics, so the batch is a loop of Python.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -28,7 +29,7 @@ class MuJoCoTree:
     def __init__(self, tree: PlanarTree, soft: float | None = None) -> None:
         spec = mujoco.MjSpec()
         spec.option.gravity = [*tree.gravity, 0.0]
-        bodies = []
+        bodies: list[Any] = []
         for k, j in enumerate(tree.joints):
             parent = spec.worldbody if j.parent == GROUND else bodies[j.parent]
             body = parent.add_body(name=f"body{k}", pos=[*j.at, 0.0])
@@ -96,7 +97,8 @@ class MuJoCoTree:
         """Recursive Newton-Euler algorithm."""
         self.data.qacc[self.order] = a
         mujoco.mj_rne(self.model, self.data, 1, self._forces)
-        return self._forces[self.order]
+        forces: FloatArray = self._forces[self.order]
+        return forces
 
     def tip(self) -> FloatArray:
         """Position of the needle's tip."""

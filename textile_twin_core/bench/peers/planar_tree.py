@@ -83,11 +83,15 @@ class Needle:
 
 @dataclass
 class PlanarTree:
-    """The tree; joint 0 is the driven one. `start` holds joint positions over a turn: where a search begins."""
+    """The tree; joint 0 is the driven one.
+
+    `links` tells the body of every link; `start` holds joint positions over a turn: where a search begins.
+    """
 
     gravity: Point
     joints: list[TreeJoint] = field(default_factory=list)
     cuts: list[Cut] = field(default_factory=list)
+    links: dict[str, int] = field(default_factory=dict)
     needle: Needle | None = None
     start: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
@@ -124,6 +128,7 @@ def planar_tree(machine: Machine) -> PlanarTree | None:
     for group in machine.groups:
         if not _add(tree, group, places, links):
             return None
+    tree.links = {name: on for name, (on, _) in links.items()}
     for body in machine.bodies:
         _carry(tree, body, links)
     if loads:
@@ -134,7 +139,9 @@ def planar_tree(machine: Machine) -> PlanarTree | None:
     return tree
 
 
-def _add(tree: PlanarTree, group: object, places: dict[str, tuple[int, Point]], links: dict[str, tuple[int, Point]]) -> bool:
+def _add(
+    tree: PlanarTree, group: object, places: dict[str, tuple[int, Point]], links: dict[str, tuple[int, Point]]
+) -> bool:
     def joint(name: str, parent: int, at: Point, axis: Point | None = None) -> int:
         tree.joints.append(TreeJoint(name, parent, at, axis))
         return len(tree.joints) - 1

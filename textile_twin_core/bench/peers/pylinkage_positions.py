@@ -33,7 +33,9 @@ class Positions:
         links = {link.name: link for link in machine.links}
         self.parts: list[Any] = []
         self.part: dict[str, Any] = {}
-        self.beyond: dict[str, tuple[str, FloatArray]] = {}  # tips of sliders: the slider's joint and the way on from it
+        self.beyond: dict[
+            str, tuple[str, FloatArray]
+        ] = {}  # tips of sliders: the slider's joint and the way on from it
         for name, at in machine.points.items():
             self._add(name, pylinkage.Ground(*at))
         for group in machine.groups:
@@ -52,13 +54,15 @@ class Positions:
                     (x, y), along = stand[group.end], np.array(group.guide_direction) / np.hypot(*group.guide_direction)
                     line = [pylinkage.Ground(*(np.array(group.guide_point_m) + k * along)) for k in (-1.0, 1.0)]
                     self.parts += line
-                    rod = pylinkage.RRPDyad(self._anchor(group.from_point), *line, group.lengths_m[0], x=x, y=y)
+                    rod = pylinkage.RRPDyad(
+                        self._anchor(group.from_point), line[0], line[1], group.lengths_m[0], x=x, y=y
+                    )
                     self._add(group.end, rod)
                     self.beyond[group.tip] = (group.end, group.lengths_m[1] * along)
                 case _:
                     raise NotImplementedError(f"pylinkage has no part like '{group.name}'")
         self.linkage = pylinkage.Linkage(self.parts)
-        self._stand = self.linkage.get_coords()
+        self._stand: list[Any] = self.linkage.get_coords()
 
     def _add(self, point: str, part: Any) -> None:
         self.part[point] = part

@@ -1,4 +1,4 @@
-"""A steady turn: for libraries that cannot be asked at any angle, the scene's outputs at even angles and constant speed."""
+"""A steady turn: the scene at even angles and constant speed, for libraries that cannot be asked at any angle."""
 
 from __future__ import annotations
 
