@@ -75,7 +75,9 @@ def make_signal(
     mid = (cuts[1:] + cuts[:-1]) / 2
     half = np.diff(cuts) / 2
     node = np.sqrt(0.6)
-    advance = half / 9 * (5 * level_of(mid - node * half)[0] + 8 * level_of(mid)[0] + 5 * level_of(mid + node * half)[0])
+    advance = (
+        half / 9 * (5 * level_of(mid - node * half)[0] + 8 * level_of(mid)[0] + 5 * level_of(mid + node * half)[0])
+    )
     phase = np.concatenate([[0.0], np.cumsum(advance)])
     phase -= np.interp(0.0, cuts, phase)
     turn = np.linspace(0, 2 * np.pi, 4097)
@@ -115,6 +117,4 @@ def make_signal(
     omega = speed * value
     alpha = slope * value + speed * dvalue * omega
     stamps_ns = np.round(stamps * 1e9).astype(np.int64) + 1_700_000_000_000_000_000
-    return ShaftSignal(
-        stamps_ns[keep], seen[keep], theta[keep], omega[keep], alpha[keep], stamps[keep], starts
-    )
+    return ShaftSignal(stamps_ns[keep], seen[keep], theta[keep], omega[keep], alpha[keep], stamps[keep], starts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline
 from scipy.stats import norm
 
@@ -39,7 +39,9 @@ def test_motion_and_transition() -> None:
     new, transition = moved(STATE, step)
     assert np.abs(new - exact)[0] < 2e-8  # third order in the angle
     assert np.abs(new - exact)[1:].max() < 1e-11
-    slopes = np.stack([(moved(STATE + d, step)[0] - moved(STATE - d, step)[0]) / 2e-6 for d in 1e-6 * np.eye(10)], axis=1)
+    slopes = np.stack(
+        [(moved(STATE + d, step)[0] - moved(STATE - d, step)[0]) / 2e-6 for d in 1e-6 * np.eye(10)], axis=1
+    )
     scale = np.maximum(np.abs(slopes), np.abs(slopes).max(axis=1, keepdims=True) * 1e-2)
     assert (np.abs(transition - slopes) / scale).max() < 5e-3
 

@@ -12,8 +12,9 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.gate import SampleGate
 from textile_twin_core.shaft.past import Estimate
 from textile_twin_core.shaft.report import SampleReport
+from textile_twin_core.shaft.settings import TrackerSettings
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.tracker import ShaftTracker, TrackerSettings
+from textile_twin_core.shaft.tracker import ShaftTracker
 
 
 class CausalEstimator:
@@ -55,9 +56,7 @@ class CausalEstimator:
         block = self._gate.admit(stamps, angles, velocities)
         speeds = np.full(len(block), np.nan) if block.velocities is None else block.velocities
         tracker = self._tracker
-        for step, angle, speed in zip(
-            block.step_s.tolist(), block.angles.tolist(), speeds.tolist(), strict=True
-        ):
+        for step, angle, speed in zip(block.step_s.tolist(), block.angles.tolist(), speeds.tolist(), strict=True):
             tracker.sample(step, angle, speed)
         skip = min(max(2 - self._taken, 0), len(block))
         self._taken += len(block)

@@ -290,9 +290,7 @@ class Chunk:
             return False
         breaks = self.knots.breaks
         middle = (breaks[:-1] + breaks[1:])[coarse] / 2.0
-        intensity = np.interp(
-            np.sort(np.concatenate([breaks[:-1], middle])), breaks[:-1], np.log(self.intensity)
-        )
+        intensity = np.interp(np.sort(np.concatenate([breaks[:-1], middle])), breaks[:-1], np.log(self.intensity))
         self._set_knots(np.sort(np.concatenate([breaks, middle])))
         self.intensity = np.exp(intensity)
         self.intensity[self._touched(middle)] = SOFT * self.intensity_scale

@@ -49,9 +49,7 @@ class SampleGate:
         self._report = report
         self._last: np.int64 | np.float64 | None = None
 
-    def admit(
-        self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
-    ) -> Accepted:
+    def admit(self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None) -> Accepted:
         """The samples of one block that may pass.
 
         Args:

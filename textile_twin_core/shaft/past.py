@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import FloatArray, IntArray
 
 
 @dataclass(slots=True)
@@ -28,6 +28,12 @@ class Estimate:
     origin: int
     settled: bool
     time_s: float
+
+    def move(self, shift: FloatArray, spread: FloatArray) -> None:
+        """Move by (theta, omega, alpha) and widen by a covariance."""
+        angle, omega, alpha = shift.tolist()
+        self.angle, self.omega, self.alpha = self.angle + angle, self.omega + omega, self.alpha + alpha
+        self.covariance = self.covariance + spread
 
     def row(self) -> tuple[float, float, float, float, float]:
         """As `ShaftStates.from_rows` wants it."""
@@ -53,7 +59,7 @@ class Past:
     def __len__(self) -> int:
         return len(self._kept)
 
-    def grow(self) -> FloatArray:
+    def grow(self) -> IntArray:
         """Double the ring; the (3 capacity,) old rows, in the order that the new ring has them first."""
         order = (self._oldest + np.arange(self.capacity)) % max(self.capacity, 1)
         added = max(self.capacity, 8)

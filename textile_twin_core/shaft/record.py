@@ -73,9 +73,9 @@ def stretches(
         if not lasting[i]:
             continue
         for back in range(i + 1, min(i + 4, raw.size)):
-            if leaps[back] and abs(float(np.sum(move[i : back + 1] - speed[i : back + 1] * step[i : back + 1]))) < float(
-                reach[i : back + 1].sum()
-            ):
+            if leaps[back] and abs(
+                float(np.sum(move[i : back + 1] - speed[i : back + 1] * step[i : back + 1]))
+            ) < float(reach[i : back + 1].sum()):
                 lasting[i : back + 1] = False
                 good[i:back] = False
                 report.outliers += back - i

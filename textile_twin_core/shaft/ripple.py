@@ -17,6 +17,8 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 
 THETA, LEVEL, SLOPE, DIP, DIP_RATE, LOG_RESPONSE, FIRST_RIPPLE = range(7)
+LOG_SHORTEST, LOG_LONGEST = math.log(0.004), math.log(1.0)
+"""Bounds of log T [T in s]."""
 
 
 class Ripple:
@@ -57,7 +59,7 @@ def advance(state: FloatArray, ripple: Ripple, step: float, transition: FloatArr
     The angle by a Taylor series of third order, V, U, w exactly; the derivatives of the angle at mid-step.
     """
     level, slope, dip, rate, log_response = state[1:FIRST_RIPPLE].tolist()
-    response = math.exp(log_response)
+    response = math.exp(min(max(log_response, LOG_SHORTEST), LOG_LONGEST))
     v, u = level + dip, slope + rate
     pull = -(dip / response + 2.0 * rate) / response
     h, h1, h2 = ripple.value, ripple.slope, ripple.bend

@@ -133,7 +133,9 @@ class SmoothEstimator:
         most = self._most if turns > 2.0 else self._harmonics if turns > 1.0 else 0
         speed = float(np.median(np.abs(np.diff(what)) / np.diff(when))) if what.size > 1 else 0.0
         scale = max(speed, abs(float(angle[-1] - angle[0])) / float(time[-1] - time[0]), 0.5)
-        chunk = Chunk(when, what, variance, np.arange(1, most + 1), min(self._harmonics, most), scale**2, self._response)
+        chunk = Chunk(
+            when, what, variance, np.arange(1, most + 1), min(self._harmonics, most), scale**2, self._response
+        )
         chunk.fit()
         self._report.knocks += chunk.knock_times.size
         amplitude = np.hypot(chunk.ripple[0::2], chunk.ripple[1::2])

@@ -1,0 +1,283 @@
+"""State and error matrix of the recursive shaft filter, and the steps of linear algebra on them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.shaft.hypotheses import HypothesisBank, Verdict
+from textile_twin_core.shaft.past import Estimate, Past
+from textile_twin_core.shaft.ripple import (
+    DIP,
+    DIP_RATE,
+    FIRST_RIPPLE,
+    LEVEL,
+    LOG_LONGEST,
+    LOG_RESPONSE,
+    LOG_SHORTEST,
+    SLOPE,
+    THETA,
+    Ripple,
+    advance,
+    blank_gradient,
+    observe,
+)
+
+RIPPLE_AT_START = 0.03
+RIPPLE_AFTER_EVENT = 1e-4
+"""Each event opens the ripple's coefficients by this much, so that a wrong ripple cannot live on as a row of events."""
+LARGEST_RIPPLE = 0.3
+LOG_RESPONSE_VARIANCE = 0.1
+LONGEST_ARC = 0.3
+"""Of the highest order's wave in one integration step [rad]."""
+MOST_PARTS = 8
+
+
+class ShaftFilter:
+    """The filter's state, how far off it may be, and how far off it is under each hypothesis.
+
+    Row by row the error matrix holds the state and below it (theta, omega, alpha) of each held sample; column by column
+    the state's covariance and one column per hypothesis. Every step is made on the whole of it, so that held samples are
+    smoothed (fixed-lag smoother, Biswas and Mahalanabis 1973) and hypotheses are weighed on the way.
+
+    Attributes:
+        state: (n,) see `ripple`.
+        error: (n + 3 held, n + hypotheses).
+        orders: orders of ripple in the state.
+        ripple: the ripple at the state's angle.
+    """
+
+    def __init__(self, orders: list[int], response_s: float, bank: HypothesisBank, past: Past | None) -> None:
+        self.orders, self.bank, self.past = orders, bank, past
+        size = FIRST_RIPPLE + 2 * len(orders)
+        self.state = np.zeros(size)
+        self.state[LOG_RESPONSE] = math.log(response_s)
+        self.error = np.zeros((size, size + bank.columns))
+        self._resize()
+
+    def _resize(self) -> None:
+        self.size = self.state.size
+        self._transition = np.eye(self.size)
+        self._gradient = blank_gradient(self.size)
+        self.look()
+
+    def look(self) -> None:
+        """Bring the ripple to the state's angle."""
+        self.ripple = Ripple(float(self.state[THETA]), self.orders, self.state[FIRST_RIPPLE:].tolist())
+
+    @property
+    def angle(self) -> float:
+        """The state's angle [rad], local."""
+        return float(self.state[THETA])
+
+    @property
+    def level(self) -> float:
+        """The slow part of the speed [rad/s]."""
+        return float(self.state[LEVEL])
+
+    @property
+    def speed(self) -> float:
+        """The speed [rad/s]."""
+        return (float(self.state[LEVEL]) + float(self.state[DIP])) * self.ripple.value
+
+    @property
+    def speed_gradient(self) -> FloatArray:
+        """(n,) derivative of the speed last looked at by the state."""
+        return self._gradient[1]
+
+    @property
+    def hypotheses(self) -> FloatArray:
+        """The error's columns, state rows only, that belong to the bank."""
+        return self.error[: self.size, self.size :]
+
+    # Time and readings
+
+    def start(self, angle: float, speed: float, first: bool, scale: float, sigma: float) -> None:
+        """Begin anew at an angle known to `sigma` with a guess of the speed; what was learnt of ripple and drive stays."""
+        state, error, size = self.state, self.error, self.size
+        ripple = error[FIRST_RIPPLE:size, FIRST_RIPPLE:size].copy()
+        response = LOG_RESPONSE_VARIANCE if first else float(error[LOG_RESPONSE, LOG_RESPONSE])
+        error[:] = 0.0
+        self.bank.clear(self.hypotheses)
+        state[THETA], state[LEVEL] = angle, speed
+        state[SLOPE] = state[DIP] = state[DIP_RATE] = 0.0
+        if first:
+            state[FIRST_RIPPLE:] = 0.0
+        at = np.arange(FIRST_RIPPLE, size)
+        if not first:
+            error[FIRST_RIPPLE:size, FIRST_RIPPLE:size] = ripple
+        error[at, at] += RIPPLE_AT_START**2 if first else 1e-6
+        error[THETA, THETA] = sigma**2
+        error[LEVEL, LEVEL] = (0.3 * scale) ** 2
+        error[SLOPE, SLOPE] = (0.5 * scale) ** 2
+        error[LOG_RESPONSE, LOG_RESPONSE] = response
+
+    def start_from_two(self, variance: float, step: float) -> None:
+        """The speed came from two readings of this variance."""
+        error = self.error
+        error[THETA, THETA] = variance
+        error[LEVEL, LEVEL] = 2.0 * variance / step**2
+        error[THETA, LEVEL] = error[LEVEL, THETA] = variance / step
+
+    def predict(self, step: float, idle_ripple: bool) -> float:
+        """Move on by `step` seconds; the angle moved. `idle_ripple`: whether idle orders gather evidence."""
+        error, size = self.error, self.size
+        arc = abs(self.level) * step * (max(self.orders) if self.orders else 1)
+        parts = 1 + min(int(arc / LONGEST_ARC), MOST_PARTS - 1)
+        before = self.angle
+        for part in range(parts):
+            if part:
+                self.look()
+            advance(self.state, self.ripple, step / parts, self._transition)
+            error[:size] = self._transition @ error[:size]
+            error[:, :size] = error[:, :size] @ self._transition.T
+        moved = self.angle - before
+        if idle_ripple and self.bank.idle:
+            middle = before + moved / 2.0
+            wave = [f(k * middle) * moved for k in self.bank.idle for f in (math.cos, math.sin)]
+            error[THETA, size + self.bank.events :] += wave
+        return moved
+
+    def disturb(self, jerk: float, burst: float, step: float) -> None:
+        """Add the process noise of a step: variance `jerk` on V' (with what it makes of V), `burst` on w'."""
+        error = self.error
+        error[SLOPE, SLOPE] += jerk
+        error[LEVEL, SLOPE] += jerk * step / 2.0
+        error[SLOPE, LEVEL] += jerk * step / 2.0
+        error[LEVEL, LEVEL] += jerk * step * step / 3.0
+        error[DIP_RATE, DIP_RATE] += burst
+
+    def angle_row(self) -> tuple[FloatArray, FloatArray]:
+        """What a reading of the angle sees: its row of the error matrix, and the column that it is spread by."""
+        column = self.error[:, THETA]
+        seen = self.error[THETA].copy()
+        seen[: self.size] = column[: self.size]  # so that rounding cannot make the covariance drift out of symmetry
+        return seen, column
+
+    def speed_row(self) -> tuple[float, FloatArray, FloatArray]:
+        """The speed, and what a reading of it sees."""
+        self.look()
+        _, omega, _ = observe(self.state, self.ripple, self._gradient)
+        gradient = self._gradient[1]
+        return omega, gradient @ self.error[: self.size], self.error[:, : self.size] @ gradient
+
+    def correct(self, seen: FloatArray, gain: FloatArray, innovation: float, variance: float) -> None:
+        """Take in one reading."""
+        size = self.size
+        if self.past is not None:
+            mended = gain[size:].reshape(-1, 3)
+            self.past.mean += mended * innovation
+            self.past.covariance -= mended[:, :, None] * mended[:, None, :] * variance
+        self.state += gain[:size] * innovation
+        self.error -= gain[:, None] * seen
+        self.bank.see(seen[size:], innovation, variance)
+
+    # States out
+
+    def observed(self) -> tuple[tuple[float, float, float], FloatArray, FloatArray]:
+        """(theta, omega, alpha), their rows of the error matrix, and their covariance."""
+        motion = observe(self.state, self.ripple, self._gradient)
+        across = self._gradient @ self.error[: self.size]
+        return motion, across, across[:, : self.size] @ self._gradient.T
+
+    def blend(self, rows: FloatArray, verdict: Verdict) -> tuple[FloatArray, FloatArray]:
+        """Shift and spread that the hypotheses add to a state with the given (3, columns) rows of the error matrix."""
+        events = rows[:, self.size : self.size + self.bank.events]
+        shift = events @ verdict.mean
+        return shift, (events * verdict.moment) @ events.T - shift[:, None] * shift
+
+    def hold(self, past: Past, estimate: Estimate, across: FloatArray) -> None:
+        """Keep a state open to later samples."""
+        size = self.size
+        if past.full:
+            rows = past.grow()
+            error = np.zeros((size + 3 * past.capacity, self.error.shape[1]))
+            error[:size] = self.error[:size]
+            error[size : size + rows.size] = self.error[size:][rows]
+            self.error = error
+        row = size + 3 * past.push(estimate)
+        self.error[row : row + 3] = across
+
+    def let_go(self, past: Past, verdict: Verdict | None) -> Estimate:
+        """The state held longest, as it now stands."""
+        row = self.size + 3 * past.oldest
+        rows = self.error[row : row + 3]
+        shift, spread = (np.zeros(3), np.zeros((3, 3))) if verdict is None else self.blend(rows, verdict)
+        estimate = past.pop(shift, spread)
+        rows[:] = 0.0
+        return estimate
+
+    # What has been learnt
+
+    def take_in(self, verdict: Verdict) -> None:
+        """Replace the mixture of what may have happened by one Gaussian, of the same mean and covariance."""
+        size, error, bank = self.size, self.error, self.bank
+        columns = error[:, size : size + bank.events]
+        shift = columns @ verdict.mean
+        error[:, :size] += (columns * verdict.moment) @ columns[:size].T - shift[:, None] * shift[:size]
+        if self.past is not None:
+            rows = columns[size:].reshape(-1, 3, bank.events)
+            moved = shift[size:].reshape(-1, 3)
+            self.past.covariance += (rows * verdict.moment) @ rows.transpose(0, 2, 1)
+            self.past.covariance -= moved[:, :, None] * moved[:, None, :]
+            self.past.mean += moved
+        self.state += shift[:size]
+        self.open_ripple(RIPPLE_AFTER_EVENT)
+        bank.clear(self.hypotheses)  # the idle orders too: an event looks like some of each
+        self.look()
+
+    def take_in_order(self, place: int) -> None:
+        """Make one of the bank's idle orders of ripple part of the state."""
+        size, bank = self.size, self.bank
+        at = size + bank.events + 2 * place
+        columns = self.error[:, at : at + 2]
+        order, mean, variance = bank.remove_order(place)
+        shift, own = columns @ mean, columns * variance
+        block = self.error[:, :size] + own @ columns[:size].T
+        kept = np.delete(self.error[:, size:], [at - size, at - size + 1], axis=1)
+        rows = np.zeros((2, size + 2 + kept.shape[1]))
+        rows[:, :size] = own[:size].T
+        rows[:, size : size + 2] = np.diag(variance)
+        wide = np.concatenate([block, own, kept], axis=1)
+        if self.past is not None:
+            held = columns[size:].reshape(-1, 3, 2)
+            self.past.mean += shift[size:].reshape(-1, 3)
+            self.past.covariance += (held * variance) @ held.transpose(0, 2, 1)
+        self.error = np.concatenate([wide[:size], rows, wide[size:]])
+        self.state = np.concatenate([self.state + shift[:size], mean])
+        self.orders.append(order)
+        self._resize()
+
+    def open_motion(self, level: float, slope: float, rate: float) -> None:
+        """Let speed level, its slope and the dip's rate change by so much (standard deviations)."""
+        for place, sigma in ((LEVEL, level), (SLOPE, slope), (DIP_RATE, rate)):
+            self.error[place, place] += sigma**2
+
+    def open_ripple(self, sigma: float) -> None:
+        """Let the ripple's coefficients change by so much, within what they were trusted to be at the start."""
+        at = np.arange(FIRST_RIPPLE, self.size)
+        own = self.error[at, at]
+        self.error[at, at] = np.maximum(own, np.minimum(own + sigma**2, RIPPLE_AT_START**2))
+
+    def tend(self) -> None:
+        """Now and then: keep the covariance symmetric and open, and ripple and response within what a machine can have."""
+        size, error, state = self.size, self.error, self.state
+        error[:size, :size] = (error[:size, :size] + error[:size, :size].T) / 2.0
+        at = np.arange(FIRST_RIPPLE, size)
+        error[at, at] += 1e-12
+        if np.abs(state[FIRST_RIPPLE:]).max(initial=0.0) > LARGEST_RIPPLE:  # what looked like ripple was none
+            state[FIRST_RIPPLE:] = 0.0
+            error[at] = 0.0
+            error[:, at] = 0.0
+            error[at, at] = RIPPLE_AT_START**2
+        variance = float(error[LOG_RESPONSE, LOG_RESPONSE]) + 1e-6
+        error[LOG_RESPONSE, LOG_RESPONSE] = min(variance, LOG_RESPONSE_VARIANCE)
+        state[LOG_RESPONSE] = min(max(float(state[LOG_RESPONSE]), LOG_SHORTEST), LOG_LONGEST)
+
+    def amplitudes(self) -> tuple[float, ...]:
+        """Relative amplitude of the ripple by order, from order 1 on."""
+        pairs = self.state[FIRST_RIPPLE:].reshape(-1, 2)
+        size = dict(zip(self.orders, np.hypot(pairs[:, 0], pairs[:, 1]).tolist(), strict=True))
+        return tuple(size.get(k, 0.0) for k in range(1, max(self.orders, default=0) + 1))
