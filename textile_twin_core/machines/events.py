@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
-from textile_twin_core.expression import Expr
+from textile_twin_core.expression import Expr, derivative, variable
 from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.expression.scalar import compile_scalar
+from textile_twin_core.mechanism.motion import FULL_TURN
 
 if TYPE_CHECKING:
     from textile_twin_core.machines.machine import Machine
 
+_TURN = 2.0 * math.pi
 _SAMPLES = 2880
 _START = 0.1234
 """Where the search begins [rad]: no angle at which machines are set, so that no event lies on a sample."""
@@ -36,29 +38,39 @@ def machine_events(machine: Machine) -> tuple[Event, ...]:
     found: list[Event] = []
     for load in machine.loads:
         for crossing in load.crossings(linkage.load_context):
-            rising, falling = crossings(crossing.level)
+            rising, falling = crossings(crossing.level, machine.range_rad)
             found += [Event(crossing.name, angle) for angle in (rising if crossing.rising else falling)]
     for name, displacement in linkage.displacements.items():
-        rising, falling = crossings(displacement.first)
+        rising, falling = crossings(displacement.first, machine.range_rad)
         found += [Event(f"{name}_largest", angle) for angle in falling]
         found += [Event(f"{name}_smallest", angle) for angle in rising]
     return tuple(sorted(found, key=lambda event: event.angle_rad))
 
 
-def crossings(level: Expr) -> tuple[list[float], list[float]]:
-    """Angles in [0, 2 pi) where a periodic expression of theta crosses zero: rising, falling [rad]."""
-    theta = _START + np.linspace(0.0, 2.0 * math.pi, _SAMPLES, endpoint=False)
-    values = np.empty_like(theta)
-    BlockProgram([level], ["theta"])([theta], [values])
-    function = compile_scalar([level], ["theta"])
+def crossings(level: Expr, range_rad: tuple[float, float] = FULL_TURN) -> tuple[list[float], list[float]]:
+    """Angles in [0, 2 pi) where an expression of theta crosses zero within a range: rising, falling [rad].
+
+    Over a full turn the expression is taken as periodic. What crosses zero and comes back between two samples is
+    seen by the turning point between.
+    """
+    low, high = range_rad
+    if high - low >= (1.0 - 1e-12) * _TURN:
+        low, high = _START, _START + _TURN
+    theta = np.linspace(low, high, _SAMPLES + 1)
+    slope = derivative([level], variable("theta"))[0]
+    values, slopes = np.empty_like(theta), np.empty_like(theta)
+    BlockProgram([level, slope], ["theta"])([theta], [values, slopes])
+    at, along = (compile_scalar([e], ["theta"]) for e in (level, slope))
+    nearing = (values[:-1] * slopes[:-1] < 0.0) & (values[1:] * slopes[1:] > 0.0)
+    between = [_root(lambda t: along(t)[0], *theta[i : i + 2].tolist()) for i in np.flatnonzero(nearing)]
+    theta = np.union1d(theta, between)
+    values = np.array([at(t)[0] for t in theta.tolist()]) if between else values
     rising: list[float] = []
     falling: list[float] = []
     positive = values >= 0.0
-    following = np.roll(positive, -1)  # the last interval ends where the first begins, one turn on
-    for i in np.flatnonzero(positive != following):
-        low = float(theta[i])
-        angle = _root(lambda t: function(t)[0], low, low + 2.0 * math.pi / _SAMPLES) % (2.0 * math.pi)
-        (rising if following[i] else falling).append(angle)
+    for i in np.flatnonzero(positive[:-1] != positive[1:]):
+        angle = _root(lambda t: at(t)[0], *theta[i : i + 2].tolist()) % _TURN
+        (rising if positive[i + 1] else falling).append(angle)
     return rising, falling
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -12,8 +13,21 @@ from textile_twin_core.dynamics.body import Body
 from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machines.sensors import Scene, Sensors
-from textile_twin_core.mechanism import MAIN_SHAFT, Closeness, Crank, Group, Linkage, Measure, check_assembly
-from textile_twin_core.mechanism.assembly import FULL_TURN
+from textile_twin_core.mechanism import (
+    MAIN_SHAFT,
+    Closeness,
+    Crank,
+    EllipticGearPair,
+    Group,
+    Linkage,
+    Measure,
+    RigidArm,
+    RRPDyad,
+    RRRDyad,
+    check_assembly,
+)
+from textile_twin_core.mechanism.group import check_finite
+from textile_twin_core.mechanism.motion import FULL_TURN
 
 if TYPE_CHECKING:
     from textile_twin_core.machines.events import Event
@@ -22,16 +36,24 @@ if TYPE_CHECKING:
 
 
 def default_joint_names(groups: tuple[Group, ...]) -> dict[str, str]:
-    """A joint name for each link that moves on its own: the shaft's for its first crank, else the link's."""
+    """A joint name for each link that moves on its own: the shaft's for what it turns first, else the link's."""
     names: dict[str, str] = {}
     for group in groups:
-        for role in ("coupler", "rocker", "rod", "slider"):
-            link = getattr(group, role, None)
-            if link is not None:
-                names[link] = link
-        if isinstance(group, Crank):
-            names[group.name] = group.name if MAIN_SHAFT in names.values() else MAIN_SHAFT
-    return names
+        match group:
+            case Crank():
+                names[group.name] = group.name
+            case EllipticGearPair():
+                names |= {group.driver: group.driver, group.driven: group.driven}
+            case RRRDyad():
+                names |= {group.coupler: group.coupler, group.rocker: group.rocker}
+            case RRPDyad():
+                names |= {group.rod: group.rod, group.slider: group.slider}
+    on_shaft = [g.driver if isinstance(g, EllipticGearPair) else g.name for g in groups if _turns_with_shaft(g)]
+    return names | dict.fromkeys(on_shaft[:1], MAIN_SHAFT)
+
+
+def _turns_with_shaft(group: Group) -> bool:
+    return isinstance(group, (Crank, EllipticGearPair)) and group.driven_by == MAIN_SHAFT
 
 
 @dataclass(frozen=True)
@@ -39,6 +61,9 @@ class ShaftPlace:
     """One linkage's place on the shaft: its crank stands `phase_rad` before the shaft angle."""
 
     phase_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_finite(self.phase_rad, "linkages: phase_rad")
 
 
 class Link(NamedTuple):
@@ -57,6 +82,7 @@ class Machine:
     reactions those of the first. `angle_near_rad` names, per link, the turn in which its printed
     angle lies; `nominal_speed_rad_s` is the shaft speed at which errors are judged; `transmitted` names
     outputs for the torque that a link applies to an arm fixed to it.
+    `joint_names` names joints by link, where they are not to be called as the link.
     Raises MachineError, with the shaft angle, when the linkage cannot close over `range_rad`.
     """
 
@@ -82,22 +108,46 @@ class Machine:
     def __post_init__(self) -> None:
         if not self.linkages:
             raise MachineError(f"machine '{self.name}': it needs at least one linkage on its shaft")
-        names = self.joint_names or default_joint_names(self.groups)
-        object.__setattr__(self, "joint_names", MappingProxyType(dict(names)))
+        names = default_joint_names(self.groups) | dict(self.joint_names)
+        object.__setattr__(self, "joint_names", MappingProxyType(names))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        self._check_names_and_numbers()
         _ = self.closeness, self.model.outputs, self.model.first.reduction, self.model.first.load_torque
         # so a wrong declaration is refused at once
+
+    def _check_names_and_numbers(self) -> None:
+        links = tuple(self.linkage.solved.links)
+        arms = tuple(group.name for group in self.groups if isinstance(group, RigidArm))
+        self._check_known("joint_names", self.joint_names, "link", links)
+        self._check_known("angle_near_rad", self.angle_near_rad, "link", links)
+        self._check_known("transmitted", self.transmitted.values(), "rigid arm", arms)
+        for value in self.gravity_m_s2:
+            check_finite(value, f"machine '{self.name}': gravity_m_s2")
+        for link, value in self.angle_near_rad.items():
+            check_finite(value, f"machine '{self.name}': angle_near_rad of '{link}'")
+        if not (math.isfinite(self.nominal_speed_rad_s) and self.nominal_speed_rad_s > 0.0):
+            raise MachineError(
+                f"machine '{self.name}': nominal_speed_rad_s must be a positive speed, not {self.nominal_speed_rad_s!r}"
+            )
+
+    def _check_known(self, what: str, names: Iterable[str], kind: str, known: Sequence[str]) -> None:
+        for name in names:
+            if name not in known:
+                raise MachineError(
+                    f"machine '{self.name}': {what} speaks of '{name}', which is no {kind}; "
+                    f"there are: {', '.join(known) or 'none'}"
+                )
 
     @cached_property
     def linkage(self) -> Linkage:
         """Points and groups alone."""
-        return Linkage(self.points, self.groups)
+        return Linkage(self.points, self.groups, self.range_rad)
 
     @cached_property
     def closeness(self) -> tuple[Closeness, ...]:
         """How near each group comes to a change point, and its transmission angle."""
         try:
-            return check_assembly(self.linkage, self.range_rad)
+            return check_assembly(self.linkage)
         except MachineError as error:
             raise MachineError(f"machine '{self.name}': {error}") from None
 

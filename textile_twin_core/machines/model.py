@@ -144,7 +144,15 @@ class MachineModel:
         """The angle of a link of the first linkage, continuous over the turn [rad]."""
         motion = self.first.motion
         near = self.machine.angle_near_rad.get(name, 0.0)
-        return link_angle(motion.links[name], motion.rotations[MAIN_SHAFT].direction, near)
+        return link_angle(motion.links[name], motion, near)
+
+    def _offer(self, name: str, builder: Builder) -> None:
+        if name in self._builders:
+            raise MachineError(
+                f"machine '{self.machine.name}': output '{name}' would mean two things; give the links, measures and "
+                "joints that it may stand for names of their own"
+            )
+        self._builders[name] = builder
 
     def _list_shaft_outputs(self) -> None:
         parts: dict[str, Callable[[LinkageModel], Expr]] = {
@@ -159,44 +167,44 @@ class MachineModel:
             "potential_energy_J": lambda k: k.reduction.potential,
         }
         for name, part in parts.items():
-            self._builders[name] = partial(self._sum, part)
+            self._offer(name, partial(self._sum, part))
 
     def _list_measures(self) -> None:
         for measure in self.machine.measures:
             get = partial(self.first.displacements.__getitem__, measure.name)
-            self._builders[f"{measure.name}_position_m"] = partial(_position, get)
-            self._builders[f"{measure.name}_velocity_m_s"] = partial(_velocity, get, self.shaft)
-            self._builders[f"{measure.name}_acceleration_m_s2"] = partial(_acceleration, get, self.shaft)
+            self._offer(f"{measure.name}_position_m", partial(_position, get))
+            self._offer(f"{measure.name}_velocity_m_s", partial(_velocity, get, self.shaft))
+            self._offer(f"{measure.name}_acceleration_m_s2", partial(_acceleration, get, self.shaft))
 
     def _list_reactions(self) -> None:
         for output, arm in self.machine.transmitted.items():
-            self._builders[output] = partial(self._wrench, lambda w, arm: w.transmitted[arm], arm)
+            self._offer(output, partial(self._wrench, lambda w, arm: w.transmitted[arm], arm))
         for pin in pins(self.machine.groups):
-            self._builders[f"reaction_{pin}_x_N"] = partial(self._wrench, lambda w, p: w.reactions[p].x, pin)
-            self._builders[f"reaction_{pin}_y_N"] = partial(self._wrench, lambda w, p: w.reactions[p].y, pin)
+            self._offer(f"reaction_{pin}_x_N", partial(self._wrench, lambda w, p: w.reactions[p].x, pin))
+            self._offer(f"reaction_{pin}_y_N", partial(self._wrench, lambda w, p: w.reactions[p].y, pin))
         sliders = [g.slider for g in self.machine.groups if isinstance(g, RRPDyad)]
         for slider in sliders:
             name = "reaction_guide_N" if len(sliders) == 1 else f"reaction_guide_{slider}_N"
-            self._builders[name] = partial(self._wrench, lambda w, s: w.guide_reactions[s], slider)
+            self._offer(name, partial(self._wrench, lambda w, s: w.guide_reactions[s], slider))
 
     def _list_links(self) -> None:
         for name in self.first.motion.links:
             k = link_number(name)
-            self._builders[f"theta_{k}_rad"] = partial(self.link_angle, name)
-            self._builders[f"omega_{k}_rad_s"] = partial(self._link_speed, name)
-            self._builders[f"alpha_{k}_rad_s2"] = partial(self._link_acceleration, name)
-            self._builders[f"inertia_force_{k}_x_N"] = partial(self._inertia, name, lambda f, _: f.x)
-            self._builders[f"inertia_force_{k}_y_N"] = partial(self._inertia, name, lambda f, _: f.y)
-            self._builders[f"inertia_torque_{k}_Nm"] = partial(self._inertia, name, lambda _, couple: couple)
+            self._offer(f"theta_{k}_rad", partial(self.link_angle, name))
+            self._offer(f"omega_{k}_rad_s", partial(self._link_speed, name))
+            self._offer(f"alpha_{k}_rad_s2", partial(self._link_acceleration, name))
+            self._offer(f"inertia_force_{k}_x_N", partial(self._inertia, name, lambda f, _: f.x))
+            self._offer(f"inertia_force_{k}_y_N", partial(self._inertia, name, lambda f, _: f.y))
+            self._offer(f"inertia_torque_{k}_Nm", partial(self._inertia, name, lambda _, couple: couple))
 
     def _list_points_and_joints(self) -> None:
         for name in self.first.motion.points:
-            self._builders[f"point_{name}_x_m"] = partial(self._coordinate, name, "x")
-            self._builders[f"point_{name}_y_m"] = partial(self._coordinate, name, "y")
+            self._offer(f"point_{name}_x_m", partial(self._coordinate, name, "x"))
+            self._offer(f"point_{name}_y_m", partial(self._coordinate, name, "y"))
         for joint in self.machine.joints:
             if joint.kind != "fixed":
-                self._builders[f"joint_{joint.name}_position"] = partial(self._joint, joint, 0)
-                self._builders[f"joint_{joint.name}_velocity"] = partial(self._joint, joint, 1)
+                self._offer(f"joint_{joint.name}_position", partial(self._joint, joint, 0))
+                self._offer(f"joint_{joint.name}_velocity", partial(self._joint, joint, 1))
 
     def _check_masses(self) -> None:
         if self.machine.missing_for_torque:

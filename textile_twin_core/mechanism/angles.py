@@ -8,28 +8,29 @@ import numpy as np
 
 from textile_twin_core.expression import Expr, atan2, interpret
 from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.mechanism.group import MAIN_SHAFT
 from textile_twin_core.mechanism.linkage import THETA
-from textile_twin_core.mechanism.motion import LinkMotion
+from textile_twin_core.mechanism.motion import LinkMotion, Motion
 from textile_twin_core.mechanism.vector import Vector
 
 _SAMPLES = 721
 
 
-def link_angle(link: LinkMotion, shaft_direction: Vector, near_rad: float = 0.0) -> Expr:
-    """The link's angle from +x, counter-clockwise [rad].
+def link_angle(link: LinkMotion, motion: Motion, near_rad: float = 0.0) -> Expr:
+    """The angle of a link of a motion from +x, counter-clockwise [rad].
 
     A link that swings keeps within its range, whose middle lies within half a turn of `near_rad`;
-    one that turns with the shaft winds up with it. `shaft_direction` is the unit vector at theta plus
-    the linkage's phase on the shaft.
+    one that turns with the shaft winds up with it.
     """
     if link.angle is not None:
         return link.angle
+    shaft_direction = motion.rotations[MAIN_SHAFT].direction
     phase: float = math.atan2(*interpret([shaft_direction.y, shaft_direction.x], {"theta": 0.0}, math))
-    theta = np.linspace(0.0, 2.0 * np.pi, _SAMPLES)
+    theta = np.linspace(*motion.range_rad, _SAMPLES)
     x, y = np.empty_like(theta), np.empty_like(theta)
     BlockProgram([link.direction.x, link.direction.y], ["theta"])([theta], [x, y])
     sampled = np.unwrap(np.arctan2(y, x))
-    turns: int = round((sampled[-1] - sampled[0]) / (2.0 * math.pi))
+    turns: int = round((sampled[-1] - sampled[0]) / (theta[-1] - theta[0])) if motion.turns_fully else 0
     periodic = sampled - turns * (theta + phase)
     middle = float(periodic.min() + periodic.max()) / 2.0
     middle += 2.0 * math.pi * round((near_rad - middle) / (2.0 * math.pi))

@@ -18,7 +18,6 @@ from textile_twin_core.mechanism.linkage import Linkage
 from textile_twin_core.mechanism.rrp_dyad import RRPDyad
 from textile_twin_core.mechanism.rrr_dyad import RRRDyad
 
-FULL_TURN = (0.0, 2.0 * math.pi)
 _SAMPLES = 1441
 _ROUNDING = 1e-12
 
@@ -43,12 +42,12 @@ class Closeness:
     grashof: str | None = None
 
 
-def check_assembly(linkage: Linkage, range_rad: tuple[float, float] = FULL_TURN) -> tuple[Closeness, ...]:
-    """Closeness of every dyad, over a range of the shaft angle.
+def check_assembly(linkage: Linkage) -> tuple[Closeness, ...]:
+    """Closeness of every dyad, over the linkage's range of the shaft angle.
 
     Raises MachineError with the shaft angle where the chain opens.
     """
-    motion = linkage.solved
+    motion, range_rad = linkage.solved, linkage.range_rad
     reports = []
     for group in linkage.groups:
         found = group.closures(motion)

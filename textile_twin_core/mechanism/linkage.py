@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +10,7 @@ from functools import cached_property
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import const, cos, sin, variable
 from textile_twin_core.mechanism.group import MAIN_SHAFT, Group, check_finite
-from textile_twin_core.mechanism.motion import Motion, PointMotion, Rotation
+from textile_twin_core.mechanism.motion import FULL_TURN, Motion, PointMotion, Rotation
 from textile_twin_core.mechanism.vector import Vector, unit_direction
 
 THETA = variable("theta")
@@ -20,11 +21,13 @@ THETA = variable("theta")
 class Linkage:
     """Ground points [m] by name and groups, each built on what stands before it.
 
+    `range_rad` is the range of the shaft angle over which the chain is to be used.
     Raises MachineError when a group refers to what is not there yet.
     """
 
     points: Mapping[str, tuple[float, float]]
     groups: tuple[Group, ...]
+    range_rad: tuple[float, float] = FULL_TURN
 
     def __post_init__(self) -> None:
         for name, (x, y) in self.points.items():
@@ -32,16 +35,21 @@ class Linkage:
             check_finite(y, f"point '{name}': y")
         if not self.groups:
             raise MachineError("a linkage needs at least one group, for example a crank")
+        low, high = self.range_rad
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise MachineError(f"range_rad must be two rising, finite angles, not {self.range_rad!r}")
 
     def motion(self, phase_rad: float = 0.0) -> Motion:
         """The motion of all points and links over theta, for a linkage set on the shaft at a phase."""
         half = Vector(cos(0.5 * THETA), sin(0.5 * THETA)).rotated(*unit_direction(phase_rad / 2.0))
-        motion = Motion()
+        motion = Motion(range_rad=self.range_rad)
         motion.rotations[MAIN_SHAFT] = Rotation(half, THETA + phase_rad, const(1.0), const(0.0))
         for name, (x, y) in self.points.items():
             motion.add_point(name, PointMotion.fixed(x, y), "ground")
         for group in self.groups:
             group.solve(motion)
+        if MAIN_SHAFT in motion.links:
+            raise MachineError(f"link '{MAIN_SHAFT}': this is the name of the shaft itself; call the link otherwise")
         return motion
 
     @cached_property

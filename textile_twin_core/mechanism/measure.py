@@ -8,10 +8,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const
 from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.mechanism.angles import link_angle
+from textile_twin_core.mechanism.group import check_length
 from textile_twin_core.mechanism.motion import Motion
 
 
@@ -40,20 +42,27 @@ class Measure(Protocol):
 
 @dataclass(frozen=True)
 class Travel:
-    """The distance of a point from a fixed point, along a fixed direction."""
+    """The distance of a point from a fixed point, along a fixed direction.
+
+    Raises MachineError for a direction that is none, or an origin that moves.
+    """
 
     name: str
     point: str
     origin: str
     direction: tuple[float, float]
 
+    def __post_init__(self) -> None:
+        if not (all(math.isfinite(v) for v in self.direction) and any(self.direction)):
+            raise MachineError(f"measure '{self.name}': direction must be a finite vector that is not zero")
+
     def displacement(self, motion: Motion) -> Displacement:
         """The point's distance along the direction."""
         norm = math.hypot(*self.direction)
-        if norm == 0.0:
-            raise MachineError(f"measure '{self.name}': direction must not be the zero vector")
         x, y = self.direction[0] / norm, self.direction[1] / norm
         p, o = motion.point(self.point, self.name), motion.point(self.origin, self.name)
+        if not o.is_fixed:
+            raise MachineError(f"measure '{self.name}': origin '{self.origin}' must be fixed to the ground")
 
         def along(vx: Expr, vy: Expr) -> Expr:
             return x * vx + y * vy
@@ -68,6 +77,7 @@ class Arc:
 
     `radius_m` is the point's distance from the link's pivot; `sense` +1 counts the arc
     counter-clockwise from the clockwise end of the swing, -1 the other way.
+    Raises MachineError for a radius that is no length, another sense, or a link that turns round.
     """
 
     name: str
@@ -75,26 +85,37 @@ class Arc:
     radius_m: float
     sense: int = 1
 
+    def __post_init__(self) -> None:
+        check_length(self.radius_m, f"measure '{self.name}': radius_m")
+        if self.sense not in (1, -1):
+            raise MachineError(f"measure '{self.name}': sense must be 1 or -1, not {self.sense!r}")
+
     def displacement(self, motion: Motion) -> Displacement:
         """Arc length from the rear point."""
         link = motion.link(self.link, self.name)
-        angle = link_angle(link, motion.rotations["main_shaft"].direction)
+        angle = link_angle(link, motion)
+        begin, end = _values(angle, np.array(motion.range_rad))
+        if motion.turns_fully and abs(end - begin) > math.pi:
+            raise MachineError(
+                f"measure '{self.name}': link '{self.link}' turns round; an arc is measured on a link that swings"
+            )
         scale = float(self.sense) * self.radius_m
         swing = scale * angle
-        return Displacement(swing - const(_smallest(swing)), scale * link.first, scale * link.second)
+        return Displacement(swing - const(_smallest(swing, motion.range_rad)), scale * link.first, scale * link.second)
 
 
-def _smallest(swing: Expr) -> float:
-    """The smallest value over a turn, to rounding: the grid closes in on it."""
-    theta = np.linspace(0.0, 2.0 * np.pi, 4097)[:-1]
-    values = np.empty_like(theta)
-    program = BlockProgram([swing], ["theta"])
-    program([theta], [values])
-    centre = theta[int(np.argmin(values))]
-    width = theta[1]
-    for _ in range(4):
-        grid = np.linspace(centre - width, centre + width, 257)
-        values = np.empty_like(grid)
-        program([grid], [values])
-        centre, width = grid[int(np.argmin(values))], width / 64.0
+def _smallest(swing: Expr, range_rad: tuple[float, float]) -> float:
+    """The smallest value over a range of the shaft angle, to rounding: the grid closes in on it."""
+    low, high = range_rad
+    grid = np.linspace(low, high, 4097)
+    for _ in range(5):
+        values = _values(swing, grid)
+        centre, width = grid[int(np.argmin(values))], grid[1] - grid[0]
+        grid = np.linspace(max(low, centre - width), min(high, centre + width), 257)
     return float(values.min())
+
+
+def _values(expression: Expr, theta: FloatArray) -> FloatArray:
+    out = np.empty_like(theta)
+    BlockProgram([expression], ["theta"])([theta], [out])
+    return out

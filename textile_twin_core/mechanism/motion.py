@@ -6,11 +6,15 @@ are h' omega and h'' omega^2 + h' alpha. The functions are expressions, exact an
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const
 from textile_twin_core.mechanism.vector import ZERO, Vector
+
+FULL_TURN = (0.0, 2.0 * math.pi)
+"""The range of the shaft angle of machines that turn round [rad]."""
 
 
 @dataclass(frozen=True)
@@ -106,11 +110,21 @@ class LinkMotion:
 
 @dataclass
 class Motion:
-    """All points, links and rotations found so far, by name, in the order of the groups."""
+    """All points, links and rotations found so far, by name, in the order of the groups.
+
+    `range_rad` is the range of the shaft angle over which they are to be used.
+    """
 
     points: dict[str, PointMotion] = field(default_factory=dict)
     links: dict[str, LinkMotion] = field(default_factory=dict)
     rotations: dict[str, Rotation] = field(default_factory=dict)
+    range_rad: tuple[float, float] = FULL_TURN
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether the range is a full turn, over which all but winding angles repeats itself."""
+        low, high = self.range_rad
+        return high - low >= (1.0 - 1e-12) * 2.0 * math.pi
 
     def point(self, name: str, asked_by: str) -> PointMotion:
         """A known point. Raises MachineError when no earlier group or ground point has the name."""

@@ -43,6 +43,11 @@ class Twin:
 
     @cached_property
     def _table(self) -> TableEvaluator:
+        if not self.machine.linkage.solved.turns_fully:
+            raise SceneError(
+                f"machine '{self.machine.name}' is declared for a part of the turn, and tables are of a whole one; "
+                "use method 'exact'"
+            )
         return TableEvaluator(self.machine, self._expressions, self.tolerance)
 
     @cached_property

@@ -11,7 +11,6 @@ from textile_twin_core.dynamics.loads.relative import relative_motion, turn_link
 from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, interpret, sqrt
-from textile_twin_core.mechanism import MAIN_SHAFT
 from textile_twin_core.mechanism.angles import link_angle
 from textile_twin_core.mechanism.vector import Vector
 
@@ -104,9 +103,10 @@ class TorsionSpring(Uneventful):
 
     def _turn_back(self, context: LoadContext) -> Expr:
         """Torque on the link per unit of stiffness [rad]."""
-        shaft = context.motion.rotations[MAIN_SHAFT].direction
-        angle = link_angle(relative_motion(context.motion, self.link, self.against), shaft, self.free_angle_rad)
-        begin, end = (interpret([angle], {"theta": turn}, math)[0] for turn in (0.0, 2.0 * math.pi))
+        motion = context.motion
+        angle = link_angle(relative_motion(motion, self.link, self.against), motion, self.free_angle_rad)
+        inside = sum(motion.range_rad) / 2.0
+        begin, end = (interpret([angle], {"theta": inside + turn}, math)[0] for turn in (0.0, 2.0 * math.pi))
         if abs(end - begin) > math.pi:
             raise MachineError(
                 f"torsion spring on '{self.link}': the link turns round with the shaft, so a spring would wind up "
