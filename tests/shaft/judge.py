@@ -1,4 +1,4 @@
-"""Holds shaft states against the truth: errors of the states and of the torque that follows from them, and their sigmas."""
+"""Holds shaft states against the truth: errors and sigmas of the states and of the torque that follows from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shaft signal that estimators are judged on: rippled speed, load knocks, jittered stamps, dropped samples, encoder counts."""
+"""The signal that shaft estimators are judged on: rippled speed, knocks, jittered stamps, lost samples, counts."""
 
 from __future__ import annotations
 

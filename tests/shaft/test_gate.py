@@ -60,7 +60,7 @@ def test_blocks_do_not_matter(samples: list[tuple[int, float]], cuts: list[int])
 
 def test_the_callers_mistakes_are_named() -> None:
     gate = SampleGate(SampleReport())
-    with pytest.raises(MotionError, match="3 stamps .* but 2 angles"):
+    with pytest.raises(MotionError, match=r"3 stamps .* but 2 angles"):
         gate.admit([1, 2, 3], [0.0, 1.0])
     with pytest.raises(MotionError, match="velocities"):
         gate.admit([1, 2], [0.0, 1.0], [1.0])

@@ -24,9 +24,10 @@ def create_estimator(name: str, **settings: Any) -> ShaftEstimator:
     if name not in ESTIMATORS:
         raise SceneError(f"unknown shaft estimator '{name}': choose one of {', '.join(ESTIMATORS)}")
     try:
-        return _estimator_class(name)(**settings)
+        estimator: ShaftEstimator = _estimator_class(name)(**settings)
     except TypeError as error:
         raise SceneError(f"shaft estimator '{name}': {error}") from error
+    return estimator
 
 
 def _estimator_class(name: str) -> Any:

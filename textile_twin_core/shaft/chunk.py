@@ -12,75 +12,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.shaft.knocks import NARROW, WIDE, find_knocks, response, response_slopes
-from textile_twin_core.shaft.spline import ORDER, Knots, LocalBasis, PenalisedSpline
-from textile_twin_core.shaft.turns import TURN
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.shaft.clock import Clock, motion_gradient, wave_basis
+from textile_twin_core.shaft.knocks import response, response_slopes
+from textile_twin_core.shaft.spline import Knots, LocalBasis, PenalisedSpline
 
-GRID = 2048
 RIPPLE_PRIOR = 0.03
-SIGNIFICANT = 25.0
-"""Squared amplitude over variance from which an order of ripple stays in the model."""
 KNOT_S = 0.04
-BLOCK_S = 0.4
-STIFF, SOFT, WILD = 1e-6, 1e-1, 1e3
-"""Intensities of the jerk relative to the squared speed [1/s^3]: the least, to begin with, and in a manoeuvre."""
-FAITH = 2.0
-"""Degrees of freedom by which a block keeps to the intensity that it has."""
-MANOEUVRE, MANOEUVRE_S = 0.05, 0.2
-"""A change of speed, relative to the usual, within a time on either side that no knock makes."""
-LARGEST_RIPPLE = 0.3
-ROUNDS = 8
-SAME_S = 0.012
+SOFT = 0.1
+"""Intensity of the jerk relative to the squared speed [1/s^3] to begin with: speed may change by a third in 1 s."""
+STRETCH = 1e-4
 QUADRATURE = np.polynomial.hermite_e.hermegauss(15)
-
-
-class Clock:
-    """Psi(theta), the integral of 1/(1 + h), and its derivatives by the ripple's coefficients, as periodic tables."""
-
-    def __init__(self, orders: IntArray, coefficients: FloatArray) -> None:
-        angle = np.arange(GRID + 1) * (TURN / GRID)
-        self.orders, self.coefficients = orders, coefficients
-        wave = _basis(angle, orders)
-        speed = np.maximum(1.0 + wave @ coefficients, 0.2)
-        columns = np.concatenate([1.0 / speed[:, None], -wave / (speed**2)[:, None]], axis=1)[:-1]
-        spectrum = np.fft.rfft(columns, axis=0)
-        k = np.arange(spectrum.shape[0])
-        self.mean = spectrum[0].real / GRID
-        spectrum[0] = 0.0
-        spectrum[1:] /= 1j * k[1:, None]
-        table = np.fft.irfft(spectrum, GRID, axis=0)
-        self._angle = angle
-        self._table = np.concatenate([table, table[:1]])
-
-    def __call__(self, theta: FloatArray) -> FloatArray:
-        """(n, 1 + coefficients): Psi, and its derivative by each coefficient."""
-        phase = np.mod(theta, TURN)
-        out = theta[:, None] * self.mean
-        for j in range(self._table.shape[1]):
-            out[:, j] += np.interp(phase, self._angle, self._table[:, j])
-        return out
-
-    def ripple(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(n,) 1 + h, h', h''."""
-        c, s = self.coefficients[0::2], self.coefficients[1::2]
-        k = self.orders
-        cos, sin = np.cos(np.outer(theta, k)), np.sin(np.outer(theta, k))
-        wave, turned = cos * c + sin * s, cos * s - sin * c
-        return 1.0 + wave.sum(1), turned @ k, -(wave @ (k * k))
-
-    def theta(self, psi: FloatArray, guess: FloatArray) -> FloatArray:
-        """The angle whose Psi is psi, by Newton's steps from a guess."""
-        theta = guess
-        for _ in range(4):
-            theta = theta + (psi - self(theta)[:, 0]) * self.ripple(theta)[0]
-        return theta
-
-
-def _basis(theta: FloatArray, orders: IntArray) -> FloatArray:
-    """(n, 2 orders): cos, sin of each order, alternating."""
-    arguments = np.outer(theta, orders)
-    return np.stack([np.cos(arguments), np.sin(arguments)], axis=2).reshape(theta.size, -1)
 
 
 @dataclass
@@ -121,7 +63,7 @@ class Chunk:
     # The linear algebra
 
     def _equations(self) -> tuple[Clock, FloatArray, FloatArray]:
-        """The clock, the phase less the knocks, and the (n, p) derivatives by ripple, knock sizes, knock times, log T."""
+        """The clock, the phase less the knocks, and (n, p) derivatives by ripple, knock sizes, knock times, log T."""
         clock = Clock(self.orders, self.ripple)
         columns = clock(self.angle)
         ripple, knocks = self.ripple.size, self.knock_times.size
@@ -156,7 +98,7 @@ class Chunk:
         """One Gauss-Newton step for everything; leaves residuals, coefficients and the pieces of the covariance."""
         clock, data, border = self._equations()
         weight = 1.0 / self.variance
-        course = np.polynomial.polynomial.polyfit(self.time, data, 2)
+        course = np.asarray(np.polynomial.polynomial.polyfit(self.time, data, 2), dtype=np.float64)
         data = data - np.polynomial.polynomial.polyval(self.time, course)  # no jerk: kept out of the sums
         spline = PenalisedSpline(self.knots, self.basis, weight, self.intensity)
         stacked = spline.project(np.concatenate([data[:, None], border], axis=1))
@@ -190,170 +132,6 @@ class Chunk:
             log_response = self._log_response + np.clip(change[-1], -0.3, 0.3)
             self._log_response = np.clip(log_response, np.log(0.004), np.log(0.5))
 
-    # What the data say of the model
-
-    def prune(self) -> None:
-        """Leave out orders of ripple that the data do not show."""
-        variances = np.diag(self._covariance)[: self.ripple.size]
-        power = (self.ripple**2 / variances).reshape(-1, 2).sum(1)
-        keep = (power > SIGNIFICANT) | (self.orders <= self.harmonics)
-        self.orders = self.orders[keep]
-        self.ripple = self.ripple[np.repeat(keep, 2)]
-
-    def scale_variance(self) -> None:
-        """Fit the readings' variance to the residuals within three sigmas, so that events do not count."""
-        squares = self.residual**2 / self.variance
-        within = squares[squares <= 9.0 * float(np.median(squares)) / 0.4549]
-        ratio = float(np.mean(within)) / 0.9733
-        self.variance = np.maximum(self.variance * min(max(ratio, 1e-4), 1e4), 1e-16)
-
-    def adapt(self) -> None:
-        """One step of MacKay's (1992) for the jerk's intensity, in blocks: its power over the freedom the data give it."""
-        jerk = self.knots.jerk()
-        first = np.arange(self.knots.intervals)
-        lengths = np.diff(self.knots.breaks)
-        columns = first[:, None] + np.arange(ORDER)
-        value = np.sum(jerk * self.coefficients[columns], axis=1)
-        blocks = self._spline.inverse_band()[: self.knots.intervals]
-        spread = np.einsum("ij,ijk,ik->i", jerk, blocks, jerk)
-        through = np.einsum("ij,ijp->ip", jerk, self._through[columns])
-        spread += np.einsum("ip,pq,iq->i", through, self._covariance, through)
-        block = ((self.knots.breaks[:-1] - self.knots.breaks[0]) / BLOCK_S).astype(int)
-        freedom = np.bincount(block, np.clip(1.0 - spread * lengths / self.intensity, 0.0, 1.0))
-        usual = np.exp(np.bincount(block, np.log(self.intensity)) / np.bincount(block))
-        power = (np.bincount(block, lengths * value**2) + FAITH * usual) / (freedom + FAITH)
-        change = np.clip(power / usual, 0.1, 10.0)[block]
-        self.intensity = np.maximum(self.intensity * change, STIFF * self.intensity_scale)
-
-    def look_for_knocks(self) -> None:
-        """Find knocks against a stiff spline and fit them, round by round until none is left."""
-        most = int(4.0 * (self.time[-1] - self.time[0])) + 2
-        moved = self._manoeuvres()
-        self.intensity = np.where(moved, WILD, STIFF) * self.intensity_scale
-        avoided = np.zeros(0)
-        for _ in range(ROUNDS):
-            self.solve()
-            new = self._find(most, WIDE)
-            near = np.abs(self.knock_times[:, None] - new[:, 0]) < SAME_S
-            if near.any():  # a find beside a fitted knock: that one stands for two and hides both
-                avoided = np.concatenate([avoided, self.knock_times[near.any(axis=1)]])
-                keep = ~near.any(axis=1)
-                self.knock_times, self.knock_sizes = self.knock_times[keep], self.knock_sizes[keep]
-                self.solve()
-                new = self._find(most, NARROW)
-            taken = np.concatenate([self.knock_times, avoided])
-            new = new[np.all(np.abs(taken[:, None] - new[:, 0]) >= SAME_S, axis=0)]
-            if not new.size:
-                break
-            order = np.argsort(np.concatenate([self.knock_times, new[:, 0]]))
-            self.knock_times = np.concatenate([self.knock_times, new[:, 0]])[order]
-            self.knock_sizes = np.concatenate([self.knock_sizes, new[:, 1]])[order]
-            for _ in range(3):
-                self.solve()
-            self._drop_weak()
-
-    def _manoeuvres(self) -> BoolArray:
-        """Intervals in which the shaft changes its speed by far more than a knock does: there a soft spline must follow."""
-        at = np.arange(self.knots.intervals)[:, None] + np.arange(ORDER)
-        slope = self.knots.basis(self.knots.breaks[:-1]).slope
-        speed = np.sum(slope * self.coefficients[at], axis=1)
-        reach = max(int(MANOEUVRE_S / float(np.median(np.diff(self.knots.breaks)))), 1)
-        around = np.lib.stride_tricks.sliding_window_view(np.pad(speed, reach, mode="edge"), 2 * reach + 1)
-        return np.asarray(np.ptp(around, axis=1) > MANOEUVRE * np.sqrt(self.intensity_scale))
-
-    def _find(self, most: int, window_s: tuple[float, float, float]) -> FloatArray:
-        sigma = float(np.median(np.abs(self.residual))) / 0.6745
-        sigma = max(sigma, float(np.sqrt(np.median(self.variance))))
-        new = find_knocks(self.time, self.residual, sigma, float(np.exp(self._log_response)), most, window_s)
-        interval = np.searchsorted(self.knots.breaks, new[:, 0]) - 1
-        return new[self.intensity[interval] < WILD * self.intensity_scale]
-
-    def _drop_weak(self) -> None:
-        ripple, knocks = self.ripple.size, self.knock_times.size
-        if not knocks:
-            return
-        sigma = np.sqrt(np.diag(self._covariance)[ripple : ripple + knocks])
-        inside = (self.knock_times > self.time[0]) & (self.knock_times < self.time[-1])
-        keep = (np.abs(self.knock_sizes) > 4.0 * sigma) & inside
-        self.knock_times, self.knock_sizes = self.knock_times[keep], self.knock_sizes[keep]
-
-    def refine(self) -> bool:
-        """Halve the knots where the residuals are too large; whether any was."""
-        if self.knots.intervals < 3:
-            return False
-        squares = self.residual**2 / self.variance
-        own = np.bincount(self.basis.first, np.minimum(squares, 1e4), self.knots.intervals)
-        count = np.bincount(self.basis.first, minlength=self.knots.intervals)
-        wide = np.convolve(own, np.ones(3), "same") / np.maximum(np.convolve(count, np.ones(3), "same"), 1)
-        coarse = (wide > 2.5) & (count > 6)
-        if not coarse.any():
-            return False
-        breaks = self.knots.breaks
-        middle = (breaks[:-1] + breaks[1:])[coarse] / 2.0
-        intensity = np.interp(np.sort(np.concatenate([breaks[:-1], middle])), breaks[:-1], np.log(self.intensity))
-        self._set_knots(np.sort(np.concatenate([breaks, middle])))
-        self.intensity = np.exp(intensity)
-        self.intensity[self._touched(middle)] = SOFT * self.intensity_scale
-        return True
-
-    def _touched(self, times: FloatArray) -> IntArray:
-        at = np.searchsorted(self.knots.breaks, times) - 1
-        near = np.concatenate([at + k for k in range(-2, 4)])
-        return np.unique(np.clip(near, 0, self.knots.intervals - 1))
-
-    def fit(self) -> None:
-        """The whole course: rough ripple, knocks, adapted noise, knots where they are needed.
-
-        Where that leaves the readings unexplained, as in the most violent motion, a soft spline alone follows them.
-        """
-        expected = self.variance
-        self.solve()
-        self.scale_variance()
-        self.solve()
-        moved = self._manoeuvres()
-        if np.mean(moved) > 0.5:  # nothing comes round often enough to be called a ripple
-            self.orders, self.ripple = self.orders[:0], self.ripple[:0]
-            self.harmonics = 0
-        self.intensity = np.where(moved, WILD, SOFT) * self.intensity_scale
-        self.solve()
-        self.prune()
-        self.solve()
-        self.look_for_knocks()
-        self._settle()
-        if self._credible(expected):
-            return
-        misfit = float(np.mean(self.residual**2))
-        kept = (self.orders, self.ripple, self.knock_times, self.knock_sizes, self.variance, self.intensity, self.knots)
-        self.orders, self.ripple = self.orders[:0], self.ripple[:0]
-        self.knock_times = self.knock_sizes = np.zeros(0)
-        self.variance = expected
-        self._set_knots(np.linspace(self.knots.breaks[0], self.knots.breaks[-1], self.knots.intervals + 1))
-        self.intensity[:] = WILD * self.intensity_scale
-        self._settle()
-        if float(np.mean(self.residual**2)) > 0.5 * misfit and np.abs(kept[1]).max(initial=0.0) < LARGEST_RIPPLE:
-            self.orders, self.ripple, self.knock_times, self.knock_sizes, self.variance, intensity, knots = kept
-            self._set_knots(knots.breaks)
-            self.intensity = intensity
-            self.solve()
-
-    def _settle(self) -> None:
-        """Adapt jerk, variance and knots until they fit each other."""
-        for round_ in range(14):
-            self.solve()
-            self.scale_variance()
-            self.adapt()
-            refined = round_ >= 2 and self.refine()
-            if round_ >= 6 and not refined:
-                break
-        self._drop_weak()
-        for _ in range(2):
-            self.solve()
-
-    def _credible(self, expected: FloatArray) -> bool:
-        ripple = float(np.abs(self.ripple).max(initial=0.0))
-        squares = self.residual**2 / expected
-        return bool(ripple < LARGEST_RIPPLE and np.mean(squares) < 25.0 and np.isfinite(squares).all())
-
     # The result
 
     def states(self, time: FloatArray, guess: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -372,7 +150,7 @@ class Chunk:
         value, slope, bend = clock.ripple(theta)
         v, u = motion[:, 1], motion[:, 2]
         states = np.stack([theta, v * value, u * value + v * v * value * slope], axis=1)
-        by_motion = _by_motion(v, u, value, slope, bend)
+        by_motion = motion_gradient(v, u, value, slope, bend)
         spread = by_motion @ spread @ by_motion.transpose(0, 2, 1)
         spread += self._linear_covariance(time, theta, clock, basis, by_motion, v, u)
         return states, spread
@@ -418,9 +196,8 @@ class Chunk:
         for row, values in enumerate((angle, speed, rate)):
             border[:, row, ripple : ripple + knocks] = values
         if knocks:
-            stretch = 1e-4
-            more, less = response(after, constant * np.exp(stretch)), response(after, constant * np.exp(-stretch))
-            border[:, :, -1] = np.moveaxis((more - less) @ self.knock_sizes / (2 * stretch), 0, 1)
+            more, less = (response(after, constant * np.exp(sign * STRETCH)) for sign in (1.0, -1.0))
+            border[:, :, -1] = np.moveaxis((more - less) @ self.knock_sizes / (2.0 * STRETCH), 0, 1)
             far = response(after, constant)
             pull = -(2.0 * far[2] + far[1] / constant) / constant  # w''
             sigma = np.sqrt(np.diag(self._covariance)[ripple + knocks : ripple + 2 * knocks])
@@ -433,7 +210,7 @@ class Chunk:
         covariance = by_motion @ covariance @ by_motion.transpose(0, 2, 1)
         through = np.einsum("nij,njp->nip", local, self._through[basis.columns])
         gradient = by_motion @ (border - through)
-        wave = _basis(theta, self.orders)
+        wave = wave_basis(theta, self.orders)
         turned = np.empty_like(wave)
         turned[:, 0::2] = -wave[:, 1::2] * self.orders
         turned[:, 1::2] = wave[:, 0::2] * self.orders
@@ -441,15 +218,3 @@ class Chunk:
         gradient[:, 1, :ripple] += v[:, None] * wave
         gradient[:, 2, :ripple] += (u + v * v * slope)[:, None] * wave + (v * v * value)[:, None] * turned
         return np.asarray(covariance + gradient @ self._covariance @ gradient.transpose(0, 2, 1))
-
-
-def _by_motion(v: FloatArray, u: FloatArray, value: FloatArray, slope: FloatArray, bend: FloatArray) -> FloatArray:
-    """(n, 3, 3) derivative of (theta, omega, alpha) by (psi, psi', psi'') at fixed ripple."""
-    out = np.zeros((v.size, 3, 3))
-    out[:, 0, 0] = value
-    out[:, 1, 0] = v * slope * value
-    out[:, 1, 1] = value
-    out[:, 2, 0] = (u * slope + v * v * (slope * slope + value * bend)) * value
-    out[:, 2, 1] = 2.0 * v * value * slope
-    out[:, 2, 2] = value
-    return out

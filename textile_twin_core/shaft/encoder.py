@@ -96,7 +96,7 @@ def _density(x: float) -> float:
 
 
 def encoder_step(angles: FloatArray, period_rad: float = TURN) -> float | None:
-    """The step that all angles are multiples of, but for a common offset; 0 when there is none, None when too few differ.
+    """The step that all angles are multiples of, but for an offset; 0 when there is none, None when too few differ.
 
     Args:
         angles: (n,) readings [rad] in time order, wrapped or not.

@@ -39,7 +39,7 @@ class ShaftFilter:
     """The filter's state, how far off it may be, and how far off it is under each hypothesis.
 
     Row by row the error matrix holds the state and below it (theta, omega, alpha) of each held sample; column by column
-    the state's covariance and one column per hypothesis. Every step is made on the whole of it, so that held samples are
+    the state's covariance and one column per hypothesis. Every step is made on the whole, so that held samples are
     smoothed (fixed-lag smoother, Biswas and Mahalanabis 1973) and hypotheses are weighed on the way.
 
     Attributes:
@@ -85,7 +85,8 @@ class ShaftFilter:
     @property
     def speed_gradient(self) -> FloatArray:
         """(n,) derivative of the speed last looked at by the state."""
-        return self._gradient[1]
+        row: FloatArray = self._gradient[1]
+        return row
 
     @property
     def hypotheses(self) -> FloatArray:
@@ -95,7 +96,7 @@ class ShaftFilter:
     # Time and readings
 
     def start(self, angle: float, speed: float, first: bool, scale: float, sigma: float) -> None:
-        """Begin anew at an angle known to `sigma` with a guess of the speed; what was learnt of ripple and drive stays."""
+        """Begin anew at an angle known to `sigma`, with a guess of the speed; ripple and drive stay unless `first`."""
         state, error, size = self.state, self.error, self.size
         ripple = error[FIRST_RIPPLE:size, FIRST_RIPPLE:size].copy()
         response = LOG_RESPONSE_VARIANCE if first else float(error[LOG_RESPONSE, LOG_RESPONSE])
@@ -262,7 +263,7 @@ class ShaftFilter:
         self.error[at, at] = np.maximum(own, np.minimum(own + sigma**2, RIPPLE_AT_START**2))
 
     def tend(self) -> None:
-        """Now and then: keep the covariance symmetric and open, and ripple and response within what a machine can have."""
+        """Now and then: keep the covariance symmetric and open, ripple and response within what a machine can have."""
         size, error, state = self.size, self.error, self.state
         error[:size, :size] = (error[:size, :size] + error[:size, :size].T) / 2.0
         at = np.arange(FIRST_RIPPLE, size)

@@ -1,10 +1,10 @@
 """What may have happened to the shaft of late: a bank of events of unknown time and size, weighed by the innovations.
 
-Each hypothesis is one column of the filter's error: how far the filter, which knows nothing of the event, is off per unit
-of the event's size. The innovation sees the column's first row, so that size and evidence of every hypothesis follow from
-two running sums (Willsky and Jones 1976, generalised likelihood ratio; weighed here as in a Gaussian sum, Alspach and
-Sorenson 1972). Kinds: a load knock (impulse on the drive's response), a ramp (lasting change of the acceleration), one
-more order of ripple.
+Each hypothesis is one column of the filter's error: how far the filter, which knows nothing of the event, is off per
+unit of the event's size. The innovation sees the column's first row, so that size and evidence of every hypothesis
+follow from two running sums (Willsky and Jones 1976, generalised likelihood ratio; weighed here as in a Gaussian sum,
+Alspach and Sorenson 1972). Kinds: a load knock (impulse on the drive's response), a ramp (lasting change of the
+acceleration), one more order of ripple.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LEAVING = 0.05
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the innovations say: weight of "something happened", that of each event, its size's weighted mean and moment."""
+    """What the innovations say: the weight of any event, and of each its weight and its size's weighted moments."""
 
     weight: float
     weights: FloatArray

@@ -15,7 +15,7 @@ CERTAIN = 6.0
 
 
 def response(after: FloatArray, time_constant: float) -> FloatArray:
-    """Angle, speed and acceleration, (3, ...), at times `after` a unit impulse on w'' = -2 w'/T - w/T^2; 0 before it."""
+    """Angle, speed, acceleration, (3, ...), at times `after` a unit impulse on w'' = -2 w'/T - w/T^2; 0 before it."""
     d = np.maximum(after, 0.0) / time_constant
     fade = np.exp(-d)
     angle = time_constant**2 * (1.0 - (1.0 + d) * fade)
@@ -63,7 +63,7 @@ def find_knocks(
     lead, tail = max(int(window_s[0] / step), 4), max(int(window_s[1] / step), 6)
     if grid.size < lead + tail + 1 or sigma <= 0.0:
         return np.zeros((0, 2))
-    window = np.arange(-lead, tail + 1) * step
+    window = np.asarray(np.arange(-lead, tail + 1) * step, dtype=np.float64)
     shape = response(window, time_constant)[0]
     scaled = window / window[-1]
     drift = np.stack([scaled**k for k in range(4)], axis=1)

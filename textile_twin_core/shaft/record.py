@@ -118,8 +118,8 @@ def _middle(values: FloatArray) -> FloatArray:
 def edges(time: FloatArray, angle: FloatArray, step: float, jitter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Readings as (time, angle, variance) data.
 
-    While the shaft turns by several encoder steps per sample a reading is as good as its step over root 12. Where it turns
-    by less, what is known exactly is when the count changed: the edge between the two counts lies between the two samples.
+    While the shaft turns by several encoder steps per sample a reading is as good as its step over root 12. Where it
+    turns by less, what is known well is when the count changed: the edge between two counts lies between two samples.
     """
     place = np.arange(time.size)
     tick = np.diff(time, prepend=time[0])

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.shaft.chunk import Chunk
 from textile_twin_core.shaft.encoder import encoder_step
+from textile_twin_core.shaft.fitting import ChunkFit
 from textile_twin_core.shaft.gate import Accepted, SampleGate
 from textile_twin_core.shaft.record import Stretch, edges, stretches
 from textile_twin_core.shaft.report import SampleReport
@@ -23,7 +23,7 @@ FEWEST = 24
 
 
 class SmoothEstimator:
-    """Fits the whole record in overlapping chunks when `finish` is called (see `chunk` for the model).
+    """Fits the whole record in overlapping chunks at `finish` (see `chunk` for the model, `fitting` for the course).
 
     Args:
         harmonics: orders of ripple that are in the model whatever the data say.
@@ -133,7 +133,7 @@ class SmoothEstimator:
         most = self._most if turns > 2.0 else self._harmonics if turns > 1.0 else 0
         speed = float(np.median(np.abs(np.diff(what)) / np.diff(when))) if what.size > 1 else 0.0
         scale = max(speed, abs(float(angle[-1] - angle[0])) / float(time[-1] - time[0]), 0.5)
-        chunk = Chunk(
+        chunk = ChunkFit(
             when, what, variance, np.arange(1, most + 1), min(self._harmonics, most), scale**2, self._response
         )
         chunk.fit()

@@ -91,10 +91,10 @@ class Knots:
 
 
 class PenalisedSpline:
-    """Least squares for spline coefficients: sum of (data - B a)^2 weight + sum over intervals of jerk^2 h / intensity.
+    """Least squares for spline coefficients: sum of (data - B a)^2 weight + sum of jerk^2 h / intensity.
 
-    The penalty is the prior of a motion driven by white jerk (Wahba 1978; local intensities make it adaptive). Solutions
-    and covariances come from one banded Cholesky factor.
+    The penalty is the prior of a motion driven by white jerk (Wahba 1978; local intensities make it adaptive).
+    Solutions and covariances come from one banded Cholesky factor.
     """
 
     def __init__(self, knots: Knots, basis: LocalBasis, weight: FloatArray, intensity: FloatArray) -> None:

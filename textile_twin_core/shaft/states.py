@@ -46,11 +46,11 @@ class ShaftStates:
     @property
     def sigma(self) -> FloatArray:
         """(n, 3) standard deviations of theta [rad], omega [rad/s], alpha [rad/s^2]."""
-        return np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0))
+        return np.asarray(np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0)))
 
     def variance_of(self, gradient: FloatArray) -> FloatArray:
         """Variance of a quantity with the given (n, 3) gradient by (theta, omega, alpha)."""
-        return np.einsum("ni,nij,nj->n", gradient, self.covariance, gradient)
+        return np.asarray(np.einsum("ni,nij,nj->n", gradient, self.covariance, gradient))
 
     @classmethod
     def empty(cls, stamps: FloatArray | IntArray | None = None) -> ShaftStates:

@@ -27,8 +27,8 @@ HOPELESS = 1e4
 class ShaftTracker:
     """Takes one sample after the other; `ready` collects the states, `lag_s` after their samples.
 
-    An extended Kalman filter on the model of `ripple`, with the readings of `encoder`, the events of `hypotheses` and the
-    caution of `watch`.
+    An extended Kalman filter on the model of `ripple`, with the readings of `encoder`, the events of `hypotheses` and
+    the caution of `watch`.
     """
 
     def __init__(self, settings: TrackerSettings, report: SampleReport, lag_s: float = 0.0) -> None:

@@ -14,7 +14,7 @@ TURN_TAIL = 2.4492935982947064e-16
 
 
 def split_turns(angle: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Whole turns and phase in about [-pi, pi] of angles [rad], exact to the input's own rounding (two-part reduction)."""
+    """Whole turns, and phase in about [-pi, pi], of angles [rad], exact to the input's own rounding."""
     turns = np.rint(np.asarray(angle, dtype=np.float64) / TURN)
     phase = np.fmod(angle, TURN)  # exact, in the float64 period
     phase = phase - np.rint(phase / TURN) * TURN

@@ -1,4 +1,4 @@
-"""How the filter judges itself and the shaft: typical times, misfit, gaps, leaps, standstill, reversal, process noise."""
+"""How the filter judges itself and the shaft: typical times, misfit, gaps, leaps, standstill, process noise."""
 
 from __future__ import annotations
 
@@ -103,8 +103,8 @@ class Watch:
     def judge(self, normalised: float, step: float) -> None:
         """Take in one normalised innovation.
 
-        Innovations of a well-tuned filter are white: their slow part, scaled to variance one, drives the intensity of the
-        noise on V' up when it is larger and down when it is smaller (after Mehra 1970).
+        Innovations of a well-tuned filter are white: their slow part, scaled to variance one, drives the intensity of
+        the noise on V' up when it is larger and down when it is smaller (after Mehra 1970).
         """
         square = normalised * normalised
         self._misfit += 0.25 * (min(square, 100.0) - self._misfit)
