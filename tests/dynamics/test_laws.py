@@ -22,7 +22,7 @@ ROUTES = ["balancing_torque_Nm", "balancing_torque_newton_euler_Nm"]
 STEP = 1e-30
 
 several = settings(
-    max_examples=40,
+    max_examples=30,
     deadline=None,
     derandomize=True,
     phases=[Phase.explicit, Phase.generate],
@@ -79,7 +79,7 @@ def test_both_routes_of_random_machines(machine: Machine, motion: Motion) -> Non
     assert disagreement(machine, motion) < 1e-12
 
 
-@settings(several, max_examples=25)
+@settings(several, max_examples=15)
 @given(nearly_stretched(), motions())
 def test_both_routes_near_toggles_by_conditioning(machine: Machine, motion: Motion) -> None:
     """Below 5 deg the agreement is weaker as 1/sin of the transmission angle, by which joint forces grow."""
@@ -120,7 +120,7 @@ def test_power_balance_of_the_published_machines(name: str) -> None:
     check_power(machine, (rng.uniform(-9.0, 9.0, 60), rng.uniform(-40.0, 40.0, 60), rng.uniform(-900.0, 900.0, 60)))
 
 
-@settings(several, max_examples=20)
+@settings(several, max_examples=12)
 @given(machines(), motions(count=5))
 def test_power_balance_of_random_machines(machine: Machine, motion: Motion) -> None:
     check_power(machine, motion)
@@ -175,7 +175,7 @@ def test_derivatives_of_the_published_machines(name: str) -> None:
     check_derivatives(machine, np.random.default_rng(3).uniform(-9.0, 9.0, 12))
 
 
-@settings(several, max_examples=20)
+@settings(several, max_examples=12)
 @given(machines(), motions(count=3))
 def test_derivatives_of_random_machines(machine: Machine, motion: Motion) -> None:
     check_derivatives(machine, motion[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ def test_given_four_bars(case: dict[str, Any]) -> None:
     }
     allowed = 1e-14
     if "toggle" in case["note"]:
-        (closeness,) = check_assembly(ours.linkage(), (ours.theta - 0.2, ours.theta))
+        (closeness,) = check_assembly(replace(ours.linkage(), range_rad=(ours.theta - 0.2, ours.theta)))
         assert closeness.grashof == "triple-rocker"
         assert 0.0 < closeness.distance_m < 1e-8
         allowed = 4.0 * EPS * ours.theta * ours.l1 / closeness.distance_m
