@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Iterator
 from importlib.util import find_spec
 
 import numpy as np
@@ -21,6 +22,13 @@ SCENES = ("torque", "position", "torque and position", "everything")
 LEAST_ERROR = {"mujoco, soft loop": 1e-4, "mujoco, soft loop, tight": 1e-7, "exudyn, time stepping": 1e-8}
 
 
+@pytest.fixture(scope="module", autouse=True)
+def fewer_tables() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("textile_twin_core.bench.own_methods.TOLERANCES", (1e-6, 1e-13))
+        yield
+
+
 @pytest.fixture(scope="module")
 def rows() -> list[Row]:
     return run_bench(ttc.machines.tufting(), rounds=1, samples=2000)
@@ -36,7 +44,7 @@ def test_rows_are_what_is_promised(rows: list[Row]) -> None:
 
 def test_errors_are_below_the_tolerances(rows: list[Row]) -> None:
     ours = [row for row in rows if row.peer is None]
-    assert {row.method for row in ours} == {"exact", *(f"table 1e-{k:02d}" for k in (4, 6, 8, 10, 13))}
+    assert {row.method for row in ours} == {"exact", *(f"table 1e-{k:02d}" for k in (6, 13))}
     for row in ours:
         tolerance = 1e-14 if row.method == "exact" else float(row.method.removeprefix("table "))
         assert row.error_over_peak is not None and row.error_over_peak < tolerance, row

@@ -141,7 +141,7 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
         return
     reactions = Reactions(tree)
     names = reactions.names()
-    left_out = ", ".join(set(scene.outputs) - set(names))
+    left_out = ", ".join(name for name in scene.outputs if name not in names)
     note = f"without {left_out}" if left_out else ""
     if set(names) <= set(scene.outputs):
         yield one_by_one(scene, "pinocchio", "projection, two passes", reactions.sample, outputs=names, note=note)
