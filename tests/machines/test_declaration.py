@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import textile_twin_core as ttc
-from textile_twin_core.dynamics import Body
+from textile_twin_core.dynamics import Backing, Body
 from textile_twin_core.machines import ShaftPlace
 from textile_twin_core.mechanism import Arc, Crank, EllipticGearPair, RigidArm, RRRDyad, Travel
 
@@ -37,6 +37,8 @@ def four_bar(**declared: Any) -> ttc.Machine:
         ({"groups": (Crank("main_shaft", "O", "A", 0.06),)}, "the name of the shaft itself"),
         ({"measures": (Travel("sley", "B", "A", (1.0, 0.0)),)}, "origin 'A' must be fixed to the ground"),
         ({"measures": (Arc("sley", "l1", 0.06),)}, "link 'l1' turns round"),
+        ({"loads": (Backing("needle", 1.0, 0.1, 0.1),)}, "no straight travel of this name; there are: none"),
+        ({"loads": (Backing("s", 1.0, 0.1, 0.1),), "measures": (Arc("s", "l3", 0.2),)}, "no straight travel"),
     ],
 )
 def test_refused(declared: dict[str, Any], said: str) -> None:

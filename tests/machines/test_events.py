@@ -10,6 +10,7 @@ import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core.dynamics import Body
+from textile_twin_core.machines import ShaftPlace
 from textile_twin_core.mechanism import Arc, Crank, RRRDyad, Travel
 
 RANGE = (0.32, 0.55)
@@ -64,3 +65,9 @@ def test_a_part_of_the_turn_has_no_table() -> None:
     assert np.isfinite(auto.evaluate(theta, 1.0)["balancing_torque_Nm"]).all()
     samples = auto.session().step(np.arange(10) * 1e-3, np.full(10, 0.4))
     assert np.allclose(samples["theta_1_rad"], 0.4, atol=1e-9)
+
+
+def test_every_linkage_on_the_shaft_must_close_over_the_part_of_the_turn() -> None:
+    assert part_of_a_turn(linkages=(ShaftPlace(0.0), ShaftPlace(-0.01))).closeness
+    with pytest.raises(ttc.MachineError, match="cannot close"):
+        part_of_a_turn(linkages=(ShaftPlace(0.0), ShaftPlace(1.0)))

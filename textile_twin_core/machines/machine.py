@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
@@ -147,9 +147,17 @@ class Machine:
     def closeness(self) -> tuple[Closeness, ...]:
         """How near each group comes to a change point, and its transmission angle."""
         try:
-            return check_assembly(self.linkage)
+            return self._closeness_by_place()[0]
         except MachineError as error:
             raise MachineError(f"machine '{self.name}': {error}") from None
+
+    def _closeness_by_place(self) -> list[tuple[Closeness, ...]]:
+        """Of each linkage over its own crank's angles; over a full turn they are all alike."""
+        low, high = self.range_rad
+        if self.linkage.solved.turns_fully:
+            return [check_assembly(self.linkage)]
+        turned = [(low + place.phase_rad, high + place.phase_rad) for place in self.linkages]
+        return [check_assembly(replace(self.linkage, range_rad=angles)) for angles in turned]
 
     @cached_property
     def model(self) -> MachineModel:

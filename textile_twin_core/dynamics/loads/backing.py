@@ -10,7 +10,7 @@ from textile_twin_core.dynamics.loads.load import Crossing, LoadContext
 from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, at_least, select, sign
-from textile_twin_core.mechanism import Travel
+from textile_twin_core.mechanism import Displacement, Travel
 from textile_twin_core.mechanism.vector import Vector
 
 
@@ -40,7 +40,7 @@ class Backing:
 
     def inside(self, context: LoadContext) -> Expr:
         """1 while the needle is in the backing."""
-        travel = context.displacements[self.on]
+        travel = self._displacement(context)
         if self.entry_plane_m == self.exit_plane_m:
             return at_least(travel.position, self.entry_plane_m)
         going_in = at_least(travel.first * context.shaft.omega, 0.0)
@@ -49,27 +49,35 @@ class Backing:
 
     def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
         """Friction against the velocity of the travel, in the backing and outside."""
-        against = -sign(context.displacements[self.on].first * context.shaft.omega)
+        against = -sign(self._displacement(context).first * context.shaft.omega)
         inside = self.inside(context)
         return {"backing_force_N": against * inside, "free_force_N": against * (1.0 - inside)}
 
     def unit_force(self, context: LoadContext) -> Expr:
         """A force along the travel works on the shaft through the travel's derivative."""
-        return context.displacements[self.on].first
+        return self._displacement(context).first
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
         """The friction force at the travel's point."""
-        measure = context.measures[self.on]
-        if not isinstance(measure, Travel):
-            raise MachineError(f"backing on '{self.on}': this must be a straight travel")
+        measure = self._travel(context)
         norm = math.hypot(*measure.direction)
         direction = Vector.of(measure.direction[0] / norm, measure.direction[1] / norm)
         wrenches.pull_on_point(measure.point, intensity * direction)
 
     def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
         """The needle enters and leaves the backing."""
-        travel = context.displacements[self.on].position
+        travel = self._displacement(context).position
         return (
             Crossing(f"{self.on}_enters_backing", travel - self.entry_plane_m, rising=True),
             Crossing(f"{self.on}_leaves_backing", travel - self.exit_plane_m, rising=False),
         )
+
+    def _displacement(self, context: LoadContext) -> Displacement:
+        return context.displacements[self._travel(context).name]
+
+    def _travel(self, context: LoadContext) -> Travel:
+        measure = context.measures.get(self.on)
+        if not isinstance(measure, Travel):
+            there = ", ".join(m.name for m in context.measures.values() if isinstance(m, Travel)) or "none"
+            raise MachineError(f"backing on '{self.on}': there is no straight travel of this name; there are: {there}")
+        return measure
