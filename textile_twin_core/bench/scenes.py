@@ -37,7 +37,7 @@ class Scene:
 
     @cached_property
     def exact(self) -> dict[str, FloatArray]:
-        """The outputs in extended precision, rounded, at the first samples (see `checked`)."""
+        """The outputs in extended precision at the first samples (see `checked`)."""
         names = ("theta", "omega", "alpha")
         inputs = {n: a[: self.checked].astype(np.longdouble) for n, a in zip(names, self.motion, strict=True)}
         expressions = [self.machine.model.output(name) for name in self.outputs]
@@ -61,15 +61,16 @@ class Scene:
 
 
 def scenes(machine: Machine, samples: int = 100_000) -> tuple[Scene, ...]:
-    """Torque alone, torque with the machine's measures, and everything with the reactions."""
+    """Torque alone, with the machine's measures where it has some, and everything with the reactions."""
     torque = "balancing_torque_Nm"
     measures = tuple(f"{m.name}_position_m" for m in machine.measures)
     reactions = tuple(name for name in machine.outputs if name.startswith("reaction_"))
     kinematics = tuple(name for m in machine.measures for name in machine.outputs if name.startswith(f"{m.name}_"))
     links = tuple(name for name in machine.outputs if name.startswith(("omega_", "alpha_")))
-    return (
-        Scene(machine, "torque", (torque,), samples),
-        Scene(machine, "position", measures[:1], samples),
-        Scene(machine, "torque and position", (torque, *measures), samples),
-        Scene(machine, "everything", (torque, *kinematics, *machine.transmitted, *links, *reactions), samples),
-    )
+    chosen = {
+        "torque": (torque,),
+        "position": measures[:1],
+        "torque and position": (torque, *measures) if measures else (),
+        "everything": (torque, *kinematics, *machine.transmitted, *links, *reactions),
+    }
+    return tuple(Scene(machine, name, outputs, samples) for name, outputs in chosen.items() if outputs)
