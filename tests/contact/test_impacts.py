@@ -244,3 +244,21 @@ def test_energy_is_booked_to_the_last_joule(seed: int) -> None:
         ends = np.vstack((run.positions, np.zeros(run.times.size)))
         gap = stop.limit_m - ends[model.index[stop.upper]] + ends[model.index[stop.lower]]
         assert gap.min() > -1e-14
+
+
+def test_two_stops_that_face_each_other_hand_the_force_over() -> None:
+    """Between them they tie two bodies: the force of one passes through zero and the other takes it over."""
+    mass_1, mass_2, k, start = 0.16, 0.72, 4000.0, 0.002
+    model = ContactModel(
+        "drive",
+        (Body("held", mass_1), Body("free", mass_2)),
+        (SpringDamper("spring", FRAME, "held", k),),
+        (Stop("over", "free", "held", -0.05), Stop("under", "held", "free", 0.05)),
+    )
+    run = run_contact(ContactIntegrator(model), [start, start + 0.05], still(0.5))
+    frequency = math.sqrt(k / (mass_1 + mass_2))
+    exact = start * np.cos(frequency * run.times)
+    assert np.abs(run.positions[0] - exact).max() < 1e-15
+    assert np.abs(run.positions[1] - exact - 0.05).max() < 1e-15
+    assert len(run.events) == math.floor(0.5 * frequency / math.pi + 0.5)
+    assert run.energies.imbalance < 1e-13

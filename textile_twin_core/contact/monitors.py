@@ -90,7 +90,7 @@ def first_event(
         meaning.append((PadState.SLACK if state is PadState.PUSHING else PadState.PUSHING, number))
     for series, number in zip(segment.stop_forces, segment.closed, strict=True):
         rows.append(series)
-        noises.append(force_noise)
+        noises.append(force_noise + 1e-12 * float(np.abs(series).max()))
         meaning.append(("release", number))
     if not rows:
         return None

@@ -20,14 +20,15 @@ LENGTH_NOISE = 64 * 2.220446049250313e-16
 
 _NEARLY_ELASTIC = 0.99
 _LOW_BOUNCE = 1e-9
+_ROUNDS = 500
 
 
 class Transitions:
     """Impacts and contact changes of one model.
 
-    Impacts follow Newton's restitution with Moreau's complementarity: touching stops take impulses together, an
-    approaching one opens with restitution times its speed, none pulls. Approaching stops that share bodies in
-    one instant use the smallest of their restitutions, so that an impact never makes energy.
+    Impacts follow Newton's restitution with Moreau's complementarity: an approaching stop opens with restitution times
+    its speed, those that rest pass impulses on, none pulls. Approaching stops that share bodies in one instant use
+    the smallest of their restitutions, so that an impact never makes energy.
     """
 
     def __init__(self, model: ContactModel, forces: LinearForces, length_noise_m: float) -> None:
@@ -107,7 +108,7 @@ class Transitions:
         if hit is not None:
             touching.add(hit)
         try:
-            return self._resolve(state, drive_acceleration, sorted(touching), released)
+            return self._resolve(state, drive_acceleration, sorted(touching), hit, released)
         except JammedError:
             names = ", ".join(self.model.stops[k].name for k in sorted(touching))
             raise ContactError(
@@ -116,18 +117,25 @@ class Transitions:
             ) from None
 
     def _resolve(
-        self, state: ContactState, drive_acceleration: float, touching: list[int], released: Collection[int]
+        self,
+        state: ContactState,
+        drive_acceleration: float,
+        touching: list[int],
+        hit: int | None,
+        released: Collection[int],
     ) -> list[ContactEvent]:
+        quiet = 1e-13 * state.speed_scale_m_s
+        gentle = hit if hit is not None and self.opening_speeds(state)[hit] >= -quiet else None
         events = self._impacts(state, drive_acceleration, touching)
         speeds = self.opening_speeds(state)
-        quiet = 1e-13 * state.speed_scale_m_s
-        candidates = [k for k in touching if abs(speeds[k]) <= quiet and k not in released]
+        candidates = [k for k in touching if (abs(speeds[k]) <= quiet or k == gentle) and k not in released]
         forces, opening = self._opening(state, drive_acceleration, candidates)
         faint = 1e-12 * max(float(np.abs(opening).max(initial=0.0)), abs(drive_acceleration))
         closed = [k for k, force in zip(candidates, forces, strict=True) if force > 0.0]
         for k in candidates:
-            # one that neither pushes nor opens stays closed, unless the others already keep it shut
-            if k not in closed and opening[k] <= faint:
+            # one that neither pushes nor opens stays closed, unless the others already keep it shut; one that closes
+            # without a speed that could be told from zero was about to
+            if k not in closed and (opening[k] <= faint or k == gentle):
                 together = self.normals[:-1][:, [*closed, k]]
                 if np.linalg.matrix_rank(together) > len(closed):
                     closed.append(k)
@@ -141,54 +149,65 @@ class Transitions:
         state.positions = state.positions - mobility * (self.gaps(state)[stop] / float(normal @ mobility))
 
     def _impacts(self, state: ContactState, drive_acceleration: float, touching: list[int]) -> list[ContactEvent]:
-        before = self.opening_speeds(state)
-        threshold = -1e-13 * state.speed_scale_m_s
+        """Impulses, in rounds, until no touching stop approaches.
+
+        What already opens takes no part in a round; an impact may make it approach, and the next round is its.
+        Rounds without end (a body between two others in the same instant) close all gaps at last without restitution.
+        """
         events: list[ContactEvent] = []
-        for group in self._groups(touching):
-            approaching = [k for k in group if before[k] < threshold]
-            if not approaching:
-                continue
-            restitution = min(self.model.stops[k].restitution for k in approaching)
-            start = state.velocities.copy()
-            impulses = self._impulses(state, group, before, approaching, restitution)
-            waits = None
-            if restitution > 0.0:
-                waits = self._dying_out(state, drive_acceleration, approaching, restitution)
-            if waits is not None:
-                state.velocities = start
-                impulses = self._impulses(state, group, before, approaching, 0.0)
-            after = self.opening_speeds(state)
-            for k, impulse in zip(group, impulses.tolist(), strict=True):
-                if impulse <= 0.0:
-                    continue
-                stop = self.model.stops[k]
-                events.append(
-                    ContactEvent(
-                        time_s=state.time_s + (waits or 0.0),
-                        kind="rest" if waits else "impact",
-                        name=stop.name,
-                        bodies=(stop.lower, stop.upper),
-                        booked_s=state.time_s,
-                        approach_speed_m_s=max(-float(before[k]), 0.0),
-                        impulse_Ns=impulse,
-                        energy_lost_J=max(-0.5 * impulse * float(before[k] + after[k]), 0.0),
-                        drive_work_J=-float(self.normals[-1, k]) * impulse * state.drive_velocity_m_s,
-                    )
-                )
+        quiet = 1e-13 * state.speed_scale_m_s
+        for rounds_left in range(_ROUNDS, -1, -1):
+            before = self.opening_speeds(state)
+            taking_part = [k for k in touching if before[k] <= quiet or not rounds_left]
+            struck = [group for group in self._groups(taking_part) if before[group].min() < -quiet]
+            for group in struck:
+                approaching = [k for k in group if before[k] < -quiet]
+                restitution = min(self.model.stops[k].restitution for k in approaching) if rounds_left else 0.0
+                events += self._strike(state, drive_acceleration, group, approaching, restitution)
+            if not struck:
+                break
         return events
 
-    def _impulses(
+    def _strike(
         self,
         state: ContactState,
+        drive_acceleration: float,
         group: list[int],
-        before: FloatArray,
         approaching: list[int],
         restitution: float,
+    ) -> list[ContactEvent]:
+        """The impulses of one group of touching stops; one event for each stop that takes part."""
+        before, start = self.opening_speeds(state), state.velocities
+        impulses = self._impulses(state, group, approaching, restitution)
+        waits = self._dying_out(state, drive_acceleration, approaching, restitution) if restitution > 0.0 else None
+        if waits is not None:
+            state.velocities = start
+            impulses = self._impulses(state, group, approaching, 0.0)
+        losses = _shared(-0.5 * impulses * (before + self.opening_speeds(state))[group])
+        stops = [self.model.stops[k] for k in group]
+        return [
+            ContactEvent(
+                time_s=state.time_s + (waits or 0.0),
+                kind="rest" if waits else "impact",
+                name=stop.name,
+                bodies=(stop.lower, stop.upper),
+                booked_s=state.time_s,
+                approach_speed_m_s=max(-float(before[k]), 0.0),
+                impulse_Ns=impulse,
+                energy_lost_J=lost,
+                drive_work_J=-float(self.normals[-1, k]) * impulse * state.drive_velocity_m_s,
+            )
+            for k, stop, impulse, lost in zip(group, stops, impulses.tolist(), losses.tolist(), strict=True)
+            if impulse > 0.0
+        ]
+
+    def _impulses(
+        self, state: ContactState, group: list[int], approaching: list[int], restitution: float
     ) -> FloatArray:
         """Apply the impulses of one group of touching stops to the velocities; returns them [N s]."""
         columns = self.normals[:-1][:, group]
         factor = np.array([1.0 + restitution if k in approaching else 1.0 for k in group])
-        impulses, _ = one_sided_forces(columns, self.forces.masses, factor * before[group])
+        impulses, _ = one_sided_forces(columns, self.forces.masses, factor * self.opening_speeds(state)[group])
         state.velocities = state.velocities + columns @ impulses / self.forces.masses
         return impulses
 
@@ -242,3 +261,14 @@ class Transitions:
                     apart.append(group)
             groups = [*apart, (ends, sorted(members))]
         return [members for _, members in groups]
+
+
+def _shared(losses: FloatArray) -> FloatArray:
+    """Losses of a group of stops, none negative, with the same sum.
+
+    Impulse times mean speed gives what a stop takes only when it acts alone: one that hands an impulse on while it
+    opens comes out negative, at the cost of the others.
+    """
+    positive = np.maximum(losses, 0.0)
+    whole = float(positive.sum())
+    return positive * (max(float(losses.sum()), 0.0) / whole) if whole > 0.0 else positive
