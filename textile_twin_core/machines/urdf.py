@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as Xml
 
+from textile_twin_core.dynamics.body import Body
 from textile_twin_core.machines.joints import BASE
 
 if TYPE_CHECKING:
@@ -65,17 +67,27 @@ def _joint(robot: Xml.Element, name: str, kind: str, parent: str, child: str, xy
 
 def _link(robot: Xml.Element, machine: Machine, name: str, length: float, width: float, colour: str) -> None:
     element = Xml.SubElement(robot, "link", name=name)
-    for body in (b for b in machine.bodies if b.on == name and b.mass_kg > 0.0):
-        inertial = Xml.SubElement(element, "inertial")
-        along, across = (fraction * length for fraction in body.centroid)
-        Xml.SubElement(inertial, "origin", xyz=f"{along:.17g} {across:.17g} 0", rpy="0 0 0")
-        Xml.SubElement(inertial, "mass", value=f"{body.mass_kg:.17g}")
-        zz = f"{body.inertia_kgm2:.17g}"
-        Xml.SubElement(inertial, "inertia", ixx=zz, iyy=zz, izz=zz, ixy="0", ixz="0", iyz="0")
-        break  # URDF knows one inertia per link
+    _inertial(element, [body for body in machine.bodies if body.on == name], length)
     visual = Xml.SubElement(element, "visual")
     Xml.SubElement(visual, "origin", xyz=f"{length / 2:.17g} 0 0", rpy="0 0 0")
     geometry = Xml.SubElement(visual, "geometry")
     Xml.SubElement(geometry, "box", size=f"{length:.17g} {width:.6g} {width / 2:.6g}")
     material = Xml.SubElement(visual, "material", name=f"{name}_paint")
     Xml.SubElement(material, "color", rgba=colour)
+
+
+def _inertial(element: Xml.Element, bodies: Sequence[Body], length: float) -> None:
+    """All bodies of a link as one: URDF knows no more."""
+    mass = sum(body.mass_kg for body in bodies)
+    if mass == 0.0:
+        return
+    along, across = (length / mass * sum(b.mass_kg * b.centroid[axis] for b in bodies) for axis in (0, 1))
+    inertia = sum(
+        b.inertia_kgm2 + b.mass_kg * math.hypot(b.centroid[0] * length - along, b.centroid[1] * length - across) ** 2
+        for b in bodies
+    )
+    inertial = Xml.SubElement(element, "inertial")
+    Xml.SubElement(inertial, "origin", xyz=f"{along:.17g} {across:.17g} 0", rpy="0 0 0")
+    Xml.SubElement(inertial, "mass", value=f"{mass:.17g}")
+    zz = f"{inertia:.17g}"
+    Xml.SubElement(inertial, "inertia", ixx=zz, iyy=zz, izz=zz, ixy="0", ixz="0", iyz="0")
