@@ -90,8 +90,8 @@ class ShaftFilter:
 
     @property
     def hypotheses(self) -> FloatArray:
-        """The error's columns, state rows only, that belong to the bank."""
-        return self.error[: self.size, self.size :]
+        """The error's columns that belong to the bank, rows of held samples included."""
+        return self.error[:, self.size :]
 
     # Time and readings
 

@@ -15,7 +15,7 @@ from textile_twin_core.shaft.settings import TrackerSettings
 from textile_twin_core.shaft.watch import Watch
 
 BANK_WIDTH = 20
-MINDED = 0.5
+MINDED = 0.8
 """From this weight of "something happened" on, the state reckons with it."""
 FIRST_READING_RAD = 2e-3
 FAR_RAD = 1e4
