@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from textile_twin_core.expression.graph import Expr
+from textile_twin_core.expression.graph import Expr, topological_order
 from textile_twin_core.expression.schedule import schedule
 
 _SINCOS_WORK = 4
@@ -21,9 +21,10 @@ class BlockCode:
     operations: int
 
 
-def write_block_code(outputs: Sequence[Expr], inputs: Sequence[str]) -> BlockCode:
-    """One line per operation of what the outputs need, on as few buffers as the order allows."""
-    return _Writer(list(outputs), tuple(inputs)).write()
+def write_block_code(outputs: Sequence[Expr], inputs: Sequence[str], arranged: bool) -> BlockCode:
+    """One line per operation of what the outputs need, `arranged` so that few buffers serve."""
+    order = schedule(outputs) if arranged else topological_order(outputs)
+    return _Writer(list(outputs), tuple(inputs)).write(order)
 
 
 @dataclass
@@ -38,8 +39,7 @@ class _Writer:
     buffers: int = 0
     operations: int = 0
 
-    def write(self) -> BlockCode:
-        order = schedule(self.outputs)
+    def write(self, order: Sequence[Expr]) -> BlockCode:
         self.target = {e: f"o{k}" for k, e in reversed(list(enumerate(self.outputs)))}
         self.partner = _partners(order)
         self.last_use = {a: i for i, node in enumerate(order) for a in node.args}

@@ -44,13 +44,16 @@ def _select(condition: Any, yes: Any, no: Any, out: FloatArray) -> None:
 class BlockProgram:
     """Outputs as functions of input arrays, evaluated chunk by chunk.
 
-    `operations` is the number of array operations for each sample.
+    `operations` is the number of array operations for each sample. `arranged` looks for an order that needs few
+    buffers, which pays where the program is run often.
     """
 
-    def __init__(self, outputs: Sequence[Expr], inputs: Sequence[str], chunk: int = CHUNK) -> None:
+    def __init__(
+        self, outputs: Sequence[Expr], inputs: Sequence[str], chunk: int = CHUNK, arranged: bool = False
+    ) -> None:
         self.inputs = tuple(inputs)
         self.chunk = chunk
-        code = write_block_code(outputs, self.inputs)
+        code = write_block_code(outputs, self.inputs, arranged)
         self.buffer_count, self.operations = code.buffers, code.operations
         self._constants = [np.asarray(value) for value in code.constants]
         namespace: dict[str, Any] = {f"np_{op}": ufunc for op, ufunc in _UFUNCS.items()}

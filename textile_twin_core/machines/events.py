@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
 from textile_twin_core.expression import Expr, derivative, variable
 from textile_twin_core.expression.blocks import BlockProgram
@@ -75,6 +74,8 @@ def crossings(level: Expr, range_rad: tuple[float, float] = FULL_TURN) -> tuple[
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    from scipy.optimize import brentq  # slow to import, and most commands ask for no events
+
     at_low, at_high = function(low), function(high)
     if at_low * at_high >= 0.0:  # one end is the root, to rounding
         return low if abs(at_low) <= abs(at_high) else high

@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr
-from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.expression.scalar import compile_scalar
+from textile_twin_core.mechanism.extremes import smallest_value, values_over
 from textile_twin_core.mechanism.group import Group
 from textile_twin_core.mechanism.linkage import Linkage
 from textile_twin_core.mechanism.rrp_dyad import RRPDyad
@@ -53,7 +51,7 @@ def check_assembly(linkage: Linkage) -> tuple[Closeness, ...]:
         found = group.closures(motion)
         if not found:
             continue
-        minima = [_minimum(closure.value, range_rad) for closure in found]
+        minima = [smallest_value(closure.value, range_rad) for closure in found]
         for closure, (_, value) in zip(found, minima, strict=True):
             if not value >= -_ROUNDING * closure.scale:
                 raise MachineError(
@@ -87,34 +85,16 @@ def _measures(group: Group, stretched: float, folded: float) -> tuple[float, flo
     return whole, min(from_longest, from_shortest)
 
 
-def _values(value: Expr, thetas: FloatArray) -> FloatArray:
-    out = np.empty_like(thetas)
-    BlockProgram([value], ["theta"])([thetas], [out])
-    return out
-
-
-def _minimum(value: Expr, range_rad: tuple[float, float]) -> tuple[float, float]:
-    thetas = np.linspace(*range_rad, _SAMPLES)
-    sampled = _values(value, thetas)
-    if np.isnan(sampled).any():
-        return float(thetas[np.isnan(sampled)][0]), -math.inf
-    i = int(np.argmin(sampled))
-    function = compile_scalar([value], ["theta"])
-    low, high = thetas[max(i - 1, 0)], thetas[min(i + 1, _SAMPLES - 1)]
-    best = minimize_scalar(lambda t: function(t)[0], bounds=(low, high), method="bounded", options={"xatol": 1e-10})
-    if best.fun < sampled[i]:
-        return float(best.x), float(best.fun)
-    return float(thetas[i]), float(sampled[i])
-
-
 def _opens_at(value: Expr, range_rad: tuple[float, float]) -> str:
     """Where a chain opens as the shaft turns forward, in words."""
     thetas = np.linspace(*range_rad, _SAMPLES)
-    closed = _values(value, thetas) >= 0.0
+    closed = values_over(value, thetas) >= 0.0
     opening = np.flatnonzero(closed[:-1] & ~closed[1:])
     if opening.size == 0:
         return " at any shaft angle:" if not closed.any() else f": at {math.degrees(thetas[~closed][0]):.4f} deg"
     low, high = float(thetas[opening[0]]), float(thetas[opening[0] + 1])
+    from scipy.optimize import brentq
+
     function = compile_scalar([value], ["theta"])
     angle = brentq(lambda t: function(t)[0], low, high)
     return f": it opens at a shaft angle of {math.degrees(angle):.4f} deg where"

@@ -8,11 +8,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const
-from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.mechanism.angles import link_angle
+from textile_twin_core.mechanism.extremes import smallest_value, values_over
 from textile_twin_core.mechanism.group import check_length
 from textile_twin_core.mechanism.motion import Motion
 
@@ -94,28 +93,13 @@ class Arc:
         """Arc length from the rear point."""
         link = motion.link(self.link, self.name)
         angle = link_angle(link, motion)
-        begin, end = _values(angle, np.array(motion.range_rad))
+        begin, end = values_over(angle, np.array(motion.range_rad))
         if motion.turns_fully and abs(end - begin) > math.pi:
             raise MachineError(
                 f"measure '{self.name}': link '{self.link}' turns round; an arc is measured on a link that swings"
             )
         scale = float(self.sense) * self.radius_m
         swing = scale * angle
-        return Displacement(swing - const(_smallest(swing, motion.range_rad)), scale * link.first, scale * link.second)
-
-
-def _smallest(swing: Expr, range_rad: tuple[float, float]) -> float:
-    """The smallest value over a range of the shaft angle, to rounding: the grid closes in on it."""
-    low, high = range_rad
-    grid = np.linspace(low, high, 4097)
-    for _ in range(5):
-        values = _values(swing, grid)
-        centre, width = grid[int(np.argmin(values))], grid[1] - grid[0]
-        grid = np.linspace(max(low, centre - width), min(high, centre + width), 257)
-    return float(values.min())
-
-
-def _values(expression: Expr, theta: FloatArray) -> FloatArray:
-    out = np.empty_like(theta)
-    BlockProgram([expression], ["theta"])([theta], [out])
-    return out
+        return Displacement(
+            swing - const(smallest_value(swing, motion.range_rad)[1]), scale * link.first, scale * link.second
+        )

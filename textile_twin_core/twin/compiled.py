@@ -12,16 +12,16 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machines.machine import Machine
-from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
 from textile_twin_core.twin.accuracy import reached_errors
 from textile_twin_core.twin.exact import ExactEvaluator
-from textile_twin_core.twin.history import HistoryTwin
 from textile_twin_core.twin.instant import InstantPredictor
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
 from textile_twin_core.twin.plan import describe
 from textile_twin_core.twin.table import FINEST_TABLE, TableEvaluator
 
 if TYPE_CHECKING:
+    from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
+    from textile_twin_core.twin.history import HistoryTwin
     from textile_twin_core.twin.session import Session
 
 METHODS = ("exact", "table", "auto")
@@ -187,7 +187,9 @@ def compile_machine(
         raise SceneError(f"there is no method '{method}'; choose one of {', '.join(METHODS)}")
     if not (math.isfinite(tolerance) and tolerance > 0.0):
         raise SceneError(f"tolerance must be a positive number, not {tolerance!r}")
-    if isinstance(machine, NeedleTransferMachine):
+    if not isinstance(machine, Machine):
+        from textile_twin_core.twin.history import HistoryTwin
+
         if method == "table":
             raise SceneError(f"machine '{machine.name}' has a history, which no table holds; use method 'exact'")
         return HistoryTwin(machine, names, tolerance)

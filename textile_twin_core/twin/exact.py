@@ -27,7 +27,7 @@ class ExactEvaluator:
     @cached_property
     def program(self) -> BlockProgram:
         """The array program."""
-        return BlockProgram(list(self.expressions.values()), INPUTS)
+        return BlockProgram(list(self.expressions.values()), INPUTS, arranged=True)
 
     @property
     def cost(self) -> float:

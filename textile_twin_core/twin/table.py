@@ -113,7 +113,7 @@ class TableEvaluator:
     @cached_property
     def program(self) -> BlockProgram:
         """What remains to be done with the tabulated values."""
-        return BlockProgram(list(self.combined.values()), self._inputs)
+        return BlockProgram(list(self.combined.values()), self._inputs, arranged=True)
 
     @property
     def cost(self) -> float:
