@@ -162,9 +162,7 @@ def test_every_bad_sample_is_rejected_under_its_cause() -> None:
 
 
 def test_errors_by_angle_find_a_local_departure() -> None:
-    measured_ns, measured, predicted_ns, predicted, theta = recording(
-        seconds=20.0, delay_s=0.0, gain=1.0, offset=0.0
-    )
+    measured_ns, measured, predicted_ns, predicted, theta = recording(seconds=20.0, delay_s=0.0, gain=1.0, offset=0.0)
     phase = np.mod(angle((measured_ns - START_NS) * 1e-9), 2 * np.pi)
     lump = (phase > np.deg2rad(60)) & (phase < np.deg2rad(72))
     result = compare_torque(measured_ns, measured + 0.7 * lump, predicted_ns, predicted, theta, events=EVENTS)
@@ -185,9 +183,7 @@ def test_errors_by_angle_find_a_local_departure() -> None:
 def test_errors_by_revolution_find_the_bad_turn() -> None:
     measured_ns, measured, predicted_ns, predicted, theta = recording(delay_s=0.0, gain=1.0, offset=0.0)
     turn = np.floor(angle((measured_ns - START_NS) * 1e-9) / (2 * np.pi))
-    result = compare_torque(
-        measured_ns, measured - 1.5 * (turn == 9), predicted_ns, predicted, theta, events=EVENTS
-    )
+    result = compare_torque(measured_ns, measured - 1.5 * (turn == 9), predicted_ns, predicted, theta, events=EVENTS)
     rows = result.by_revolution
     assert rows.number[np.argmax(rows.rms_Nm)] == 9
     assert rows.mean_Nm[rows.number == 9] == pytest.approx(-1.5, abs=0.05)
@@ -272,6 +268,4 @@ def test_empty_and_nearly_empty_recordings_are_refused() -> None:
     with pytest.raises(AlignmentError, match="only 5 of 5 measured"):
         compare_torque(measured_ns[50:55], measured[50:55], predicted_ns, predicted, theta)
     with pytest.raises(AlignmentError, match="not_settled"):
-        compare_torque(
-            measured_ns, measured, predicted_ns, predicted, theta, settled=np.zeros(theta.size, dtype=bool)
-        )
+        compare_torque(measured_ns, measured, predicted_ns, predicted, theta, settled=np.zeros(theta.size, dtype=bool))

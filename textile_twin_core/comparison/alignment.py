@@ -106,9 +106,7 @@ def build_track(
     jumps = tuple(jump for *_, jump in found)
     crossing = np.concatenate([np.empty(0, dtype=np.int64), *(place for place, *_ in found)])
     instant = np.concatenate([np.empty(0), *(when for _, when, _ in found)])
-    is_jump = np.concatenate(
-        [np.empty(0, dtype=np.bool_), *(np.full(place.size, jump) for place, _, jump in found)]
-    )
+    is_jump = np.concatenate([np.empty(0, dtype=np.bool_), *(np.full(place.size, jump) for place, _, jump in found)])
     jump_time = np.sort(instant[is_jump])
     events_in = np.bincount(crossing, minlength=step.size)
     blocked = gap | (events_in > 1)
@@ -181,9 +179,7 @@ def _cut(
     )
 
 
-def _slopes(
-    step: FloatArray, torque_Nm: FloatArray, closed: BoolArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _slopes(step: FloatArray, torque_Nm: FloatArray, closed: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Derivative at each sample, and half the second derivative of the parabola before and after it.
 
     Three-point parabolas, taken from one side beside a closed interval; a line where only two samples stand

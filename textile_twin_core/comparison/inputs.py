@@ -39,18 +39,14 @@ def usable_predictions(
     sigma = np.full(n, np.nan) if sigma_Nm is None else _floats(sigma_Nm, n, "predicted sigma")
     ready = np.ones(n, dtype=np.bool_) if settled is None else np.asarray(settled, dtype=np.bool_)
     if ready.shape != (n,):
-        raise AlignmentError(
-            f"settled has shape {ready.shape}, its stamps have ({n},): give one for each stamp"
-        )
+        raise AlignmentError(f"settled has shape {ready.shape}, its stamps have ({n},): give one for each stamp")
     good = np.isfinite(torque) & np.isfinite(theta)
     good[good] = _increasing(stamps[good])
     dropped = int(n - np.count_nonzero(good))
     return Predictions(stamps[good], torque[good], theta[good], sigma[good], ready[good], dropped)
 
 
-def usable_measurements(
-    stamps_ns: IntArray, torque_Nm: FloatArray
-) -> tuple[IntArray, FloatArray, dict[str, int]]:
+def usable_measurements(stamps_ns: IntArray, torque_Nm: FloatArray) -> tuple[IntArray, FloatArray, dict[str, int]]:
     """Drop measured samples that are not finite or whose stamp does not increase, counted by cause."""
     stamps = _stamps(stamps_ns, "measured")
     torque = _floats(torque_Nm, stamps.size, "measured torque")
@@ -68,8 +64,7 @@ def _stamps(stamps_ns: IntArray, which: str) -> IntArray:
     stamps: npt.NDArray[Any] = np.asarray(stamps_ns)
     if stamps.ndim != 1 or not (np.issubdtype(stamps.dtype, np.integer) or stamps.size == 0):
         raise AlignmentError(
-            f"the {which} stamps are {stamps.dtype} of shape {stamps.shape}: "
-            "give a row of whole nanoseconds (int64)"
+            f"the {which} stamps are {stamps.dtype} of shape {stamps.shape}: give a row of whole nanoseconds (int64)"
         )
     return stamps.astype(np.int64)
 
@@ -77,9 +72,7 @@ def _stamps(stamps_ns: IntArray, which: str) -> IntArray:
 def _floats(values: FloatArray, n: int, which: str) -> FloatArray:
     array = np.asarray(values, dtype=np.float64)
     if array.shape != (n,):
-        raise AlignmentError(
-            f"the {which} has shape {array.shape}, its stamps have ({n},): give one for each stamp"
-        )
+        raise AlignmentError(f"the {which} has shape {array.shape}, its stamps have ({n},): give one for each stamp")
     return array
 
 
