@@ -70,3 +70,10 @@ def test_the_earliest_of_several_rows() -> None:
     assert found is not None
     assert found[0] == 1
     assert found[1] == pytest.approx(0.4, abs=1e-14)
+
+
+def test_a_hop_of_a_trillionth_of_the_step_is_not_taken_for_a_touch() -> None:
+    """Up by little more than noise, then far down: the last bounce before rest on something that falls away."""
+    hop = np.array([1e-17, 1.8e-15, -1.05e-3, 1.6e-4, 8.3e-6])
+    found = first_crossing(hop, 1.5e-15)
+    assert found == pytest.approx(1.8e-15 / 1.05e-3, rel=1e-6)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import nnls
 
 from textile_twin_core.arrays import FloatArray
 
@@ -29,6 +28,8 @@ def one_sided_forces(normals: FloatArray, masses: FloatArray, opening: FloatArra
         force = -float(opening[0]) / response
         return np.array([force]), np.zeros(1)
     target = np.linalg.lstsq(weighted.T, -opening, rcond=None)[0]
+    from scipy.optimize import nnls  # slow to import, and few states have stops that depend on each other
+
     forces = nnls(weighted, target)[0]
     pushing = forces > 0.0
     # the active set is right to rounding; its forces are solved for again so that their gaps stay shut exactly

@@ -90,7 +90,7 @@ def first_crossing(coefficients: FloatArray, noise: float) -> float | None:
             continue
         if changes == 1 and not negative[0]:
             root = _bisect(rest, low, high)
-            if _dip(rest, root) * root**order >= noise:
+            if _dip(rest, root, order) >= noise:
                 return root
             continue
         if high - low < _SMALLEST_WIDTH:
@@ -101,14 +101,17 @@ def first_crossing(coefficients: FloatArray, noise: float) -> float | None:
     return None
 
 
-def _dip(coefficients: FloatArray, root: float) -> float:
-    """How far below zero the polynomial goes after a downward root, from its slope and curvature there."""
+def _dip(coefficients: FloatArray, root: float, order: int) -> float:
+    """How far below zero u^order times the polynomial goes after a downward root, by its slope and curvature there."""
     function = slope = bend = 0.0
     for coefficient in coefficients[::-1].tolist():
         bend = bend * root + slope
         slope = slope * root + function
         function = function * root + coefficient
-    return 0.25 * slope * slope / bend if bend > 0.0 else math.inf
+    if bend <= 0.0:
+        return math.inf
+    lowest = min(root - 0.5 * slope / bend, 1.0)
+    return 0.25 * slope * slope / bend * lowest**order
 
 
 def _bisect(coefficients: FloatArray, low: float, high: float) -> float:
