@@ -147,6 +147,7 @@ def test_description_tells_of_every_load() -> None:
 
 def test_a_machine_with_history_checks_its_arrays() -> None:
     twin = ttc.compile(ttc.machines.needle_transfer(), ["element_1_position_m"])
+    assert ttc.machines.needle_transfer().name == "needle_transfer"  # what it imports does not take its place
     theta = np.linspace(0.0, 1.0, 20)
     assert twin.evaluate(np.empty(0), 26.0)["element_1_position_m"].shape == (0,)
     with pytest.raises(ttc.MotionError, match="do not fit"):

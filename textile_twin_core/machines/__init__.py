@@ -2,40 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
-from importlib import import_module
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machines.elliptic_gear_beatup import elliptic_gear_beatup
 from textile_twin_core.machines.events import Event
 from textile_twin_core.machines.handloom_beatup import handloom_beatup
 from textile_twin_core.machines.machine import Machine, ShaftPlace
+from textile_twin_core.machines.needle_transfer import NeedleTransferMachine, needle_transfer
 from textile_twin_core.machines.sensors import Encoder, Scene, Sensors, TorqueSensor
 from textile_twin_core.machines.tufting import tufting
 
-if TYPE_CHECKING:
-    from textile_twin_core.machines.needle_transfer import NeedleTransferMachine, needle_transfer
+AnyMachine = Machine | NeedleTransferMachine
 
-AnyMachine: TypeAlias = "Machine | NeedleTransferMachine"
-
-NAMES: tuple[str, ...] = ("tufting", "handloom_beatup", "needle_transfer", "elliptic_gear_beatup")
-
-
-def __getattr__(name: str) -> Any:
-    """The contact machine and what it stands on are imported when they are asked for."""
-    if name in ("needle_transfer", "NeedleTransferMachine"):
-        return getattr(import_module("textile_twin_core.machines.needle_transfer"), name)
-    raise AttributeError(f"module 'textile_twin_core.machines' has no attribute '{name}'")
-
-
-def _factory(name: str) -> Callable[..., AnyMachine]:
-    module = import_module(f"textile_twin_core.machines.{name}")
-    factory: Callable[..., AnyMachine] = getattr(module, name)
-    return factory
+_FACTORIES: Mapping[str, Callable[..., AnyMachine]] = {
+    "tufting": tufting,
+    "handloom_beatup": handloom_beatup,
+    "needle_transfer": needle_transfer,
+    "elliptic_gear_beatup": elliptic_gear_beatup,
+}
+NAMES: tuple[str, ...] = tuple(_FACTORIES)
 
 
 def create(name: str, **overrides: float | str) -> AnyMachine:
@@ -43,11 +32,11 @@ def create(name: str, **overrides: float | str) -> AnyMachine:
 
     Raises MachineError for an unknown machine or parameter, with the nearest names.
     """
-    if name not in NAMES:
+    factory = _FACTORIES.get(name)
+    if factory is None:
         near = get_close_matches(name, NAMES, n=2) or NAMES
         hint = "give the path of a machine file" if Path(name).suffix else f"did you mean {' or '.join(near)}?"
         raise MachineError(f"there is no machine '{name}'; {hint}; machines: {', '.join(NAMES)}")
-    factory = _factory(name)
     known = signature(factory).parameters
     for parameter in overrides:
         if parameter not in known:

@@ -6,14 +6,17 @@ import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import PPoly, make_interp_spline
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact.drive import IDENTITY, DrivePiece, Section, moved
 from textile_twin_core.contact.polynomials import first_crossing
 from textile_twin_core.errors import MachineError
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 TURN = 2.0 * math.pi
 _FIT_KNOTS_LARGEST = 8192
@@ -162,6 +165,8 @@ def from_table(theta_rad: FloatArray, position_m: FloatArray, name: str = "table
     elif abs(positions[-1] - positions[0]) > 1e-12 * max(float(np.abs(positions).max()), 1e-300):
         raise MachineError("the motion table's first and last row are one turn apart but differ in position")
     positions[-1] = positions[0]
+    from scipy.interpolate import PPoly, make_interp_spline  # slow to import, and only tables need it
+
     spline = PPoly.from_spline(make_interp_spline(angles, positions, k=5, bc_type="periodic"))
     return _from_spline(spline, angles, name)
 
