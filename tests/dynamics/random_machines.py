@@ -104,7 +104,7 @@ def _machine(kind: str, rng: np.random.Generator) -> Machine:
         tuple(possible[k] for k in chosen),
         measures,
         (rng.uniform(-10.0, 10.0), rng.uniform(-10.0, 10.0)),
-        linkages=tuple(ShaftPlace(p) for p in rng.uniform(-4.0, 4.0, rng.integers(1, 4))),
+        linkages=tuple(ShaftPlace(p) for p in rng.uniform(-4.0, 4.0, rng.choice([1, 1, 1, 2]))),
     )
 
 

@@ -42,22 +42,19 @@ def published(name: str) -> Machine | None:
 LINKAGES = [name for name in ttc.machines.NAMES if published(name) is not None]
 
 
-def peak_of(machine: Machine, omega: float, alpha: float) -> float:
+def peak_of(twin: ttc.Twin, motion: Motion) -> float:
     """Largest torque over a turn at the motion's largest speed and acceleration."""
     theta = np.linspace(0.0, 2.0 * math.pi, 361)
-    twin = ttc.compile(machine, ROUTES[:1], method="exact")
-    return max(
-        float(np.abs(twin.evaluate(theta, w, a)[ROUTES[0]]).max()) for w in (omega, -omega) for a in (alpha, -alpha)
-    )
+    omega, alpha = (float(np.abs(a).max()) for a in motion[1:])
+    signs = [(w, a) for w in (omega, -omega) for a in (alpha, -alpha)]
+    return max(float(np.abs(twin.evaluate(theta, w, a)[ROUTES[0]]).max()) for w, a in signs)
 
 
 def disagreement(machine: Machine, motion: Motion) -> float:
     """Largest difference of the two routes over the peak."""
-    one, two = ttc.compile(machine, ROUTES, method="exact").evaluate(*motion).values()
-    peak = max(
-        peak_of(machine, float(np.abs(motion[1]).max()), float(np.abs(motion[2]).max())), float(np.abs(one).max())
-    )
-    return float(np.abs(one - two).max()) / peak
+    twin = ttc.compile(machine, ROUTES, method="exact")
+    one, two = twin.evaluate(*motion).values()
+    return float(np.abs(one - two).max()) / max(peak_of(twin, motion), float(np.abs(one).max()))
 
 
 @pytest.mark.parametrize("name", LINKAGES)
@@ -105,11 +102,11 @@ def energy_rate(machine: Machine, theta: float, omega: float, alpha: float) -> f
 
 def check_power(machine: Machine, motion: Motion) -> None:
     wanted = ["balancing_torque_Nm", "torque_load_Nm"]
-    values = ttc.compile(machine, wanted, method="exact").evaluate(*motion)
+    twin = ttc.compile(machine, wanted, method="exact")
+    values = twin.evaluate(*motion)
     power = (values[wanted[0]] - values[wanted[1]]) * motion[1]
     rates = np.array([energy_rate(machine, *state) for state in zip(*(a.tolist() for a in motion), strict=True)])
-    omega, alpha = float(np.abs(motion[1]).max()), float(np.abs(motion[2]).max())
-    assert np.abs(power - rates).max() < 1e-12 * peak_of(machine, omega, alpha) * omega
+    assert np.abs(power - rates).max() < 1e-12 * peak_of(twin, motion) * np.abs(motion[1]).max()
 
 
 @pytest.mark.parametrize("name", LINKAGES)
@@ -155,11 +152,12 @@ def derivative_pairs(machine: Machine) -> list[tuple[str, Expr, Expr]]:
 
 def check_derivatives(machine: Machine, thetas: FloatArray) -> None:
     pairs = derivative_pairs(machine)
+    declared_slopes = BlockProgram([d for _, _, d in pairs], ["theta"])
     declared = [np.empty_like(thetas) for _ in pairs]
-    BlockProgram([d for _, _, d in pairs], ["theta"])([thetas], declared)
+    declared_slopes([thetas], declared)
     turn = np.linspace(0.0, 2.0 * math.pi, 181)
     range_of = [np.empty_like(turn) for _ in pairs]
-    BlockProgram([d for _, _, d in pairs], ["theta"])([turn], range_of)
+    declared_slopes([turn], range_of)
     for i, theta in enumerate(thetas.tolist()):
         exact = interpret([f for _, f, _ in pairs], {"theta": complex(theta, STEP)}, cmath)
         for (name, _, _), value, ours, whole in zip(pairs, exact, declared, range_of, strict=True):
