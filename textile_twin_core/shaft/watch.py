@@ -18,7 +18,7 @@ LOST_SAMPLES = 10
 """Hypotheses of what has just begun need so many samples to gain weight."""
 DRIFT_S = 0.25
 CALM_S = 0.15
-LEAST_INTENSITY, MOST_INTENSITY = math.log(1e-8), math.log(10.0)
+LEAST_INTENSITY, FIRST_INTENSITY, MOST_INTENSITY = math.log(1e-9), math.log(3e-8), math.log(10.0)
 
 
 class Watch:
@@ -44,7 +44,7 @@ class Watch:
         self._misfit, self._misfits = 1.0, 0
         self._misfits = 0
         self._drift = 0.0
-        self._log_intensity = math.log(3e-7)
+        self._log_intensity = FIRST_INTENSITY
         self._knocks = KNOCKS_BEFORE_HZ
         self._watched_s = 1.0
         self._leap: float | None = None
