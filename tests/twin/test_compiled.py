@@ -114,6 +114,11 @@ def test_the_scene_says_method_and_tolerance(machine: ttc.Machine) -> None:
     assert ttc.compile(replace(machine, scene=scene), method="exact").method == "exact"
 
 
+def test_a_name_is_no_machine() -> None:
+    with pytest.raises(ttc.SceneError, match=r"ttc\.machines\.create\('tufting'\)"):
+        ttc.compile("tufting")
+
+
 def four_bar(crank: float, coupler: float, rocker: float, **declared: object) -> ttc.Machine:
     groups = (Crank("l1", "O", "A", crank), RRRDyad("l2", "l3", "A", "C", "B", (coupler, rocker)))
     bodies = (Body("l2", 1.0, 0.01), Body("l3", 1.0, 0.01))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -176,6 +177,8 @@ def compile_machine(
 
     Raises SceneError for an unknown output or method, MachineError where the machine lacks what one needs.
     """
+    if isinstance(machine, (str, Path)):
+        raise SceneError(f"compile takes a machine: ttc.machines.create('{machine}') or ttc.load_machine('{machine}')")
     if isinstance(outputs, str):
         raise SceneError(f"outputs must be a list of names, such as ['{outputs}']")
     names = tuple(dict.fromkeys(machine.scene.outputs if outputs is None else outputs))
