@@ -19,7 +19,8 @@ FAITH = 2.0
 MANOEUVRE, MANOEUVRE_S = 0.05, 0.2
 """A change of speed, relative to the usual, within a time on either side that no knock makes."""
 LARGEST_RIPPLE = 0.3
-KNOCK_ROUNDS = 8
+KNOCK_ROUNDS, KNOCK_COST = 12, 20.0
+"""The squared normalised residuals that a knock must explain."""
 SAME_S = 0.012
 """Knocks nearer than this are one."""
 
@@ -114,23 +115,14 @@ class ChunkFit(Chunk):
         self.intensity = np.maximum(self.intensity * change, STIFF * self.intensity_scale)
 
     def look_for_knocks(self) -> None:
-        """Find knocks against a stiff spline and fit them, round by round until none is left."""
+        """Find knocks against a stiff spline and fit them, round by round while that explains more than it costs."""
         most = int(4.0 * (self.time[-1] - self.time[0])) + 2
-        moved = self._manoeuvres()
-        self.intensity = np.where(moved, WILD, STIFF) * self.intensity_scale
-        avoided = np.zeros(0)
+        self.intensity = np.where(self._manoeuvres(), WILD, STIFF) * self.intensity_scale
+        self.solve()
+        self._avoided = np.zeros(0)
+        best, kept, failures = self._cost(), self._knocks(), 0
         for _ in range(KNOCK_ROUNDS):
-            self.solve()
-            new = self._find(most, WIDE)
-            near = np.abs(self.knock_times[:, None] - new[:, 0]) < SAME_S
-            if near.any():  # a find beside a fitted knock: that one stands for two and hides both
-                avoided = np.concatenate([avoided, self.knock_times[near.any(axis=1)]])
-                keep = ~near.any(axis=1)
-                self.knock_times, self.knock_sizes = self.knock_times[keep], self.knock_sizes[keep]
-                self.solve()
-                new = self._find(most, NARROW)
-            taken = np.concatenate([self.knock_times, avoided])
-            new = new[np.all(np.abs(taken[:, None] - new[:, 0]) >= SAME_S, axis=0)]
+            new = self._new_knocks(most)
             if not new.size:
                 break
             order = np.argsort(np.concatenate([self.knock_times, new[:, 0]]))
@@ -139,6 +131,35 @@ class ChunkFit(Chunk):
             for _ in range(3):
                 self.solve()
             self._drop_weak()
+            self.solve()
+            cost = self._cost()
+            if cost < best:
+                best, kept, failures = cost, self._knocks(), 0
+            else:
+                failures += 1
+                if failures == 4:
+                    break
+        self.knock_times, self.knock_sizes, self._log_response, self.ripple = kept
+        self.solve()
+
+    def _knocks(self) -> tuple[FloatArray, FloatArray, float, FloatArray]:
+        return self.knock_times, self.knock_sizes, float(self._log_response), self.ripple
+
+    def _cost(self) -> float:
+        return float(np.sum(self.residual**2 / self.variance)) + KNOCK_COST * self.knock_times.size
+
+    def _new_knocks(self, most: int) -> FloatArray:
+        """Knocks that the residual shows; fitted ones that stand for two, and hide both, are taken back."""
+        new = self._find(most, WIDE)
+        near = np.abs(self.knock_times[:, None] - new[:, 0]) < SAME_S
+        if near.any():  # a find beside a fitted knock
+            self._avoided = np.concatenate([self._avoided, self.knock_times[near.any(axis=1)]])
+            keep = ~near.any(axis=1)
+            self.knock_times, self.knock_sizes = self.knock_times[keep], self.knock_sizes[keep]
+            self.solve()
+            new = self._find(most, NARROW)
+        taken = np.concatenate([self.knock_times, self._avoided])
+        return new[np.all(np.abs(taken[:, None] - new[:, 0]) >= SAME_S, axis=0)]
 
     def _manoeuvres(self) -> BoolArray:
         """Intervals in which the shaft changes its speed by far more than a knock does: a soft spline must follow."""

@@ -145,7 +145,7 @@ class ShaftTracker:
             if place is not None:
                 own.take_in_order(place)
         verdict = None
-        if watch.settled:
+        if watch.settled and not watch.doubtful:
             self._until_birth -= 1
             if self._until_birth <= 0:
                 stride = max(1, round(self._settings.memory_s / BANK_WIDTH / watch.period_s))
@@ -153,6 +153,8 @@ class ShaftTracker:
                 bank.born(own.hypotheses, watch.knock_rate * watch.period_s * stride)
             verdict = bank.verdict(watch.scale)
             watch.eventful = verdict.weight
+        else:
+            watch.eventful = 0.0
         self._minded = verdict if verdict is not None and verdict.weight > MINDED else None
         self._write()
         if verdict is not None and self._until_birth <= 1 and bank.leaving(verdict):

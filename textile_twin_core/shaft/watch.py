@@ -18,6 +18,8 @@ LOST_SAMPLES = 10
 """Hypotheses of what has just begun need so many samples to gain weight."""
 DRIFT_S = 0.25
 CALM_S = 0.15
+CROWD, DOUBT_TURNS = 5.0, 2.5
+"""Events within about two turns that are too many, and for how many turns none is believed then."""
 LEAST_INTENSITY, FIRST_INTENSITY, MOST_INTENSITY = math.log(1e-9), math.log(3e-8), math.log(10.0)
 
 
@@ -53,6 +55,8 @@ class Watch:
         self._still = False
         self._slow_s = 0.0
         self._calm_s = 0.0
+        self._crowd = 0.0
+        self._doubt_turns = 0.0
 
     # Time
 
@@ -80,7 +84,10 @@ class Watch:
 
     def travel(self, moved: float) -> None:
         """The shaft moved by so much [rad]."""
-        self.turns += abs(moved) / TURN
+        turns = min(abs(moved) / TURN, 1.0)
+        self.turns += turns
+        self._crowd *= 1.0 - 0.5 * turns
+        self._doubt_turns = max(self._doubt_turns - turns, 0.0)
 
     @property
     def scale(self) -> float:
@@ -98,6 +105,8 @@ class Watch:
         """Variances that a step adds to V' and to w'; the latter while the ripple is being learnt."""
         square = self.scale * self.scale
         burst = 4.0 * square * math.exp(-self.turns / 0.27) * step if self.turns < 4.0 else 0.0
+        if self.doubtful:
+            burst += 0.3 * square * step
         return math.exp(self._log_intensity) * square * step, burst
 
     def judge(self, normalised: float, step: float) -> None:
@@ -124,14 +133,19 @@ class Watch:
         return self.eventful < 0.25 and self._misfit < 4.0
 
     @property
+    def doubtful(self) -> bool:
+        """Whether events came so thickly that they must be something else: a ripple that the state does not hold yet."""
+        return self._doubt_turns > 0.0
+
+    @property
     def calm(self) -> bool:
         """Whether nothing special has gone on for a while."""
-        return self.quiet and self._calm_s > CALM_S
+        return self.doubtful or (self.quiet and self._calm_s > CALM_S)
 
     @property
     def lost(self) -> bool:
         """Whether the innovations are beyond what any hypothesis allows."""
-        return self._misfits >= LOST_SAMPLES
+        return self._misfits >= LOST_SAMPLES and not self.doubtful
 
     def found_again(self) -> float:
         """The filter was opened; the scale of speed."""
@@ -150,6 +164,9 @@ class Watch:
         """A knock was taken in."""
         self._report.knocks += 1
         self._knocks += 1.0
+        self._crowd += 1.0
+        if self._crowd > CROWD:
+            self._crowd, self._doubt_turns = 0.0, DOUBT_TURNS
         self.eventful = 0.0
         self._startle()
 
