@@ -37,7 +37,14 @@ class AngleGrid:
         self._arrays = [np.asarray(v) for v in (self.inverse, *self.parts)]
         self._mask = np.asarray(nodes - 1)
 
-    def reduce(self, theta: FloatArray, index: IntArray, rest: FloatArray, work: FloatArray, work2: FloatArray) -> None:
+    def reduce(
+        self,
+        theta: FloatArray,
+        index: IntArray,
+        rest: FloatArray,
+        work: FloatArray,
+        work2: FloatArray,
+    ) -> None:
         """Nearest node, 0..nodes-1, and the angle from it, of (n,) angles, into `index` and `rest`."""
         inverse, first, second, third = self._arrays
         np.multiply(theta, inverse, work)

@@ -9,6 +9,8 @@ from textile_twin_core.expression.graph import Expr, topological_order
 from textile_twin_core.expression.schedule import schedule
 
 _SINCOS_WORK = 4
+_APART = frozenset({"select", "sign"})
+"""Operations of several steps, which must not write onto their own arguments."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +73,10 @@ class _Writer:
         else:
             arguments = [self.place[a] for a in node.args]
             released = [self.held.pop(a) for a in set(node.args) if self.last_use[a] == number and a in self.held]
-            if node.op != "select":  # every ufunc may write onto its own argument
+            if node.op not in _APART:  # every ufunc may write onto its own argument
                 self.free.extend(released)
             self._settle(node)
-            if node.op == "select":
+            if node.op in _APART:
                 self.free.extend(released)
             self._line(f"np_{node.op}", [*arguments, self.place[node]])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import INPUTS
 from textile_twin_core.errors import SceneError
-from textile_twin_core.expression import Expr, derivative, interpret, square, variable
+from textile_twin_core.expression import Expr, derivative, interpret, square, topological_order, variable
 from textile_twin_core.expression.angle_grid import LARGEST_ANGLE
 from textile_twin_core.expression.blocks import CHUNK, BlockProgram
 from textile_twin_core.expression.cost import operation_cost
@@ -95,15 +95,16 @@ class TableEvaluator:
         BlockProgram(self.functions, ["theta"])([theta], functions)
         sizes = np.array([np.abs(f).max() for f in functions])
         zeros = {f"f{i}": 0.0 for i in range(len(self.functions))}
+        phases = _between_leaps(self.combined.values())
         rows = []
         for speed in (share * nominal_speed for share in _SPEED_SHARES):
             acceleration = 0.1 * speed**2
             values = {name: np.empty_like(theta) for name in self.outputs}
             self.exact.fill((theta, np.full_like(theta, speed), np.full_like(theta, acceleration)), values)
-            state = {"theta": 0.0, "omega": speed, "alpha": acceleration, "phase": 1.0, **zeros}
+            state = {"theta": 0.0, "omega": speed, "alpha": acceleration, "phase": phases, **zeros}
             for name, expression in self.combined.items():
                 peak = float(np.abs(values[name]).max())
-                rows.append(np.abs(_slopes(expression, len(self.functions), state)) * sizes / (peak or 1.0))
+                rows.append(_slopes(expression, len(self.functions), state) * sizes / (peak or 1.0))
         return np.array(rows)
 
     @property
@@ -113,7 +114,7 @@ class TableEvaluator:
     @cached_property
     def program(self) -> BlockProgram:
         """What remains to be done with the tabulated values."""
-        return BlockProgram(list(self.combined.values()), self._inputs, arranged=True)
+        return BlockProgram(list(self.combined.values()), self._inputs)
 
     @property
     def cost(self) -> float:
@@ -183,10 +184,17 @@ class TableEvaluator:
         return held
 
 
-def _slopes(expression: Expr, count: int, state: Mapping[str, float]) -> FloatArray:
-    """How strongly an output follows each of its tabulated values f0, f1, .. at a state."""
+def _slopes(expression: Expr, count: int, state: Mapping[str, float | FloatArray]) -> FloatArray:
+    """How strongly, at most, an output follows each of its tabulated values f0, f1, .. at states."""
     slopes = [derivative([expression], variable(f"f{i}"))[0] for i in range(count)]
-    return np.array(interpret(slopes, state, math), dtype=np.float64)
+    return np.array([np.abs(slope).max() for slope in interpret(slopes, state, np)], dtype=np.float64)
+
+
+def _between_leaps(expressions: Iterable[Expr]) -> FloatArray:
+    """A phase in each stretch over which no load leaps [rad]."""
+    leaps = {node.args[1] for node in topological_order(expressions) if node.op == "at_least"}
+    edges = np.array([0.0, *sorted(angle.value for angle in leaps if angle.is_constant), 2.0 * math.pi])
+    return 0.5 * (edges[:-1] + edges[1:])
 
 
 class _Buffers:
