@@ -21,6 +21,8 @@ RIPPLE_PRIOR = 0.03
 KNOT_S = 0.04
 SOFT = 0.1
 """Intensity of the jerk relative to the squared speed [1/s^3] to begin with: speed may change by a third in 1 s."""
+FREE_RESPONSE, FIXED_RESPONSE = 16.0, 1e8
+"""Inverse variances of log T beforehand: when it is fitted, and while knocks are still being sought."""
 STRETCH = 1e-4
 QUADRATURE = np.polynomial.hermite_e.hermegauss(15)
 
@@ -53,6 +55,7 @@ class Chunk:
         count = max(int(span / max(KNOT_S, 3.0 * typical)), 1)
         self._set_knots(np.linspace(self.time[0], self.time[-1] + 1e-9, count + 1))
         self._log_response = np.log(self.response_s)
+        self.response_prior = FREE_RESPONSE
         self.ripple = np.zeros(2 * self.orders.size)
 
     def _set_knots(self, breaks: FloatArray) -> None:
@@ -84,7 +87,7 @@ class Chunk:
         """Inverse prior variances of the border's unknowns."""
         knocks = self.knock_times.size
         size = 4.0 * self.intensity_scale
-        tail = [16.0] if knocks else []
+        tail = [self.response_prior] if knocks else []
         return np.concatenate(
             [
                 np.full(self.ripple.size, 1.0 / RIPPLE_PRIOR**2),

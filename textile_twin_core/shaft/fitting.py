@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.shaft.chunk import SOFT, Chunk
+from textile_twin_core.shaft.chunk import FIXED_RESPONSE, FREE_RESPONSE, SOFT, Chunk
 from textile_twin_core.shaft.knocks import NARROW, WIDE, find_knocks
 from textile_twin_core.shaft.spline import ORDER
 
@@ -21,8 +21,8 @@ MANOEUVRE, MANOEUVRE_S = 0.05, 0.2
 LARGEST_RIPPLE = 0.3
 KNOCK_ROUNDS, KNOCK_COST = 12, 20.0
 """The squared normalised residuals that a knock must explain."""
-SAME_S = 0.012
-"""Knocks nearer than this are one."""
+SAME_S, HIDDEN, DOUBLED_AT_ONCE = 0.012, 0.3, 2
+"""Knocks nearer than this are one; a find of this share of a fitted knock's size beside it tells that it is two."""
 
 
 class ChunkFit(Chunk):
@@ -118,6 +118,7 @@ class ChunkFit(Chunk):
         """Find knocks against a stiff spline and fit them, round by round while that explains more than it costs."""
         most = int(4.0 * (self.time[-1] - self.time[0])) + 2
         self.intensity = np.where(self._manoeuvres(), WILD, STIFF) * self.intensity_scale
+        self.response_prior = FIXED_RESPONSE
         self.solve()
         self._avoided = np.zeros(0)
         best, kept, failures = self._cost(), self._knocks(), 0
@@ -128,36 +129,54 @@ class ChunkFit(Chunk):
             order = np.argsort(np.concatenate([self.knock_times, new[:, 0]]))
             self.knock_times = np.concatenate([self.knock_times, new[:, 0]])[order]
             self.knock_sizes = np.concatenate([self.knock_sizes, new[:, 1]])[order]
-            for _ in range(3):
-                self.solve()
-            self._drop_weak()
-            self.solve()
-            cost = self._cost()
+            cost = self._converge()
             if cost < best:
                 best, kept, failures = cost, self._knocks(), 0
             else:
                 failures += 1
                 if failures == 4:
                     break
-        self.knock_times, self.knock_sizes, self._log_response, self.ripple = kept
-        self.solve()
+        self.knock_times, self.knock_sizes, self.ripple = kept
+        self.response_prior = FREE_RESPONSE
+        self._converge()
 
-    def _knocks(self) -> tuple[FloatArray, FloatArray, float, FloatArray]:
-        return self.knock_times, self.knock_sizes, float(self._log_response), self.ripple
+    def _knocks(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return self.knock_times, self.knock_sizes, self.ripple
 
     def _cost(self) -> float:
         return float(np.sum(self.residual**2 / self.variance)) + KNOCK_COST * self.knock_times.size
+
+    def _converge(self) -> float:
+        """Gauss-Newton steps until they gain nothing; the cost."""
+        before = np.inf
+        for _ in range(8):
+            self.solve()
+            cost = self._cost()
+            if cost > 0.98 * before:
+                break
+            before = cost
+        self._drop_weak()
+        self.solve()
+        return self._cost()
 
     def _new_knocks(self, most: int) -> FloatArray:
         """Knocks that the residual shows; fitted ones that stand for two, and hide both, are taken back."""
         new = self._find(most, WIDE)
         near = np.abs(self.knock_times[:, None] - new[:, 0]) < SAME_S
-        if near.any():  # a find beside a fitted knock
-            self._avoided = np.concatenate([self._avoided, self.knock_times[near.any(axis=1)]])
-            keep = ~near.any(axis=1)
-            self.knock_times, self.knock_sizes = self.knock_times[keep], self.knock_sizes[keep]
+        near &= np.abs(new[:, 1]) > HIDDEN * np.abs(self.knock_sizes[:, None])
+        excess = np.max(np.where(near, np.abs(new[:, 1]), 0.0), axis=1, initial=0.0)
+        doubled = np.argsort(excess)[-DOUBLED_AT_ONCE:]
+        doubled = doubled[excess[doubled] > 0.0]
+        if doubled.size:
+            self._avoided = np.concatenate([self._avoided, self.knock_times[doubled]])
+            self.knock_times = np.delete(self.knock_times, doubled)
+            self.knock_sizes = np.delete(self.knock_sizes, doubled)
             self.solve()
             new = self._find(most, NARROW)
+        new = self._apart(new)
+        return new if new.size or doubled.size else self._apart(self._find(most, NARROW))
+
+    def _apart(self, new: FloatArray) -> FloatArray:
         taken = np.concatenate([self.knock_times, self._avoided])
         return new[np.all(np.abs(taken[:, None] - new[:, 0]) >= SAME_S, axis=0)]
 

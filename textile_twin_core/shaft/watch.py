@@ -134,7 +134,7 @@ class Watch:
 
     @property
     def doubtful(self) -> bool:
-        """Whether events came so thickly that they must be something else: a ripple that the state does not hold yet."""
+        """Whether events came so thickly that they must be something else: a ripple not yet in the state."""
         return self._doubt_turns > 0.0
 
     @property
