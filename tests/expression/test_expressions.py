@@ -35,8 +35,13 @@ from textile_twin_core.expression.sincos import sincos
 X, Y = variable("x"), variable("y")
 
 
+def decimals(size: float) -> st.SearchStrategy[float]:
+    """Numbers of a machine's size: three decimals."""
+    return st.floats(-size, size).map(lambda value: round(value, 3))
+
+
 def expressions() -> st.SearchStrategy[Expr]:
-    leaves = st.one_of(st.just(X), st.just(Y), st.floats(-3.0, 3.0).map(const))
+    leaves = st.one_of(st.just(X), st.just(Y), decimals(3.0).map(const))
     return st.recursive(
         leaves,
         lambda inner: st.one_of(
@@ -56,7 +61,7 @@ def expressions() -> st.SearchStrategy[Expr]:
 
 
 @settings(max_examples=150, deadline=None)
-@given(expressions(), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+@given(expressions(), decimals(2.0), decimals(2.0))
 def test_all_back_ends_agree(expression: Expr, x: float, y: float) -> None:
     (plain,) = interpret([expression], {"x": x, "y": y}, math)
     (scalar,) = compile_scalar([expression], ["x", "y"])(x, y)

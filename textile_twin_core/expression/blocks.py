@@ -39,11 +39,11 @@ _UFUNCS: Mapping[str, Any] = {
 }
 
 
-_TINY = np.asarray(1e-300)
+_TINY = np.asarray(1e-307)
 
 
 def _sign(x: Any, out: FloatArray) -> None:
-    """As np.sign, but without a branch for each sample: x / (|x| + tiny) is exactly 1, 0 or -1."""
+    """As np.sign, but without a branch for each sample: x / (|x| + tiny), 1, 0 or -1 but for |x| below 1e-290."""
     np.absolute(x, out)
     np.add(out, _TINY, out)
     np.true_divide(x, out, out)

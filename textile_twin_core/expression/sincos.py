@@ -10,11 +10,9 @@ from typing import Final
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.expression.angle_grid import LARGEST_ANGLE, AngleGrid
+from textile_twin_core.expression.angle_grid import AngleGrid, keeps_its_rest
 
 _NODES: Final = 2048
-_SURELY_SMALL: Final = LARGEST_ANGLE**2
-"""Where the sum of the squares is below, every angle is; one cheap pass, and NaN is never below."""
 _GRID: Final = AngleGrid(_NODES)
 _TURN: Final = 2 * (np.longdouble(np.pi) + np.longdouble(1.2246467991473532e-16))
 
@@ -42,7 +40,7 @@ def sincos(x: FloatArray, sine: FloatArray, cosine: FloatArray, work: list[Float
     Errors stay below 1.2 units in the last place of 1. Angles beyond 1e9 rad, infinite ones and NaN go
     the way of numpy's functions.
     """
-    if not (np.dot(x, x) < _SURELY_SMALL or (x.max() < LARGEST_ANGLE and x.min() > -LARGEST_ANGLE)):
+    if not keeps_its_rest(x):
         np.sin(x, sine)
         np.cos(x, cosine)
         return

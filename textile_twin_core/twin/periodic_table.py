@@ -17,6 +17,7 @@ from numpy.polynomial import chebyshev
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.expression import Expr
+from textile_twin_core.expression.aligned import aligned_rows
 from textile_twin_core.expression.angle_grid import AngleGrid
 from textile_twin_core.expression.blocks import BlockProgram
 
@@ -70,8 +71,8 @@ class TableReader:
 
     def __init__(self, table: PeriodicTable, chunk: int) -> None:
         self.table = table
-        self._sums = [np.empty((chunk, width)) for _, width, _ in table.groups]
-        self._powers = [np.empty((chunk, width)) for _, width, _ in table.groups]
+        self._sums = [aligned_rows(1, chunk * width)[0].reshape(chunk, width) for _, width, _ in table.groups]
+        self._powers = [aligned_rows(1, chunk * width)[0].reshape(chunk, width) for _, width, _ in table.groups]
         widest = max(width for _, width, _ in table.groups)
         self._rest = np.empty((chunk, widest))
         self._ones = {width: np.ones((1, width)) for _, width, _ in table.groups}

@@ -12,9 +12,10 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import INPUTS
 from textile_twin_core.errors import SceneError
-from textile_twin_core.expression import Expr, derivative, interpret, square, topological_order, variable
-from textile_twin_core.expression.angle_grid import LARGEST_ANGLE
-from textile_twin_core.expression.blocks import CHUNK, BlockProgram
+from textile_twin_core.expression import Expr, const, derivative, interpret, square, topological_order, variable
+from textile_twin_core.expression.aligned import aligned_rows
+from textile_twin_core.expression.angle_grid import LARGEST_ANGLE, keeps_its_rest
+from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.expression.cost import operation_cost
 from textile_twin_core.expression.graph import scaled
 from textile_twin_core.expression.scalar import compile_scalar_mapping
@@ -44,7 +45,7 @@ class TableEvaluator:
         self.exact = ExactEvaluator(outputs)
         forms = LinearForms(machine)
         self._intensities = {v: as_phase_steps(true) for v, true in forms.intensities.items()}
-        self._names: dict[Expr, Expr] = {}
+        self._names: dict[Expr, tuple[Expr, float]] = {}
         combined: dict[str, Expr] = {}
         for name in outputs:
             expression = self._combine(forms, name)
@@ -52,7 +53,7 @@ class TableEvaluator:
                 combined[name] = expression
         self.exact_outputs = tuple(name for name in outputs if name not in combined)
         self.combined = {name: combined.get(name, outputs[name]) for name in outputs}
-        self.functions = tuple(self._names)
+        self.functions = tuple(held * function for function, (_, held) in self._names.items())
         self.table = self._tabulate(machine, tolerance)
         self._local = threading.local()
 
@@ -71,12 +72,16 @@ class TableEvaluator:
                 factor = intensity
             elif factor is OMEGA_SQUARED:
                 factor = square(variable("omega"))
-            value = size * (function if function.is_constant else self._value(function))
-            total += value if factor is None else value * factor
+            share, leaping = (1.0, const(1.0)) if factor is None else scaled(factor)
+            total += self._value(size * share, function) * leaping
         return total
 
-    def _value(self, function: Expr) -> Expr:
-        return self._names.setdefault(function, variable(f"f{len(self._names)}"))
+    def _value(self, size: float, function: Expr) -> Expr:
+        """size * function as a tabulated value; the table holds it with the size it is first asked for."""
+        if function.is_constant:
+            return size * function
+        name, held = self._names.setdefault(function, (variable(f"f{len(self._names)}"), size))
+        return (size / held) * name
 
     def _tabulate(self, machine: Machine, tolerance: float) -> PeriodicTable | None:
         if not self.functions:
@@ -101,7 +106,13 @@ class TableEvaluator:
             acceleration = 0.1 * speed**2
             values = {name: np.empty_like(theta) for name in self.outputs}
             self.exact.fill((theta, np.full_like(theta, speed), np.full_like(theta, acceleration)), values)
-            state = {"theta": 0.0, "omega": speed, "alpha": acceleration, "phase": phases, **zeros}
+            state: dict[str, float | FloatArray] = {
+                "theta": 0.0,
+                "omega": speed,
+                "alpha": acceleration,
+                "phase": phases,
+                **zeros,
+            }
             for name, expression in self.combined.items():
                 peak = float(np.abs(values[name]).max())
                 rows.append(_slopes(expression, len(self.functions), state) * sizes / (peak or 1.0))
@@ -114,7 +125,7 @@ class TableEvaluator:
     @cached_property
     def program(self) -> BlockProgram:
         """What remains to be done with the tabulated values."""
-        return BlockProgram(list(self.combined.values()), self._inputs)
+        return BlockProgram(list(self.combined.values()), self._inputs, arranged=True)
 
     @property
     def cost(self) -> float:
@@ -155,21 +166,23 @@ class TableEvaluator:
 
     def fill(self, inputs: tuple[FloatArray, FloatArray, FloatArray], out: Mapping[str, FloatArray]) -> None:
         """Evaluate one-dimensional inputs into the arrays of `out`."""
-        theta = inputs[0]
-        if self.table is None or not (theta.min() > -LARGEST_ANGLE and theta.max() < LARGEST_ANGLE):
-            self.exact.fill(inputs, out)  # nothing to tabulate, NaN or angles that the reduction would not keep
+        if self.table is None:
+            self.exact.fill(inputs, out)
             return
-        arrays = [out[name] for name in self.combined]
-        for start in range(0, theta.shape[0], CHUNK):
-            part = slice(start, min(start + CHUNK, theta.shape[0]))
+        arrays, step = [out[name] for name in self.combined], self.program.chunk
+        for start in range(0, inputs[0].shape[0], step):
+            part = slice(start, start + step)
             self._fill_chunk([a[part] for a in inputs], [a[part] for a in arrays])
 
     def _fill_chunk(self, inputs: list[FloatArray], outputs: list[FloatArray]) -> None:
         assert self.table is not None
-        n = inputs[0].shape[0]
-        work = self._buffers()
+        theta = inputs[0]
+        if not keeps_its_rest(theta):  # NaN, or angles that the reduction would not keep
+            self.exact.program(inputs, outputs)
+            return
+        n, work = theta.shape[0], self._buffers()
         index, rest, phase, scratch = work.index[:n], work.rest[:n], work.phase[:n], work.scratch[:n]
-        self.table.grid.reduce(inputs[0], index, rest, scratch, phase)
+        self.table.grid.reduce(theta, index, rest, scratch, phase)
         if self._needs_phase:
             np.multiply(index, self.table.grid.step, phase)
             np.add(phase, rest, phase)
@@ -180,7 +193,7 @@ class TableEvaluator:
         held: _Buffers | None = getattr(self._local, "buffers", None)
         if held is None:
             assert self.table is not None
-            held = self._local.buffers = _Buffers(self.table)
+            held = self._local.buffers = _Buffers(self.table, self.program.chunk)
         return held
 
 
@@ -194,13 +207,14 @@ def _between_leaps(expressions: Iterable[Expr]) -> FloatArray:
     """A phase in each stretch over which no load leaps [rad]."""
     leaps = {node.args[1] for node in topological_order(expressions) if node.op == "at_least"}
     edges = np.array([0.0, *sorted(angle.value for angle in leaps if angle.is_constant), 2.0 * math.pi])
-    return 0.5 * (edges[:-1] + edges[1:])
+    middles: FloatArray = 0.5 * (edges[:-1] + edges[1:])
+    return middles
 
 
 class _Buffers:
     """Chunk-sized working arrays of one thread."""
 
-    def __init__(self, table: PeriodicTable) -> None:
-        self.index = np.empty(CHUNK, dtype=np.int64)
-        self.rest, self.phase, self.scratch = np.empty(CHUNK), np.empty(CHUNK), np.empty(CHUNK)
-        self.reader = TableReader(table, CHUNK)
+    def __init__(self, table: PeriodicTable, chunk: int) -> None:
+        self.index = np.empty(chunk, dtype=np.int64)
+        self.rest, self.phase, self.scratch = aligned_rows(3, chunk)
+        self.reader = TableReader(table, chunk)
