@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
-from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion
+from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion, measured_error
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
 
 if TYPE_CHECKING:
@@ -65,10 +66,10 @@ class HistoryTwin:
             result[name][...] = values.reshape(shape)
         return result if shape or out is not None else {name: float(values) for name, values in result.items()}
 
-    @property
+    @cached_property
     def reached_error(self) -> float:
-        """Error over peak: that of the integrator; event times err by no more than the tolerance."""
-        return self.tolerance
+        """Error over peak of the worst output over one cycle, measured against a tolerance a thousand times tighter."""
+        return measured_error(self.machine, self.outputs, self.tolerance)
 
     def describe(self) -> str:
         """What is integrated, and how."""
