@@ -1,4 +1,4 @@
-"""What sensors and machines do to an estimator: nothing raises, nothing diverges, every accepted sample gets its state."""
+"""What sensors and machines do to an estimator: nothing raises or diverges, every accepted sample gets its state."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def off(states: ShaftStates, theta: np.ndarray) -> np.ndarray:
 MOTIONS = {
     "standstill": lambda t: 0 * t,
     "run-up": lambda t: W * np.clip((t - 1) / 1.5, 0, 1),
-    "stop and restart": lambda t: W * np.interp(t, [0, 2, 2.3, 3.5, 4.5, 9], [1, 1, 0, 0, 1, 1]),
+    "stop and restart": lambda t: W * np.interp(t, [0, 1.5, 1.8, 2.8, 3.8, 9], [1, 1, 0, 0, 1, 1]),
     "emergency stop": lambda t: W * np.interp(t, [0, 3, 3.05, 9], [1, 1, 0, 0]),
     "reversal": lambda t: W * np.interp(t, [0, 2, 3, 9], [1, 1, -1, -1]),
 }
@@ -50,7 +50,7 @@ MOTIONS = {
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_motions(name: str, motion: str) -> None:
-    time, theta, omega, reading = turned(MOTIONS[motion], 6.0)
+    time, theta, omega, reading = turned(MOTIONS[motion], 5.0)
     states, report = run(name, time, reading)
     assert len(states) == time.size - 2
     assert np.isfinite(states.covariance).all() and np.isfinite(states.alpha_rad_s2).all()
@@ -174,10 +174,10 @@ def test_a_counting_input_keeps_its_count_and_its_digits(name: str) -> None:
 @pytest.mark.filterwarnings("error")
 def test_readings_that_follow_no_motion_do_no_harm(name: str) -> None:
     rng = np.random.default_rng(2)
-    stamps = np.arange(700) * 2_000_000
-    for angles in (rng.uniform(0, 6.28, 700), rng.normal(0, 1e6, 700), np.zeros(700), rng.choice([0.0, 3.0], 700)):
+    stamps = np.arange(400) * 2_000_000
+    for angles in (rng.uniform(0, 6.28, 400), rng.normal(0, 1e6, 400), np.zeros(400), rng.choice([0.0, 3.0], 400)):
         states, _ = run(name, stamps, angles)
-        assert len(states) == 698
+        assert len(states) == 398
         assert np.isfinite(states.omega_rad_s).all()
         assert np.isfinite(states.covariance).all()
 
@@ -193,7 +193,7 @@ def test_a_handful_of_samples(name: str) -> None:
 
 @pytest.mark.parametrize("rate_hz", [25.0, 100.0, 5000.0])
 def test_any_sample_rate(rate_hz: float) -> None:
-    seconds = 1.6 if rate_hz > 1000 else 8.0
+    seconds = 1.2 if rate_hz > 1000 else 8.0
     signal = make_signal(10, rate_hz=rate_hz, duration_s=seconds)
     states, report = run("lag", signal.stamps_ns, signal.angles)
     late = signal.time[states.index] > seconds * 0.7
@@ -223,7 +223,7 @@ def test_a_speed_that_the_sensor_gives_is_used_and_weighed() -> None:
 def test_mistakes_of_the_caller_are_named() -> None:
     with pytest.raises(SceneError, match="unknown shaft estimator 'kalman': choose one of causal, lag, smooth"):
         create_estimator("kalman")
-    with pytest.raises(SceneError, match="'causal': .*shaft_lag"):
+    with pytest.raises(SceneError, match=r"'causal': .*shaft_lag"):
         create_estimator("causal", shaft_lag=1)
     with pytest.raises(SceneError, match="positive"):
         create_estimator("lag", shaft_lag_s=0.0)
