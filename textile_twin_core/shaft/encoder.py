@@ -10,9 +10,11 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.shaft.turns import TURN, split_turns
 
 LOOK_AT = (12, 48, 192, 768)
+NO_STEP_AFTER = 192
+"""Readings without a common divisor that prove that there is none; of fewer the counts may merely lie far apart."""
 UNKNOWN_STEP_RAD = 0.012
 """Taken for the encoder's step until it is found: that of 9 bits."""
-FINEST_STEP_RAD = 1e-7
+FINEST_STEP_RAD = 1e-6
 ENOUGH_GAPS = 6
 COARSE = 5.0
 """Steps larger than this many predicted sigmas are taken as the interval that they are, not as noise."""
@@ -49,7 +51,7 @@ class EncoderNoise:
         if len(self._looked) in LOOK_AT:
             readings = np.array(self._looked)
             step = encoder_step(readings, self._period)
-            if step is not None:
+            if step or (step is not None and len(readings) >= NO_STEP_AFTER):
                 self.known = True
                 self.step = step
                 self._rest = (0.02 * step) ** 2 + 1e-12
@@ -116,9 +118,15 @@ def _common_step(angles: FloatArray, values: FloatArray) -> float | None:
     if gaps.size < ENOUGH_GAPS:
         return None
     step = float(gaps.min())
+    while True:  # Euclid's algorithm on all gaps at once
+        rest = np.abs(gaps - np.rint(gaps / step) * step)
+        rest = rest[rest > 1e-3 * step + 8.0 * grain]
+        if rest.size <= 0.02 * gaps.size:
+            break
+        step = float(rest.min())
+        if step < FINEST_STEP_RAD:
+            return 0.0
     multiples = np.rint(gaps / step)
-    if np.mean(np.abs(gaps - multiples * step) > multiples * grain + 1e-6 * step) > 0.02:
-        return 0.0
     step = float(np.sum(gaps) / np.sum(multiples))
     moves = np.diff(angles)
     moves -= TURN * np.rint(moves / TURN)

@@ -138,6 +138,8 @@ class SmoothEstimator:
         )
         chunk.fit()
         self._report.knocks += chunk.knock_times.size
+        noise = max(float(np.median(chunk.variance)) - encoder**2 / 12.0, 0.0)
+        self._report.stamp_jitter_s = math.sqrt(noise) / scale
         amplitude = np.hypot(chunk.ripple[0::2], chunk.ripple[1::2])
         ripple = dict(zip(chunk.orders.tolist(), amplitude.tolist(), strict=True))
         self._report.ripple = tuple(ripple.get(k, 0.0) for k in range(1, max(ripple, default=0) + 1))
