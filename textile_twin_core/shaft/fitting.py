@@ -14,6 +14,7 @@ STIFF, WILD = 1e-6, 1e3
 SIGNIFICANT = 25.0
 """Squared amplitude over variance from which an order of ripple stays in the model."""
 BLOCK_S = 0.4
+SETTLED = 0.1
 FAITH = 2.0
 """Degrees of freedom by which a block keeps to the intensity that it has."""
 MANOEUVRE, MANOEUVRE_S = 0.05, 0.2
@@ -68,9 +69,9 @@ class ChunkFit(Chunk):
         for round_ in range(14):
             self.solve()
             self.scale_variance()
-            self.adapt()
+            change = self.adapt()
             refined = round_ >= 2 and self.refine()
-            if round_ >= 6 and not refined:
+            if not refined and (round_ >= 6 or (round_ >= 2 and change < SETTLED)):
                 break
         self._drop_weak()
         for _ in range(2):
@@ -96,8 +97,12 @@ class ChunkFit(Chunk):
         ratio = float(np.mean(within)) / 0.9733
         self.variance = np.maximum(self.variance * min(max(ratio, 1e-4), 1e4), 1e-16)
 
-    def adapt(self) -> None:
-        """A step of MacKay's (1992) for the jerk's intensity, in blocks: its power over the freedom the data give."""
+    def adapt(self) -> float:
+        """A step of MacKay's (1992) for the jerk's intensity, in blocks: its power over the freedom the data give.
+
+        Returns:
+            The largest change of its logarithm.
+        """
         jerk = self.knots.jerk()
         first = np.arange(self.knots.intervals)
         lengths = np.diff(self.knots.breaks)
@@ -112,7 +117,10 @@ class ChunkFit(Chunk):
         usual = np.exp(np.bincount(block, np.log(self.intensity)) / np.bincount(block))
         power = (np.bincount(block, lengths * value**2) + FAITH * usual) / (freedom + FAITH)
         change = np.clip(power / usual, 0.1, 10.0)[block]
-        self.intensity = np.maximum(self.intensity * change, STIFF * self.intensity_scale)
+        adapted = np.maximum(self.intensity * change, STIFF * self.intensity_scale)
+        largest = float(np.abs(np.log(adapted / self.intensity)).max())
+        self.intensity = adapted
+        return largest
 
     def look_for_knocks(self) -> None:
         """Find knocks against a stiff spline and fit them, round by round while that explains more than it costs."""
