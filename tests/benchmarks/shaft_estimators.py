@@ -97,7 +97,7 @@ def plot(rows: list[dict[str, object]], path: Path) -> None:
     for axis in axes:
         axis.grid(True, which="both", alpha=0.3)
         axis.axhline(0.0325, color="grey", linestyle=":", label="acceleration left out")
-    axes[0].legend(fontsize=7)
+    axes[1].legend(fontsize=7, loc="center")
     figure.savefig(path, dpi=120)
 
 

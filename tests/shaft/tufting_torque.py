@@ -12,7 +12,7 @@ GRAVITY = 9.81
 NODES = 1024
 
 
-def _wrap_safe_angle(direction: np.ndarray) -> np.ndarray:
+def _continuous_angle(direction: np.ndarray) -> np.ndarray:
     return np.unwrap(np.angle(direction))
 
 
@@ -30,18 +30,18 @@ class TuftingTorque:
         across = np.sqrt(l2**2 - along**2)
         axis = (c - a) / reach
         b = a + axis * (along + 1j * across)  # B on the left of A -> C
-        t4 = _wrap_safe_angle(b - c) + np.pi + np.deg2rad(168.0) - np.pi
+        t4 = _continuous_angle(b - c) + np.deg2rad(168.0)
         d = c + l4 * np.exp(1j * t4)
         # the needle bar runs on the line x = x1 + x2, below D
         guide = x1 + x2
         e = guide + 1j * (d.imag - np.sqrt(l5**2 - (guide - d.real) ** 2))
         bar = e - 1j * l6 / 2
         bodies = (
-            (3.07, 4.34e-3, a / 2, _wrap_safe_angle(a)),
-            (3.79, 26.99e-3, (a + b) / 2, _wrap_safe_angle(b - a)),
-            (2.96, 10.77e-3, (b + c) / 2, _wrap_safe_angle(b - c)),
+            (3.07, 4.34e-3, a / 2, _continuous_angle(a)),
+            (3.79, 26.99e-3, (a + b) / 2, _continuous_angle(b - a)),
+            (2.96, 10.77e-3, (b + c) / 2, _continuous_angle(b - c)),
             (1.74, 6.69e-3, (c + d) / 2, t4),
-            (0.36, 0.91e-3, (d + e) / 2, _wrap_safe_angle(e - d)),
+            (0.36, 0.91e-3, (d + e) / 2, _continuous_angle(e - d)),
             (1.47, 0.0, bar, np.zeros(NODES)),
         )
         inertia = np.zeros(NODES)
