@@ -75,8 +75,8 @@ def test_phases_follow_the_shaft_forwards_and_backwards() -> None:
     assert inside.mean() == pytest.approx(leave - entry, abs=2 / 720)
 
 
-@pytest.mark.parametrize("name", ttc.machines.NAMES)
-def test_every_machine_has_a_scene(name: str) -> None:
+@pytest.mark.parametrize("name", [name for name in ttc.machines.NAMES if name != "needle_transfer"])
+def test_every_linkage_has_a_scene(name: str) -> None:
     machine = ttc.machines.create(name)
     scene = build_scene(machine)
     assert [part.name for part in scene.moving] == [link.name for link in machine.links]

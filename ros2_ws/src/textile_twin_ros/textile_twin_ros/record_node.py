@@ -32,7 +32,7 @@ _OWN_BUSINESS = ("/rosout", "/parameter_events")
 _NEVER_SILENT = ("/diagnostics", "/clock")
 _LOOK_S = 0.1
 _HOUSEKEEPING_S = 0.25
-_AFTERMATH_S = 0.5
+_AFTERMATH_S = 1.5
 
 
 @dataclass
