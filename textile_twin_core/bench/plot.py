@@ -11,6 +11,8 @@ from textile_twin_core.bench.run import Row
 
 _OURS, _LIMIT, _PEERS = "#0b6e99", "#c8553d", "#7a8794"
 _FLOOR = 1e-16
+_CROWDED = 1e-13
+"""Below this error many stand side by side: their names lean."""
 
 
 def plot_work_precision(rows: Sequence[Row], path: Path, scene: str = "torque") -> None:
@@ -23,7 +25,8 @@ def plot_work_precision(rows: Sequence[Row], path: Path, scene: str = "torque") 
         x, y = row.ns_per_sample or 1.0, max(row.error_over_peak or 0.0, _FLOOR)
         axes.plot(x, y, "o" if row.peer is None else "s", color=colour, markersize=8, zorder=3)
         label = row.method if row.peer is None else f"{row.peer}, {row.method}"
-        axes.annotate(label, (x, y), xytext=(7, 4), textcoords="offset points", fontsize=8, color=colour)
+        leaning = {"rotation": 60, "xytext": (-2, 6)} if y < _CROWDED else {"xytext": (7, 4)}
+        axes.annotate(label, (x, y), textcoords="offset points", fontsize=8, color=colour, **leaning)
     ours = sorted((r.ns_per_sample or 0.0, max(r.error_over_peak or 0.0, _FLOOR)) for r in shown if r.peer is None)
     axes.plot(*zip(*ours, strict=True), color=_OURS, linewidth=1.0, alpha=0.5)
     axes.set(xscale="log", yscale="log", xlabel="time per sample [ns], batch", ylabel="largest error / peak")
