@@ -8,10 +8,7 @@ from textile_twin_core.expression.graph import Expr, const, cos, select, sign, s
 
 
 def derivative(outputs: Iterable[Expr], with_respect_to: Expr) -> list[Expr]:
-    """The partial derivative of each output; steps (sign, at_least) count as constant between their jumps.
-
-    Raises TypeError for a tabulated function, whose derivative the graph does not know.
-    """
+    """The partial derivative of each output; steps (sign, at_least) count as constant between their jumps."""
     outputs = list(outputs)
     slope: dict[Expr, Expr] = {}
     zero, one = const(0.0), const(1.0)

@@ -316,11 +316,6 @@ def select(condition: Expr | Number, yes: Expr | Number, no: Expr | Number) -> E
     return _node("select", (condition, yes, no))
 
 
-def lookup(name: str, abscissa: Expr) -> Expr:
-    """A tabulated function, known to the evaluator by its name, at the abscissa."""
-    return _node("lookup", (abscissa,), name)
-
-
 def topological_order(outputs: Iterable[Expr]) -> list[Expr]:
     """Every node that the outputs need, each after its arguments."""
     order: list[Expr] = []
@@ -365,8 +360,6 @@ def substitute(outputs: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> li
         args = tuple(new[a] for a in node.args)
         if args == node.args:
             new[node] = node
-        elif node.op == "lookup":
-            new[node] = _node("lookup", args, node.payload)
         else:
             new[node] = _REBUILD[node.op](*args)
     return [new[e] for e in outputs]
