@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import statistics
-import time
 import tracemalloc
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -13,6 +12,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.scenes import Motion
+from textile_twin_core.bench.timing import clock, one_core
 from textile_twin_core.machines import Machine, ShaftPlace
 from textile_twin_core.twin import Twin, compile_machine
 
@@ -38,6 +38,7 @@ class Growth:
         return asdict(self)
 
 
+@one_core()
 def growth(machine: Machine, progress: Callable[[int, int], object] = lambda done, total: None) -> list[Growth]:
     """Rows for growing samples, machines and linkages, the torque asked for."""
     total = 2 * (len(SAMPLES) + len(MACHINES) + len(LINKAGES))
@@ -81,9 +82,9 @@ def _measure(what: str, size: int, method: str, units: int, work: Callable[[], o
     work()
     times = []
     for _ in range(3 if units > 1_000_000 else 9):
-        begin = time.perf_counter()
+        begin = clock()
         work()
-        times.append(time.perf_counter() - begin)
+        times.append(clock() - begin)
     tracemalloc.start()
     work()
     _, peak = tracemalloc.get_traced_memory()

@@ -9,7 +9,7 @@ from textile_twin_core.bench.c_limit import c_candidates
 from textile_twin_core.bench.own_methods import own_candidates
 from textile_twin_core.bench.peers import peer_candidates
 from textile_twin_core.bench.scenes import Scene, scenes
-from textile_twin_core.bench.timing import Candidate, take_turns
+from textile_twin_core.bench.timing import Candidate, one_core, take_turns
 from textile_twin_core.machines import Machine
 
 
@@ -18,7 +18,8 @@ class Row:
     """One candidate on one scene.
 
     error_over_peak: largest error over the peak of its output, against extended precision; ns_per_sample: of a
-    batch of `batch` samples; us_per_call: of one sample at a time; None where a candidate does not offer it.
+    batch of `batch` samples; us_per_call: of one sample at a time; None where a candidate does not offer it. Both
+    times are medians of `ns_per_round` and `us_per_round`; the rounds of all rows of a run are the same.
     """
 
     method: str
@@ -30,12 +31,20 @@ class Row:
     ns_per_sample: float | None
     us_per_call: float | None
     note: str = ""
+    ns_per_round: tuple[float, ...] = ()
+    us_per_round: tuple[float, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Method, and whose it is."""
+        return self.method if self.peer is None else f"{self.peer}, {self.method}"
 
     def to_json(self) -> dict[str, object]:
         """A plain dictionary."""
         return asdict(self)
 
 
+@one_core()
 def run_bench(
     machine: Machine,
     with_peers: bool = False,
@@ -47,11 +56,10 @@ def run_bench(
 ) -> list[Row]:
     """Rows for all scenes of a machine.
 
-    `progress` hears of rounds done and their number, `say` a line for each peer that is left out.
+    `progress` hears of steps done and their number, `say` a line for each peer that is left out.
     """
     chosen = [s for s in scenes(machine, samples) if scene_names is None or s.name in scene_names]
-    rows: list[Row] = []
-    total, done = rounds * len(chosen), 0
+    total, done = len(chosen) + rounds, 0
     said: set[str] = set()
 
     def say_once(line: str) -> None:
@@ -59,19 +67,20 @@ def run_bench(
             said.add(line)
             say(line)
 
+    def tick(count: int) -> None:
+        nonlocal done
+        done += count
+        progress(done, total)
+
+    candidates: list[tuple[Scene, Candidate]] = []
     for scene in chosen:
-        candidates = [*c_candidates(scene), *own_candidates(scene)]
+        found = [*c_candidates(scene), *own_candidates(scene)]
         if with_peers:
-            candidates += peer_candidates(scene, say_once)
-
-        def tick(count: int) -> None:
-            nonlocal done
-            done += count
-            progress(done, total)
-
-        take_turns(candidates, rounds, tick)
-        rows += [_row(scene, candidate) for candidate in candidates]
-    return rows
+            found += peer_candidates(scene, say_once)
+        candidates += [(scene, candidate) for candidate in found]
+        tick(1)
+    take_turns([candidate for _, candidate in candidates], rounds, tick)
+    return [_row(scene, candidate) for scene, candidate in candidates]
 
 
 def _row(scene: Scene, candidate: Candidate) -> Row:
@@ -90,4 +99,6 @@ def _row(scene: Scene, candidate: Candidate) -> Row:
         candidate.ns_per_sample,
         candidate.us_per_call,
         candidate.note,
+        tuple(seconds / candidate.samples * 1e9 for seconds in candidate.batch_times),
+        tuple(seconds * 1e6 for seconds in candidate.single_times),
     )

@@ -1,16 +1,23 @@
-"""Fair timing: all candidates in one process, taking turns, and the median of the rounds."""
+"""Fair timing: all candidates in one process on one core, taking turns; every round's time is kept."""
 
 from __future__ import annotations
 
+import os
 import statistics
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from textile_twin_core.arrays import FloatArray
 
 _CALLS = 200
+
+PINS = hasattr(os, "sched_setaffinity")
+"""Whether this system can hold a process to a core."""
+clock = time.process_time if PINS else time.perf_counter
+"""Processor time, which other programs do not lengthen; wall time where systems count it coarsely (Windows, macOS)."""
 
 
 @dataclass
@@ -19,7 +26,7 @@ class Candidate:
 
     `batch` evaluates `samples` samples at once, `single` one sample; either may be missing. `result` gives
     the outputs of the batch's samples for the error; `error` is given instead where the motion is not the scene's.
-    `peer` is the library, None for our own methods.
+    `peer` is the library, None for our own methods. `batch_times` and `single_times` [s] have one entry a round.
     """
 
     method: str
@@ -44,6 +51,29 @@ class Candidate:
         return statistics.median(self.single_times) * 1e6 if self.single_times else None
 
 
+def bench_core() -> int | None:
+    """The core that the bench keeps to: the last one it may use, since systems put their own work on the first.
+
+    None where the system cannot hold a process to a core.
+    """
+    return max(os.sched_getaffinity(0)) if PINS else None
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Holds this thread, and the threads it starts, to `bench_core`: moving to another core would empty its caches."""
+    core = bench_core()
+    if core is None:
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {core})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
 def take_turns(
     candidates: Iterable[Candidate], rounds: int, progress: Callable[[int], object] = lambda _: None
 ) -> None:
@@ -56,20 +86,20 @@ def take_turns(
     for _ in range(rounds):
         for candidate in candidates:
             if candidate.batch is not None:
-                begin = time.perf_counter()
+                begin = clock()
                 candidate.batch()
-                candidate.batch_times.append(time.perf_counter() - begin)
+                candidate.batch_times.append(clock() - begin)
             if candidate.single is not None:
                 candidate.single_times.append(_per_call(candidate.single))
         progress(1)
 
 
 def _per_call(function: Callable[[], Any]) -> float:
-    begin = time.perf_counter()
+    begin = clock()
     function()
-    first = time.perf_counter() - begin
+    first = clock() - begin
     calls = max(1, min(_CALLS, int(0.01 / max(first, 1e-7))))
-    begin = time.perf_counter()
+    begin = clock()
     for _ in range(calls):
         function()
-    return (time.perf_counter() - begin) / calls
+    return (clock() - begin) / calls

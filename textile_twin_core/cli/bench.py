@@ -33,16 +33,19 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Measure, print, write."""
     from textile_twin_core.bench.growth import growth
-    from textile_twin_core.bench.plot import plot_work_precision
+    from textile_twin_core.bench.plots import plot_work_precision
+    from textile_twin_core.bench.ratios import ratios
     from textile_twin_core.bench.run import run_bench
-    from textile_twin_core.bench.text import growth_table, ratios, speed_table
+    from textile_twin_core.bench.text import growth_table, heading, ratio_lines, speed_table
+    from textile_twin_core.bench.timing import bench_core
     from textile_twin_core.files import staged
 
     machine = load_linkage(arguments.machine, arguments.set)
     rows = run_bench(machine, arguments.peers, arguments.rounds, progress=_bar("bench"), say=_complain)
-    print(speed_table(rows))
+    print(heading(bench_core(), arguments.rounds))
+    print(f"\n{speed_table(rows)}")
     if ratios(rows):
-        print(f"\n{ratios(rows)}")
+        print(f"\n{ratio_lines(ratios(rows))}")
     grown = growth(machine, _bar("growth")) if arguments.growth else []
     if grown:
         print(f"\n{growth_table(grown)}")
