@@ -95,9 +95,40 @@ def test_many_linkages_with_events_at_the_origin(machine: ttc.Machine) -> None:
     assert np.abs(table - exact).max() <= 1.2e-10 * np.abs(exact).max()
 
 
+@pytest.mark.parametrize("speed", [SPEED, -SPEED, 0.0])
+def test_every_direction_and_every_number_of_leaps_in_an_interval(machine: ttc.Machine, speed: float) -> None:
+    """A coarse table has an interval with several leaps: each sample takes the piece between its own two."""
+    entry = machine.events()[0].angle_rad
+    places = tuple(ShaftPlace(p) for p in (entry, entry - 0.004, entry - 0.009, entry + 0.03, 1.0))
+    mill = replace(machine, linkages=places)
+    rng = np.random.default_rng(6)
+    theta = np.concatenate([rng.uniform(-0.05, 0.05, 4000), rng.uniform(0.0, 2.0 * math.pi, 4000)])
+    exact = ttc.compile(mill, [TORQUE], "exact").evaluate(theta, speed, 5.0)[TORQUE]
+    table = ttc.compile(mill, [TORQUE], "table", 1e-4)
+    found = table.evaluate(theta, speed, 5.0)[TORQUE]
+    assert np.abs(found - exact).max() <= 1.2e-4 * np.abs(exact).max()
+    single = [table.evaluate(float(t), speed, 5.0)[TORQUE] for t in theta[::7]]
+    assert np.abs(np.array(single) - found[::7]).max() <= 1e-13 * np.abs(exact).max()
+
+
+def test_mixed_directions_and_an_unknown_speed(machine: ttc.Machine) -> None:
+    """Friction follows the sign of each sample's speed; where the speed is NaN the torque is NaN, the position not."""
+    rng = np.random.default_rng(8)
+    theta, omega = rng.uniform(0.0, 7.0, 999), rng.choice([-SPEED, -1e-9, 0.0, 1e-9, SPEED], 999)
+    outputs = [TORQUE, "needle_position_m"]
+    exact, table = (ttc.compile(machine, outputs, m, 1e-12).evaluate(theta, omega, 3.0) for m in ("exact", "table"))
+    for name in outputs:
+        assert np.abs(table[name] - exact[name]).max() <= 1.2e-12 * np.abs(exact[name]).max()
+    twin = ttc.compile(machine, outputs, "table", 1e-9)
+    unknown = twin.evaluate(np.array([0.5, 1.0]), np.array([math.nan, SPEED]), 0.0)
+    assert np.isnan(unknown[TORQUE]).tolist() == [True, False]
+    assert np.isfinite(unknown["needle_position_m"]).all()
+    assert math.isnan(twin.evaluate(0.5, math.nan, 0.0)[TORQUE])
+
+
 def test_plan_counts_why_the_position_is_cheap(machine: ttc.Machine) -> None:
     torque, position = (ttc.compile(machine, [o], "table", 1e-13) for o in (TORQUE, "needle_position_m"))
-    assert "4 functions of the shaft angle" in torque.describe()
+    assert "3 functions of the shaft angle" in torque.describe()
     assert "1 functions of the shaft angle" in position.describe()
     assert "load backing: dropped" in position.describe()
     assert "l6 with its body" in position.describe()

@@ -19,11 +19,11 @@ from textile_twin_core.expression.block_code import write_block_code
 from textile_twin_core.expression.graph import Expr
 from textile_twin_core.expression.sincos import sincos
 
-CHUNK = 8192
+CHUNK = 16384
 """Samples per chunk at most: enough to hide the cost of a numpy call."""
-_CACHED_BYTES = 1_200_000
-"""What the buffers may take together, to stay in a processor core's cache."""
-_FEWEST_SAMPLES = 1024
+_CACHED_BYTES = 1_600_000
+"""What the buffers may take together, to stay mostly in a processor core's cache."""
+_FEWEST_SAMPLES = 512
 
 _UFUNCS: Mapping[str, Any] = {
     "add": np.add,
@@ -58,16 +58,21 @@ class BlockProgram:
     """Outputs as functions of input arrays, evaluated chunk by chunk.
 
     `operations` is the number of array operations for each sample. `arranged` looks for an order that needs few
-    buffers, which pays where the program is run often.
+    buffers, which pays where the program is run often. `beside` arrays of the caller's share the cache.
     """
 
     def __init__(
-        self, outputs: Sequence[Expr], inputs: Sequence[str], chunk: int | None = None, arranged: bool = False
+        self,
+        outputs: Sequence[Expr],
+        inputs: Sequence[str],
+        chunk: int | None = None,
+        arranged: bool = False,
+        beside: int = 0,
     ) -> None:
         self.inputs = tuple(inputs)
         code = write_block_code(outputs, self.inputs, arranged)
         self.buffer_count, self.operations = code.buffers, code.operations
-        self.chunk = chunk or _chunk(code.buffers)
+        self.chunk = chunk or _chunk(code.buffers + beside)
         self._constants = [np.asarray(value) for value in code.constants]
         namespace: dict[str, Any] = {f"np_{op}": ufunc for op, ufunc in _UFUNCS.items()}
         namespace |= {"np_select": _select, "np_sign": _sign, "np_copy": np.copyto, "np_sincos": sincos}
@@ -106,8 +111,6 @@ class BlockProgram:
 
 
 def _chunk(buffers: int) -> int:
-    """A power of two of samples whose buffers fit in the cache."""
-    chunk = CHUNK
-    while chunk > _FEWEST_SAMPLES and buffers * chunk * 8 > _CACHED_BYTES:
-        chunk //= 2
-    return chunk
+    """As many samples as let the buffers stay in the cache, a multiple of the fewest."""
+    fitting = _CACHED_BYTES // (8 * max(buffers, 1))
+    return min(max(fitting // _FEWEST_SAMPLES, 1) * _FEWEST_SAMPLES, CHUNK)

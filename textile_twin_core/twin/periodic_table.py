@@ -1,160 +1,129 @@
-"""Periodic tables: smooth functions of the shaft angle as piecewise polynomials, all gathered at once.
+"""Periodic tables: functions of the shaft angle as piecewise polynomials.
 
 Around each node stands the polynomial through the function's values at the Chebyshev points of the interval,
-in powers of the angle from the node. The coefficients of up to four functions lie side by side, so that
-one gather fetches all of them.
+in powers of the angle from the node; where a function leaps, one for each piece (see `pieces`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.expression import Expr
-from textile_twin_core.expression.aligned import aligned_rows
 from textile_twin_core.expression.angle_grid import AngleGrid
 from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.twin.phase_steps import DIRECTION, PHASE
+from textile_twin_core.twin.pieces import Pieces
 
 MOST_NODES = 4096
 _FEWEST_NODES = 32
 _DEGREES = (1, 2, 3, 4, 5, 7)
-_CHEAP_NODES = 2048
+_CACHED_BYTES = 500_000
+"""A table of this size stays in a processor core's cache."""
+_NEAR, _FAR = 2.5, 3.0
+"""A gather from the cache and from beyond it, as multiples of an addition."""
 _ROUNDING = 4e-16
 
 
 @dataclass(frozen=True)
 class PeriodicTable:
-    """Piecewise polynomials: coefficients (degree + 1, nodes, functions), lowest power first.
+    """Piecewise polynomials: coefficients (functions, degree + 1, rows), lowest power first.
 
-    `errors` are the largest deviations found off the nodes, each over its function's largest value.
+    `error` is the largest deviation of an output, over its peak, that was found off the nodes.
     """
 
-    grid: AngleGrid
+    pieces: Pieces
     coefficients: FloatArray
-    errors: FloatArray
+    error: float
+
+    @property
+    def grid(self) -> AngleGrid:
+        """The nodes."""
+        return self.pieces.grid
 
     @property
     def degree(self) -> int:
         """Degree of the polynomials."""
-        return int(self.coefficients.shape[0]) - 1
+        return int(self.coefficients.shape[1]) - 1
 
-    @cached_property
-    def groups(self) -> tuple[tuple[int, int, list[FloatArray]], ...]:
-        """(first function, width, tables by power): functions in groups of four, two or one."""
-        count = self.coefficients.shape[2]
-        found = []
-        start = 0
-        while start < count:
-            left = count - start
-            width = 4 if left >= 3 else left
-            padded = np.zeros((*self.coefficients.shape[:2], width))
-            taken = min(width, left)
-            padded[:, :, :taken] = self.coefficients[:, :, start : start + taken]
-            found.append((start, width, [np.ascontiguousarray(level) for level in padded]))
-            start += taken
-        return tuple(found)
+    @property
+    def cost(self) -> float:
+        """Array operations per sample of `read`, those of turning forward."""
+        functions, points = int(self.coefficients.shape[0]), self.degree + 1
+        near = 8 * functions * points * self.pieces.block <= _CACHED_BYTES
+        return functions * ((_NEAR if near else _FAR) * points + 2.0 * self.degree)
 
     def rows(self) -> list[tuple[float, ...]]:
-        """Per interval the coefficients, function by function, lowest power first."""
-        table = self.coefficients.transpose(1, 2, 0).reshape(self.grid.nodes, -1)
-        return [tuple(row) for row in table.tolist()]
+        """Per row the coefficients, function by function, lowest power first."""
+        table = self.coefficients.reshape(-1, self.coefficients.shape[2])
+        return list(zip(*table.tolist(), strict=True))
 
-
-class TableReader:
-    """Buffers to evaluate a table in chunks of at most `chunk` samples."""
-
-    def __init__(self, table: PeriodicTable, chunk: int) -> None:
-        self.table = table
-        self._sums = [aligned_rows(1, chunk * width)[0].reshape(chunk, width) for _, width, _ in table.groups]
-        self._powers = [aligned_rows(1, chunk * width)[0].reshape(chunk, width) for _, width, _ in table.groups]
-        widest = max(width for _, width, _ in table.groups)
-        self._rest = np.empty((chunk, widest))
-        self._ones = {width: np.ones((1, width)) for _, width, _ in table.groups}
-
-    def read(self, index: IntArray, rest: FloatArray) -> list[FloatArray]:
-        """Values of all functions, strided views of (n,), at node and angle from it."""
-        n, columns = index.shape[0], []
-        spread: dict[int, FloatArray] = {1: rest}
-        for (_, width, levels), total, power in zip(self.table.groups, self._sums, self._powers, strict=True):
-            if width not in spread:
-                wide = self._rest.reshape(-1)[: n * width].reshape(n, width)
-                np.dot(rest[:, None], self._ones[width], out=wide)
-                spread = {1: rest, width: wide}
-            flat_rest = spread[width].reshape(-1)
-            flat_total, flat_power = total[:n].reshape(-1), power[:n].reshape(-1)
-            levels[-1].take(index, axis=0, out=total[:n], mode="clip")
-            for level in reversed(levels[:-1]):
-                np.multiply(flat_total, flat_rest, flat_total)
-                level.take(index, axis=0, out=power[:n], mode="clip")
-                np.add(flat_total, flat_power, flat_total)
-            columns += [total[:n, j] for j in range(width)]
-        return self._without_padding(columns)
-
-    def _without_padding(self, columns: list[FloatArray]) -> list[FloatArray]:
-        kept, position, count = [], 0, self.table.coefficients.shape[2]
-        for start, width, _ in self.table.groups:
-            kept += columns[position : position + min(width, count - start)]
-            position += width
-        return kept
+    def read(self, index: IntArray, rest: FloatArray, values: Iterable[FloatArray], work: FloatArray) -> None:
+        """Write the functions' values, (n,) each, at (n,) rows and angles from their nodes; `work` is (n,)."""
+        for (*lower, highest), value in zip(self.coefficients, values, strict=True):
+            highest.take(index, out=value, mode="clip")
+            for level in reversed(lower):
+                np.multiply(value, rest, value)
+                level.take(index, out=work, mode="clip")
+                np.add(value, work, value)
 
 
 def tabulate(functions: Sequence[Expr], weights: FloatArray, tolerance: float) -> PeriodicTable | None:
-    """The cheapest table of functions of theta that keeps outputs within the tolerance, off the nodes.
+    """The cheapest table of functions of theta, phase and direction that keeps outputs within the tolerance.
 
-    `weights` (outputs, functions) is what an error of a function, over its own largest value, does to an
-    output. None when rounding or `MOST_NODES` forbid it.
+    `weights` (outputs, functions) is what an error of a function does to an output, over the output's peak. None
+    when rounding or `MOST_NODES` forbid it.
     """
-    program = BlockProgram(functions, ["theta"])
-    for most in (_CHEAP_NODES, MOST_NODES):
-        for degree in _DEGREES:
-            nodes = _FEWEST_NODES
-            while nodes <= most:
-                table = _fit(program, len(functions), nodes, degree)
-                excess = float((weights @ table.errors).max(initial=0.0)) / max(tolerance, _ROUNDING)
-                if excess <= 1.0:
-                    return table
-                nodes = _next_nodes(nodes, excess, degree)
+    program = BlockProgram(functions, ["theta", str(PHASE.payload), str(DIRECTION.payload)])
+    found = [_coarsest(program, functions, weights, tolerance, degree) for degree in _DEGREES]
+    return min((table for table in found if table is not None), key=lambda table: table.cost, default=None)
+
+
+def _coarsest(
+    program: BlockProgram, functions: Sequence[Expr], weights: FloatArray, tolerance: float, degree: int
+) -> PeriodicTable | None:
+    """The table of a degree with the fewest nodes."""
+    nodes = _FEWEST_NODES
+    while nodes <= MOST_NODES:
+        table = _fit(program, Pieces.of(functions, AngleGrid(nodes)), weights, degree)
+        excess = table.error / max(tolerance, _ROUNDING)
+        if excess <= 1.0:
+            return table
+        # halving the interval divides the error by 2^(degree + 1): jump, but never past what may suffice
+        nodes <<= max(1, math.floor(math.log2(max(excess, 2.0)) / (degree + 1)))
     return None
 
 
-def _next_nodes(nodes: int, excess: float, degree: int) -> int:
-    """Halving the interval divides the error by 2^(degree + 1): jump, but never past what may suffice."""
-    doublings = max(1, math.floor(math.log2(max(excess, 2.0)) / (degree + 1)))
-    return nodes << doublings
-
-
-def _fit(program: BlockProgram, count: int, nodes: int, degree: int) -> PeriodicTable:
-    grid = AngleGrid(nodes)
-    points = degree + 1
+def _fit(program: BlockProgram, pieces: Pieces, weights: FloatArray, degree: int) -> PeriodicTable:
+    step, points, count = pieces.grid.step, degree + 1, weights.shape[1]
     angles = (np.arange(points) + 0.5) * math.pi / points
-    node = np.arange(nodes)[:, None] * grid.step
-    values = _evaluate(program, count, node + 0.5 * np.cos(angles) * grid.step)
+    values = _evaluate(program, count, pieces, 0.5 * np.cos(angles) * step)
     orders = np.arange(points)
     to_chebyshev = np.where(orders > 0, 2.0, 1.0)[:, None] / points * np.cos(np.outer(orders, angles))
     to_powers = np.zeros((points, points))
     for order in orders:
         powers = chebyshev.cheb2poly(np.eye(points)[order][: order + 1])
         to_powers[: powers.size, order] = powers
-    scale = (2.0 / grid.step) ** orders
-    coefficients = np.einsum("dc,cp,npf->dnf", to_powers, to_chebyshev, values) * scale[:, None, None]
-    off = np.array([-0.5, -0.31, 0.0, 0.22, 0.5]) * grid.step
-    exact = _evaluate(program, count, node + off)
+    scale = (2.0 / step) ** orders
+    coefficients = np.einsum("dc,cp,frp->fdr", to_powers, to_chebyshev, values) * scale[:, None]
+    off = np.array([-0.5, -0.31, 0.0, 0.22, 0.5]) * step
+    exact = _evaluate(program, count, pieces, off)
     approximate = np.zeros_like(exact)
-    for level in coefficients[::-1]:
-        approximate = approximate * off[None, :, None] + level[:, None, :]
-    size = np.abs(exact).max(axis=(0, 1))
-    errors = np.abs(approximate - exact).max(axis=(0, 1)) / np.where(size > 0.0, size, 1.0)
-    return PeriodicTable(grid, np.ascontiguousarray(coefficients), errors)
+    for power in reversed(orders):
+        approximate = approximate * off + coefficients[:, power, :, None]
+    errors = np.nanmax(np.abs(approximate - exact), axis=(1, 2))  # NaN where no direction is known
+    return PeriodicTable(pieces, np.ascontiguousarray(coefficients), float((weights @ errors).max(initial=0.0)))
 
 
-def _evaluate(program: BlockProgram, count: int, theta: FloatArray) -> FloatArray:
-    """(nodes, points, functions)."""
-    out = np.empty((count, theta.size))
-    program([np.ascontiguousarray(theta.reshape(-1))], list(out))
-    return out.reshape(count, *theta.shape).transpose(1, 2, 0)
+def _evaluate(program: BlockProgram, count: int, pieces: Pieces, off: FloatArray) -> FloatArray:
+    """(functions, rows, points), each row's piece continued over the whole interval."""
+    theta = pieces.centres[:, None] + off
+    phase, direction = (np.broadcast_to(a[:, None], theta.shape) for a in (pieces.phases, pieces.directions))
+    out = np.empty((count, *theta.shape))
+    program([a.reshape(-1) for a in (theta, phase, direction)], [values.reshape(-1) for values in out])
+    return out

@@ -1,4 +1,4 @@
-"""Intensities of loads as steps over the phase: each leap at its exact shaft angle, no kinematics needed."""
+"""Intensities of loads as steps over phase and direction: each leap at its exact shaft angle, no kinematics needed."""
 
 from __future__ import annotations
 
@@ -13,22 +13,48 @@ from textile_twin_core.twin.linear_form import depends_on
 
 PHASE = variable("phase")
 """The shaft angle within its turn, from half an interval below 0 to half an interval below 2 pi [rad]."""
+DIRECTION = variable("direction")
+"""Of turning: the sign of the shaft's speed."""
 _BELOW_ORIGIN = 0.1
 _ONLY_THETA = {"theta"}
+_PIECEWISE = {"phase", "direction"}
 
 
-def as_phase_steps(intensity: Expr) -> Expr | None:
-    """The intensity with every leap over the angle written as comparisons of the phase.
+def as_phase_steps(intensity: Expr) -> list[tuple[Expr, Expr]] | None:
+    """The intensity as a sum of products: (function of phase and direction, function of speed and acceleration).
 
-    None when something smooth in the angle remains.
+    Every leap over the angle is a comparison of the phase. None when something smooth in the angle remains, or what
+    leaps with the angle and the speed together.
     """
     split = _split_signs(intensity)
-    staircases: dict[Expr, Expr] = {}
+    pieces: dict[Expr, Expr] = {sign(variable("omega")): DIRECTION}
     for node in reversed(topological_order([split])):  # the largest pieces first
         if depends_on(node) == _ONLY_THETA and _is_staircase(node):
-            staircases[node] = _steps(node)
-    (result,) = substitute([split], staircases)
-    return None if "theta" in depends_on(result) else result
+            pieces[node] = _steps(node)
+    (result,) = substitute([split], pieces)
+    return None if "theta" in depends_on(result) else _products(result)
+
+
+def _products(expression: Expr) -> list[tuple[Expr, Expr]] | None:
+    """An expression as a sum of products of a function of phase and direction, and one without them."""
+    needs = depends_on(expression)
+    if needs <= _PIECEWISE:
+        return [(expression, const(1.0))]
+    if not needs & _PIECEWISE:
+        return [(const(1.0), expression)]
+    parts = [_products(a) for a in expression.args]
+    sums = [part for part in parts if part is not None]
+    if len(sums) < len(parts):
+        return None
+    if expression.op == "mul":
+        return [(a * c, b * d) for a, b in sums[0] for c, d in sums[1]]
+    if expression.op == "add":
+        return sums[0] + sums[1]
+    if expression.op == "sub":
+        return sums[0] + [(-a, b) for a, b in sums[1]]
+    if expression.op == "neg":
+        return [(-a, b) for a, b in sums[0]]
+    return None
 
 
 def _split_signs(expression: Expr) -> Expr:

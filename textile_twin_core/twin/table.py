@@ -1,10 +1,10 @@
-"""The table method: tabulated functions of the angle, exact loads, and what remains in closed form."""
+"""The table method: tabulated functions of the angle that leap where the loads do, and what remains in closed form."""
 
 from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import INPUTS
 from textile_twin_core.errors import SceneError
-from textile_twin_core.expression import Expr, const, derivative, interpret, square, topological_order, variable
+from textile_twin_core.expression import Expr, const, derivative, interpret, square, variable
 from textile_twin_core.expression.aligned import aligned_rows
 from textile_twin_core.expression.angle_grid import LARGEST_ANGLE, keeps_its_rest
 from textile_twin_core.expression.blocks import BlockProgram
@@ -22,16 +22,17 @@ from textile_twin_core.expression.scalar import compile_scalar_mapping
 from textile_twin_core.machines.machine import Machine
 from textile_twin_core.mechanism import THETA
 from textile_twin_core.twin.exact import ExactEvaluator
-from textile_twin_core.twin.linear_form import OMEGA_SQUARED, LinearForms, depends_on
-from textile_twin_core.twin.periodic_table import PeriodicTable, TableReader, tabulate
+from textile_twin_core.twin.linear_form import OMEGA_SQUARED, LinearForms
+from textile_twin_core.twin.periodic_table import PeriodicTable, tabulate
 from textile_twin_core.twin.phase_steps import as_phase_steps
 
 FINEST_TABLE = 1e-13
 """A tolerance that tables of smooth mechanisms reach; below it, rounding of their coefficients counts."""
 _SPEED_SHARES = (0.1, 1.0, 10.0)
 """The tolerance holds from a tenth to ten times the nominal speed."""
-_REDUCTION = 10.0
-_GATHER = 2.0
+_REDUCTION = 12.0
+_ONE = const(1.0)
+_OMEGA = variable("omega")
 
 
 class TableEvaluator:
@@ -58,22 +59,24 @@ class TableEvaluator:
         self._local = threading.local()
 
     def _combine(self, forms: LinearForms, name: str) -> Expr | None:
-        """The output as an expression of tabulated values, phase, speed and acceleration."""
+        """The output as an expression of tabulated values, speed and acceleration."""
         form = forms.form(name)
         if form is None:
             return None
-        total = form.winding * THETA
+        by_factor: dict[Expr, Expr] = {}
         for coefficient, factor in form.terms:
-            size, function = scaled(coefficient)
+            products = [(_ONE, _ONE if factor is None else factor)]
             if factor is not None and factor in self._intensities:
                 intensity = self._intensities[factor]
                 if intensity is None:
                     return None
-                factor = intensity
-            elif factor is OMEGA_SQUARED:
-                factor = square(variable("omega"))
-            share, leaping = (1.0, const(1.0)) if factor is None else scaled(factor)
-            total += self._value(size * share, function) * leaping
+                products = intensity
+            for leaping, share in products:
+                size, rest = scaled(share)
+                by_factor[rest] = by_factor.get(rest, const(0.0)) + size * coefficient * leaping
+        total = form.winding * THETA
+        for factor, function in by_factor.items():
+            total += self._value(*scaled(function)) * (square(_OMEGA) if factor is OMEGA_SQUARED else factor)
         return total
 
     def _value(self, size: float, function: Expr) -> Expr:
@@ -94,38 +97,28 @@ class TableEvaluator:
         return table
 
     def _weights(self, nominal_speed: float) -> FloatArray:
-        """(rows, functions): error over peak of each output, at several speeds, per relative error of a function."""
+        """(rows, functions): error over peak of each output, at several speeds, per error of a function."""
         theta = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
-        functions = [np.empty_like(theta) for _ in self.functions]
-        BlockProgram(self.functions, ["theta"])([theta], functions)
-        sizes = np.array([np.abs(f).max() for f in functions])
         zeros = {f"f{i}": 0.0 for i in range(len(self.functions))}
-        phases = _between_leaps(self.combined.values())
         rows = []
         for speed in (share * nominal_speed for share in _SPEED_SHARES):
             acceleration = 0.1 * speed**2
             values = {name: np.empty_like(theta) for name in self.outputs}
             self.exact.fill((theta, np.full_like(theta, speed), np.full_like(theta, acceleration)), values)
-            state: dict[str, float | FloatArray] = {
-                "theta": 0.0,
-                "omega": speed,
-                "alpha": acceleration,
-                "phase": phases,
-                **zeros,
-            }
+            state = {"theta": 0.0, "omega": speed, "alpha": acceleration, **zeros}
             for name, expression in self.combined.items():
                 peak = float(np.abs(values[name]).max())
-                rows.append(_slopes(expression, len(self.functions), state) * sizes / (peak or 1.0))
+                rows.append(_slopes(expression, len(self.functions), state) / (peak or 1.0))
         return np.array(rows)
 
     @property
     def _inputs(self) -> tuple[str, ...]:
-        return (*INPUTS, "phase", *(f"f{i}" for i in range(len(self.functions))))
+        return (*INPUTS, *(f"f{i}" for i in range(len(self.functions))))
 
     @cached_property
     def program(self) -> BlockProgram:
         """What remains to be done with the tabulated values."""
-        return BlockProgram(list(self.combined.values()), self._inputs, arranged=True)
+        return BlockProgram(list(self.combined.values()), self._inputs, arranged=True, beside=len(self.functions) + 3)
 
     @property
     def cost(self) -> float:
@@ -133,36 +126,33 @@ class TableEvaluator:
         remaining = operation_cost(list(self.combined.values()))
         if self.table is None:
             return remaining
-        return remaining + _REDUCTION + (_GATHER + 2.0) * (self.table.degree + 1) * len(self.functions)
-
-    @cached_property
-    def _needs_phase(self) -> bool:
-        return any("phase" in depends_on(e) for e in self.combined.values())
+        return remaining + _REDUCTION + self.table.cost
 
     @cached_property
     def scalar(self) -> Callable[[float, float, float], dict[str, float]]:
         """Function of (theta, omega, alpha), floats, to a dict by output."""
         if self.table is None:
             return self.exact.scalar
-        grid, degree = self.table.grid, self.table.degree
+        grid, pieces, degree = self.table.grid, self.table.pieces, self.table.degree
         first, second, third = grid.parts
         names = [f"c{i}_{d}" for i in range(len(self.functions)) for d in range(degree + 1)]
+        whole = "plain[k] if omega > 0.0 else None" if pieces.directed else "plain[k]"
         prologue = [
             f"    if not -{LARGEST_ANGLE!r} < theta < {LARGEST_ANGLE!r}: return beyond(theta, omega, alpha)",
             f"    k = floor(theta * {grid.inverse!r} + 0.5)",
             f"    r = ((theta - k * {first!r}) - k * {second!r}) - k * {third!r}",
             f"    k &= {grid.nodes - 1}",
-            f"    {', '.join(names)}, = rows[k]",
+            f"    {', '.join(names)}, = ({whole}) or rows[piece(k, r, omega)]",
         ]
-        if self._needs_phase:
-            prologue.append(f"    phase = k * {grid.step!r} + r")
         for i in range(len(self.functions)):
             horner = f"c{i}_{degree}"
             for d in reversed(range(degree)):
                 horner = f"(c{i}_{d} + r * {horner})"
             prologue.append(f"    f{i} = {horner}")
-        names_in_scope = {"rows": self.table.rows(), "beyond": self.exact.scalar, "floor": math.floor}
-        return compile_scalar_mapping(self.combined, INPUTS, prologue, names_in_scope)
+        rows, leaping = self.table.rows(), set(pieces.nodes.tolist())
+        plain = [None if node in leaping else row for node, row in enumerate(rows[: grid.nodes])]
+        scope = {"rows": rows, "plain": plain, "piece": pieces.row, "beyond": self.exact.scalar, "floor": math.floor}
+        return compile_scalar_mapping(self.combined, INPUTS, prologue, scope)
 
     def fill(self, inputs: tuple[FloatArray, FloatArray, FloatArray], out: Mapping[str, FloatArray]) -> None:
         """Evaluate one-dimensional inputs into the arrays of `out`."""
@@ -181,19 +171,17 @@ class TableEvaluator:
             self.exact.program(inputs, outputs)
             return
         n, work = theta.shape[0], self._buffers()
-        index, rest, phase, scratch = work.index[:n], work.rest[:n], work.phase[:n], work.scratch[:n]
-        self.table.grid.reduce(theta, index, rest, scratch, phase)
-        if self._needs_phase:
-            np.multiply(index, self.table.grid.step, phase)
-            np.add(phase, rest, phase)
-        columns = work.reader.read(index, rest)
-        self.program.run_chunk([*inputs, phase, *columns], outputs)
+        index, rest, scratch = work.index[:n], work.rest[:n], work.scratch[:n]
+        values = [value[:n] for value in work.values]
+        self.table.grid.reduce(theta, index, rest, scratch, values[0])
+        self.table.pieces.choose(index, rest, inputs[1], work.met[:n])
+        self.table.read(index, rest, values, scratch)
+        self.program.run_chunk([*inputs, *values], outputs)
 
     def _buffers(self) -> _Buffers:
         held: _Buffers | None = getattr(self._local, "buffers", None)
         if held is None:
-            assert self.table is not None
-            held = self._local.buffers = _Buffers(self.table, self.program.chunk)
+            held = self._local.buffers = _Buffers(len(self.functions), self.program.chunk)
         return held
 
 
@@ -203,18 +191,10 @@ def _slopes(expression: Expr, count: int, state: Mapping[str, float | FloatArray
     return np.array([np.abs(slope).max() for slope in interpret(slopes, state, np)], dtype=np.float64)
 
 
-def _between_leaps(expressions: Iterable[Expr]) -> FloatArray:
-    """A phase in each stretch over which no load leaps [rad]."""
-    leaps = {node.args[1] for node in topological_order(expressions) if node.op == "at_least"}
-    edges = np.array([0.0, *sorted(angle.value for angle in leaps if angle.is_constant), 2.0 * math.pi])
-    middles: FloatArray = 0.5 * (edges[:-1] + edges[1:])
-    return middles
-
-
 class _Buffers:
     """Chunk-sized working arrays of one thread."""
 
-    def __init__(self, table: PeriodicTable, chunk: int) -> None:
+    def __init__(self, functions: int, chunk: int) -> None:
         self.index = np.empty(chunk, dtype=np.int64)
-        self.rest, self.phase, self.scratch = aligned_rows(3, chunk)
-        self.reader = TableReader(table, chunk)
+        self.met = np.empty(chunk, dtype=np.bool_)
+        self.rest, self.scratch, *self.values = aligned_rows(2 + functions, chunk)
