@@ -12,6 +12,8 @@ import numpy.typing as npt
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError
 
+_SHORT = 16_384
+
 
 def flat_columns(motion: Mapping[str, npt.ArrayLike]) -> tuple[tuple[int, ...], list[FloatArray]]:
     """The common shape of numbers and arrays, and each of them broadcast to it, as one dimension of float64.
@@ -19,13 +21,26 @@ def flat_columns(motion: Mapping[str, npt.ArrayLike]) -> tuple[tuple[int, ...], 
     Raises MotionError for what is no real number and for shapes that do not fit each other.
     """
     arrays = [_floats(name, value) for name, value in motion.items()]
+    if len(arrays[0].shape) == 1 and all(a.shape == arrays[0].shape for a in arrays):
+        return arrays[0].shape, arrays  # broadcasting costs as much as a short block
     try:
         shape = np.broadcast_shapes(*(a.shape for a in arrays))
     except ValueError:
         shapes = ", ".join(f"{name} {a.shape}" for name, a in zip(motion, arrays, strict=True))
         raise MotionError(f"the motion's arrays do not fit each other: {shapes}; give equal shapes") from None
+    return shape, [_spread(a, shape) for a in arrays]
+
+
+def _spread(values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """An array broadcast to a shape, as one dimension; of a number, what is short is filled, not broadcast."""
     size = math.prod(shape)
-    return shape, [np.broadcast_to(a, shape).reshape(-1) if a.ndim else np.broadcast_to(a, size) for a in arrays]
+    if values.ndim:
+        return np.broadcast_to(values, shape).reshape(-1)
+    if size > _SHORT:
+        return np.broadcast_to(values, size)
+    column = np.empty(size)
+    column.fill(float(values))
+    return column
 
 
 def arrays_for(
