@@ -21,10 +21,9 @@ def flat_columns(motion: Mapping[str, npt.ArrayLike]) -> tuple[tuple[int, ...], 
     Raises MotionError for what is no real number and for shapes that do not fit each other.
     """
     arrays = [_floats(name, value) for name, value in motion.items()]
-    if len(arrays[0].shape) == 1 and all(a.shape == arrays[0].shape for a in arrays):
-        return arrays[0].shape, arrays  # broadcasting costs as much as a short block
+    different = {a.shape for a in arrays if a.ndim}
     try:
-        shape = np.broadcast_shapes(*(a.shape for a in arrays))
+        shape = different.pop() if len(different) == 1 else np.broadcast_shapes(*different)
     except ValueError:
         shapes = ", ".join(f"{name} {a.shape}" for name, a in zip(motion, arrays, strict=True))
         raise MotionError(f"the motion's arrays do not fit each other: {shapes}; give equal shapes") from None
@@ -34,6 +33,8 @@ def flat_columns(motion: Mapping[str, npt.ArrayLike]) -> tuple[tuple[int, ...], 
 def _spread(values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     """An array broadcast to a shape, as one dimension; of a number, what is short is filled, not broadcast."""
     size = math.prod(shape)
+    if values.ndim == 1 and values.shape == shape:
+        return values  # broadcasting costs as much as a short block
     if values.ndim:
         return np.broadcast_to(values, shape).reshape(-1)
     if size > _SHORT:
