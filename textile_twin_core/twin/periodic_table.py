@@ -28,6 +28,8 @@ _CACHED_BYTES = 500_000
 _NEAR, _FAR = 2.5, 3.0
 """A gather from the cache and from beyond it, as multiples of an addition."""
 _ROUNDING = 4e-16
+_MARGIN = 2.0
+"""For the angles between those that are looked at; the reached error has the same (see `accuracy`)."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ def _coarsest(
     nodes = _FEWEST_NODES
     while nodes <= MOST_NODES:
         table = _fit(program, Pieces.of(functions, AngleGrid(nodes)), weights, degree)
-        excess = table.error / max(tolerance, _ROUNDING)
+        excess = _MARGIN * table.error / max(tolerance, _ROUNDING)
         if excess <= 1.0:
             return table
         # halving the interval divides the error by 2^(degree + 1): jump, but never past what may suffice
