@@ -37,6 +37,7 @@ class Section:
         return total
 
 
+_RADII = (10.0, 5.0, 20.0, 3.0)
 IDENTITY = Section((0.0, 1.0))
 
 
@@ -62,20 +63,45 @@ class DrivePiece:
             result += self.section.amplitude * _sine_series(self.section, inner, order)
         return result
 
-    @property
-    def rate(self) -> float:
-        """Bound [1/s] on how fast the Taylor coefficients can grow: 0 for a polynomial of low degree."""
-        if not self.section.amplitude:
-            return 0.0
-        span = self.end_s - self.start_s
-        return abs(self.section.frequency) * sum(
-            abs(c) * power * span ** (power - 1) for power, c in enumerate(self.argument) if power
-        )
+    def reach_s(self, time_s: float, longest_s: float, order: int, error: float) -> float:
+        """How far, at most `longest_s`, the series from here may reach, cut after u^order: its error is at most `error`
+        times the way that the element makes.
+
+        By Cauchy's estimate: on a circle `radius` times as large as the step the motion is no larger than the sum
+        of its parts' sizes says, and what is cut off falls with radius^(order+1). A quintic between noisy samples,
+        whose terms are large and nearly cancel, needs shorter steps than its speed tells.
+        """
+        section = self.section
+        exact = (len(section.polynomial) - 1) * (len(self.argument) - 1) <= order
+        if section.still or (exact and not section.amplitude):
+            return longest_s
+        at, *inner = moved(self.argument, time_s - self.start_s)
+        outer = moved(section.polynomial, at)[1:]
+
+        def size(span: float) -> float:
+            swing = _size(inner, span)
+            sine = abs(section.amplitude) * math.expm1(min(abs(section.frequency) * swing, 600.0))
+            return sine + _size(outer, swing)
+
+        reach = longest_s
+        while True:
+            allowed = error * size(reach)
+            if any(size(radius * reach) <= allowed * radius ** (order + 1) for radius in _RADII):
+                return reach
+            reach *= 0.8
 
     def state(self, time_s: float) -> tuple[float, float, float]:
         """Position [m], velocity [m/s] and acceleration [m/s^2] at a time."""
         x, v, half_a = self.taylor(time_s, 1.0, 2).tolist()
         return x, v, 2.0 * half_a
+
+
+def _size(coefficients: Sequence[float], span: float) -> float:
+    """Bound of c1 s + c2 s^2 + ... on the circle of radius `span`."""
+    total = 0.0
+    for coefficient in reversed(coefficients):
+        total = (total + abs(coefficient)) * span
+    return total
 
 
 class Drive(Protocol):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -162,7 +163,7 @@ class ContactIntegrator:
         """Take over the drive's state at the start of a piece; a step of its velocity strikes what it touches."""
         position, velocity, acceleration = piece.state(state.time_s)
         jump = position - state.drive_position_m
-        if abs(jump) > 1e-9 * self._length_m:
+        if abs(jump) > 1e-9 * self._length_m + 4.0 * math.ulp(state.time_s) * abs(velocity):
             raise ContactError(
                 f"the driven element jumps by {jump:.3e} m at {state.time_s:.9g} s; give a motion without jumps"
             )
@@ -198,8 +199,10 @@ class ContactIntegrator:
         return Segment(state.time_s, span, positions, mode.closed, stop_forces, state.pads, pad_forces)
 
     def _noise(self, state: ContactState) -> Noise:
+        late = 2.0 * math.ulp(state.time_s) * state.speed_scale_m_s  # the drive goes on from the time as rounded
         return Noise(
-            LENGTH_NOISE * self._length_m, 1e-13 * (self._still_force_N + self._damping_Ns_m * state.speed_scale_m_s)
+            LENGTH_NOISE * self._length_m + late,
+            1e-13 * (self._still_force_N + self._damping_Ns_m * state.speed_scale_m_s),
         )
 
     @staticmethod

@@ -14,6 +14,7 @@ from textile_twin_core.contact.polynomials import rescale
 ORDER = 24
 _REACH = 2.5
 """(reach)^(order+1) / (order+1)! = 6e-16: over that much of phase the series ends below rounding."""
+_ROUNDING = 1e-15
 
 
 class LinearFlow:
@@ -53,8 +54,7 @@ class LinearFlow:
         self, coordinates: FloatArray, speeds: FloatArray, piece: DrivePiece, time_s: float, longest_s: float
     ) -> tuple[float, FloatArray]:
         """Length [s] and movers' power series (movers, 25) of the step that starts here, at most `longest_s` long."""
-        rate = piece.rate
-        h = min(self.span_s, longest_s, _REACH / rate if rate > 0.0 else math.inf)
+        h = piece.reach_s(time_s, min(self.span_s, longest_s), ORDER, _ROUNDING)
         if self.mode.size == 0:
             drive = piece.taylor(time_s, h, ORDER)
             return h, self.mode.movers(np.zeros((0, ORDER + 1)), drive)

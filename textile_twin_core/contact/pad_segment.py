@@ -12,8 +12,6 @@ from textile_twin_core.contact.drive import DrivePiece
 from textile_twin_core.contact.mode import Mode
 from textile_twin_core.contact.polynomials import rescale
 
-_REACH = 1.5
-
 
 class PadFlow:
     """Taylor integration of one mode with pads that push.
@@ -29,6 +27,7 @@ class PadFlow:
         self.pushing = pushing
         self.tolerance = tolerance
         self.order = min(max(math.ceil(-0.8 * math.log(tolerance)) + 2, 8), 30)
+        self._drive_error = max(1e-16, 1e-3 * min(tolerance, 1e-7))
         model = mode.model
         bodies = len(model.bodies)
         spread = np.vstack((mode.spread, np.zeros((2, mode.size))))
@@ -77,9 +76,7 @@ class PadFlow:
 
         Its error is at most tolerance times the way that a body makes in the step at `speed_scale` [m/s].
         """
-        h = min(self._guess_s, longest_s)
-        if piece.rate > 0.0:
-            h = min(h, _REACH / piece.rate)
+        h = piece.reach_s(time_s, min(self._guess_s, longest_s), self.order, self._drive_error)
         drive = piece.taylor(time_s, h, self.order)
         series, forces = self._series(coordinates.tolist(), speeds.tolist(), drive.tolist(), h)
         coefficients = np.array(series).reshape(self.mode.size, self.order + 1)
@@ -90,9 +87,7 @@ class PadFlow:
             self._longest(pressure, max(float(np.abs(pressure).max()), 1e-300)),
         )
         self._guess_s = h * factor
-        if piece.rate > 0.0:
-            factor = min(factor, _REACH / piece.rate / h)
-        factor = min(factor, longest_s / h)
+        factor = piece.reach_s(time_s, min(h * factor, longest_s), self.order, self._drive_error) / h
         movers = self.mode.movers(coefficients, drive)
         return h * factor, rescale(movers, factor), rescale(pressure, factor)
 
@@ -108,7 +103,8 @@ class PadFlow:
         if not last.any():
             return math.inf
         present = last > 0.0
-        radius = float(((scale / last[present]) ** (1.0 / powers[present])).min())
+        with np.errstate(over="ignore"):  # what is almost zero bounds nothing
+            radius = float(((scale / last[present]) ** (1.0 / powers[present])).min())
         return float(0.9 * radius * self.tolerance ** (1.0 / (self.order - 2)))
 
     def _series(

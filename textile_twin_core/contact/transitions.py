@@ -55,6 +55,10 @@ class Transitions:
         """Speed at which every stop opens [m/s]."""
         return np.asarray(np.append(state.velocities, state.drive_velocity_m_s) @ self.normals)
 
+    def quiet_m_s(self, state: ContactState) -> float:
+        """Speed that cannot be told from zero: by the speeds there were, or by the rounding of lengths in forces."""
+        return max(1e-13 * state.speed_scale_m_s, 0.1 * self.length_noise_m * self.rate_s)
+
     def pad_compression(self, state: ContactState, number: int) -> tuple[float, float]:
         """Compression [m] of a pad and its rate [m/s]."""
         row = self.pad_normals[number]
@@ -124,7 +128,7 @@ class Transitions:
         hit: int | None,
         released: Collection[int],
     ) -> list[ContactEvent]:
-        quiet = 1e-13 * state.speed_scale_m_s
+        quiet = self.quiet_m_s(state)
         gentle = hit if hit is not None and self.opening_speeds(state)[hit] >= -quiet else None
         events = self._impacts(state, drive_acceleration, touching)
         speeds = self.opening_speeds(state)
@@ -155,7 +159,7 @@ class Transitions:
         Rounds without end (a body between two others in the same instant) close all gaps at last without restitution.
         """
         events: list[ContactEvent] = []
-        quiet = 1e-13 * state.speed_scale_m_s
+        quiet = self.quiet_m_s(state)
         for rounds_left in range(_ROUNDS, -1, -1):
             before = self.opening_speeds(state)
             taking_part = [k for k in touching if before[k] <= quiet or not rounds_left]
@@ -223,7 +227,7 @@ class Transitions:
         """
         speeds = self.opening_speeds(state)
         others = sorted(state.closed.difference(approaching))
-        others = [k for k in others if abs(speeds[k]) <= 1e-13 * state.speed_scale_m_s]
+        others = [k for k in others if abs(speeds[k]) <= self.quiet_m_s(state)]
         _, opening = self._opening(state, drive_acceleration, others)
         longest = 0.0
         for k in approaching:

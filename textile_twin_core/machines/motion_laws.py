@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 TURN = 2.0 * math.pi
 _FIT_KNOTS_LARGEST = 8192
 _ANGLE_NOISE = 1e-14
-"""rad: two sections join so smoothly that the place where one ends need not be known better"""
+"""rad, besides rounding: two sections join so smoothly that the place where one ends need not be known better"""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,8 @@ class MotionLaw:
             local = DrivePiece(start_s, end_s, IDENTITY, (angle - base, *theta[1:]))
             width = self._width(k)
             series = local.taylor(time, end_s - time, max(len(theta) - 1, 1))
-            u, step = _leaves(series, width) if stalled < 3 else (1.0, 0)
+            noise = _ANGLE_NOISE + 2.0 * (math.ulp(base) + math.ulp(time) * abs(float(series[1])) / (end_s - time))
+            u, step = _leaves(series, width, noise) if stalled < 3 else (1.0, 0)
             leave = end_s if step == 0 else min(time + u * (end_s - time), end_s)
             if leave > time:
                 yield DrivePiece(time, leave, self.sections[k], moved(local.argument, time - start_s))
@@ -76,13 +77,16 @@ class MotionLaw:
         return end - self.starts_rad[k]
 
 
-def _leaves(angle: FloatArray, width: float) -> tuple[float, int]:
-    """Where an angle, a power series over 0 <= u <= 1, leaves [0, width], and to which side (0: it stays)."""
+def _leaves(angle: FloatArray, width: float, noise: float) -> tuple[float, int]:
+    """Where an angle, a power series over 0 <= u <= 1, leaves [0, width], and to which side (0: it stays).
+
+    At its start it may lie outside by `noise`, which the rounding of time and angle make.
+    """
     swing = float(np.abs(angle[1:]).sum())
     if swing < angle[0] < width - swing:
         return 1.0, 0
-    below = first_crossing(angle, _ANGLE_NOISE)
-    above = first_crossing(np.append(width - angle[0], -angle[1:]), _ANGLE_NOISE)
+    below = first_crossing(angle, noise)
+    above = first_crossing(np.append(width - angle[0], -angle[1:]), noise)
     exits = [(u, step) for u, step in ((below, -1), (above, 1)) if u is not None]
     return min(exits, default=(1.0, 0))
 

@@ -18,6 +18,11 @@ from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machines.motion_laws import TURN
 from textile_twin_core.machines.needle_transfer import DRIVE, ELEMENTS, MOTION, NeedleTransferMachine
 
+_TURN_TAIL = 2.4492935982947064e-16
+"""2 pi minus its float64 value"""
+_SAME_ANGLE = 1e-13
+"""rad: so small a difference moves element 1 by less than rounding does"""
+
 
 class NeedleTransferMotion:
     """Integrates the machine in the order of the samples, in blocks of any size; the blocks do not change the numbers.
@@ -68,7 +73,8 @@ class NeedleTransferMotion:
                 f"time, theta, omega and alpha have shapes {', '.join(str(c.shape) for c in columns)}; give one length"
             )
         self._check(columns)
-        samples = np.array(columns)
+        times, angles, omega, alpha = columns
+        samples = np.array([times, phase(angles), omega, alpha, angles])
         found = np.empty((3, len(ELEMENTS), samples.shape[1]))
         drive = np.zeros(samples.shape[1])
         first = 0
@@ -77,11 +83,11 @@ class NeedleTransferMotion:
             way = 0.0 if last is None else _way(last, samples[:, first])
             if last is None or abs(way) > math.pi:
                 self.restarts += last is not None
-                segments = [self._begin(*samples[:, first].tolist())]
+                segments = [self._begin(*samples[:4, first].tolist())]
                 end = first + 1
             else:
                 end = first + _straight(last, samples[:, first:])
-                segments = self._advance(last, samples[:, end - 1], way if end == first + 1 else None)
+                segments = self._advance(last, samples[:, end - 1])
             self._last = samples[:, end - 1].copy()
             at = samples[0, first:end] - self._origin_s
             found[:, :, first:end], drive[first:end] = self._motion(segments, at)
@@ -103,15 +109,20 @@ class NeedleTransferMotion:
                 "before; sort the samples"
             )
 
-    def _advance(self, last: FloatArray, sample: FloatArray, way: float | None) -> list[Segment]:
-        """Carry the machine on to a sample: along a quintic of the angle, or at constant speed when `way` is None."""
+    def _advance(self, last: FloatArray, sample: FloatArray) -> list[Segment]:
+        """Carry the machine on to a sample: at constant speed where that leads there, else along a quintic.
+
+        Time counts from the last sample, and the angle ends at the phase from which the next advance begins: neither
+        hours nor turns take digits from the motion in between.
+        """
         assert self._state is not None
-        start = float(last[1]) % TURN
-        begin, end = self._state.time_s, float(sample[0] - self._origin_s)
-        if way is None:
-            return self._follow((start, float(last[2])), begin, end)
-        theta = quintic(end - begin, (start, *last[2:].tolist()), (start + way, *sample[2:].tolist()))
-        return self._follow(theta, begin, end)
+        self._state.time_s, self._origin_s = 0.0, float(last[0])
+        span, way = float(sample[0] - last[0]), _way(last, sample)
+        start, omega = float(last[1]), float(last[2])
+        if last[3] == sample[3] == 0.0 and omega == sample[2] and abs(way - omega * span) <= _SAME_ANGLE:
+            return self._follow((start, omega), 0.0, span)
+        end = (start + way, *sample[2:4].tolist())
+        return self._follow(quintic(span, (start, *last[2:4].tolist()), end), 0.0, span)
 
     def _follow(self, theta_series: tuple[float, ...], start_s: float, end_s: float) -> list[Segment]:
         """Advance over one polynomial of the shaft angle; events go to the list, on the samples' clock."""
@@ -180,8 +191,16 @@ class NeedleTransferMotion:
         return {name: values[name] for name in self.outputs}
 
 
+def phase(angle: FloatArray) -> FloatArray:
+    """Angles [rad] without their whole turns, in about [0, 2 pi], exact to the angles' own rounding."""
+    rest = np.fmod(angle, TURN)  # exact, in the float64 period
+    turns = np.rint((angle - rest) / TURN)
+    rest = np.where(rest < 0.0, rest + TURN, rest)
+    return np.asarray(rest - turns * _TURN_TAIL)
+
+
 def _way(last: FloatArray, sample: FloatArray) -> float:
-    """Angle that the shaft made between two samples, taken modulo a turn as near as their speeds say."""
+    """Angle that the shaft made between two samples, from phase to phase, of the turns that their speeds say."""
     expected = 0.5 * (last[2] + sample[2]) * (sample[0] - last[0])
     way = sample[1] - last[1]
     return float(way + TURN * round((expected - way) / TURN))
@@ -191,11 +210,11 @@ def _straight(last: FloatArray, samples: FloatArray) -> int:
     """How many of the samples (at least 1, at most a turn of them) continue the last one at one constant speed."""
     if last[3] != 0.0 or samples[3, 0] != 0.0 or samples[2, 0] != last[2]:
         return 1
-    time, theta, omega, alpha = samples
+    time, _, omega, alpha, theta = samples
     elapsed = time - last[0]
-    off = theta - last[1] - last[2] * elapsed
+    off = theta - last[4] - last[2] * elapsed
     off -= TURN * np.round(off / TURN)
-    rounding = 1e-15 * (np.abs(theta) + abs(last[1]) + np.abs(last[2]) * (np.abs(time) + abs(last[0])) + TURN)
+    rounding = 1e-15 * (np.abs(theta) + abs(last[4]) + np.abs(last[2]) * (np.abs(time) + abs(last[0])) + TURN)
     same = (np.abs(off) <= rounding) & (omega == last[2]) & (alpha == 0.0) & (np.abs(last[2]) * elapsed <= TURN)
     broken = np.flatnonzero(~same)
     return max(int(broken[0]) if broken.size else same.size, 1)
