@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from textile_twin_core.bench.impact_table import EVENT_DRIVEN, ImpactRow
 from textile_twin_core.bench.run import Row
 
 COMPILED = ("casadi", "jax", "numba")
@@ -44,6 +45,16 @@ def ratios(rows: Sequence[Row]) -> list[Ratio]:
         ratio(row_name(above), row_name(below), above.ns_per_round, below.ns_per_round)
         for above, below in _pairs(rows)
         if above.ns_per_round and below.ns_per_round
+    ]
+
+
+def impact_ratios(rows: Sequence[ImpactRow]) -> list[Ratio]:
+    """Of runs through impacts: every method at its last, tightest setting over ours at its own."""
+    last = {row.method: row for row in rows}
+    ours = last.pop(EVENT_DRIVEN)
+    return [
+        ratio(f"{row.method}, {row.setting}", f"{ours.method}, {ours.setting}", row.ms_per_round, ours.ms_per_round)
+        for row in last.values()
     ]
 
 

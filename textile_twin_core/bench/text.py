@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
 from textile_twin_core.bench.growth import Growth
+from textile_twin_core.bench.impact_table import ImpactRow
 from textile_twin_core.bench.ratios import Ratio, quartiles
 from textile_twin_core.bench.run import Row
+from textile_twin_core.bench.shaft_signal import DROPPED, JITTER_S, RATE_HZ
+from textile_twin_core.bench.shaft_table import ShaftRow
 
 
 def heading(core: int | None, rounds: int) -> str:
@@ -65,3 +69,57 @@ def growth_table(rows: Iterable[Growth]) -> str:
         lines += ["", f"{what[1]}, {what[0]}", f"  {'':>12}{'ns per sample':>16}{'MiB beyond in and out':>24}"]
         lines += [f"  {row.size:>12,}{row.ns_per_unit:>16.1f}{row.memory_MiB:>24.2f}" for row in block]
     return "\n".join(lines[1:])
+
+
+def shaft_lines(rows: Sequence[ShaftRow]) -> str:
+    """A matrix for each load: estimators against the encoder's bits, and against the shaft's speed."""
+    lines = [
+        f"{rows[0].machine}: RMS error of the torque of inertia and weight over its peak, from an encoder's angles"
+        f" ({RATE_HZ:g} Hz,",
+        f"stamps wrong by {JITTER_S * 1e6:g} us, {DROPPED:.0%} of the samples lost); sigma: share of samples within"
+        " the sigma that is told (68 % would be right)",
+    ]
+    for (load, rpm), block in _matrices(rows).items():
+        columns = list(dict.fromkeys((row.bits, row.rpm) for row in block))
+        heads = [f"{bits} bit" if rpm is not None else f"{speed:g} rpm" for bits, speed in columns]
+        where = f"{rpm:g} rpm" if rpm is not None else f"{columns[0][0]} bit"
+        title = "".join(f"{head:>10}" for head in heads)
+        lines += ["", f"{load}, {where}", f"  {'':24}{title}{'latency':>10}{'us/sample':>11}{'sigma':>7}"]
+        lines += [
+            _shaft_line([row for row in block if row.estimator == name], columns)
+            for name in dict.fromkeys(row.estimator for row in block)
+        ]
+    return "\n".join(lines)
+
+
+def _matrices(rows: Sequence[ShaftRow]) -> dict[tuple[str, float | None], list[ShaftRow]]:
+    """Rows by load, those at the speed that has several bits apart from those at other speeds (None)."""
+    bits: dict[float, set[int]] = {}
+    for row in rows:
+        bits.setdefault(row.rpm, set()).add(row.bits)
+    found: dict[tuple[str, float | None], list[ShaftRow]] = {}
+    for row in rows:
+        found.setdefault((row.load, row.rpm if len(bits[row.rpm]) > 1 else None), []).append(row)
+    return found
+
+
+def _shaft_line(rows: Sequence[ShaftRow], columns: Sequence[tuple[int, float]]) -> str:
+    at = {(row.bits, row.rpm): row for row in rows}
+    errors = "".join(f"{_number(at[c].torque_rms_over_peak if c in at else None, '.1e'):>10}" for c in columns)
+    latency = f"{_number(rows[0].latency_s, 'g')} s" if rows[0].latency_s is not None else "-"
+    costs = [row.us_per_sample for row in rows if row.us_per_sample is not None]
+    inside = [row.inside_sigma for row in rows if row.inside_sigma is not None]
+    cost = statistics.median(costs) if costs else None
+    share = statistics.mean(inside) if inside else None
+    return f"  {rows[0].estimator:24}{errors}{latency:>10}{_number(cost, '.0f'):>11}{_number(share, '.0%'):>7}"
+
+
+def impact_lines(rows: Sequence[ImpactRow]) -> str:
+    """One line a method and setting."""
+    title = "needle transfer, from rest to the first contact of the collets: error of the event times"
+    head = f"  {'':30}{'':18}{'error [s]':>11}{'ms per run':>12}{'spread':>8}"
+    lines = [
+        f"  {row.method:30}{row.setting:18}{row.error_s:>11.1e}{row.ms_per_run:>12.1f}{_spread(row.ms_per_round):>8}"
+        for row in rows
+    ]
+    return "\n".join([title, head, *lines])

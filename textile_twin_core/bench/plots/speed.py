@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
@@ -68,7 +69,7 @@ def _group(row: Row) -> str:
 
 def _compare_above(axes: Axes, exact: float) -> None:
     """A second scale: the time as a multiple of our exact method's."""
-    top = axes.secondary_xaxis("top", functions=(lambda x: x / exact, lambda x: x * exact))
+    top = axes.secondary_xaxis("top", functions=(lambda x: np.asarray(x) / exact, lambda x: np.asarray(x) * exact))
     top.set_xlabel("times the time of our exact method", color=style.MUTED, fontsize=8)
     top.xaxis.set_major_formatter("{x:g}")
     top.tick_params(which="both", colors=style.MUTED, labelsize=8)

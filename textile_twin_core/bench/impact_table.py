@@ -1,0 +1,73 @@
+"""Needle transfer: error of the event times against time for a run, by three ways to treat its impacts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+
+from textile_twin_core.bench.impact_methods import ForwardStroke, Times, event_driven
+from textile_twin_core.bench.timing import Candidate, one_core, take_turns
+from textile_twin_core.machines.needle_transfer import needle_transfer
+
+REFERENCE: Times = (0.015713108187298414, 0.019243773487700185)
+"""Event times [s] of the original design, calculated with 30 digits by Taylor series of order 24."""
+EVENT_DRIVEN = "event-driven"
+WITH_EVENTS = "solve_ivp {} with events"
+PENALTY = "penalty contact, LSODA"
+TOLERANCES = {"RK45": (1e-4, 1e-7, 1e-10), "DOP853": (1e-4, 1e-7, 1e-10, 1e-13), "Radau": (1e-4, 1e-7)}
+
+
+@dataclass(frozen=True)
+class ImpactRow:
+    """One method at one setting on the forward stroke of the original design, from rest to the collets' contact.
+
+    error_s: the larger error of the times at which the pad and the contact of elements 2 and 3 are reached;
+    ms_per_run: median of `ms_per_round`.
+    """
+
+    method: str
+    setting: str
+    error_s: float
+    ms_per_run: float
+    ms_per_round: tuple[float, ...]
+
+    def to_json(self) -> dict[str, object]:
+        """A plain dictionary."""
+        return asdict(self)
+
+
+@one_core()
+def impact_table(rounds: int = 5, progress: Callable[[int, int], object] = lambda done, total: None) -> list[ImpactRow]:
+    """Rows for all methods and settings; `progress` hears of rounds done and their number."""
+    ways = [(method, setting, Candidate(setting, method, work, 1), work) for method, setting, work in _ways()]
+    done = 0
+
+    def tick(count: int) -> None:
+        nonlocal done
+        done += count
+        progress(done, rounds)
+
+    take_turns([candidate for _, _, candidate, _ in ways], rounds, tick)
+    return [_row(method, setting, candidate, work()) for method, setting, candidate, work in ways]
+
+
+def _row(method: str, setting: str, candidate: Candidate, found: Times) -> ImpactRow:
+    error = max(abs(a - b) for a, b in zip(found, REFERENCE, strict=True))
+    times = tuple(1e3 * seconds for seconds in candidate.batch_times)
+    return ImpactRow(method, setting, error, 1e-6 * (candidate.ns_per_sample or 0.0), times)
+
+
+def _ways() -> list[tuple[str, str, Callable[[], Times]]]:
+    machine = needle_transfer()
+    stroke = ForwardStroke(machine)
+    found: list[tuple[str, str, Callable[[], Times]]] = [
+        (EVENT_DRIVEN, f"tolerance {tolerance:.0e}", partial(event_driven, machine, tolerance))
+        for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-13)
+    ]
+    for solver, tolerances in TOLERANCES.items():
+        name = WITH_EVENTS.format(solver)
+        found += [(name, f"rtol {rtol:.0e}", partial(stroke.with_events, solver, rtol)) for rtol in tolerances]
+    for stiffness in (1e5, 1e6, 1e7, 1e8):
+        found.append((PENALTY, f"{stiffness:.0e} N/m", partial(stroke.with_penalty, stiffness)))
+    return found
