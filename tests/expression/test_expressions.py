@@ -88,6 +88,19 @@ def test_derivative_against_complex_step() -> None:
     assert found == pytest.approx(stepped.imag / step, rel=1e-14)
 
 
+@pytest.mark.parametrize("x", [-1.5, 0.0, 2.0, 1e-200])
+@pytest.mark.parametrize("y", [-3.0, 0.0, 0.5, 1e-200])
+def test_friction_on_what_moves_is_its_size_times_the_sign_of_the_rest(x: float, y: float) -> None:
+    """x z sign(x y) = |x| z sign(y): the sign of x is not evaluated, so that a tiny product does not lose it either."""
+    e = X * (3.0 * sign(X * Y))
+    assert e is 3.0 * (absolute(X) * sign(Y))
+    expected = 3.0 * abs(x) * np.sign(y)
+    assert compile_scalar([e], ["x", "y"])(x, y)[0] == pytest.approx(expected, rel=1e-15)
+    out = np.empty(2)
+    BlockProgram([e], ["x", "y"])([np.full(2, x), np.full(2, y)], [out])
+    assert out[1] == pytest.approx(expected, rel=1e-15)
+
+
 def test_substitution_folds_what_becomes_constant() -> None:
     (e,) = substitute([X * Y + sin(Y)], {Y: const(0.0)})
     assert e is const(0.0)

@@ -44,6 +44,9 @@ _TINY = np.asarray(1e-307)
 
 def _sign(x: Any, out: FloatArray) -> None:
     """As np.sign, but without a branch for each sample: x / (|x| + tiny), 1, 0 or -1 but for |x| below 1e-290."""
+    if np.min(x) > 0.0:  # a shaft's speed mostly is
+        out.fill(1.0)
+        return
     np.absolute(x, out)
     np.add(out, _TINY, out)
     np.true_divide(x, out, out)

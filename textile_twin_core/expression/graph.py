@@ -15,13 +15,17 @@ Number = float | int
 
 
 class Expr:
-    """A node: an operation, its arguments and, for constants and variables, its value or name."""
+    """A node: an operation, its arguments and, for constants and variables, its value or name.
 
-    __slots__ = ("__weakref__", "args", "op", "payload")
+    `signed` tells a sign, and a product with a sign among its factors.
+    """
+
+    __slots__ = ("__weakref__", "args", "op", "payload", "signed")
 
     op: str
     args: tuple[Expr, ...]
     payload: object
+    signed: bool
 
     def __add__(self, other: Expr | Number) -> Expr:
         return _add(self, as_expr(other))
@@ -83,6 +87,7 @@ def _node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
     if found is None:
         found = Expr()
         found.op, found.args, found.payload = op, args, payload
+        found.signed = op == "sign" or (op == "mul" and any(a.signed for a in args))
         _INTERNED[key] = found
     return found
 
@@ -231,7 +236,33 @@ def _multiply(a: Expr, b: Expr) -> Expr:
         return _multiply(ra, rb)
     if a is b:
         return _node("square", (a,))
+    for x, product in ((a, b), (b, a)):
+        unsigned = _less_sign(product, x) if product.signed else None
+        if unsigned is not None:
+            return _multiply(absolute(x), unsigned)
     return _node("mul", (a, b))
+
+
+def _less_sign(product: Expr, x: Expr) -> Expr | None:
+    """A product with its factor sign(x y) replaced by sign(y), None where it has none: x sign(x y) = |x| sign(y)."""
+    if product.op == "sign":
+        rest = _less_factor(product.args[0], x)
+        return None if rest is None else sign(rest)
+    return _in_one_factor(product, lambda factor: _less_sign(factor, x) if factor.signed else None)
+
+
+def _less_factor(product: Expr, x: Expr) -> Expr | None:
+    """A product without its factor x, None where it has none."""
+    return const(1.0) if product is x else _in_one_factor(product, lambda factor: _less_factor(factor, x))
+
+
+def _in_one_factor(product: Expr, change: Callable[[Expr], Expr | None]) -> Expr | None:
+    if product.op == "mul":
+        for i in (0, 1):
+            changed = change(product.args[i])
+            if changed is not None:
+                return changed * product.args[1 - i]
+    return None
 
 
 def _divide(a: Expr, b: Expr) -> Expr:
