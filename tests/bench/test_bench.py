@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -17,6 +18,7 @@ from textile_twin_core.bench.ratios import ratios
 from textile_twin_core.bench.run import Row
 from textile_twin_core.bench.scenes import scenes
 from textile_twin_core.bench.text import ratio_lines, speed_table
+from textile_twin_core.bench.timing import PINS, bench_core
 
 KEYS = {"method", "peer", "outputs", "machine", "batch", "error_over_peak", "ns_per_sample", "us_per_call"}
 SCENES = ("torque", "position", "torque and position", "everything")
@@ -96,6 +98,17 @@ def test_a_peer_that_is_not_installed_or_fails_costs_one_line(monkeypatch: pytes
     assert {row.peer for row in rows} <= {None, "C"}
     assert said[0] == "no_such_library is left out: not installed (pip install -r requirements-peers.lock)"
     assert len(said) == 2 and said[1].startswith("numpy is left out of 'position': No module named")
+
+
+@pytest.mark.skipif(not PINS, reason="this system holds no process to a core")
+def test_the_bench_keeps_to_one_core() -> None:
+    before, seen = os.sched_getaffinity(0), list[set[int]]()
+    run_bench(
+        ttc.machines.tufting(), rounds=2, samples=100, scene_names=["position"],
+        progress=lambda done, total: seen.append(os.sched_getaffinity(0)),
+    )  # fmt: skip
+    assert seen == [{bench_core()}] * 3
+    assert os.sched_getaffinity(0) == before
 
 
 def test_errors_are_relative_to_the_peak() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -40,7 +41,14 @@ class ImpactRow:
 @one_core()
 def impact_table(rounds: int = 5, progress: Callable[[int, int], object] = lambda done, total: None) -> list[ImpactRow]:
     """Rows for all methods and settings; `progress` hears of rounds done and their number."""
-    ways = [(method, setting, Candidate(setting, method, work, 1), work) for method, setting, work in _ways()]
+    found: dict[tuple[str, str], Times] = {}
+
+    def keep(method: str, setting: str, work: Callable[[], Times]) -> None:
+        found[method, setting] = work()
+
+    candidates = [
+        Candidate(setting, method, partial(keep, method, setting, work), samples=1) for method, setting, work in _ways()
+    ]
     done = 0
 
     def tick(count: int) -> None:
@@ -48,14 +56,14 @@ def impact_table(rounds: int = 5, progress: Callable[[int, int], object] = lambd
         done += count
         progress(done, rounds)
 
-    take_turns([candidate for _, _, candidate, _ in ways], rounds, tick)
-    return [_row(method, setting, candidate, work()) for method, setting, candidate, work in ways]
+    take_turns(candidates, rounds, tick)
+    return [_row(key, times, candidate) for (key, times), candidate in zip(found.items(), candidates, strict=True)]
 
 
-def _row(method: str, setting: str, candidate: Candidate, found: Times) -> ImpactRow:
+def _row(key: tuple[str, str], found: Times, candidate: Candidate) -> ImpactRow:
     error = max(abs(a - b) for a, b in zip(found, REFERENCE, strict=True))
     times = tuple(1e3 * seconds for seconds in candidate.batch_times)
-    return ImpactRow(method, setting, error, 1e-6 * (candidate.ns_per_sample or 0.0), times)
+    return ImpactRow(*key, error, statistics.median(times), times)
 
 
 def _ways() -> list[tuple[str, str, Callable[[], Times]]]:

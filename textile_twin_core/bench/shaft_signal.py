@@ -113,4 +113,4 @@ def encoder_signal(seed: int, speed_rad_s: float, bits: int, load: str, duration
     angles, _, _ = motion.at(stamps + rng.normal(0.0, JITTER_S, kept.size))
     step = _TURN / 2**bits
     stamps_ns = _START_NS + np.rint(stamps * 1e9).astype(np.int64)
-    return EncoderSignal(motion, stamps_ns, np.rint(angles / step) * step % _TURN)
+    return EncoderSignal(motion, stamps_ns, np.rint(angles / step) % 2**bits * step)

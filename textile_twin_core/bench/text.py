@@ -56,9 +56,9 @@ def _number(value: float | None, form: str) -> str:
 
 def ratio_lines(found: Iterable[Ratio], title: str = "time per sample, batch, torque") -> str:
     """One line a ratio: its median, and the middle half of the rounds."""
-    lines = [
-        f"  {f'{r.above} / {r.below}':48}{r.median:>12,.2f}   {r.quartile_1:,.2f} .. {r.quartile_3:,.2f}" for r in found
-    ]
+    named = [(f"{r.above} / {r.below}", r) for r in found]
+    width = max((len(name) for name, _ in named), default=0)
+    lines = [f"  {name:{width}}{r.median:>12,.2f}   {r.quartile_1:,.2f} .. {r.quartile_3:,.2f}" for name, r in named]
     return "\n".join([f"ratios, {title}: median of the rounds, and the middle half", *lines]) if lines else ""
 
 

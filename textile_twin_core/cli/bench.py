@@ -67,9 +67,11 @@ def run(arguments: argparse.Namespace) -> None:
 
     if arguments.png and arguments.png.suffix.lower() != ".png":
         raise UsageError(f"--png {arguments.png}: the name must end in .png")
+    if arguments.png:
+        import matplotlib  # noqa: F401  so that its lack shows before the work, not after it
     machine = load_linkage(arguments.machine, arguments.set)
     asked = {name for name in _MORE if arguments.all or getattr(arguments, name)}
-    with ExitStack() as files:  # a file that cannot be written must show before the work, not after it
+    with ExitStack() as files:  # opened now: what cannot be written must show before the work
         report = files.enter_context(staged(arguments.json)) if arguments.json else None
         pictures = {}
         if arguments.png:

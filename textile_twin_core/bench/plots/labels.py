@@ -81,17 +81,23 @@ class _Spot:
 
 
 def place_labels(
-    axes: Axes, labels: Sequence[Label], lines: Sequence[Sequence[Place]] = (), size: float = 8.0
+    axes: Axes,
+    labels: Sequence[Label],
+    lines: Sequence[Sequence[Place]] = (),
+    nameless: Sequence[Place] = (),
+    size: float = 8.0,
 ) -> list[Box]:
     """Write the labels and return their boxes in pixels. The axes' limits must be final.
 
-    `lines` are polylines in data that names should not cover. Names further away get a thin line to their point. The
-    same labels always get the same places: each in turn takes the cheapest one, given where the others stand.
+    `lines` are polylines, `nameless` further points, in data, that names should not cover. Names further away get a
+    thin line to their point. The same labels always get the same places: each in turn takes the cheapest one, given
+    where the others stand.
     """
     figure = axes.get_figure()
     assert isinstance(figure, Figure)
     figure.draw_without_rendering()  # lays the figure out, so that pixels are final
     points = [_pixel(axes, (label.x, label.y)) for label in labels]
+    more = [_pixel(axes, place) for place in nameless]
     tracks = [track for line in lines for track in pairwise([_pixel(axes, place) for place in line])]
     texts = [
         axes.text(0.0, 0.0, label.text, transform=None, fontsize=size, color=label.colour, va="center", ha="center",
@@ -100,12 +106,12 @@ def place_labels(
     ]  # fmt: skip
     extents = [text.get_window_extent() for text in texts]
     frame = Box(*axes.bbox.extents)
-    near = [sum(math.dist(p, q) < _CROWD for q in points) for p in points]
+    near = [sum(math.dist(p, q) < _CROWD for q in (*points, *more)) for p in points]
     spots: dict[int, _Spot] = {}
     for _ in range(_SWEEPS):
         for k in sorted(range(len(labels)), key=lambda k: (near[k], k)):
             others = [spot for j, spot in spots.items() if j != k]
-            around = [point for j, point in enumerate(points) if j != k]
+            around = [point for j, point in enumerate(points) if j != k] + more
             places = _spots(points[k], extents[k].width, extents[k].height, near[k] > 1)
             spots[k] = _cheapest(places, others, around, tracks, frame)
     for k, (label, text) in enumerate(zip(labels, texts, strict=True)):

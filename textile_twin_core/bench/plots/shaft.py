@@ -30,17 +30,20 @@ def plot_shaft(rows: Sequence[ShaftRow], path: Path) -> None:
         by_latency, "latency [s]: causal, one sample; smooth, half the record", "RMS error of the torque / peak"
     )
     style.dress(by_cost, "processor time [us per sample]", "")
-    labels = []
+    labels: list[Label] = []
+    nameless: list[tuple[float, float]] = []
     for load, bits in sorted({(row.load, row.bits) for row in shown}):
         group = [row for row in shown if (row.load, row.bits) == (load, bits) and row.us_per_sample]
         kind = {"color": _COLOURS[load], "marker": _MARKERS[bits], "markersize": 6.0, "markeredgecolor": "white"}
         errors = [row.torque_rms_over_peak for row in group]
         latencies = sorted(zip([max(row.latency_s or 0.0, _SHORTEST_S) for row in group], errors, strict=True))
         _draw(by_latency, latencies, kind, linewidth=1.2)
-        _draw(by_cost, [(row.us_per_sample or 1.0, row.torque_rms_over_peak) for row in group], kind, linewidth=0.0)
+        costs = [(row.us_per_sample or 1.0, error) for row, error in zip(group, errors, strict=True)]
+        _draw(by_cost, costs, kind, linewidth=0.0)
         if bits == max(DRAWN_BITS):
-            places = zip(group, errors, strict=True)
-            labels += [Label(row.us_per_sample or 1.0, y, row.estimator, _COLOURS[load]) for row, y in places]
+            labels += [Label(*at, row.estimator, _COLOURS[load]) for row, at in zip(group, costs, strict=True)]
+        else:
+            nameless += costs
     _reference(by_latency, by_cost, [row for row in shown if row.estimator == NO_ALPHA and row.load == STEADY])
     by_cost.margins(x=0.25)
     by_cost.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -57,7 +60,7 @@ def plot_shaft(rows: Sequence[ShaftRow], path: Path) -> None:
     figure.legend(handles, names, loc="outside lower center", ncols=len(names), frameon=False, fontsize=8)
     by_cost.autoscale_view()
     by_cost.set_autoscale_on(False)
-    place_labels(by_cost, labels)
+    place_labels(by_cost, labels, nameless=nameless)
     style.save(figure, path)
 
 
