@@ -19,9 +19,6 @@ _TURN_REST = 2.4492935982947064e-16
 
 def keeps_its_rest(theta: FloatArray) -> bool:
     """Whether all of (n,) angles are within LARGEST_ANGLE; False for NaN."""
-    # the sum of the squares is one cheap pass and mostly tells
-    if np.dot(theta, theta) < LARGEST_ANGLE**2:
-        return True
     return bool(theta.max() < LARGEST_ANGLE and theta.min() > -LARGEST_ANGLE)
 
 
