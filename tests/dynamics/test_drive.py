@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
@@ -16,6 +17,7 @@ from textile_twin_core.dynamics.loads import Backing, JointFriction, ShaftFricti
 from textile_twin_core.machines import Machine
 from textile_twin_core.mechanism import Crank, RRRDyad
 
+TURN = 2.0 * math.pi
 TUFTING = ttc.machines.tufting()
 
 
@@ -228,3 +230,62 @@ def test_other_machines_have_no_drive() -> None:
 def test_a_machine_without_masses_says_which() -> None:
     with pytest.raises(ttc.MachineError, match="gear_1_kg"):
         ttc.drive(ttc.machines.elliptic_gear_beatup(), 1.0, 0.0, 0.0, 1.0)
+
+
+def test_leaps_near_each_other_against_an_integration_between_their_exact_angles() -> None:
+    """Two linkages 0.1 deg apart and a second backing just behind the first: every plane is met, each on its own."""
+    near, planes = math.radians(0.1), (0.55784, 0.557841)
+    backings = tuple(Backing("needle", 400.0, plane, plane) for plane in planes)
+    machine = dataclasses.replace(
+        TUFTING,
+        linkages=(ttc.machines.ShaftPlace(), ttc.machines.ShaftPlace(near)),
+        loads=backings,
+        bodies=(*TUFTING.bodies, Body.flywheel(0.5)),
+    )
+    run = ttc.drive(machine, 6.0, 0.0, 14.0, 0.45, tolerance=1e-11)
+    leaps = [e.theta_rad for e in run.events if e.kind == "leaps"]
+    single = [
+        event.angle_rad
+        for plane in planes
+        for event in ttc.machines.tufting(entry_plane_m=plane, exit_plane_m=plane).events()
+    ]
+    known = sorted({round((a - phase) % TURN, 11) for a in single for phase in (0.0, near)})
+    expected = [turn * TURN + a for turn in (0, 1) for a in known if turn * TURN + a < run.theta_rad[-1]]
+    assert leaps == pytest.approx(expected, abs=1e-10)
+
+    twin = ttc.compile(machine, ["balancing_torque_Nm", "equivalent_inertia_kgm2"], method="exact")
+
+    def slope(theta: float, y: np.ndarray) -> list[float]:
+        """Over the angle, (time, speed); so that a stretch ends exactly at its angle."""
+        now = twin.evaluate(theta, float(y[1]), 0.0)
+        return [1.0 / y[1], (6.0 - now["balancing_torque_Nm"]) / now["equivalent_inertia_kgm2"] / y[1]]
+
+    state = np.array([0.0, 14.0])
+    for low, high in pairwise([0.0, *expected, float(run.theta_rad[-1])]):
+        inner = (low + 1e-13, high - 1e-13)  # a hair inside, so that both sides of a leap stay apart
+        state = solve_ivp(slope, inner, state, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+    assert run.time_s[-1] == pytest.approx(state[0], abs=1e-10)
+    assert run.omega_rad_s[-1] == pytest.approx(state[1], abs=1e-8)
+
+
+@pytest.mark.parametrize("depth_m", [1e-12, 2e-9, 1e-6])
+def test_a_needle_that_barely_enters_the_backing_is_not_missed(depth_m: float) -> None:
+    """The lowest point goes through the plane by so little that the needle is inside for a thousandth of a degree."""
+    twin = ttc.compile(TUFTING, ["needle_position_m"], method="exact")
+    lowest = next(e.angle_rad for e in TUFTING.events() if e.name == "needle_largest")
+    deepest = twin.evaluate(lowest, 0.0, 0.0)["needle_position_m"]
+    plane = deepest - depth_m
+    machine = dataclasses.replace(
+        TUFTING, loads=(Backing("needle", 1000.0, plane, plane),), bodies=(*TUFTING.bodies, Body.flywheel(0.5))
+    )
+    for omega in (15.0, -15.0):
+        run = ttc.drive(machine, 0.0, 0.0, omega, 0.4, tolerance=1e-11)
+        leaps = [e for e in run.events if e.kind == "leaps"]
+        inside = [e for e in leaps if abs(math.remainder(e.theta_rad - lowest, TURN)) < 0.05]
+        assert len(inside) in (2, 3)  # in, the turn of the friction where it is felt, out
+        assert run.load_work_J["Backing"][-1] == pytest.approx(-2000.0 * depth_m, rel=1e-3, abs=1e-11)
+
+
+def test_a_torque_too_large_to_follow_is_told() -> None:
+    with pytest.raises(ttc.MotionError, match=r"runs away at .* too large"):
+        ttc.drive(TUFTING, 300.0, 0.0, 10.0, 1.0)

@@ -6,10 +6,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from textile_twin_core.expression import Expr, sign, substitute, topological_order, variable
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.expression import Expr, derivative, sign, substitute, topological_order, variable
 from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.expression.scalar import compile_scalar
 
@@ -17,6 +20,8 @@ TURN = 2.0 * math.pi
 _STATE = ("theta", "omega")
 _LEAPING = ("sign", "at_least")
 _SAMPLES = 2880
+_OPEN = 2.0
+"""Stands for a step's value where the chain is open."""
 _SHIFT = 0.377  # of a sample, so that no sample lies on a round angle
 
 
@@ -36,23 +41,28 @@ class Stretch:
 class MotionEquation:
     """J alpha + J'/2 omega^2 + V' = drive torque + sum of the loads' torques on the shaft.
 
-    `load_torques` may hold steps (sign, at_least) that depend on the shaft angle and the direction of rotation;
-    each is found over one turn, to the rounding of the angle. Two of them within a third of a degree that
-    cancel each other are not seen.
+    `load_torques` may hold steps (sign, at_least, the corner of an absolute value) that depend on the shaft angle and
+    the direction of rotation; each is found over one turn, to the rounding of the angle.
     """
 
     def __init__(
         self, inertia: Expr, half_slope: Expr, potential: Expr, potential_slope: Expr, load_torques: Sequence[Expr]
     ) -> None:
-        loads = _without_absolutes(list(load_torques))
-        self._leaps = [node for node in topological_order(loads) if node.op in _LEAPING]
+        loads = list(load_torques)
+        corners = {node: sign(node.args[0]) for node in topological_order(loads) if node.op == "abs"}
+        self._leaps = [node for node in topological_order([*loads, *corners.values()]) if node.op in _LEAPING]
         names = [f"leap_{k}" for k in range(len(self._leaps))]
-        smooth = substitute(loads, {node: variable(name) for node, name in zip(self._leaps, names, strict=True)})
+        new = {node: variable(name) for node, name in zip(self._leaps, names, strict=True)}
+        for node, side in corners.items():  # innermost first; |x| is sign(x) x
+            argument, value = substitute([node.args[0], side], new)
+            new[node] = argument * value
+        smooth = substitute(loads, new)
         self.load_count = len(smooth)
         self.terms = compile_scalar([inertia, half_slope, potential_slope, *smooth], [*_STATE, *names])
         """J, J'/2, V' and each load's torque at (theta, omega, leaping factors)."""
         self._energy = compile_scalar([inertia, potential], ["theta"])
-        needed = [set(topological_order([load])) for load in loads]
+        reached = [topological_order([load]) for load in loads]
+        needed = [set(topological_order([*nodes, *(corners[n] for n in nodes if n in corners)])) for nodes in reached]
         self._owners = [{i for i, nodes in enumerate(needed) if leap in nodes} for leap in self._leaps]
 
     def is_open(self, stretch: Stretch) -> bool:
@@ -96,43 +106,71 @@ class MotionEquation:
         """Angles in [0, 2 pi) of the leaps, rising, and the factors' values after each."""
         if not self._leaps:
             return [], [()]
+        levels = [_level(leap) for leap in self._leaps]
+        steps_and_levels = _looks([*self._leaps, *levels], omega)
+        slopes = _looks(derivative(levels, variable("theta")), omega)
+
+        def values(angle: FloatArray) -> FloatArray:
+            steps, level = np.split(steps_and_levels(angle), 2)
+            return np.where(np.isnan(level).any(axis=0), _OPEN, steps)
+
         step = TURN / _SAMPLES
         theta = np.linspace(_SHIFT * step, TURN + _SHIFT * step, _SAMPLES + 1)
-        sampled = np.empty((len(self._leaps), theta.size))
-        with np.errstate(invalid="ignore", divide="ignore"):  # where the chain is open
-            BlockProgram(self._leaps, list(_STATE))([theta, np.full_like(theta, omega)], list(sampled))
-        function = compile_scalar(self._leaps, list(_STATE))
-
-        def at(angle: float) -> tuple[float, ...]:
-            try:
-                return tuple(float(v) for v in function(angle, omega))
-            except (ValueError, ZeroDivisionError):  # the chain is open there
-                return ()
-
-        found: list[float] = []
-        for i in np.flatnonzero((sampled[:, 1:] != sampled[:, :-1]).any(axis=0)):
-            low, high = float(theta[i]), float(theta[i + 1])
-            while at(low) != at(high):
-                low = _first_change(at, low, high)
-                found.append(low % TURN)
-        angles = _apart(sorted(found))
-        if not angles:
-            return [], [at(float(theta[0]))]
-        ends = [*angles[1:], angles[0] + TURN]
-        return angles, [at(0.5 * (a + b)) for a, b in zip(angles, ends, strict=True)]
+        sampled = values(theta)
+        between = np.diff(sampled, axis=1) != 0.0
+        # between two equal looks a level may come to its threshold and go back: where it turns, a third look tells
+        with np.errstate(invalid="ignore"):
+            approach = np.split(steps_and_levels(theta), 2)[1] * slopes(theta)
+            row, place = np.nonzero((approach[:, :-1] < 0.0) & (approach[:, 1:] > 0.0) & ~between)
+        turning = _first_change(lambda angle: slopes(angle) > 0.0, row, theta[place], theta[place + 1])
+        rows, places = np.nonzero(between)
+        rows = np.concatenate([rows, row, row])
+        low = np.concatenate([theta[places], theta[place], turning])
+        high = np.concatenate([theta[places + 1], turning, theta[place + 1]])
+        found = _first_change(values, rows, low, high)
+        angles = _apart(sorted((found[~np.isnan(found)] % TURN).tolist()))
+        ends = [*angles[1:], angles[0] + TURN] if angles else []
+        middles = [0.5 * (a + b) for a, b in zip(angles, ends, strict=True)] or [float(theta[0])]
+        columns = values(np.array(middles)).T.tolist()
+        return angles, [() if _OPEN in column else tuple(column) for column in columns]
 
 
-def _first_change(at: Callable[[float], tuple[float, ...]], low: float, high: float) -> float:
-    """The first double after `low` at which the values differ from those at `low`, by bisection."""
-    begin = at(low)
+def _level(leap: Expr) -> Expr:
+    """What is zero where a step leaps."""
+    return leap.args[0] if leap.op == "sign" else leap.args[0] - leap.args[1]
+
+
+def _looks(expressions: Sequence[Expr], omega: float) -> Callable[[FloatArray], FloatArray]:
+    """The expressions (rows) at shaft angles (columns); NaN where the chain is open."""
+    program = BlockProgram(expressions, list(_STATE))
+
+    def look(theta: FloatArray) -> FloatArray:
+        found = np.empty((len(expressions), theta.size))
+        if theta.size:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                program([theta, np.full_like(theta, omega)], list(found))
+        return found
+
+    return look
+
+
+def _first_change(
+    function: Callable[[FloatArray], NDArray[Any]], rows: IntArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """The first double after each `low` at which its row of the function differs from there; NaN where none does.
+
+    By bisection of all at once, up to each `high`.
+    """
+    column = np.arange(rows.size)
+    begin = function(low)[rows, column]
+    changed = function(high)[rows, column] != begin
     while True:
         middle = 0.5 * (low + high)
-        if not low < middle < high:
-            return high
-        if at(middle) == begin:
-            low = middle
-        else:
-            high = middle
+        inside = (low < middle) & (middle < high)
+        if not inside.any():
+            return np.where(changed, high, math.nan)
+        same = function(middle)[rows, column] == begin
+        low, high = np.where(inside & same, middle, low), np.where(inside & ~same, middle, high)
 
 
 def _apart(angles: list[float]) -> list[float]:
@@ -142,11 +180,3 @@ def _apart(angles: list[float]) -> list[float]:
         if not kept or angle - kept[-1] > 1e-12:
             kept.append(angle)
     return kept
-
-
-def _without_absolutes(expressions: list[Expr]) -> list[Expr]:
-    while found := [node for node in topological_order(expressions) if node.op == "abs"]:
-        innermost = found[0]
-        argument = innermost.args[0]
-        expressions = substitute(expressions, {innermost: argument * sign(argument)})
-    return expressions
