@@ -26,8 +26,9 @@ from textile_twin_core.shaft.ripple import (
 )
 
 RIPPLE_AT_START = 0.03
-RIPPLE_AFTER_EVENT = 1e-4
-"""Each event opens the ripple's coefficients by this much, so that a wrong ripple cannot live on as a row of events."""
+RIPPLE_AFTER_DOUBT = 4e-4
+"""Events that are half believed, or come in crowds, open the ripple's coefficients by up to this much, so that a wrong
+ripple cannot live on as a row of events. One event beyond doubt says nothing against the ripple."""
 LARGEST_RIPPLE = 0.3
 LOG_RESPONSE_VARIANCE = 0.1
 LONGEST_ARC = 0.3
@@ -212,8 +213,11 @@ class ShaftFilter:
 
     # What has been learnt
 
-    def take_in(self, verdict: Verdict) -> None:
-        """Replace the mixture of what may have happened by one Gaussian, of the same mean and covariance."""
+    def take_in(self, verdict: Verdict, crowding: float) -> None:
+        """Replace the mixture of what may have happened by one Gaussian, of the same mean and covariance.
+
+        `crowding`, 0 to 1: how far such events follow each other too closely to be what they seem.
+        """
         size, error, bank = self.size, self.error, self.bank
         columns = error[:, size : size + bank.events]
         shift = columns @ verdict.mean
@@ -225,7 +229,7 @@ class ShaftFilter:
             self.past.covariance -= moved[:, :, None] * moved[:, None, :]
             self.past.mean += moved
         self.state += shift[:size]
-        self.open_ripple(RIPPLE_AFTER_EVENT)
+        self.open_ripple(RIPPLE_AFTER_DOUBT * max(crowding, math.sqrt(1.0 - min(verdict.weight, 1.0))))
         bank.clear(self.hypotheses)  # the idle orders too: an event looks like some of each
         self.look()
 
@@ -267,7 +271,7 @@ class ShaftFilter:
         size, error, state = self.size, self.error, self.state
         error[:size, :size] = (error[:size, :size] + error[:size, :size].T) / 2.0
         at = np.arange(FIRST_RIPPLE, size)
-        error[at, at] += 1e-12
+        error[at, at] += 3e-13
         if np.abs(state[FIRST_RIPPLE:]).max(initial=0.0) > LARGEST_RIPPLE:  # what looked like ripple was none
             state[FIRST_RIPPLE:] = 0.0
             error[at] = 0.0

@@ -158,7 +158,7 @@ class ShaftTracker:
         self._minded = verdict if verdict is not None and verdict.weight > MINDED else None
         self._write()
         if verdict is not None and self._until_birth <= 1 and bank.leaving(verdict):
-            own.take_in(verdict)
+            own.take_in(verdict, watch.crowding)
             self._minded = None
             watch.knock()
 

@@ -20,7 +20,7 @@ DRIFT_S = 0.25
 CALM_S = 0.15
 CROWD, DOUBT_TURNS = 5.0, 2.5
 """Events within about two turns that are too many, and for how many turns none is believed then."""
-LEAST_INTENSITY, FIRST_INTENSITY, MOST_INTENSITY = math.log(1e-9), math.log(3e-8), math.log(10.0)
+LEAST_INTENSITY, FIRST_INTENSITY, MOST_INTENSITY = math.log(1e-10), math.log(3e-8), math.log(10.0)
 
 
 class Watch:
@@ -169,6 +169,11 @@ class Watch:
             self._crowd, self._doubt_turns = 0.0, DOUBT_TURNS
         self.eventful = 0.0
         self._startle()
+
+    @property
+    def crowding(self) -> float:
+        """How near another event would come to being one too many, from 0 to 1."""
+        return min((self._crowd + 1.0) / CROWD, 1.0) ** 4
 
     def _startle(self) -> None:
         self._misfit, self._misfits, self._drift, self._calm_s = 1.0, 0, 0.0, 0.0
