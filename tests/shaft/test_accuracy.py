@@ -41,16 +41,21 @@ def test_torque_error(name: str, knocks: bool, allowed: float) -> None:
         assert judged(name, seed, knocks).torque_rms <= allowed, seed
 
 
-@pytest.mark.parametrize("name", ["causal", "lag", "smooth"])
-def test_sigmas_hold_the_truth_as_often_as_they_say(name: str) -> None:
-    """Ripple errors last a whole record, so that few records say little: the band here is three of their own sigmas."""
-    for knocks in (False, True):
-        seeds = seeds_of(name, knocks)
-        inside = np.mean([judged(name, seed, knocks).inside for seed in seeds], axis=0)
-        assert np.all(np.abs(inside - 0.6827) < 0.28), (knocks, inside)
-        errors = np.concatenate([judged(name, seed, knocks).errors for seed in seeds])
-        sigmas = np.concatenate([judged(name, seed, knocks).sigmas for seed in seeds])
-        assert np.all(np.mean(np.abs(errors) < 5 * sigmas, axis=0) > 0.97)
+@pytest.mark.parametrize("knocks", [False, True])
+@pytest.mark.parametrize(("name", "records"), [("causal", 12), ("lag", 10), ("smooth", 32)])
+def test_sigmas_hold_the_truth_as_often_as_they_say(name: str, records: int, knocks: bool) -> None:
+    """68 % within 5 points.
+
+    An error of the ripple lasts a whole record, so that few records say little: the scatter over the records tells how
+    much the mean can be off by chance.
+    """
+    found = [judged(name, seed, knocks) for seed in range(901, 901 + records)]
+    inside = np.stack([record.inside for record in found])
+    chance = inside.std(axis=0, ddof=1) / np.sqrt(records)
+    assert np.all(chance < 0.07), chance
+    assert np.all(np.abs(inside.mean(axis=0) - 0.6827) < 0.05 + 2.0 * chance), inside.mean(axis=0)
+    far = np.concatenate([np.abs(record.errors) > 5.0 * record.sigmas for record in found])
+    assert np.all(far.mean(axis=0) < 0.03)
 
 
 @pytest.mark.parametrize("name", ["causal", "smooth"])

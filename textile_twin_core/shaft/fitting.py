@@ -9,8 +9,9 @@ from textile_twin_core.shaft.chunk import FIXED_RESPONSE, FREE_RESPONSE, SOFT, C
 from textile_twin_core.shaft.knocks import NARROW, WIDE, find_knocks
 from textile_twin_core.shaft.spline import ORDER
 
-STIFF, WILD = 1e-6, 1e3
-"""Intensities of the jerk relative to the squared speed [1/s^3]: the least there is, and in a manoeuvre."""
+STILL, STIFF, WILD = 1e-7, 1e-6, 1e3
+"""Intensities of the jerk relative to the squared speed [1/s^3]: the least there is, while knocks are sought, and in a
+manoeuvre."""
 SIGNIFICANT = 25.0
 """Squared amplitude over variance from which an order of ripple stays in the model."""
 BLOCK_S = 0.4
@@ -117,7 +118,7 @@ class ChunkFit(Chunk):
         usual = np.exp(np.bincount(block, np.log(self.intensity)) / np.bincount(block))
         power = (np.bincount(block, lengths * value**2) + FAITH * usual) / (freedom + FAITH)
         change = np.clip(power / usual, 0.1, 10.0)[block]
-        adapted = np.maximum(self.intensity * change, STIFF * self.intensity_scale)
+        adapted = np.maximum(self.intensity * change, STILL * self.intensity_scale)
         largest = float(np.abs(np.log(adapted / self.intensity)).max())
         self.intensity = adapted
         return largest
