@@ -126,7 +126,7 @@ def test_reduction_keeps_the_rest_of_a_billion_radians(nodes: int) -> None:
     grid = AngleGrid(nodes)
     theta = np.random.default_rng(4).uniform(-1e9, 1e9, 300)
     index, rest = np.empty(300, dtype=np.int64), np.empty(300)
-    grid.reduce(theta, index, rest, np.empty(300), np.empty(300))
+    grid.reduce(theta, index, rest, np.empty(300))
     with mp.workdps(50):
         step = 2 * mp.pi / nodes
         for t, k, r in zip(theta, index, rest, strict=True):

@@ -15,6 +15,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression.aligned import aligned_rows
+from textile_twin_core.expression.blas import SERIAL, add_multiple
 from textile_twin_core.expression.block_code import write_block_code
 from textile_twin_core.expression.graph import Expr
 from textile_twin_core.expression.sincos import sincos
@@ -44,7 +45,7 @@ _TINY = np.asarray(1e-307)
 
 def _sign(x: Any, out: FloatArray) -> None:
     """As np.sign, but without a branch for each sample: x / (|x| + tiny), 1, 0 or -1 but for |x| below 1e-290."""
-    if np.min(x) > 0.0:  # a shaft's speed mostly is
+    if np.minimum.reduce(x) > 0.0:  # a shaft's speed mostly is
         out.fill(1.0)
         return
     np.absolute(x, out)
@@ -73,12 +74,13 @@ class BlockProgram:
         beside: int = 0,
     ) -> None:
         self.inputs = tuple(inputs)
-        code = write_block_code(outputs, self.inputs, arranged)
+        code = write_block_code(outputs, self.inputs, arranged, join_multiples=not beside)
         self.buffer_count, self.operations = code.buffers, code.operations
-        self.chunk = chunk or _chunk(code.buffers + beside)
+        self.chunk = chunk or _chunk(code.buffers + beside, CHUNK if beside else SERIAL)
         self._constants = [np.asarray(value) for value in code.constants]
         namespace: dict[str, Any] = {f"np_{op}": ufunc for op, ufunc in _UFUNCS.items()}
         namespace |= {"np_select": _select, "np_sign": _sign, "np_copy": np.copyto, "np_sincos": sincos}
+        namespace["add_multiple"] = add_multiple
         exec(compile(code.source, "<twin blocks>", "exec"), namespace)
         self._run: Callable[..., None] = namespace["run"]
         self._local = threading.local()
@@ -113,7 +115,7 @@ class BlockProgram:
         return held
 
 
-def _chunk(buffers: int) -> int:
+def _chunk(buffers: int, most: int) -> int:
     """As many samples as let the buffers stay in the cache, a multiple of the fewest."""
     fitting = _CACHED_BYTES // (8 * max(buffers, 1))
-    return min(max(fitting // _FEWEST_SAMPLES, 1) * _FEWEST_SAMPLES, CHUNK)
+    return min(max(fitting // _FEWEST_SAMPLES, 1) * _FEWEST_SAMPLES, most)

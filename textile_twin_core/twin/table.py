@@ -173,7 +173,7 @@ class TableEvaluator:
         n, work = theta.shape[0], self._buffers()
         index, rest, scratch = work.index[:n], work.rest[:n], work.scratch[:n]
         values = [value[:n] for value in work.values]
-        self.table.grid.reduce(theta, index, rest, scratch, values[0])
+        self.table.grid.reduce(theta, index, rest, scratch)
         self.table.pieces.choose(index, rest, inputs[1], work.met[:n])
         self.table.read(index, rest, values, scratch)
         self.program.run_chunk([*inputs, *values], outputs)
