@@ -72,6 +72,28 @@ def test_all_back_ends_agree(expression: Expr, x: float, y: float) -> None:
     assert out[1] == pytest.approx(plain, abs=scale) or abs(plain) > 1e8
 
 
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(expressions(), min_size=2, max_size=4),
+    st.lists(decimals(3.0), min_size=4, max_size=4),
+    st.booleans(),
+    decimals(2.0),
+    decimals(2.0),
+)
+def test_sums_of_multiples_leave_alone_what_is_needed_again(
+    parts: list[Expr], weights: list[float], arranged: bool, x: float, y: float
+) -> None:
+    """y + c x goes onto y, unless y is an output, an input or wanted later."""
+    outputs = list(parts)
+    for part, weight in zip(parts[1:], weights, strict=False):
+        outputs += [outputs[-1] + weight * part, part - weight * outputs[0]]
+    plain = interpret(outputs, {"x": x, "y": y}, math)
+    found = np.empty((len(outputs), 5))
+    BlockProgram(outputs, ["x", "y"], arranged=arranged)([np.full(5, x), np.broadcast_to(y, 5)], list(found))
+    for value, expected in zip(found, plain, strict=True):
+        assert value == pytest.approx(expected, rel=1e-11, abs=1e-11) or abs(expected) > 1e8
+
+
 def test_equal_expressions_are_one_node() -> None:
     assert (X + Y) * 2.0 is 2.0 * (Y + X)
     assert X - X is const(0.0)
