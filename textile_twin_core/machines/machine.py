@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.errors import MachineError
+from textile_twin_core.machines.declared import Declared
 from textile_twin_core.machines.sensors import Scene, Sensors
 from textile_twin_core.mechanism import (
     MAIN_SHAFT,
@@ -75,7 +76,7 @@ class Link(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Machine:
+class Machine(Declared):
     """A machine with one degree of freedom: ground points, groups, bodies, loads, measures and sensors.
 
     Several equal linkages can sit on one shaft; torque and energy are their sums, positions and

@@ -28,6 +28,7 @@ from textile_twin_core.contact import (
     run_contact,
 )
 from textile_twin_core.errors import MachineError
+from textile_twin_core.machines.declared import Declared
 from textile_twin_core.machines.motion_laws import TURN, MotionLaw, from_function, from_table, rise_dwell_fall
 from textile_twin_core.machines.sensors import Scene, Sensors
 
@@ -53,7 +54,7 @@ _MILLI = 1e3
 
 
 @dataclass(frozen=True)
-class NeedleTransferMachine:
+class NeedleTransferMachine(Declared):
     """The mechanism with its drive: what moves element 1 over a turn of the shaft, and what hangs on it."""
 
     design: str
@@ -69,6 +70,9 @@ class NeedleTransferMachine:
     description: str = "needle transfer of a sewing machine (Pejchar and Beran 2011)"
     sensors: Sensors = field(default_factory=Sensors)
     scene: Scene = field(default_factory=lambda: Scene(outputs=tuple(f"{e}_{m}" for e in ELEMENTS for m in MOTION)))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
@@ -199,7 +203,7 @@ def needle_transfer(
         model=model,
         start_m=(start_2, element_3_start_m),
         speed_rad_s=speed,
-        parameters=MappingProxyType({name: float(value) for name, value in given.items()}),
+        parameters={name: float(value) for name, value in given.items()},
     )
     machine.integrator().start(machine.start_m)
     return machine

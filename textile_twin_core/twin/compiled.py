@@ -42,6 +42,10 @@ class Twin:
         self._exact = ExactEvaluator(self._expressions)
         self._evaluator: ExactEvaluator | TableEvaluator = self._table if method == "table" else self._exact
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Compiled functions belong to their process: a copy is compiled anew.
+        return type(self), (self.machine, self.outputs, self.method, self.tolerance)
+
     @cached_property
     def _table(self) -> TableEvaluator:
         if not self.machine.linkage.solved.turns_fully:

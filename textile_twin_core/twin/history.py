@@ -38,6 +38,9 @@ class HistoryTwin:
             raise SceneError(f"a machine with history takes a tolerance between 1e-14 and 1e-3, not {tolerance!r}")
         self._motion()  # refuse unknown outputs at once
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.machine, self.outputs, self.tolerance), {"events": self.events}
+
     def evaluate(
         self,
         theta: float | FloatArray,

@@ -32,6 +32,10 @@ class Samples:
     outputs: Mapping[str, FloatArray]
     _sensitivity: TorqueSensitivity | None
 
+    def __getstate__(self) -> dict[str, Any]:
+        # The sensitivity is compiled and belongs to its process; what it tells goes along.
+        return {**self.__dict__, "torque_sigma_Nm": self.torque_sigma_Nm, "_sensitivity": None}
+
     def __len__(self) -> int:
         return len(self.states)
 
