@@ -39,12 +39,12 @@ MOST_PARTS = 8
 class ShaftFilter:
     """The filter's state, how far off it may be, and how far off it is under each hypothesis.
 
-    Row by row the error matrix holds the state and below it (theta, omega, alpha) of each held sample; column by column
-    the state's covariance and one column per hypothesis. Every step is made on the whole, so that held samples are
-    smoothed (fixed-lag smoother, Biswas and Mahalanabis 1973) and hypotheses are weighed on the way.
+    Row by row the error matrix holds the state and below it theta of all held samples, then their omega, then alpha;
+    column by column the state's covariance and one column per hypothesis. Every step is made on the whole, so that held
+    samples are smoothed (fixed-lag smoother, Biswas and Mahalanabis 1973) and hypotheses are weighed on the way.
 
     Attributes:
-        state: (n,) see `ripple`.
+        state: the n numbers of `ripple`.
         error: (n + 3 held, n + hypotheses).
         orders: orders of ripple in the state.
         ripple: the ripple at the state's angle.
@@ -53,35 +53,45 @@ class ShaftFilter:
     def __init__(self, orders: list[int], response_s: float, bank: HypothesisBank, past: Past | None) -> None:
         self.orders, self.bank, self.past = orders, bank, past
         size = FIRST_RIPPLE + 2 * len(orders)
-        self.state = np.zeros(size)
+        self.state = [0.0] * size
         self.state[LOG_RESPONSE] = math.log(response_s)
-        self.error = np.zeros((size, size + bank.columns))
-        self._resize()
+        self._resize(np.zeros((size, size + bank.columns)))
 
-    def _resize(self) -> None:
-        self.size = self.state.size
-        self._transition = np.eye(self.size)
-        self._gradient = blank_gradient(self.size)
+    def _resize(self, error: FloatArray) -> None:
+        self.size = size = len(self.state)
+        self._transition = np.eye(size)
+        self._gradient = blank_gradient(size)
+        self._use(error)
         self.look()
+
+    def _use(self, error: FloatArray) -> None:
+        """Take an error matrix, the views of it that every sample needs, and room for its changes."""
+        size = self.size
+        self.error, self._change = error, np.empty_like(error)
+        self._own, self._held = error[:size], error[size:, :size]
+        self._covariance = error[:size, :size]
 
     def look(self) -> None:
         """Bring the ripple to the state's angle."""
-        self.ripple = Ripple(float(self.state[THETA]), self.orders, self.state[FIRST_RIPPLE:].tolist())
+        self.ripple = Ripple(self.state[THETA], self.orders, self.state[FIRST_RIPPLE:])
 
     @property
     def angle(self) -> float:
         """The state's angle [rad], local."""
-        return float(self.state[THETA])
+        return self.state[THETA]
 
     @property
     def level(self) -> float:
         """The slow part of the speed [rad/s]."""
-        return float(self.state[LEVEL])
+        return self.state[LEVEL]
 
     @property
     def speed(self) -> float:
         """The speed [rad/s]."""
-        return (float(self.state[LEVEL]) + float(self.state[DIP])) * self.ripple.value
+        return (self.state[LEVEL] + self.state[DIP]) * self.ripple.value
+
+    def _shift(self, by: FloatArray) -> None:
+        self.state = [value + change for value, change in zip(self.state, by.tolist(), strict=True)]
 
     @property
     def speed_gradient(self) -> FloatArray:
@@ -106,7 +116,7 @@ class ShaftFilter:
         state[THETA], state[LEVEL] = angle, speed
         state[SLOPE] = state[DIP] = state[DIP_RATE] = 0.0
         if first:
-            state[FIRST_RIPPLE:] = 0.0
+            state[FIRST_RIPPLE:] = [0.0] * (size - FIRST_RIPPLE)
         at = np.arange(FIRST_RIPPLE, size)
         if not first:
             error[FIRST_RIPPLE:size, FIRST_RIPPLE:size] = ripple
@@ -125,21 +135,21 @@ class ShaftFilter:
 
     def predict(self, step: float, idle_ripple: bool) -> float:
         """Move on by `step` seconds; the angle moved. `idle_ripple`: whether idle orders gather evidence."""
-        error, size = self.error, self.size
-        arc = abs(self.level) * step * (max(self.orders) if self.orders else 1)
+        size, state, transition = self.size, self.state, self._transition
+        arc = abs(state[LEVEL]) * step * max(self.orders, default=1)
         parts = 1 + min(int(arc / LONGEST_ARC), MOST_PARTS - 1)
-        before = self.angle
+        before = state[THETA]
         for part in range(parts):
             if part:
                 self.look()
-            advance(self.state, self.ripple, step / parts, self._transition)
-            error[:size] = self._transition @ error[:size]
-            error[:, :size] = error[:, :size] @ self._transition.T
-        moved = self.angle - before
+            advance(state, self.ripple, step / parts, transition)
+            self._own[:] = np.dot(transition, self._own, self._change[:size])
+            self._covariance[:] = np.dot(self._covariance, transition.T)
+            if self.past is not None:
+                self._held[:] = np.dot(self._held, transition.T)
+        moved = state[THETA] - before
         if idle_ripple and self.bank.idle:
-            middle = before + moved / 2.0
-            wave = [f(k * middle) * moved for k in self.bank.idle for f in (math.cos, math.sin)]
-            error[THETA, size + self.bank.events :] += wave
+            self.error[THETA, size + self.bank.events :] += self.bank.idle_waves(before + moved / 2.0) * moved
         return moved
 
     def disturb(self, jerk: float, burst: float, step: float) -> None:
@@ -163,17 +173,15 @@ class ShaftFilter:
         self.look()
         _, omega, _ = observe(self.state, self.ripple, self._gradient)
         gradient = self._gradient[1]
-        return omega, gradient @ self.error[: self.size], self.error[:, : self.size] @ gradient
+        return omega, gradient @ self._own, self.error[:, : self.size] @ gradient
 
     def correct(self, seen: FloatArray, gain: FloatArray, innovation: float, variance: float) -> None:
         """Take in one reading."""
         size = self.size
         if self.past is not None:
-            mended = gain[size:].reshape(-1, 3)
-            self.past.mean += mended * innovation
-            self.past.covariance -= mended[:, :, None] * mended[:, None, :] * variance
-        self.state += gain[:size] * innovation
-        self.error -= gain[:, None] * seen
+            self.past.mend(gain[size:], innovation, variance)
+        self._shift(gain[:size] * innovation)
+        self.error -= np.dot(gain[:, None], seen[None, :], self._change)  # faster than the product of numpy's arrays
         self.bank.see(seen[size:], innovation, variance)
 
     # States out
@@ -181,8 +189,8 @@ class ShaftFilter:
     def observed(self) -> tuple[tuple[float, float, float], FloatArray, FloatArray]:
         """(theta, omega, alpha), their rows of the error matrix, and their covariance."""
         motion = observe(self.state, self.ripple, self._gradient)
-        across = self._gradient @ self.error[: self.size]
-        return motion, across, across[:, : self.size] @ self._gradient.T
+        across = np.dot(self._gradient, self._own)
+        return motion, across, np.dot(across[:, : self.size], self._gradient.T)
 
     def blend(self, rows: FloatArray, verdict: Verdict) -> tuple[FloatArray, FloatArray]:
         """Shift and spread that the hypotheses add to a state with the given (3, columns) rows of the error matrix."""
@@ -192,22 +200,21 @@ class ShaftFilter:
 
     def hold(self, past: Past, estimate: Estimate, across: FloatArray) -> None:
         """Keep a state open to later samples."""
-        size = self.size
+        size, columns = self.size, self.error.shape[1]
         if past.full:
-            rows = past.grow()
-            error = np.zeros((size + 3 * past.capacity, self.error.shape[1]))
-            error[:size] = self.error[:size]
-            error[size : size + rows.size] = self.error[size:][rows]
-            self.error = error
-        row = size + 3 * past.push(estimate)
-        self.error[row : row + 3] = across
+            old = self.error[size:].reshape(3, past.capacity, columns)
+            order = past.grow()
+            held = np.zeros((3, past.capacity, columns))
+            held[:, : order.size] = old[:, order]
+            self._use(np.concatenate([self._own, held.reshape(-1, columns)]))
+        self.error[size + past.push(estimate) :: past.capacity] = across
 
     def let_go(self, past: Past, verdict: Verdict | None) -> Estimate:
         """The state held longest, as it now stands."""
-        row = self.size + 3 * past.oldest
-        rows = self.error[row : row + 3]
-        shift, spread = (np.zeros(3), np.zeros((3, 3))) if verdict is None else self.blend(rows, verdict)
-        estimate = past.pop(shift, spread)
+        rows = self.error[self.size + past.oldest :: past.capacity]
+        estimate = past.pop()
+        if verdict is not None:
+            estimate.move(*self.blend(rows, verdict))
         rows[:] = 0.0
         return estimate
 
@@ -223,12 +230,9 @@ class ShaftFilter:
         shift = columns @ verdict.mean
         error[:, :size] += (columns * verdict.moment) @ columns[:size].T - shift[:, None] * shift[:size]
         if self.past is not None:
-            rows = columns[size:].reshape(-1, 3, bank.events)
-            moved = shift[size:].reshape(-1, 3)
-            self.past.covariance += (rows * verdict.moment) @ rows.transpose(0, 2, 1)
-            self.past.covariance -= moved[:, :, None] * moved[:, None, :]
-            self.past.mean += moved
-        self.state += shift[:size]
+            self.past.widen(columns[size:], verdict.moment)
+            self.past.mend(shift[size:], 1.0, 1.0)
+        self._shift(shift[:size])
         self.open_ripple(RIPPLE_AFTER_DOUBT * max(crowding, math.sqrt(1.0 - min(verdict.weight, 1.0))))
         bank.clear(self.hypotheses)  # the idle orders too: an event looks like some of each
         self.look()
@@ -247,13 +251,12 @@ class ShaftFilter:
         rows[:, size : size + 2] = np.diag(variance)
         wide = np.concatenate([block, own, kept], axis=1)
         if self.past is not None:
-            held = columns[size:].reshape(-1, 3, 2)
-            self.past.mean += shift[size:].reshape(-1, 3)
-            self.past.covariance += (held * variance) @ held.transpose(0, 2, 1)
-        self.error = np.concatenate([wide[:size], rows, wide[size:]])
-        self.state = np.concatenate([self.state + shift[:size], mean])
+            self.past.widen(columns[size:], variance)
+            self.past.mend(shift[size:], 1.0, 0.0)
+        self._shift(shift[:size])
+        self.state += mean.tolist()
         self.orders.append(order)
-        self._resize()
+        self._resize(np.concatenate([wide[:size], rows, wide[size:]]))
 
     def open_motion(self, level: float, slope: float, rate: float) -> None:
         """Let speed level, its slope and the dip's rate change by so much (standard deviations)."""
@@ -272,17 +275,17 @@ class ShaftFilter:
         error[:size, :size] = (error[:size, :size] + error[:size, :size].T) / 2.0
         at = np.arange(FIRST_RIPPLE, size)
         error[at, at] += 3e-13
-        if np.abs(state[FIRST_RIPPLE:]).max(initial=0.0) > LARGEST_RIPPLE:  # what looked like ripple was none
-            state[FIRST_RIPPLE:] = 0.0
+        if max(map(abs, state[FIRST_RIPPLE:]), default=0.0) > LARGEST_RIPPLE:  # what looked like ripple was none
+            state[FIRST_RIPPLE:] = [0.0] * (size - FIRST_RIPPLE)
             error[at] = 0.0
             error[:, at] = 0.0
             error[at, at] = RIPPLE_AT_START**2
         variance = float(error[LOG_RESPONSE, LOG_RESPONSE]) + 1e-6
         error[LOG_RESPONSE, LOG_RESPONSE] = min(variance, LOG_RESPONSE_VARIANCE)
-        state[LOG_RESPONSE] = min(max(float(state[LOG_RESPONSE]), LOG_SHORTEST), LOG_LONGEST)
+        state[LOG_RESPONSE] = min(max(state[LOG_RESPONSE], LOG_SHORTEST), LOG_LONGEST)
 
     def amplitudes(self) -> tuple[float, ...]:
         """Relative amplitude of the ripple by order, from order 1 on."""
-        pairs = self.state[FIRST_RIPPLE:].reshape(-1, 2)
-        size = dict(zip(self.orders, np.hypot(pairs[:, 0], pairs[:, 1]).tolist(), strict=True))
+        ripple = self.state[FIRST_RIPPLE:]
+        size = dict(zip(self.orders, map(math.hypot, ripple[0::2], ripple[1::2]), strict=True))
         return tuple(size.get(k, 0.0) for k in range(1, max(self.orders, default=0) + 1))

@@ -6,6 +6,7 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.shaft.chunk import FIXED_RESPONSE, FREE_RESPONSE, SOFT, Chunk
+from textile_twin_core.shaft.intervals import IntervalReadings
 from textile_twin_core.shaft.knocks import NARROW, WIDE, find_knocks
 from textile_twin_core.shaft.spline import ORDER
 
@@ -20,6 +21,7 @@ FAITH = 2.0
 """Degrees of freedom by which a block keeps to the intensity that it has."""
 MANOEUVRE, MANOEUVRE_S = 0.05, 0.2
 """A change of speed, relative to the usual, within a time on either side that no knock makes."""
+SHARPENING_ROUNDS, MOST_OUTSIDE = 12, 0.02
 LARGEST_RIPPLE = 0.3
 KNOCK_ROUNDS, KNOCK_COST = 12, 20.0
 """The squared normalised residuals that a knock must explain."""
@@ -63,6 +65,33 @@ class ChunkFit(Chunk):
             self.orders, self.ripple, self.knock_times, self.knock_sizes, self.variance, intensity, knots = kept
             self._set_knots(knots.breaks)
             self.intensity = intensity
+            self.solve()
+
+    def sharpen(self, width: float, noise: FloatArray, coarse: BoolArray) -> None:
+        """Fit on, the `coarse` readings taken as intervals of `width` about them; `noise` (n,) is their variance.
+
+        Should the motion not go through the intervals, the fit stays as it was.
+        """
+        plain = (self.angle, self.variance, self.intensity, self.orders, self.ripple)
+        plain_knocks = (self.knock_times, self.knock_sizes)
+        intervals = IntervalReadings(self.angle[coarse], width, noise[coarse])
+        self.angle, self.variance = self.angle.copy(), self.variance.copy()
+        for round_ in range(SHARPENING_ROUNDS):
+            fitted = (self.angle - self.residual * self.clock.ripple(self.angle)[0])[coarse]
+            if round_ > 2:
+                intervals.learn(fitted)
+            self.angle[coarse], self.variance[coarse] = intervals.linear(fitted)
+            self.solve()
+            if round_ == 2:
+                self.prune()
+                self._drop_weak()
+                self.solve()
+            if round_ > 0:
+                self.adapt()
+        fitted = (self.angle - self.residual * self.clock.ripple(self.angle)[0])[coarse]
+        if not intervals.outside(fitted) < MOST_OUTSIDE:
+            self.angle, self.variance, self.intensity, self.orders, self.ripple = plain
+            self.knock_times, self.knock_sizes = plain_knocks
             self.solve()
 
     def _settle(self) -> None:

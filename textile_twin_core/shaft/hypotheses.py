@@ -9,6 +9,7 @@ acceleration), one more order of ripple.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,21 +41,33 @@ class HypothesisBank:
     def __init__(self, width: int, idle_orders: list[int]) -> None:
         self.width = width
         self.events = 2 * width
-        self.idle = list(idle_orders)
+        self._set_idle(idle_orders)
         self.columns = self.events + 2 * len(idle_orders)
         self.information = np.zeros(self.columns)
         self.score = np.zeros(self.columns)
         self._odds = np.zeros(self.events)
-        self._kinds = np.repeat([1.0, RAMPS_PER_KNOCK], width)
+        self._spread, self._mean, self._likelihood = np.zeros((3, self.events))
+        self._all = 1.0
         self.next = 0
+
+    def _set_idle(self, orders: list[int]) -> None:
+        self.idle = orders
+        self._multiples = np.repeat(orders, 2).astype(np.float64)
+        self._phases = np.tile([0.0, math.pi / 2.0], len(orders))
+
+    def idle_waves(self, angle: float) -> FloatArray:
+        """(2 idle orders,) cos, sin of each idle order at an angle, alternating."""
+        return np.asarray(np.cos(self._multiples * angle - self._phases))
 
     def born(self, columns: FloatArray, probability: float) -> None:
         """Let an event begin now, in place of the oldest; `columns` are the filter's error columns, in place."""
-        for at, row in ((self.next, DIP_RATE), (self.next + self.width, SLOPE)):
-            columns[:, at] = 0.0
-            columns[row, at] = 1.0
-            self.information[at] = self.score[at] = 0.0
-            self._odds[at] = probability * self._kinds[at]
+        knock, ramp = self.next, self.next + self.width
+        both = slice(knock, self.events, self.width)
+        columns[:, both] = 0.0
+        columns[DIP_RATE, knock] = columns[SLOPE, ramp] = 1.0
+        self.information[both] = 0.0
+        self.score[both] = 0.0
+        self._odds[knock], self._odds[ramp] = probability, probability * RAMPS_PER_KNOCK
         self.next = (self.next + 1) % self.width
 
     def see(self, seen: FloatArray, innovation: float, variance: float) -> None:
@@ -63,26 +76,35 @@ class HypothesisBank:
         self.information += per * seen
         self.score += per * innovation
 
-    def verdict(self, size: float) -> Verdict:
-        """Weigh the events, their sizes being of standard deviation `size` beforehand."""
-        inverse = 1.0 / (size * size)
-        spread = 1.0 / (self.information[: self.events] + inverse)
+    def weigh(self, size: float) -> float:
+        """The weight of any event having happened, their sizes being of standard deviation `size` beforehand."""
+        spread, mean, likelihood = self._spread, self._mean, self._likelihood
         score = self.score[: self.events]
-        mean = spread * score
-        evidence = 0.5 * (mean * score + np.log(spread * inverse))
-        top = max(float(evidence.max()), 0.0)
-        weight = self._odds * np.exp(evidence - top)
-        nothing = np.exp(-top)
-        total = float(weight.sum())
-        weight /= total + nothing
-        mean_weighted = weight * mean
-        return Verdict(total / (total + nothing), weight, mean_weighted, weight * spread + mean_weighted * mean)
+        np.add(self.information[: self.events], 1.0 / (size * size), spread)
+        np.reciprocal(spread, spread)
+        np.multiply(spread, score, mean)
+        np.multiply(mean, score, likelihood)
+        top = float(likelihood.max())
+        # exp((mean * score - top) / 2) * sqrt(spread) / size: the likelihood ratio, but for a factor that all share
+        likelihood -= top
+        likelihood *= 0.5
+        np.exp(likelihood, likelihood)
+        likelihood *= np.sqrt(spread)
+        total = float(self._odds.dot(likelihood))
+        self._all = total + size * math.exp(-0.5 * top)
+        return total / self._all
+
+    def verdict(self, weight: float) -> Verdict:
+        """What was found when the events were weighed last, in detail; `weight` was that of any event."""
+        weights = self._odds * self._likelihood / self._all
+        mean = weights * self._mean
+        return Verdict(weight, weights, mean, weights * self._spread + mean * self._mean)
 
     def leaving(self, verdict: Verdict) -> bool:
         """Whether the hypotheses that are replaced next still carry weight."""
         after = (self.next + 1) % self.width
         going = [self.next, after, self.next + self.width, after + self.width]
-        return verdict.weight > LEAVING and float(verdict.weights[going].sum()) > LEAVING
+        return float(verdict.weights[going].sum()) > LEAVING
 
     def clear(self, columns: FloatArray) -> None:
         """Forget everything."""
@@ -112,4 +134,6 @@ class HypothesisBank:
         self.information = np.delete(self.information, [at, at + 1])
         self.score = np.delete(self.score, [at, at + 1])
         self.columns -= 2
-        return self.idle.pop(place), mean, variance
+        order = self.idle[place]
+        self._set_idle([other for other in self.idle if other != order])
+        return order, mean, variance

@@ -45,14 +45,14 @@ class Past:
 
     Attributes:
         capacity: places in the ring; the filter keeps three rows of its error matrix for each.
-        mean: (capacity, 3).
-        covariance: (capacity, 3, 3).
+        mean: (3, capacity).
+        covariance: (3, 3, capacity).
     """
 
     def __init__(self) -> None:
         self.capacity = 0
-        self.mean = np.zeros((0, 3))
-        self.covariance = np.zeros((0, 3, 3))
+        self.mean = np.zeros((3, 0))
+        self.covariance = np.zeros((3, 3, 0))
         self._kept: list[Estimate] = []
         self._oldest = 0
 
@@ -60,14 +60,14 @@ class Past:
         return len(self._kept)
 
     def grow(self) -> IntArray:
-        """Double the ring; the (3 capacity,) old rows, in the order that the new ring has them first."""
+        """Enlarge the ring; the (old capacity,) places of old, in the order that the new ring has them first."""
         order = (self._oldest + np.arange(self.capacity)) % max(self.capacity, 1)
-        added = max(self.capacity, 8)
-        self.mean = np.concatenate([self.mean[order], np.zeros((added, 3))])
-        self.covariance = np.concatenate([self.covariance[order], np.zeros((added, 3, 3))])
+        added = max(self.capacity // 4, 8)
+        self.mean = np.concatenate([self.mean[:, order], np.zeros((3, added))], axis=1)
+        self.covariance = np.concatenate([self.covariance[:, :, order], np.zeros((3, 3, added))], axis=2)
         self.capacity += added
         self._oldest = 0
-        return (3 * order[:, None] + np.arange(3)).ravel()
+        return order
 
     @property
     def full(self) -> bool:
@@ -77,10 +77,21 @@ class Past:
     def push(self, estimate: Estimate) -> int:
         """Hold one more state; its place in the ring."""
         place = (self._oldest + len(self._kept)) % self.capacity
-        self.mean[place] = estimate.angle, estimate.omega, estimate.alpha
-        self.covariance[place] = estimate.covariance
+        self.mean[:, place] = estimate.angle, estimate.omega, estimate.alpha
+        self.covariance[:, :, place] = estimate.covariance
         self._kept.append(estimate)
         return place
+
+    def mend(self, gain: FloatArray, innovation: float, variance: float) -> None:
+        """Take in one reading; `gain` is (3 capacity,), what each held state makes of it."""
+        by = gain.reshape(3, -1)
+        self.mean += by * innovation
+        self.covariance -= by[:, None] * (by * variance)
+
+    def widen(self, columns: FloatArray, moment: FloatArray) -> None:
+        """Add what (3 capacity, m) errors per unit make of m independent unknowns of the given second moments."""
+        errors = columns.reshape(3, self.capacity, -1)
+        self.covariance += np.einsum("ipm,jpm->ijp", errors * moment, errors)
 
     @property
     def oldest_time_s(self) -> float:
@@ -92,11 +103,11 @@ class Past:
         """Place of the state held longest."""
         return self._oldest
 
-    def pop(self, shift: FloatArray, spread: FloatArray) -> Estimate:
-        """Let go of the oldest state, moved by `shift` and widened by `spread`, as the open hypotheses will have it."""
+    def pop(self) -> Estimate:
+        """Let go of the oldest state, as it now stands."""
         estimate = self._kept.pop(0)
         place = self._oldest
-        estimate.angle, estimate.omega, estimate.alpha = (self.mean[place] + shift).tolist()
-        estimate.covariance = self.covariance[place] + spread
+        estimate.angle, estimate.omega, estimate.alpha = self.mean[:, place].tolist()
+        estimate.covariance = self.covariance[:, :, place].copy()
         self._oldest = (place + 1) % self.capacity
         return estimate

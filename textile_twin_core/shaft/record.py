@@ -115,8 +115,10 @@ def _middle(values: FloatArray) -> FloatArray:
     return middle
 
 
-def edges(time: FloatArray, angle: FloatArray, step: float, jitter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Readings as (time, angle, variance) data.
+def edges(
+    time: FloatArray, angle: FloatArray, step: float, jitter: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Readings as (time, angle, variance, noise) data; the noise is the variance without the rounding to steps.
 
     While the shaft turns by several encoder steps per sample a reading is as good as its step over root 12. Where it
     turns by less, what is known well is when the count changed: the edge between two counts lies between two samples.
@@ -127,16 +129,18 @@ def edges(time: FloatArray, angle: FloatArray, step: float, jitter: float) -> tu
     reach = max(5, int(0.05 / typical))
     after, before = np.minimum(place + reach, time.size - 1), np.maximum(place - reach, 0)
     speed = np.abs(angle[after] - angle[before]) / np.maximum(time[after] - time[before], 1e-9)
-    variance = step**2 / 12.0 + (speed * jitter) ** 2
+    noise = (speed * jitter) ** 2
+    variance = step**2 / 12.0 + noise
     slow = speed * tick < 0.5 * step
     if not slow.any():
-        return time, angle, np.maximum(variance, 1e-14)
+        return time, angle, np.maximum(variance, 1e-14), noise
     change = np.diff(angle, prepend=angle[0])
     edge = slow & (np.abs(np.abs(change) - step) < 0.5 * step)
     when, what = time.copy(), angle.copy()
     when[edge] -= tick[edge] / 2.0
     what[edge] -= change[edge] / 2.0
-    variance[edge] = (speed[edge] * tick[edge]) ** 2 / 12.0 + (speed[edge] * jitter) ** 2 + (0.02 * step) ** 2
+    variance[edge] = (speed[edge] * tick[edge]) ** 2 / 12.0 + noise[edge] + (0.02 * step) ** 2
     # Between the edges many readings of one count know no more than one does: keep few of them.
     kept = ~slow | edge | (place % (2 * reach) == 0)
-    return when[kept], what[kept], np.maximum(variance[kept], 1e-14)
+    noise[slow] = variance[slow]
+    return when[kept], what[kept], np.maximum(variance[kept], 1e-14), noise[kept]

@@ -53,12 +53,12 @@ class Ripple:
         self.basis, self.basis_slope = basis, basis_slope
 
 
-def advance(state: FloatArray, ripple: Ripple, step: float, transition: FloatArray) -> None:
+def advance(state: list[float], ripple: Ripple, step: float, transition: FloatArray) -> None:
     """Move the state on by `step` seconds in place and fill its transition matrix (identity elsewhere).
 
     The angle by a Taylor series of third order, V, U, w exactly; the derivatives of the angle at mid-step.
     """
-    level, slope, dip, rate, log_response = state[1:FIRST_RIPPLE].tolist()
+    level, slope, dip, rate, log_response = state[1:FIRST_RIPPLE]
     response = math.exp(min(max(log_response, LOG_SHORTEST), LOG_LONGEST))
     v, u = level + dip, slope + rate
     pull = -(dip / response + 2.0 * rate) / response
@@ -72,17 +72,16 @@ def advance(state: FloatArray, ripple: Ripple, step: float, transition: FloatArr
     decay = math.exp(-step / response)
     part = step / response
     together = dip / response + rate
-    row = transition[THETA]
-    row[:FIRST_RIPPLE] = (
+    travel = (v + u * step / 2.0) * step
+    transition[THETA] = [
         1.0 + v * (h1 + h2 * half) * step,
         step * mid,
         step * step / 2.0 * mid,
         response * (2.0 - (2.0 + part) * decay) * mid,
         response * response * (1.0 - (1.0 + part) * decay) * mid,
         decay * step * step * part / 3.0 * together * mid,
-    )
-    travel = (v + u * step / 2.0) * step
-    row[FIRST_RIPPLE:] = [travel * (b + d * half) for b, d in zip(ripple.basis, ripple.basis_slope, strict=True)]
+        *[travel * (b + d * half) for b, d in zip(ripple.basis, ripple.basis_slope, strict=True)],
+    ]
     transition[LEVEL, SLOPE] = step
     transition[DIP, DIP : LOG_RESPONSE + 1] = (1.0 + part) * decay, step * decay, decay * step * part * together
     transition[DIP_RATE, DIP : LOG_RESPONSE + 1] = (
@@ -96,21 +95,18 @@ def advance(state: FloatArray, ripple: Ripple, step: float, transition: FloatArr
     state[DIP_RATE] = (-part / response * dip + (1.0 - part) * rate) * decay
 
 
-def observe(state: FloatArray, ripple: Ripple, gradient: FloatArray) -> tuple[float, float, float]:
+def observe(state: list[float], ripple: Ripple, gradient: FloatArray) -> tuple[float, float, float]:
     """(theta, omega, alpha) of a state; fills the (3, n) gradient."""
-    theta, level, slope, dip, rate = state[:LOG_RESPONSE].tolist()
+    theta, level, slope, dip, rate = state[:LOG_RESPONSE]
     v, u = level + dip, slope + rate
     h, h1, h2 = ripple.value, ripple.slope, ripple.bend
     omega = v * h
     alpha = u * h + v * h1 * omega
-    gradient[1, :LOG_RESPONSE] = v * h1, h, 0.0, h, 0.0
-    gradient[1, FIRST_RIPPLE:] = [v * b for b in ripple.basis]
-    bent = 2.0 * v * h * h1
-    gradient[2, :LOG_RESPONSE] = u * h1 + v * v * (h1 * h1 + h * h2), bent, h, bent, h
+    gradient[1] = [v * h1, h, 0.0, h, 0.0, 0.0, *[v * b for b in ripple.basis]]
+    by_theta, by_speed = u * h1 + v * v * (h1 * h1 + h * h2), 2.0 * v * h * h1
     by_value, by_slope = u + v * v * h1, v * v * h
-    gradient[2, FIRST_RIPPLE:] = [
-        by_value * b + by_slope * d for b, d in zip(ripple.basis, ripple.basis_slope, strict=True)
-    ]
+    by_ripple = [by_value * b + by_slope * d for b, d in zip(ripple.basis, ripple.basis_slope, strict=True)]
+    gradient[2] = [by_theta, by_speed, h, by_speed, h, 0.0, *by_ripple]
     return theta, omega, alpha
 
 

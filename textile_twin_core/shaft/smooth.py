@@ -18,6 +18,8 @@ from textile_twin_core.shaft.turns import TURN
 
 CHUNK = 6144
 OVERLAP = 512
+COARSE = 2.0
+"""Steps larger than this many sigmas of the noise are taken as the intervals that they are."""
 FEWEST = 24
 """Samples below which nothing but a straight line is fitted."""
 
@@ -128,7 +130,7 @@ class SmoothEstimator:
         good = part.good[first:end]
         shift = TURN * round(float(angle[0]) / TURN)
         start = float(time[0])
-        when, what, variance = edges(time[good] - start, angle[good] - shift, encoder, self._jitter)
+        when, what, variance, noise = edges(time[good] - start, angle[good] - shift, encoder, self._jitter)
         turns = abs(float(angle[-1] - angle[0])) / TURN
         most = self._most if turns > 2.0 else self._harmonics if turns > 1.0 else 0
         speed = float(np.median(np.abs(np.diff(what)) / np.diff(when))) if what.size > 1 else 0.0
@@ -137,6 +139,9 @@ class SmoothEstimator:
             when, what, variance, np.arange(1, most + 1), min(self._harmonics, most), scale**2, self._response
         )
         chunk.fit()
+        coarse = encoder**2 > COARSE**2 * noise
+        if np.mean(coarse) > 0.5:
+            chunk.sharpen(encoder, noise + (0.02 * encoder) ** 2, coarse)
         self._report.knocks += chunk.knock_times.size
         noise = max(float(np.median(chunk.variance)) - encoder**2 / 12.0, 0.0)
         self._report.stamp_jitter_s = math.sqrt(noise) / scale

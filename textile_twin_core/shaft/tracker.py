@@ -8,7 +8,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.shaft.encoder import EncoderNoise
 from textile_twin_core.shaft.filter import ShaftFilter
 from textile_twin_core.shaft.gate import Unwrapper
-from textile_twin_core.shaft.hypotheses import HypothesisBank, Verdict
+from textile_twin_core.shaft.hypotheses import LEAVING, HypothesisBank, Verdict
 from textile_twin_core.shaft.past import Estimate, Past
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import TrackerSettings
@@ -151,8 +151,9 @@ class ShaftTracker:
                 stride = max(1, round(self._settings.memory_s / BANK_WIDTH / watch.period_s))
                 self._until_birth = stride
                 bank.born(own.hypotheses, watch.knock_rate * watch.period_s * stride)
-            verdict = bank.verdict(watch.scale)
-            watch.eventful = verdict.weight
+            watch.eventful = bank.weigh(watch.scale)
+            if watch.eventful > LEAVING:
+                verdict = bank.verdict(watch.eventful)
         else:
             watch.eventful = 0.0
         self._minded = verdict if verdict is not None and verdict.weight > MINDED else None
