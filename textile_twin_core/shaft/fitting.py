@@ -67,10 +67,12 @@ class ChunkFit(Chunk):
             self.intensity = intensity
             self.solve()
 
-    def sharpen(self, width: float, noise: FloatArray, coarse: BoolArray) -> None:
+    def sharpen(self, width: float, noise: FloatArray, coarse: BoolArray) -> float | None:
         """Fit on, the `coarse` readings taken as intervals of `width` about them; `noise` (n,) is their variance.
 
-        Should the motion not go through the intervals, the fit stays as it was.
+        Returns:
+            The noise's variance as it was found [rad^2], None where the motion does not go through the intervals: the
+            fit is then as it was.
         """
         plain = (self.angle, self.variance, self.intensity, self.orders, self.ripple)
         plain_knocks = (self.knock_times, self.knock_sizes)
@@ -93,6 +95,8 @@ class ChunkFit(Chunk):
             self.angle, self.variance, self.intensity, self.orders, self.ripple = plain
             self.knock_times, self.knock_sizes = plain_knocks
             self.solve()
+            return None
+        return float(np.median(intervals.variance))
 
     def _settle(self) -> None:
         """Adapt jerk, variance and knots until they fit each other."""

@@ -139,12 +139,12 @@ class SmoothEstimator:
             when, what, variance, np.arange(1, most + 1), min(self._harmonics, most), scale**2, self._response
         )
         chunk.fit()
+        spread = max(float(np.median(chunk.variance)) - encoder**2 / 12.0, 0.0)
         coarse = encoder**2 > COARSE**2 * noise
         if np.mean(coarse) > 0.5:
-            chunk.sharpen(encoder, noise + (0.02 * encoder) ** 2, coarse)
+            spread = chunk.sharpen(encoder, noise + (0.02 * encoder) ** 2, coarse) or spread
         self._report.knocks += chunk.knock_times.size
-        noise = max(float(np.median(chunk.variance)) - encoder**2 / 12.0, 0.0)
-        self._report.stamp_jitter_s = math.sqrt(noise) / scale
+        self._report.stamp_jitter_s = math.sqrt(spread) / scale
         amplitude = np.hypot(chunk.ripple[0::2], chunk.ripple[1::2])
         ripple = dict(zip(chunk.orders.tolist(), amplitude.tolist(), strict=True))
         self._report.ripple = tuple(ripple.get(k, 0.0) for k in range(1, max(ripple, default=0) + 1))
