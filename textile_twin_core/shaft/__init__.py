@@ -19,7 +19,7 @@ def create_estimator(name: str, **settings: Any) -> ShaftEstimator:
     """The estimator of that name: causal, lag or smooth.
 
     Raises:
-        SceneError: no such estimator, or a setting that it does not have.
+        SceneError: no such estimator, or a setting that it does not have or of the wrong kind or value.
     """
     if name not in ESTIMATORS:
         raise SceneError(f"unknown shaft estimator '{name}': choose one of {', '.join(ESTIMATORS)}")

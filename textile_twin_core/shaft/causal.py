@@ -8,11 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.gate import SampleGate
 from textile_twin_core.shaft.past import Estimate
 from textile_twin_core.shaft.report import SampleReport
-from textile_twin_core.shaft.settings import TrackerSettings
+from textile_twin_core.shaft.settings import TrackerSettings, require_positive
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.tracker import ShaftTracker
 
@@ -24,6 +23,7 @@ class CausalEstimator:
         settings: fields of `TrackerSettings`.
 
     Raises:
+        SceneError: a setting of the wrong kind or value.
         TypeError: a setting that does not exist.
     """
 
@@ -79,8 +79,8 @@ class CausalEstimator:
         count = len(ready)
         self._waiting = [(stamps[count:], index[count:])]
         rows = np.array([estimate.row() for estimate in ready]).reshape(count, 5)
-        covariance = np.array([estimate.covariance for estimate in ready]).reshape(count, 3, 3)
-        return ShaftStates.from_rows(stamps[:count], index[:count], rows, covariance)
+        covariance = np.concatenate([np.zeros((0, 3)), *[estimate.covariance for estimate in ready]])
+        return ShaftStates.from_rows(stamps[:count], index[:count], rows, covariance.reshape(count, 3, 3))
 
 
 class LagEstimator(CausalEstimator):
@@ -91,12 +91,11 @@ class LagEstimator(CausalEstimator):
         settings: fields of `TrackerSettings`.
 
     Raises:
-        SceneError: a lag that is not positive.
+        SceneError: a lag that is not positive, or a setting of the wrong kind or value.
         TypeError: a setting that does not exist.
     """
 
     def __init__(self, *, shaft_lag_s: float = 0.04, **settings: Any) -> None:
-        if not shaft_lag_s > 0:
-            raise SceneError(f"shaft_lag_s is {shaft_lag_s}: give a positive time in seconds, or use 'causal'")
+        require_positive("shaft_lag_s", shaft_lag_s)
         self.lag_s = shaft_lag_s
         super().__init__(**settings)

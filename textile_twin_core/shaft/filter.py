@@ -59,6 +59,7 @@ class ShaftFilter:
 
     def _resize(self, error: FloatArray) -> None:
         self.size = size = len(self.state)
+        self._highest = max(self.orders, default=1)
         self._transition = np.eye(size)
         self._gradient = blank_gradient(size)
         self._use(error)
@@ -68,8 +69,8 @@ class ShaftFilter:
         """Take an error matrix, the views of it that every sample needs, and room for its changes."""
         size = self.size
         self.error, self._change = error, np.empty_like(error)
-        self._own, self._held = error[:size], error[size:, :size]
-        self._covariance = error[:size, :size]
+        self._own, self._own_change = error[:size], self._change[:size]
+        self._by_state = error[:, :size]
 
     def look(self) -> None:
         """Bring the ripple to the state's angle."""
@@ -136,17 +137,15 @@ class ShaftFilter:
     def predict(self, step: float, idle_ripple: bool) -> float:
         """Move on by `step` seconds; the angle moved. `idle_ripple`: whether idle orders gather evidence."""
         size, state, transition = self.size, self.state, self._transition
-        arc = abs(state[LEVEL]) * step * max(self.orders, default=1)
+        arc = abs(state[LEVEL]) * step * self._highest
         parts = 1 + min(int(arc / LONGEST_ARC), MOST_PARTS - 1)
         before = state[THETA]
         for part in range(parts):
             if part:
                 self.look()
             advance(state, self.ripple, step / parts, transition)
-            self._own[:] = np.dot(transition, self._own, self._change[:size])
-            self._covariance[:] = np.dot(self._covariance, transition.T)
-            if self.past is not None:
-                self._held[:] = np.dot(self._held, transition.T)
+            self._own[:] = np.dot(transition, self._own, self._own_change)
+            self._by_state[:] = np.dot(self._by_state, transition.T)
         moved = state[THETA] - before
         if idle_ripple and self.bank.idle:
             self.error[THETA, size + self.bank.events :] += self.bank.idle_waves(before + moved / 2.0) * moved
@@ -173,7 +172,7 @@ class ShaftFilter:
         self.look()
         _, omega, _ = observe(self.state, self.ripple, self._gradient)
         gradient = self._gradient[1]
-        return omega, gradient @ self._own, self.error[:, : self.size] @ gradient
+        return omega, gradient @ self._own, self._by_state @ gradient
 
     def correct(self, seen: FloatArray, gain: FloatArray, innovation: float, variance: float) -> None:
         """Take in one reading."""

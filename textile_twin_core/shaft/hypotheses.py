@@ -46,6 +46,7 @@ class HypothesisBank:
         self.information = np.zeros(self.columns)
         self.score = np.zeros(self.columns)
         self._odds = np.zeros(self.events)
+        self._prior = 0.0
         self._spread, self._mean, self._likelihood = np.zeros((3, self.events))
         self._all = 1.0
         self.next = 0
@@ -57,7 +58,8 @@ class HypothesisBank:
 
     def idle_waves(self, angle: float) -> FloatArray:
         """(2 idle orders,) cos, sin of each idle order at an angle, alternating."""
-        return np.asarray(np.cos(self._multiples * angle - self._phases))
+        waves: FloatArray = np.cos(self._multiples * angle - self._phases)
+        return waves
 
     def born(self, columns: FloatArray, probability: float) -> None:
         """Let an event begin now, in place of the oldest; `columns` are the filter's error columns, in place."""
@@ -67,7 +69,9 @@ class HypothesisBank:
         columns[DIP_RATE, knock] = columns[SLOPE, ramp] = 1.0
         self.information[both] = 0.0
         self.score[both] = 0.0
+        forgotten = float(self._odds[knock] + self._odds[ramp])
         self._odds[knock], self._odds[ramp] = probability, probability * RAMPS_PER_KNOCK
+        self._prior += probability * (1.0 + RAMPS_PER_KNOCK) - forgotten
         self.next = (self.next + 1) % self.width
 
     def see(self, seen: FloatArray, innovation: float, variance: float) -> None:
@@ -77,21 +81,27 @@ class HypothesisBank:
         self.score += per * innovation
 
     def weigh(self, size: float) -> float:
-        """The weight of any event having happened, their sizes being of standard deviation `size` beforehand."""
+        """The weight of any event having happened, their sizes being of standard deviation `size` beforehand.
+
+        A weight that is surely below `LEAVING` is not worked out: a bound of it is returned.
+        """
         spread, mean, likelihood = self._spread, self._mean, self._likelihood
         score = self.score[: self.events]
         np.add(self.information[: self.events], 1.0 / (size * size), spread)
         np.reciprocal(spread, spread)
         np.multiply(spread, score, mean)
         np.multiply(mean, score, likelihood)
-        top = float(likelihood.max())
-        # exp((mean * score - top) / 2) * sqrt(spread) / size: the likelihood ratio, but for a factor that all share
+        top = float(likelihood[likelihood.argmax()])
+        nothing = math.exp(-0.5 * top)
+        if self._prior < LEAVING * nothing:
+            return self._prior / nothing
+        # The likelihood ratio, exp(mean * score / 2) * sqrt(spread) / size, but for a factor that all share.
         likelihood -= top
-        likelihood *= 0.5
         np.exp(likelihood, likelihood)
-        likelihood *= np.sqrt(spread)
+        likelihood *= spread
+        np.sqrt(likelihood, likelihood)
         total = float(self._odds.dot(likelihood))
-        self._all = total + size * math.exp(-0.5 * top)
+        self._all = total + size * nothing
         return total / self._all
 
     def verdict(self, weight: float) -> Verdict:
@@ -112,6 +122,7 @@ class HypothesisBank:
         self.information[:] = 0.0
         self.score[:] = 0.0
         self._odds[:] = 0.0
+        self._prior = 0.0
 
     def best_order(self) -> int | None:
         """Place among the idle orders of the one whose evidence is beyond doubt and largest, or None."""

@@ -83,11 +83,9 @@ def advance(state: list[float], ripple: Ripple, step: float, transition: FloatAr
         *[travel * (b + d * half) for b, d in zip(ripple.basis, ripple.basis_slope, strict=True)],
     ]
     transition[LEVEL, SLOPE] = step
-    transition[DIP, DIP : LOG_RESPONSE + 1] = (1.0 + part) * decay, step * decay, decay * step * part * together
-    transition[DIP_RATE, DIP : LOG_RESPONSE + 1] = (
-        -part / response * decay,
-        (1.0 - part) * decay,
-        decay * part * (2.0 - part) * together,
+    transition[DIP:LOG_RESPONSE, DIP:FIRST_RIPPLE] = (
+        ((1.0 + part) * decay, step * decay, decay * step * part * together),
+        (-part / response * decay, (1.0 - part) * decay, decay * part * (2.0 - part) * together),
     )
     state[THETA] += moved
     state[LEVEL] = level + step * slope

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from textile_twin_core.shaft.fitting import ChunkFit
 from textile_twin_core.shaft.gate import Accepted, SampleGate
 from textile_twin_core.shaft.record import Stretch, edges, stretches
 from textile_twin_core.shaft.report import SampleReport
+from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.turns import TURN
 
@@ -20,6 +22,7 @@ CHUNK = 6144
 OVERLAP = 512
 COARSE = 2.0
 """Steps larger than this many sigmas of the noise are taken as the intervals that they are."""
+FIRST_JITTER_S = 20e-6
 FEWEST = 24
 """Samples below which nothing but a straight line is fitted."""
 
@@ -28,35 +31,15 @@ class SmoothEstimator:
     """Fits the whole record in overlapping chunks at `finish` (see `chunk` for the model, `fitting` for the course).
 
     Args:
-        harmonics: orders of ripple that are in the model whatever the data say.
-        max_harmonics: orders looked at.
-        encoder_bits: bits of the encoder per turn; None: found.
-        resolution_rad: or its step.
-        stamp_jitter_s: standard deviation of the stamps, to begin with; it is fitted.
-        response_s: time constant of the drive's answer to a load knock, to begin with; it is fitted.
-        wrapping: "auto", "wrapped" or "unwrapped".
-        period_rad: what a wrapping angle wraps by.
-        gap_s: pause at which the record is cut.
+        settings: fields of `ShaftSettings`.
+
+    Raises:
+        SceneError: a setting of the wrong kind or value.
+        TypeError: a setting that does not exist.
     """
 
-    def __init__(
-        self,
-        *,
-        harmonics: int = 2,
-        max_harmonics: int = 8,
-        encoder_bits: float | None = None,
-        resolution_rad: float | None = None,
-        stamp_jitter_s: float | None = None,
-        response_s: float = 0.04,
-        wrapping: str = "auto",
-        period_rad: float = TURN,
-        gap_s: float = 1.0,
-    ) -> None:
-        self._harmonics, self._most = harmonics, max_harmonics
-        self._step = period_rad / 2.0**encoder_bits if encoder_bits is not None else resolution_rad
-        self._jitter = 20e-6 if stamp_jitter_s is None else stamp_jitter_s
-        self._response = response_s
-        self._wrapping, self._period, self._gap = wrapping, period_rad, gap_s
+    def __init__(self, **settings: Any) -> None:
+        self._settings = ShaftSettings(**settings)
         self.reset()
 
     def reset(self) -> None:
@@ -89,9 +72,12 @@ class SmoothEstimator:
         step = np.concatenate([block.step_s for block in blocks])
         raw = np.concatenate([block.angles for block in blocks])
         step[0] = 0.0
-        encoder = self._step if self._step is not None else (encoder_step(raw[:4096], self._period) or 0.0)
+        settings = self._settings
+        encoder = settings.step_rad
+        if encoder is None:
+            encoder = encoder_step(raw[:4096], settings.period_rad) or 0.0
         rows, covariance = np.zeros((count, 5)), np.zeros((count, 3, 3))
-        for part in stretches(step, raw, self._wrapping, self._period, self._gap, self._report):
+        for part in stretches(step, raw, settings.wrapping, settings.period_rad, settings.gap_s, self._report):
             own = slice(part.start, part.start + part.time.size)
             states, spread, settled = self._fit(part, encoder)
             rows[own, :3], rows[own, 3], rows[own, 4] = states, part.origin, settled
@@ -130,13 +116,15 @@ class SmoothEstimator:
         good = part.good[first:end]
         shift = TURN * round(float(angle[0]) / TURN)
         start = float(time[0])
-        when, what, variance, noise = edges(time[good] - start, angle[good] - shift, encoder, self._jitter)
+        settings = self._settings
+        jitter = FIRST_JITTER_S if settings.stamp_jitter_s is None else settings.stamp_jitter_s
+        when, what, variance, noise = edges(time[good] - start, angle[good] - shift, encoder, jitter)
         turns = abs(float(angle[-1] - angle[0])) / TURN
-        most = self._most if turns > 2.0 else self._harmonics if turns > 1.0 else 0
+        most = settings.max_harmonics if turns > 2.0 else settings.harmonics if turns > 1.0 else 0
         speed = float(np.median(np.abs(np.diff(what)) / np.diff(when))) if what.size > 1 else 0.0
         scale = max(speed, abs(float(angle[-1] - angle[0])) / float(time[-1] - time[0]), 0.5)
         chunk = ChunkFit(
-            when, what, variance, np.arange(1, most + 1), min(self._harmonics, most), scale**2, self._response
+            when, what, variance, np.arange(1, most + 1), min(settings.harmonics, most), scale**2, settings.response_s
         )
         chunk.fit()
         spread = max(float(np.median(chunk.variance)) - encoder**2 / 12.0, 0.0)
