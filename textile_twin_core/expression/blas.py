@@ -1,4 +1,4 @@
-"""Sums over arrays in one pass by BLAS, on this thread alone."""
+"""Sums over arrays in one pass by BLAS, in pieces short enough for this thread alone."""
 
 from __future__ import annotations
 

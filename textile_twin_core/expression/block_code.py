@@ -1,6 +1,7 @@
 """Source code of array programs: one line per operation, and which buffer each result goes to.
 
-A sum with a multiple, y + c x, is one operation wherever y is not needed any more.
+A sum with a multiple, y + c x, is one operation (BLAS's axpy) where this sum alone needs c x and y lies in a buffer and
+is not needed any more. What else is asked for may so change the last digit.
 """
 
 from __future__ import annotations

@@ -44,7 +44,10 @@ _TINY = np.asarray(1e-307)
 
 
 def _sign(x: Any, out: FloatArray) -> None:
-    """As np.sign, but without a branch for each sample: x / (|x| + tiny), 1, 0 or -1 but for |x| below 1e-290."""
+    """As np.sign, but without a branch for each sample: x / (|x| + tiny), 1, 0 or -1 but for |x| below 1e-290.
+
+    Infinite x give NaN, as the rest of a motion with an infinite speed does.
+    """
     if np.minimum.reduce(x) > 0.0:  # a shaft's speed mostly is
         out.fill(1.0)
         return

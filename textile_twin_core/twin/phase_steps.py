@@ -88,7 +88,7 @@ def _factors(product: Expr) -> list[Expr]:
 
 
 def _leaps(expression: Expr) -> list[Expr]:
-    """The levels whose crossing of zero makes an expression leap; None stands for none."""
+    """The levels whose crossing of zero makes an expression leap; none for a smooth one."""
     levels = []
     for node in topological_order([expression]):
         if node.op == "sign":
