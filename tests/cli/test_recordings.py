@@ -169,6 +169,8 @@ def test_recorded_predictions_are_those_computed(tmp_path: Path, replayed: Path)
     live = _compare(tmp_path, replayed, "--predicted", "recorded", "--shaft", "causal")
     again = _compare(tmp_path, replayed, "--predicted", "recomputed", "--shaft", "causal")
     assert live["predicted"] == "recorded"
+    for part in ("configured", "fitted"):
+        assert live["torque"].pop(part) == pytest.approx(again["torque"].pop(part), rel=1e-9, abs=1e-9)
     assert live["torque"] == pytest.approx(again["torque"], rel=1e-9, abs=1e-9)
     assert live["samples"]["used"] == again["samples"]["used"]
 
