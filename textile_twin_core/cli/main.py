@@ -65,6 +65,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         # Who reads us has enough, as `head` does; Python would complain once more when it closes stdout.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except MemoryError:
+        return _say("this does not fit into memory; ask for fewer samples, or for a part of the recording", 2)
     except OSError as error:
         # No permission, no room, a vanished disk: the user's to mend.
         where = f"{error.filename}: " if error.filename else ""

@@ -12,6 +12,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from textile_twin_core.errors import MachineError
+from textile_twin_core.machines.sizes import check_size
 
 _KEY_OF_FIELD = {"from_point": "from", "to_point": "to"}
 _FIELD_OF_KEY = {key: name for name, key in _KEY_OF_FIELD.items()}
@@ -107,6 +108,7 @@ def convert(value: Any, hint: Any, place: str) -> Any:
 def _number(value: Any, place: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise MachineError(f"{place}: must be a number, not {value!r}")
+    check_size(value, place)
     return float(value)
 
 

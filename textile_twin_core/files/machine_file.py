@@ -17,6 +17,7 @@ from textile_twin_core.files.atomic import staged
 from textile_twin_core.files.declarations import build, convert, list_at, mapping_at, plain, type_tag, unknown
 from textile_twin_core.files.strict_yaml import read_yaml
 from textile_twin_core.machines import AnyMachine, Machine, Scene, Sensors, ShaftPlace
+from textile_twin_core.machines.sizes import reckonable
 from textile_twin_core.mechanism import MAIN_SHAFT, Linkage
 
 
@@ -65,9 +66,8 @@ def load_machine_file(path: str | Path) -> AnyMachine:
     document = read_yaml(path, MachineError)
     try:
         entries = mapping_at(document, "the file")
-        if "machine" in entries:
-            return _published(entries)
-        return _declared(entries, path)
+        with reckonable("the machine"):
+            return _published(entries) if "machine" in entries else _declared(entries, path)
     except MachineError as error:
         raise MachineError(f"{path}: {error}") from error
 
@@ -82,7 +82,10 @@ def published_machine(name: str, values: Mapping[str, Any], place: str) -> AnyMa
     known = signature(factory).parameters if factory is not None else {}
     for key, value in values.items():
         if key in known:
-            convert(value, str if isinstance(known[key].default, str) else float, f"{place}{key}")
+            word = isinstance(known[key].default, str)
+            convert(value, str if word else float, f"{place}{key}")
+            if word and not isinstance(value, str):
+                raise MachineError(f"{place}{key}: must be a word, not {value!r}")
     return machines.create(name, **values)
 
 

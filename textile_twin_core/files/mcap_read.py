@@ -6,12 +6,14 @@ import mmap
 import struct
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
@@ -121,7 +123,11 @@ class McapFile:
         return min(part.first_ns for part in filled), max(part.last_ns for part in filled)
 
     def _record(self, opcode: int, body: bytes) -> None:
-        """Take in a record that describes others."""
+        """Take in a record that describes others; a damaged one is left out, as most stand in the file twice."""
+        with suppress(EndOfFile, ValueError, struct.error):
+            self._describe(opcode, body)
+
+    def _describe(self, opcode: int, body: bytes) -> None:
         stream = ReadDataStream(BytesIO(body))
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(stream)

@@ -119,7 +119,13 @@ def _bad_cell(path: Path) -> MotionError | None:
         reader = csv.reader(file)
         names = [name.strip() for name in next(reader)]
         wanted = [(name, names.index(name)) for name in _wanted(path, names)]
-        for row in reader:
+        while True:
+            try:
+                row = next(reader)
+            except StopIteration:
+                return None
+            except csv.Error as error:
+                return MotionError(f"{path}, line {reader.line_num}: {error}; {_FIX}")
             if not row:
                 continue
             for name, place in wanted:
@@ -132,7 +138,6 @@ def _bad_cell(path: Path) -> MotionError | None:
                     return MotionError(f"{path}, line {reader.line_num}: {name} is '{text}'; {_FIX}")
             if len(row) != len(names):
                 return MotionError(f"{path}, line {reader.line_num}: {len(row)} cells, but the header has {len(names)}")
-    return None
 
 
 def _read_parquet(path: Path) -> pyarrow.Table:

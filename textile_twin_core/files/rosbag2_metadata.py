@@ -43,13 +43,16 @@ class OfferedQos:
     @classmethod
     def of(cls, profiles: str | Sequence[Any]) -> OfferedQos:
         """From what a recording tells (a list, or its YAML text): the first profile; the usual one if it is none."""
-        listed = yaml.safe_load(profiles) if isinstance(profiles, str) else profiles
+        try:
+            listed = yaml.safe_load(profiles) if isinstance(profiles, str) else profiles
+        except (yaml.YAMLError, ValueError):
+            listed = None
         first = listed[0] if isinstance(listed, list) and listed and isinstance(listed[0], dict) else {}
         usual = cls()
         return cls(
             _named(first.get("reliability"), ("reliable", "best_effort"), usual.reliability),
             _named(first.get("durability"), ("transient_local", "volatile"), usual.durability),
-            int(first.get("depth") or usual.depth),
+            depth if isinstance(depth := first.get("depth"), int) and depth > 0 else usual.depth,
         )
 
 

@@ -14,6 +14,7 @@ from textile_twin_core.machines.handloom_beatup import handloom_beatup
 from textile_twin_core.machines.machine import Machine, ShaftPlace
 from textile_twin_core.machines.needle_transfer import NeedleTransferMachine, needle_transfer
 from textile_twin_core.machines.sensors import Encoder, Scene, Sensors, TorqueSensor
+from textile_twin_core.machines.sizes import check_size, reckonable
 from textile_twin_core.machines.tufting import tufting
 
 AnyMachine = Machine | NeedleTransferMachine
@@ -30,7 +31,7 @@ NAMES: tuple[str, ...] = tuple(_FACTORIES)
 def create(name: str, **overrides: float | str) -> AnyMachine:
     """A published machine by name, with parameters overridden.
 
-    Raises MachineError for an unknown machine or parameter, with the nearest names.
+    Raises MachineError for an unknown machine or parameter, with the nearest names, and for sizes that no machine has.
     """
     factory = _FACTORIES.get(name)
     if factory is None:
@@ -38,11 +39,14 @@ def create(name: str, **overrides: float | str) -> AnyMachine:
         hint = "give the path of a machine file" if Path(name).suffix else f"did you mean {' or '.join(near)}?"
         raise MachineError(f"there is no machine '{name}'; {hint}; machines: {', '.join(NAMES)}")
     known = signature(factory).parameters
-    for parameter in overrides:
+    for parameter, value in overrides.items():
         if parameter not in known:
             near = get_close_matches(parameter, known, n=3) or list(known)[:5]
             raise MachineError(f"machine '{name}' has no parameter '{parameter}'; did you mean {' or '.join(near)}?")
-    return factory(**overrides)
+        if isinstance(value, (int, float)):
+            check_size(value, f"machine '{name}': {parameter}")
+    with reckonable(f"machine '{name}'"):
+        return factory(**overrides)
 
 
 __all__ = [

@@ -14,6 +14,7 @@ from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machines.declared import Declared
 from textile_twin_core.machines.sensors import Scene, Sensors
+from textile_twin_core.machines.sizes import reckonable
 from textile_twin_core.mechanism import (
     MAIN_SHAFT,
     Closeness,
@@ -112,9 +113,10 @@ class Machine(Declared):
         names = default_joint_names(self.groups) | dict(self.joint_names)
         object.__setattr__(self, "joint_names", MappingProxyType(names))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
-        self._check_names_and_numbers()
-        _ = self.closeness, self.model.outputs, self.model.first.reduction, self.model.first.load_torque
-        # so a wrong declaration is refused at once
+        with reckonable(f"machine '{self.name}'"):
+            self._check_names_and_numbers()
+            _ = self.closeness, self.model.outputs, self.model.first.reduction, self.model.first.load_torque
+            # so a wrong declaration is refused at once
 
     def _check_names_and_numbers(self) -> None:
         links = tuple(self.linkage.solved.links)

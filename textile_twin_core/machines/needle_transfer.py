@@ -51,6 +51,8 @@ its parts (element 1's own inertia; springs, dampers and stops), and the energie
 
 _START_2_M: Mapping[str, float] = {"original": 0.0719, "optimised": 0.0669}
 _MILLI = 1e3
+_FASTEST_HZ = 3e5
+"""Rates, a hundred times those of the published pad."""
 
 
 @dataclass(frozen=True)
@@ -159,13 +161,21 @@ def needle_transfer(
       x_3 - x_2 at most D - A. Pin and cone hand on the jacket's motion, as 15 and 16 say (restitution 0); F-G bounces
       with 0.6.
 
-    Raises MachineError for an unknown design or law, or a motion that does not fit into a turn, and ContactError for
+    Raises MachineError for an unknown design or law, a motion that does not fit into a turn, or masses that are too
+    light for what holds them to be followed, and ContactError for
     bad masses, stiffnesses, restitutions or a start beyond a stop.
     """
     if design not in DESIGNS:
         raise MachineError(f"needle_transfer: design is {design!r}; there are {' and '.join(DESIGNS)}")
     if not cycles_per_minute > 0.0:
         raise MachineError(f"needle_transfer: cycles_per_minute is {cycles_per_minute!r}; give a positive number")
+    _check_stiffness(
+        [
+            (element_2_kg, pad_linear_N_mm + abs(pad_quadratic_N_mm2) + pad_cubic_N_mm3, pad_damping_Ns_m),
+            (element_2_kg, spring_1_N_m / _MILLI, spring_1_Ns_m),
+            (min(element_2_kg, element_3_kg), spring_2_N_m / _MILLI, spring_2_Ns_m),
+        ]
+    )
     given = {name: value for name, value in locals().items() if isinstance(value, (int, float))}
     speed = TURN * cycles_per_minute / 60.0
     back = forward_duration_s if return_duration_s is None else return_duration_s
@@ -207,6 +217,16 @@ def needle_transfer(
     )
     machine.integrator().start(machine.start_m)
     return machine
+
+
+def _check_stiffness(held: list[tuple[float, float, float]]) -> None:
+    """Refuse what would have to be followed in steps of microseconds: masses [kg], N/mm (at 1 mm) and N s/m."""
+    for mass, stiffness, damping in held:
+        if mass > 0.0 and max(damping / mass, math.sqrt(abs(stiffness) * _MILLI / mass)) > _FASTEST_HZ:
+            raise MachineError(
+                f"needle_transfer: a mass of {mass:g} kg on {stiffness:g} N/mm and {damping:g} N s/m is too stiff to"
+                " be followed; look for a wrong unit"
+            )
 
 
 def _law(

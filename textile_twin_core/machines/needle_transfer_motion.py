@@ -17,6 +17,7 @@ from textile_twin_core.contact.forces import LinearForces
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machines.motion_laws import TURN
 from textile_twin_core.machines.needle_transfer import DRIVE, ELEMENTS, MOTION, NeedleTransferMachine
+from textile_twin_core.machines.sizes import reckonable
 
 _TURN_TAIL = 2.4492935982947064e-16
 """2 pi minus its float64 value"""
@@ -75,6 +76,16 @@ class NeedleTransferMotion:
         self._check(columns)
         times, angles, omega, alpha = columns
         samples = np.array([times, phase(angles), omega, alpha, angles])
+        with (
+            np.errstate(over="raise", divide="raise", invalid="raise"),
+            reckonable(f"machine '{self.machine.name}', or its motion"),
+        ):
+            found, drive = self._along(samples)
+        self._count += samples.shape[1]
+        return self._outputs(samples, found, drive)
+
+    def _along(self, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Motion of the elements (3, elements, n) and force of the drive (n,) along samples (5, n)."""
         found = np.empty((3, len(ELEMENTS), samples.shape[1]))
         drive = np.zeros(samples.shape[1])
         first = 0
@@ -92,8 +103,7 @@ class NeedleTransferMotion:
             at = samples[0, first:end] - self._origin_s
             found[:, :, first:end], drive[first:end] = self._motion(segments, at)
             first = end
-        self._count += samples.shape[1]
-        return self._outputs(samples, found, drive)
+        return found, drive
 
     def _check(self, columns: list[FloatArray]) -> None:
         bad = np.flatnonzero(~np.isfinite(np.array(columns)).all(axis=0))

@@ -1,0 +1,28 @@
+"""Sizes that no machine has are refused, before or where arithmetic fails on them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from textile_twin_core.errors import MachineError
+
+LARGEST = 1e12
+"""No length, mass, stiffness or speed in the units used here is larger."""
+
+
+def check_size(value: float, what: str) -> None:
+    """Raise MachineError for NaN, infinity and numbers beyond `LARGEST`."""
+    if not abs(value) <= LARGEST:
+        raise MachineError(f"{what}: must be a finite number of at most {LARGEST:g} in size, not {value!r}")
+
+
+@contextmanager
+def reckonable(what: str) -> Iterator[None]:
+    """Turns a failure of arithmetic on a declaration's numbers into MachineError."""
+    try:
+        yield
+    except (ArithmeticError, ValueError) as error:
+        raise MachineError(
+            f"{what}: its numbers cannot be reckoned with ({error}); look for a zero, or a wrong unit"
+        ) from error
