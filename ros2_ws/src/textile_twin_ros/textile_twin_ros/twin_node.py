@@ -143,7 +143,9 @@ class TwinNode(LifecycleNode):
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End the node."""
+        """Give what the estimator still holds, and end the node."""
+        if self._stream is not None and self._active:
+            self._stream.flush()
         self._stop_listening()
         self.finished.set_result(0)
         return super().on_shutdown(state)

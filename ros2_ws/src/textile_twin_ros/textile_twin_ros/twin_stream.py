@@ -116,12 +116,22 @@ class TwinStream:
 
     def take_angles(self, block: list[tuple[int, float, float]]) -> None:
         """Predict from samples: stamp [ns], angle [rad], speed [rad/s] or NaN."""
-        for stamp, _, _ in block:
+        begin = 0
+        for number, (stamp, _, _) in enumerate(block):
             if self._restarts.restarted(stamp):
                 self._node.get_logger().warning(
                     "the stamps of the shaft angle went back and go on from there: all begins anew"
                 )
-                self.reset()
+                self._predict(block[begin:number])
+                self.flush()
+                self._session.reset()
+                self._residuals.reset()
+                begin = number
+        self._predict(block[begin:])
+
+    def _predict(self, block: list[tuple[int, float, float]]) -> None:
+        if not block:
+            return
         stamps, angles, speeds = zip(*block, strict=True)
         velocities = np.array(speeds)
         known = None if np.isnan(velocities).all() else velocities
