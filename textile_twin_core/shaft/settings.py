@@ -71,6 +71,13 @@ class ShaftSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SmoothSettings(ShaftSettings):
+    """Settings of `smooth`, which tells more orders apart since it has the whole record."""
+
+    max_harmonics: int = 16
+
+
+@dataclass(frozen=True, kw_only=True)
 class TrackerSettings(ShaftSettings):
     """Settings of `causal` and `lag`.
 

@@ -14,12 +14,14 @@ from textile_twin_core.shaft.fitting import ChunkFit
 from textile_twin_core.shaft.gate import Accepted, SampleGate
 from textile_twin_core.shaft.record import Stretch, edges, stretches
 from textile_twin_core.shaft.report import SampleReport
-from textile_twin_core.shaft.settings import ShaftSettings
+from textile_twin_core.shaft.settings import SmoothSettings
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.turns import TURN
 
 CHUNK = 6144
 OVERLAP = 512
+SAMPLES_PER_WAVE = 4.0
+"""Samples that a wave of ripple must have to be looked for."""
 COARSE = 2.0
 """Steps larger than this many sigmas of the noise are taken as the intervals that they are."""
 FIRST_JITTER_S = 20e-6
@@ -31,7 +33,7 @@ class SmoothEstimator:
     """Fits the whole record in overlapping chunks at `finish` (see `chunk` for the model, `fitting` for the course).
 
     Args:
-        settings: fields of `ShaftSettings`.
+        settings: fields of `SmoothSettings`.
 
     Raises:
         SceneError: a setting of the wrong kind or value.
@@ -39,7 +41,7 @@ class SmoothEstimator:
     """
 
     def __init__(self, **settings: Any) -> None:
-        self._settings = ShaftSettings(**settings)
+        self._settings = SmoothSettings(**settings)
         self.reset()
 
     def reset(self) -> None:
