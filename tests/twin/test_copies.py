@@ -110,3 +110,12 @@ def test_predictions_are_copied_with_their_sigma(kind: str) -> None:
     _same(dict(samples.outputs), dict(again.outputs))
     np.testing.assert_array_equal(samples.torque_sigma_Nm, again.torque_sigma_Nm)
     np.testing.assert_array_equal(samples.stamps, again.stamps)
+
+
+def test_a_session_goes_on_with_a_copy_and_refuses_another_machine() -> None:
+    machine = ttc.machines.tufting()
+    session = ttc.compile(machine, ["balancing_torque_Nm"]).session()
+    session.use(ttc.compile(copy.deepcopy(machine), ["needle_position_m"]))
+    for other in (ttc.machines.tufting(l1_m=0.014), ttc.machines.handloom_beatup(), ttc.machines.needle_transfer()):
+        with pytest.raises(ttc.SceneError, match=f"machine 'tufting', and the twin of a '{other.name}'"):
+            session.use(ttc.compile(other))

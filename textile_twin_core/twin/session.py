@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.errors import SceneError
 from textile_twin_core.machines.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 
@@ -115,7 +116,15 @@ class Session:
         return self._predict(self._estimator.step(stamps, angle, velocity))
 
     def use(self, twin: Twin | HistoryTwin) -> None:
-        """Go on with another twin of the same machine: other outputs, the shaft's state is kept."""
+        """Go on with another twin of the same machine: other outputs, the shaft's state is kept.
+
+        Raises SceneError for a twin of another machine.
+        """
+        if twin.machine is not self.twin.machine and twin.machine != self.twin.machine:
+            raise SceneError(
+                f"the session is of machine '{self.twin.machine.name}', and the twin of a '{twin.machine.name}' that"
+                " differs from it; open a session of its own"
+            )
         self.twin = twin
         self._predictor = twin.predictor()
 
