@@ -89,7 +89,8 @@ def _tables(table: TableEvaluator) -> list[str]:
         size = table.table.coefficients.nbytes / 1024
         lines.append(
             f"tables: {len(table.functions)} functions of the shaft angle, {table.table.grid.nodes} nodes, "
-            f"degree {table.table.degree}, {size:.0f} KiB, error at most {table.table.error:.1e} of the peak at 0.1 to 10 times nominal speed"
+            f"degree {table.table.degree}, {size:.0f} KiB, "
+            f"error at most {table.table.error:.1e} of the peak at 0.1 to 10 times nominal speed"
         )
     counts = operation_counts(table.combined.values())
     lines.append(f"beside the tables: {sum(counts.values())} operations per sample ({_kinds(counts)})")
