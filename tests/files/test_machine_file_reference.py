@@ -1,0 +1,218 @@
+"""docs/machine_file.md: it tells every key that the reader takes, with its default, and its examples hold."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+import pytest
+import yaml
+
+import textile_twin_core as ttc
+from textile_twin_core.dynamics import Body
+from textile_twin_core.errors import MachineError
+from textile_twin_core.files.declarations import build, plain
+from textile_twin_core.files.machine_file import GROUPS, LOADS, MEASURES
+from textile_twin_core.machines import Encoder, Machine, Scene, ShaftPlace, TorqueSensor
+from textile_twin_core.twin.compiled import METHODS
+
+PAGE = (Path(__file__).parents[2] / "docs" / "machine_file.md").read_text(encoding="utf-8")
+YAML_BLOCKS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.M | re.S)
+COMPLETE = [block for block in YAML_BLOCKS if "groups" in yaml.safe_load(block)]
+PUBLISHED = [block for block in YAML_BLOCKS if "machine" in yaml.safe_load(block)]
+FRAGMENTS = [block for block in YAML_BLOCKS if block not in (*COMPLETE, *PUBLISHED)]
+
+TYPES = {"Groups": GROUPS, "Loads": LOADS, "Measures": MEASURES}
+PARTS: list[tuple[str, str, type]] = [
+    *((chapter, tag, cls) for chapter, types in TYPES.items() for tag, cls in types.items()),
+    ("Sensors", "encoder", Encoder),
+    ("Sensors", "torque", TorqueSensor),
+    ("Linkages and scene", "linkages", ShaftPlace),
+    ("Linkages and scene", "scene", Scene),
+]
+
+
+def _chapter(title: str) -> str:
+    found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S)
+    assert found, f"the page has no chapter '{title}'"
+    return found[1]
+
+
+def _rows(title: str) -> dict[str, str]:
+    """The second cell of each row of the chapter's table, by the first."""
+    rows = (line.strip("| ").split(" | ") for line in _chapter(title).splitlines() if line.startswith("| "))
+    return {row[0].strip("`"): row[1] for row in rows if row[0] not in ("type", "key", "in", "sensor", "body")}
+
+
+def _told(cell: str) -> dict[str, Any]:
+    """Keys in code with their defaults; `...` where there is none."""
+    spans = (span.partition(": ") for span in re.findall(r"`([^`]+)`", cell))
+    return {key: yaml.safe_load(default.replace("1e-", "1.0e-")) if colon else ... for key, colon, default in spans}
+
+
+def _taken(cls: type, **given: Any) -> set[str]:
+    """The keys that the reader takes for a declaration, from what it says to a wrong one."""
+    with pytest.raises(MachineError) as caught:
+        build(cls, {"qqqq": 0}, "here", **given)
+    return set(str(caught.value).split("there are: ")[1].split(", "))
+
+
+def _default(cls: type, key: str) -> Any:
+    field = next((f for f in dataclasses.fields(cls) if f.name == key), None)
+    if field is None or (field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING):
+        return ...
+    return plain(field.default if field.default_factory is dataclasses.MISSING else field.default_factory())
+
+
+def _same(told: Any, default: Any) -> bool:
+    if isinstance(default, (float, list)) and told is not ...:
+        numbers = not isinstance(default, list) or all(isinstance(v, float) for v in default)
+        return bool(told == (pytest.approx(default, rel=1e-5) if numbers else default))
+    return bool(told == default)
+
+
+def _load(folder: Path, text: str) -> Machine:
+    path = folder / "m.yaml"
+    path.write_text(text, encoding="utf-8")
+    machine = ttc.load_machine(path)
+    assert isinstance(machine, Machine)
+    return machine
+
+
+@pytest.mark.parametrize("title", TYPES)
+def test_every_type_has_its_row(title: str) -> None:
+    assert _rows(title).keys() == TYPES[title].keys()
+
+
+@pytest.mark.parametrize(("chapter", "row", "cls"), PARTS, ids=[part[1] for part in PARTS])
+def test_a_row_tells_the_keys_that_the_reader_takes(chapter: str, row: str, cls: type) -> None:
+    told = _told(_rows(chapter)[row])
+    assert told.keys() == _taken(cls)
+    for key, default in told.items():
+        assert _same(default, _default(cls, key)), f"{row}.{key}: the page says {default!r}"
+
+
+def test_the_top_level_keys(tmp_path: Path) -> None:
+    with pytest.raises(MachineError) as caught:
+        _load(tmp_path, "qqqq: 0")
+    taken = set(str(caught.value).split("there are: ")[1].split(", "))
+    told: dict[str, Any] = {}
+    for line in _chapter("Top-level keys").splitlines()[3:]:
+        told |= _told(line.strip("| ").split(" | ")[0]) if line.startswith("| ") else {}
+    assert told.keys() == taken | {"parameters"}
+    for key, default in told.items():
+        empty = default in ({}, []) and not _default(Machine, key)
+        assert empty or key in ("name", "machine", "parameters") or _same(default, _default(Machine, key)), (
+            f"{key}: the page says {default!r}"
+        )
+    with pytest.raises(MachineError) as caught:
+        _load(tmp_path, "machine: tufting\nqqqq: 0")
+    beside = str(caught.value).split("there are: ")[1].split(", ")
+    last = _chapter("A published machine with your numbers")
+    assert all(f"`{key}`" in last for key in beside)
+
+
+def test_the_ways_to_give_a_body() -> None:
+    rows = {row: _told(cell.split("`: a balanced")[0]) for row, cell in _rows("Bodies").items()}
+    assert rows["mass"].keys() == _taken(Body, on="l1")
+    assert all(_same(default, _default(Body, key)) for key, default in rows["mass"].items())
+    assert rows["straight bar over the whole link"].keys() == {"density_kg_m3", "width_m", "thickness_m"}
+
+
+@pytest.mark.parametrize("text", [*COMPLETE, *PUBLISHED], ids=lambda text: text.split("\n")[0][:30])
+def test_a_complete_example_loads_and_runs(tmp_path: Path, text: str) -> None:
+    """And both ways to the torque agree: virtual work and the joints' reactions."""
+    _check_torque(_load(tmp_path, text))
+
+
+@pytest.mark.parametrize("text", FRAGMENTS, ids=lambda text: text.split("\n")[0][:30])
+def test_a_fragment_fits_the_complete_example(tmp_path: Path, text: str) -> None:
+    _check_torque(_load(tmp_path, _with(text)))
+
+
+def test_the_loads_fragment_shows_every_load(tmp_path: Path) -> None:
+    shown = next(text for text in FRAGMENTS if text.startswith("loads:"))
+    assert {type(load) for load in _load(tmp_path, _with(shown)).loads} == set(LOADS.values())
+
+
+def _with(fragment: str) -> str:
+    """The page's complete example with keys of the fragment in place of its own."""
+    assert yaml.safe_load(COMPLETE[0])["name"] == "needle_drive"
+    parts = re.split(r"^(?=\w)", COMPLETE[0], flags=re.M)
+    new = yaml.safe_load(fragment).keys()
+    return "".join(part for part in parts if part.split(":")[0] not in new) + fragment
+
+
+def _check_torque(machine: Machine) -> None:
+    theta = np.linspace(0.0, 2.0 * math.pi, 60)
+    names = ("balancing_torque_Nm", "balancing_torque_newton_euler_Nm")
+    result = ttc.compile(machine, [*machine.scene.outputs, *names]).evaluate(theta, 12.0, 5.0)
+    assert all(np.isfinite(values).all() for values in result.values())
+    reduced, reactions = (result[name] for name in names)
+    assert np.ptp(reduced) > 0.0
+    np.testing.assert_allclose(reactions, reduced, rtol=0.0, atol=1e-9 * np.abs(reduced).max())
+
+
+def test_a_table_that_helps_the_shaft_takes_torque_off_the_drive(tmp_path: Path) -> None:
+    table = "loads: [{type: torque_table, angle_rad: [0, 2, 4], torque_Nm: [1.5, 1.5, 1.5]}]\n"
+    twin = ttc.compile(_load(tmp_path, _with(table)), ["torque_load_Nm"])
+    assert twin.evaluate(0.4, 3.0, 0.0)["torque_load_Nm"] == pytest.approx(-1.5)
+
+
+def test_a_sensors_block_replaces_what_parameters_say_of_them(tmp_path: Path) -> None:
+    text = "machine: tufting\nparameters: {encoder_zero_rad: 0.3}\nsensors: {torque: {delay_s: 0.001}}\n"
+    assert _load(tmp_path, text).sensors.encoder == Encoder()
+
+
+def test_a_linkage_stands_ahead_by_its_phase(tmp_path: Path) -> None:
+    twin = ttc.compile(_load(tmp_path, _with("linkages: [{phase_rad: 1.0}]\n")), ["theta_1_rad"])
+    assert twin.evaluate(0.7, 0.0, 0.0)["theta_1_rad"] == pytest.approx(1.7)
+
+
+def test_transmitted_is_the_torque_on_the_arm(tmp_path: Path) -> None:
+    """A parallelogram's rocker holds an arm of 0.1 m, 1 kg at its middle: m g r cos(theta), counter-clockwise."""
+    text = """\
+points: {O: [0, 0], C: [0.3, 0]}
+groups:
+  - {type: crank, name: l1, at: O, end: A, length_m: 0.06}
+  - {type: rrr_dyad, coupler: l2, rocker: l3, from: A, ground: C, end: B, lengths_m: [0.3, 0.06], branch: left_passing}
+  - {type: rigid_arm, name: l4, on: l3, end: D, length_m: 0.1}
+bodies: {l4: {mass_kg: 1}}
+transmitted: {arm_torque_Nm: l4}
+"""
+    twin = ttc.compile(_load(tmp_path, text), ["arm_torque_Nm"])
+    assert twin.evaluate(0.5, 0.0, 0.0)["arm_torque_Nm"] == pytest.approx(9.81 * 0.05 * math.cos(0.5))
+
+
+def test_every_branch_and_method_is_told() -> None:
+    for cls in GROUPS.values():
+        for branch in get_args(get_type_hints(cls).get("branch")):
+            assert f"`{branch}`" in _chapter("Groups")
+    for method in METHODS:
+        assert f"`{method}`" in _chapter("Linkages and scene")
+
+
+def test_passing_branches_are_those_of_parallelogram_and_kite(tmp_path: Path) -> None:
+    text = """\
+points: {O: [0, 0], C: [0.3, 0]}
+groups:
+  - {type: crank, name: l1, at: O, end: A, length_m: 0.06}
+  - {type: rrr_dyad, coupler: l2, rocker: l3, from: A, ground: C, end: B, lengths_m: LENGTHS, branch: right_passing}
+"""
+    parallelogram, kite = (text.replace("LENGTHS", lengths) for lengths in ("[0.3, 0.06]", "[0.06, 0.3]"))
+    for machine, crossed in (
+        (parallelogram, True),
+        (parallelogram.replace("right", "left"), False),
+        (kite.replace("right", "left"), False),
+    ):
+        height = ttc.compile(_load(tmp_path, machine), ["point_A_y_m", "point_B_y_m"]).evaluate(1.0, 0.0, 0.0)
+        assert height["point_A_y_m"] > 0.0
+        assert (height["point_B_y_m"] < 0.0) is crossed
+    with pytest.raises(MachineError, match="choose 'left_passing'"):
+        _load(tmp_path, kite)
+    with pytest.raises(MachineError, match="passing branch needs"):
+        _load(tmp_path, text.replace("LENGTHS", "[0.3, 0.1]"))
