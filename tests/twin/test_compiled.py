@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -159,3 +161,18 @@ def test_a_machine_with_history_checks_its_arrays() -> None:
         twin.evaluate(theta, 26.0, time=np.arange(3.0))
     with pytest.raises(ttc.MotionError, match="contiguous float64"):
         twin.evaluate(theta, 26.0, out={})
+
+
+def test_compiled_anew_it_gives_the_same_to_the_last_digit() -> None:
+    rng = np.random.default_rng(8)
+    motion = rng.normal(size=(3, 500)) * np.array([[100.0], [20.0], [1e3]])
+    code = (
+        "import sys, numpy as np, textile_twin_core as ttc\n"
+        "motion = np.frombuffer(sys.stdin.buffer.read()).reshape(3, -1)\n"
+        "found = ttc.compile(ttc.machines.tufting(), ['balancing_torque_Nm']).evaluate(*motion)\n"
+        "sys.stdout.buffer.write(found['balancing_torque_Nm'].tobytes())"
+    )
+    here = [ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm"]).evaluate(*motion) for _ in range(3)]
+    there = subprocess.run([sys.executable, "-c", code], input=motion.tobytes(), capture_output=True, check=True)
+    for found in here:
+        assert found["balancing_torque_Nm"].tobytes() == there.stdout

@@ -91,7 +91,7 @@ class _Writer:
 
     def _write_operation(self, number: int, node: Expr) -> None:
         arguments = [self.place[a] for a in node.args]
-        released = [self.held.pop(a) for a in set(node.args) if self.last_use[a] == number and a in self.held]
+        released = [self.held.pop(a) for a in dict.fromkeys(node.args) if self.last_use[a] == number and a in self.held]
         if node.op not in _APART:  # every ufunc may write onto its own argument
             self.free.extend(released)
         self._settle(node)

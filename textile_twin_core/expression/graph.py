@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from hashlib import blake2b
 from typing import Final
 from weakref import WeakValueDictionary
 
@@ -17,14 +18,16 @@ Number = float | int
 class Expr:
     """A node: an operation, its arguments and, for constants and variables, its value or name.
 
-    `signed` tells a sign, and a product with a sign among its factors.
+    `signed` tells a sign, and a product with a sign among its factors; `rank` is the same for the same expression in
+    every process, so that arguments stand in one order and results are the same to the last digit.
     """
 
-    __slots__ = ("__weakref__", "args", "op", "payload", "signed")
+    __slots__ = ("__weakref__", "args", "op", "payload", "rank", "signed")
 
     op: str
     args: tuple[Expr, ...]
     payload: object
+    rank: bytes
     signed: bool
 
     def __add__(self, other: Expr | Number) -> Expr:
@@ -80,13 +83,15 @@ _COMMUTATIVE: Final = frozenset({"add", "mul"})
 
 
 def _node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
-    if op in _COMMUTATIVE and (args[1].is_constant or (id(args[0]) > id(args[1]) and not args[0].is_constant)):
+    if op in _COMMUTATIVE and (args[1].is_constant or (args[0].rank > args[1].rank and not args[0].is_constant)):
         args = (args[1], args[0])  # a constant stands first, all else in one order
     key = (op, payload, math.copysign(1.0, payload) if isinstance(payload, float) else None, *map(id, args))
     found = _INTERNED.get(key)
     if found is None:
         found = Expr()
         found.op, found.args, found.payload = op, args, payload
+        name = f"{op} {payload!r}".encode()
+        found.rank = blake2b(b"".join([name, *(a.rank for a in args)]), digest_size=12).digest()
         found.signed = op == "sign" or (op == "mul" and any(a.signed for a in args))
         _INTERNED[key] = found
     return found
