@@ -56,6 +56,9 @@ def expressions() -> st.SearchStrategy[Expr]:
             inner.map(absolute),
             st.tuples(inner, inner).map(lambda p: select(at_least(p[0], 0.5), p[1], p[0])),
             st.tuples(inner, inner).map(lambda p: sign(p[0]) * p[1]),
+            st.tuples(inner, inner).map(lambda p: at_least(p[0], 0.3) * p[1]),
+            st.tuples(inner, decimals(2.0)).map(lambda p: p[1] * p[0] - Y),
+            inner.map(lambda e: sin(0.5 * e)),
         ),
         max_leaves=25,
     )
@@ -97,6 +100,23 @@ def test_sums_of_multiples_leave_alone_what_is_needed_again(
         assert value == pytest.approx(expected, rel=1e-11, abs=1e-11 * largest)
 
 
+@settings(max_examples=100, deadline=None)
+@given(st.lists(expressions(), min_size=1, max_size=3), st.booleans(), st.booleans(), st.booleans())
+def test_switches_act_on_each_sample(parts: list[Expr], forwards: bool, again: bool, arranged: bool) -> None:
+    """sign(x) and x >= c times y, onto y or a copy; wanted again or not."""
+    assume(all(node.op not in ("sign", "at_least") for node in topological_order(parts)))
+    x = np.array([2.0, 0.5, 1.25, 3.0]) if forwards else np.array([-1.0, 0.0, 0.5, 2.0])
+    outputs = [sign(X) * (part * at_least(X, 0.5)) + part * sign(X - 1.0) for part in parts]
+    outputs += [at_least(X, 0.5) * outputs[-1], sign(X) + Y] if again else []
+    found = np.empty((len(outputs), 4))
+    BlockProgram(outputs, ["x", "y"], arranged=arranged)([x, np.full(4, 1.5)], list(found))
+    for k, value in enumerate(x):
+        inputs = {"x": float(value), "y": 1.5}
+        largest = max(1.0, *(abs(float(e)) for e in interpret(topological_order(outputs), inputs, math)))
+        for array, expected in zip(found, interpret(outputs, inputs, math), strict=True):
+            assert array[k] == pytest.approx(expected, rel=1e-11, abs=1e-11 * largest)
+
+
 def test_equal_expressions_are_one_node() -> None:
     assert (X + Y) * 2.0 is 2.0 * (Y + X)
     assert X - X is const(0.0)
@@ -135,25 +155,34 @@ def test_angles_of_directions() -> None:
     assert compile_scalar([atan2(X, Y)], ["x", "y"])(1.0, -1.0)[0] == math.atan2(1.0, -1.0)
 
 
-@pytest.mark.parametrize("size", [1e-8, 1.0, 1e4, 1e9])
-def test_sine_and_cosine_to_the_last_place(size: float) -> None:
-    x = np.random.default_rng(2).uniform(-size, size, 500)
+@pytest.mark.parametrize("factor", [1.0, 0.5, -0.25, 2.0])
+@pytest.mark.parametrize("size", [1e-8, 1.0, 1e4, 4e4, 1e9])
+def test_sine_and_cosine_to_the_last_place(size: float, factor: float) -> None:
+    x = np.random.default_rng(2).uniform(-size, size, 300) / factor
     s, c = np.empty_like(x), np.empty_like(x)
-    sincos(x, s, c, [np.empty_like(x) for _ in range(4)])
+    sincos(x, s, c, [np.empty_like(x) for _ in range(4)], factor)
     with mp.workdps(40):
-        for i, angle in enumerate(x):
+        for i, angle in enumerate(factor * x):
             assert abs(mp.mpf(float(s[i])) - mp.sin(mp.mpf(float(angle)))) < 2.3e-16
             assert abs(mp.mpf(float(c[i])) - mp.cos(mp.mpf(float(angle)))) < 2.3e-16
 
 
+@pytest.mark.parametrize("turns", [1.0, 2.0])
 @pytest.mark.parametrize("nodes", [32, 1024, 2048])
-def test_reduction_keeps_the_rest_of_a_billion_radians(nodes: int) -> None:
-    grid = AngleGrid(nodes)
-    theta = np.random.default_rng(4).uniform(-1e9, 1e9, 300)
+@pytest.mark.parametrize("size", [10.0, 1e3, 2e6, 1e9])
+def test_reduction_keeps_the_rest_of_a_billion_radians(nodes: int, turns: float, size: float) -> None:
+    grid = AngleGrid(nodes, turns)
+    theta = np.random.default_rng(4).uniform(-size, size, 300) * turns
     index, rest = np.empty(300, dtype=np.int64), np.empty(300)
-    grid.reduce(theta, index, rest, np.empty(300))
+    assert grid.reduce(theta, index, rest, np.empty(300))
     with mp.workdps(50):
-        step = 2 * mp.pi / nodes
+        step = 2 * turns * mp.pi / nodes
         for t, k, r in zip(theta, index, rest, strict=True):
-            turns = (mp.mpf(float(t)) - mp.mpf(float(r)) - int(k) * step) / (2 * mp.pi)
-            assert abs(turns - mp.nint(turns)) * 2 * mp.pi < 1e-15
+            around = (mp.mpf(float(t)) - mp.mpf(float(r)) - int(k) * step) / (2 * turns * mp.pi)
+            assert abs(around - mp.nint(around)) * 2 * turns * mp.pi < turns * 1e-15
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -1.1e9])
+def test_an_angle_too_large_to_reduce_is_told(wrong: float) -> None:
+    theta = np.array([0.0, wrong, 1.0])
+    assert not AngleGrid(2048).reduce(theta, np.empty(3, dtype=np.int64), np.empty(3), np.empty(3))

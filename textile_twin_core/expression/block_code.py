@@ -1,20 +1,17 @@
 """Source code of array programs: one line per operation, and which buffer each result goes to.
 
-A sum with a multiple, y + c x, is one operation (BLAS's axpy) where this sum alone needs c x and y lies in a buffer and
-is not needed any more. What else is asked for may so change the last digit.
+A sum with a multiple, y + c x, is one operation (BLAS's axpy) where sums alone need c x; what else is asked for may so
+change the last digit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from textile_twin_core.expression.graph import Expr, topological_order
+from textile_twin_core.expression.in_place import APART, SINCOS_WORK, hosts, joinable, read_by
 from textile_twin_core.expression.schedule import schedule
-
-_SINCOS_WORK = 4
-_APART = frozenset({"select", "sign"})
-"""Operations of several steps, which must not write onto their own arguments."""
 
 
 @dataclass(frozen=True)
@@ -34,32 +31,37 @@ def write_block_code(
 
     With `join_multiples` the function takes at most `blas.SERIAL` samples.
     """
-    order = schedule(outputs) if arranged else topological_order(outputs)
-    return _Writer(list(outputs), tuple(inputs), join_multiples).write(order)
+    order = topological_order(outputs)
+    joined = {e for e in joinable(order, set(outputs)) if join_multiples or e.op != "mul"}
+    if arranged:
+        order = schedule(outputs, joined)
+    return _Writer(list(outputs), tuple(inputs), joined).write(order)
 
 
 @dataclass
 class _Writer:
     outputs: list[Expr]
     inputs: tuple[str, ...]
-    join_multiples: bool
+    joined: set[Expr]
     place: dict[Expr, str] = field(default_factory=dict)
     constants: dict[Expr, str] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
     free: list[int] = field(default_factory=list)
     held: dict[Expr, int] = field(default_factory=dict)
-    multiples: set[Expr] = field(default_factory=set)
     buffers: int = 0
     operations: int = 0
 
     def write(self, order: Sequence[Expr]) -> BlockCode:
         self.target = {e: f"o{k}" for k, e in reversed(list(enumerate(self.outputs)))}
         self.partner = _partners(order)
-        self.multiples = _multiples(order, self.target) if self.join_multiples else set()
-        self.last_use = {a: i for i, node in enumerate(order) for a in self._read_by(node)}
+        self.last_use = {
+            a: i for i, node in enumerate(order) if node not in self.joined for a in read_by(node, self.joined)
+        }
         for i, node in enumerate(order):
-            if node not in self.place and node not in self.multiples:
-                self._write_node(i, node)
+            if node not in self.joined:
+                if node not in self.place:
+                    self._write_node(i, node)
+                self._release(i, node)
         for k, e in enumerate(self.outputs):
             if self.place[e] != f"o{k}":
                 self.lines.append(f"    np_copy(o{k}, {self.place[e]})")
@@ -83,53 +85,61 @@ class _Writer:
             self.place[node] = str(node.payload)
         elif node.op in ("sin", "cos"):
             self._write_sincos(node)
-        elif not self._add_multiple(number, node):
-            for a in node.args:
-                if a in self.multiples and a not in self.place:
-                    self._write_operation(number, a)
-            self._write_operation(number, node)
+        elif not self._join(number, node):
+            if node.op not in APART:
+                self._release(number, node)
+            self._write_operation(node)
 
-    def _write_operation(self, number: int, node: Expr) -> None:
+    def _write_operation(self, node: Expr) -> None:
         arguments = [self.place[a] for a in node.args]
-        released = [self.held.pop(a) for a in dict.fromkeys(node.args) if self.last_use[a] == number and a in self.held]
-        if node.op not in _APART:  # every ufunc may write onto its own argument
-            self.free.extend(released)
         self._settle(node)
-        if node.op in _APART:
-            self.free.extend(released)
         self._line(f"np_{node.op}", [*arguments, self.place[node]])
 
-    def _add_multiple(self, number: int, node: Expr) -> bool:
-        """Write y + c x onto y, if the node is such a sum and y goes; whether it was."""
-        for multiple, y, sense in _sums(node):
-            if multiple not in self.multiples or node in self.target:
-                continue
-            factor, x = multiple.args
-            if y in self.held and self.last_use[y] == number and y is not x:
-                self.held[node] = self.held.pop(y)
-                self.place[node] = self.place[y]
-                self._line("add_multiple", [self.place[x], self.place[y], "n", repr(sense * factor.value)])
-                if self.last_use[x] == number and x in self.held:
-                    self.free.append(self.held.pop(x))
-                return True
-        return False
+    def _join(self, number: int, node: Expr) -> bool:
+        """Write y + c x or y times a switch, if the node is such a one: onto y if it goes, else onto a copy."""
+        ways = [(part, y) for part, y in hosts(node) if part in self.joined]
+        if not ways:
+            return False
+        part, y = min(ways, key=lambda way: not self._goes(number, *way))
+        if y in self.joined:
+            self._write_operation(y)
+        if self._goes(number, part, y) and node not in self.target:
+            self.held[node] = self.held.pop(y)
+            self.place[node] = self.place[y]
+        else:
+            self._settle(node)
+            self._line("np_copy", [self.place[node], self.place[y]])
+        arguments = [self.place[x] for x in part.args]
+        if node.op == "mul":
+            work = self._take_buffer()
+            self._line(f"times_{part.op}", [self.place[node], *arguments, f"b{work}"])
+            self.free.append(work)
+        else:
+            factor = part.args[0].value if node.op == "add" else -part.args[0].value
+            self._line("add_multiple", [arguments[1], self.place[node], "n", repr(factor)])
+        return True
 
-    def _read_by(self, node: Expr) -> list[Expr]:
-        """What must be at hand for a node: multiples are not written before their sum."""
-        if node in self.multiples:
-            return []
-        return [b for a in node.args for b in ((a, *a.args) if a in self.multiples else (a,))]
+    def _goes(self, number: int, part: Expr, y: Expr) -> bool:
+        """Whether y's buffer is free for y joined with a part."""
+        return y in self.held and self.last_use[y] == number and y not in part.args
+
+    def _release(self, number: int, node: Expr) -> None:
+        """Give back the buffers of what this node was the last to read."""
+        for e in read_by(node, self.joined):
+            if e in self.held and self.last_use[e] == number:
+                self.free.append(self.held.pop(e))
 
     def _write_sincos(self, node: Expr) -> None:
         """Sine and cosine of one angle together; the partner is at hand when its turn comes."""
-        argument = self.place[node.args[0]]
-        pair = self.partner[node.args[0]]
+        angle = node.args[0]
+        pair = self.partner[angle]
         for e in pair.values():
             self._settle(e)
-        work = [self._take_buffer() for _ in range(_SINCOS_WORK + 2 - len(pair))]
+        work = [self._take_buffer() for _ in range(SINCOS_WORK + 2 - len(pair))]
         spare = [f"b{k}" for k in work]
         results = [self.place[pair[op]] if op in pair else spare.pop() for op in ("sin", "cos")]
-        self._line("np_sincos", [argument, *results, f"[{', '.join(spare)}]"])
+        factor, x = (angle.args[0].value, angle.args[1]) if angle in self.joined else (1.0, angle)
+        self._line("np_sincos", [self.place[x], *results, f"[{', '.join(spare)}]", repr(factor)])
         self.free.extend(work)
 
     def _settle(self, node: Expr) -> None:
@@ -149,32 +159,6 @@ class _Writer:
     def _line(self, function: str, arguments: Sequence[str]) -> None:
         self.operations += 1
         self.lines.append(f"    {function}({', '.join(arguments)})")
-
-
-def _sums(node: Expr) -> list[tuple[Expr, Expr, float]]:
-    """The ways to see a node as y + sense * multiple: (multiple, y, sense)."""
-    if node.op not in ("add", "sub"):
-        return []
-    a, b = node.args
-    ways = [(b, a, 1.0 if node.op == "add" else -1.0)]
-    return [*ways, (a, b, 1.0)] if node.op == "add" else ways
-
-
-def _multiples(order: Sequence[Expr], targets: Collection[Expr]) -> set[Expr]:
-    """Products with a constant that one sum alone needs."""
-    users: dict[Expr, list[Expr]] = {}
-    for node in order:
-        for a in node.args:
-            users.setdefault(a, []).append(node)
-    return {
-        node
-        for node in order
-        if node.op == "mul"
-        and node.args[0].is_constant
-        and node not in targets
-        and len(users[node]) == 1
-        and any(multiple is node for multiple, _, _ in _sums(users[node][0]))
-    }
 
 
 def _partners(order: Sequence[Expr]) -> dict[Expr, dict[str, Expr]]:

@@ -56,6 +56,20 @@ def _sign(x: Any, out: FloatArray) -> None:
     np.true_divide(x, out, out)
 
 
+def _times_sign(y: FloatArray, x: Any, work: FloatArray) -> None:
+    """y sign(x) in the place of y."""
+    if not np.minimum.reduce(x) > 0.0:
+        _sign(x, work)
+        np.multiply(y, work, y)
+
+
+def _times_at_least(y: FloatArray, a: Any, b: Any, work: FloatArray) -> None:
+    """y where a >= b, else 0, in the place of y."""
+    reached = work.view(np.bool_)[: y.size]
+    np.greater_equal(a, b, reached)
+    np.multiply(y, reached, y)
+
+
 def _select(condition: Any, yes: Any, no: Any, out: FloatArray) -> None:
     np.copyto(out, no)
     np.copyto(out, yes, where=np.asarray(condition, dtype=bool))
@@ -83,7 +97,7 @@ class BlockProgram:
         self._constants = [np.asarray(value) for value in code.constants]
         namespace: dict[str, Any] = {f"np_{op}": ufunc for op, ufunc in _UFUNCS.items()}
         namespace |= {"np_select": _select, "np_sign": _sign, "np_copy": np.copyto, "np_sincos": sincos}
-        namespace["add_multiple"] = add_multiple
+        namespace |= {"add_multiple": add_multiple, "times_sign": _times_sign, "times_at_least": _times_at_least}
         exec(compile(code.source, "<twin blocks>", "exec"), namespace)
         self._run: Callable[..., None] = namespace["run"]
         self._local = threading.local()

@@ -187,7 +187,9 @@ def _subtract(a: Expr, b: Expr) -> Expr:
     if ka != 1.0 and kb != 1.0:
         if abs(ka) >= abs(kb):
             return const(ka) * _node("sub", (ra, const(_joined(kb / ka)) * rb))
-        return const(kb) * _node("sub", (const(_joined(ka / kb)) * ra, rb))
+        return const(-kb) * _node("sub", (rb, const(_joined(ka / kb)) * ra))
+    if ka != 1.0:
+        return _negate(_node("sub", (b, a)))  # a multiple stands last, where it needs no array of its own
     return _node("sub", (a, b))
 
 
@@ -210,12 +212,20 @@ def _negate(a: Expr) -> Expr:
         return const(-a.value)
     if a.op == "neg":
         return a.args[0]
-    if a.op == "sub":
+    if a.op == "sub" and scaled(a.args[1])[0] == 1.0:
         return _subtract(a.args[1], a.args[0])
     factor, rest = scaled(a)
     if factor != 1.0:
         return const(-factor) * rest
     return _node("neg", (a,))
+
+
+def _opposite(e: Expr) -> Expr:
+    """-e, in one of its factors if it is a product."""
+    if e.op == "add" and e.args[0].is_constant:
+        return _node("sub", (const(-e.args[0].value), e.args[1]))
+    changed = _in_one_factor(e, lambda factor: _opposite(factor) if factor.op == "add" else None)
+    return _negate(e) if changed is None else changed
 
 
 def _multiply(a: Expr, b: Expr) -> Expr:
@@ -244,8 +254,15 @@ def _multiply(a: Expr, b: Expr) -> Expr:
     for x, product in ((a, b), (b, a)):
         unsigned = _less_sign(product, x) if product.signed else None
         if unsigned is not None:
-            return _multiply(absolute(x), unsigned)
+            return _times_each(absolute(x), unsigned)
     return _node("mul", (a, b))
+
+
+def _times_each(x: Expr, product: Expr) -> Expr:
+    """x times one factor of a product with a sign after the other, so that each can switch x off or turn it round."""
+    if product.op == "mul" and product.signed:
+        return _times_each(_times_each(x, product.args[0]), product.args[1])
+    return _multiply(x, product)
 
 
 def _less_sign(product: Expr, x: Expr) -> Expr | None:
@@ -300,9 +317,9 @@ _plain_sqrt = _function("sqrt", math.sqrt)
 def sqrt(a: Expr | Number) -> Expr:
     """The square root of an expression."""
     factor, rest = scaled(as_expr(a))
-    if factor > 0.0 and factor != 1.0:
-        return const(math.sqrt(factor)) * _plain_sqrt(rest)
-    return _plain_sqrt(a)
+    if factor < 0.0:
+        factor, rest = -factor, _opposite(rest)
+    return const(math.sqrt(factor)) * _plain_sqrt(rest)
 
 
 sin = _function("sin", math.sin)
@@ -337,8 +354,12 @@ def at_least(a: Expr | Number, b: Expr | Number) -> Expr:
     a, b = as_expr(a), as_expr(b)
     if a.is_constant and b.is_constant:
         return const(float(a.value >= b.value))
-    if b.is_constant and a.op == "add" and a.args[0].is_constant:
-        return at_least(a.args[1], b.value - a.args[0].value)
+    if b.is_constant:
+        if a.op == "add" and a.args[0].is_constant:
+            return at_least(a.args[1], b.value - a.args[0].value)
+        factor, rest = scaled(a)
+        if factor > 0.0 and factor != 1.0:
+            return at_least(rest, b.value / factor)
     return _node("at_least", (a, b))
 
 

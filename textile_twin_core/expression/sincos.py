@@ -5,16 +5,16 @@ sin(x) = S + (S (cos r - 1) + C sin r) with the nearest node's sine S and cosine
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Final
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.expression.angle_grid import AngleGrid, keeps_its_rest
+from textile_twin_core.expression.angle_grid import AngleGrid
 from textile_twin_core.expression.blas import add_multiples
 
 _NODES: Final = 2048
-_GRID: Final = AngleGrid(_NODES)
 _TURN: Final = 2 * (np.longdouble(np.pi) + np.longdouble(1.2246467991473532e-16))
 
 
@@ -34,31 +34,36 @@ _CUBE: Final = -1.0 / 6.0 + 0.87 / 120.0 * (np.pi / _NODES) ** 2
 _FOURTH: Final = -1.0 / 12.0
 
 
-def sincos(x: FloatArray, sine: FloatArray, cosine: FloatArray, work: list[FloatArray]) -> None:
-    """Sine and cosine of (n,) angles [rad] into `sine` and `cosine`; `work` is four arrays of (n,).
+@cache
+def _grid(factor: float) -> AngleGrid:
+    return AngleGrid(_NODES, 1.0 / factor)
 
-    Errors stay below 1.2 units in the last place of 1. Angles beyond 1e9 rad, infinite ones and NaN go
-    the way of numpy's functions.
+
+def sincos(x: FloatArray, sine: FloatArray, cosine: FloatArray, work: list[FloatArray], factor: float = 1.0) -> None:
+    """Sine and cosine of `factor`, a power of two, times (n,) numbers x into `sine` and `cosine`.
+
+    `work` is four arrays of (n,). Errors stay below 1.2 units in the last place of 1. Angles beyond 1e9 rad, infinite
+    ones and NaN go the way of numpy's functions.
     """
-    if not keeps_its_rest(x):
-        np.sin(x, sine)
-        np.cos(x, cosine)
-        return
     rest, square, power, index = work[0], work[1], work[2], work[3].view(np.int64)
-    _GRID.reduce(x, index, rest, square)
+    if not _grid(factor).reduce(x, index, rest, square):  # r / factor
+        np.multiply(x, factor, rest)
+        np.sin(rest, sine)
+        np.cos(rest, cosine)
+        return
     np.multiply(rest, rest, square)
     np.multiply(square, rest, power)
-    add_multiples(power, rest, _CUBE)  # sin r
+    add_multiples(power, rest, _CUBE * factor**2)  # sin r / factor
     np.multiply(square, square, power)
-    add_multiples(power, square, _FOURTH)  # 2 - 2 cos r
+    add_multiples(power, square, _FOURTH * factor**2)  # (2 - 2 cos r) / factor^2
     _SINES.take(index, out=sine, mode="clip")
     _COSINES.take(index, out=cosine, mode="clip")
     away = work[3]
     np.multiply(sine, rest, power)
     np.multiply(cosine, square, away)
-    add_multiples(away, power, 0.5)
+    add_multiples(away, power, 0.5 * factor)
     np.multiply(cosine, rest, rest)
-    np.subtract(cosine, power, cosine)
+    add_multiples(power, cosine, -factor)
     np.multiply(sine, square, square)
-    add_multiples(square, rest, -0.5)
-    np.add(sine, rest, sine)
+    add_multiples(square, rest, -0.5 * factor)
+    add_multiples(rest, sine, factor)

@@ -14,7 +14,7 @@ from textile_twin_core.dynamics import INPUTS
 from textile_twin_core.errors import SceneError
 from textile_twin_core.expression import Expr, const, derivative, interpret, square, variable
 from textile_twin_core.expression.aligned import aligned_rows
-from textile_twin_core.expression.angle_grid import LARGEST_ANGLE, keeps_its_rest
+from textile_twin_core.expression.angle_grid import LARGEST_ANGLE
 from textile_twin_core.expression.blocks import BlockProgram
 from textile_twin_core.expression.cost import operation_cost
 from textile_twin_core.expression.graph import scaled
@@ -167,13 +167,12 @@ class TableEvaluator:
     def _fill_chunk(self, inputs: list[FloatArray], outputs: list[FloatArray]) -> None:
         assert self.table is not None
         theta = inputs[0]
-        if not keeps_its_rest(theta):  # NaN, or angles that the reduction would not keep
-            self.exact.program(inputs, outputs)
-            return
         n, work = theta.shape[0], self._buffers()
         index, rest, scratch = work.index[:n], work.rest[:n], work.scratch[:n]
         values = [value[:n] for value in work.values]
-        self.table.grid.reduce(theta, index, rest, scratch)
+        if not self.table.grid.reduce(theta, index, rest, scratch):  # NaN, or angles too large
+            self.exact.program(inputs, outputs)
+            return
         self.table.pieces.choose(index, rest, inputs[1], work.met[:n])
         self.table.read(index, rest, values, scratch)
         self.program.run_chunk([*inputs, *values], outputs)
