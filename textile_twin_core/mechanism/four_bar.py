@@ -222,7 +222,11 @@ class FourBar:
         tau, tau_slope = self._relative_rate()
         growth = c * s * inverse  # (D^2)' / D^2
         bend = growth * (inverse * (0.5 * rise * (g + l1) / swing - ((l2 - l3) * (l2 + l3) / swing) * tau))
-        return Rates((line - tau * less, line + tau * more), (bend - tau_slope * less, bend + tau_slope * more))
+        if l2 >= l3:  # E >= 0: the smaller share is the coupler's, and none is lost in the other's
+            first, second = line - tau * less, bend - tau_slope * less
+            return Rates((first, first + 2.0 * tau), (second, second + 2.0 * tau_slope))
+        first, second = line + tau * more, bend + tau_slope * more
+        return Rates((first - 2.0 * tau, first), (second - 2.0 * tau_slope, second))
 
 
 def _same(a: float, b: float) -> bool:
