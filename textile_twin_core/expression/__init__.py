@@ -6,23 +6,10 @@ and exact partial derivatives (`derivative`). What an output does not need is ne
 """
 
 from textile_twin_core.expression.derivative import derivative
-from textile_twin_core.expression.graph import (
-    Expr,
-    absolute,
-    at_least,
-    atan2,
-    const,
-    cos,
-    select,
-    sign,
-    sin,
-    sqrt,
-    square,
-    substitute,
-    topological_order,
-    variable,
-)
+from textile_twin_core.expression.functions import at_least, atan2, cos, select, sin, sqrt, square
+from textile_twin_core.expression.graph import Expr, absolute, const, sign, variable
 from textile_twin_core.expression.interpret import interpret
+from textile_twin_core.expression.traversal import substitute, topological_order
 
 __all__ = [
     "Expr",

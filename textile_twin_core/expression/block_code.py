@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from textile_twin_core.expression.graph import Expr, topological_order
+from textile_twin_core.expression.graph import Expr
 from textile_twin_core.expression.in_place import APART, SINCOS_WORK, hosts, joinable, read_by
 from textile_twin_core.expression.schedule import schedule
+from textile_twin_core.expression.traversal import topological_order
 
 
 @dataclass(frozen=True)

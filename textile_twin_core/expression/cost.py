@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 
-from textile_twin_core.expression.graph import Expr, topological_order
+from textile_twin_core.expression.graph import Expr
+from textile_twin_core.expression.traversal import topological_order
 
 WEIGHTS = {"div": 3.0, "sqrt": 3.0, "sin": 20.0, "cos": 20.0, "atan2": 60.0, "at_least": 2.0, "select": 3.0}
 """Time of an operation on a cached block, as multiples of an addition's; the rest weigh 1."""

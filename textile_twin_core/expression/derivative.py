@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from textile_twin_core.expression.graph import Expr, const, cos, select, sign, sin, topological_order
+from textile_twin_core.expression.functions import cos, select, sin
+from textile_twin_core.expression.graph import Expr, const, sign
+from textile_twin_core.expression.traversal import topological_order
 
 
 def derivative(outputs: Iterable[Expr], with_respect_to: Expr) -> list[Expr]:

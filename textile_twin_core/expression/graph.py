@@ -7,7 +7,7 @@ Only identities that hold for every finite number are applied.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from hashlib import blake2b
 from typing import Final
 from weakref import WeakValueDictionary
@@ -82,7 +82,8 @@ _ROUNDING_OF_ONE: Final = 4e-16
 _COMMUTATIVE: Final = frozenset({"add", "mul"})
 
 
-def _node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
+def node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
+    """The one node of an operation and its arguments, as they are; the operators and functions simplify."""
     if op in _COMMUTATIVE and (args[1].is_constant or (args[0].rank > args[1].rank and not args[0].is_constant)):
         args = (args[1], args[0])  # a constant stands first, all else in one order
     key = (op, payload, math.copysign(1.0, payload) if isinstance(payload, float) else None, *map(id, args))
@@ -99,12 +100,12 @@ def _node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
 
 def const(value: Number) -> Expr:
     """A number."""
-    return _node("const", payload=float(value))
+    return node("const", payload=float(value))
 
 
 def variable(name: str) -> Expr:
     """A named input."""
-    return _node("variable", payload=name)
+    return node("variable", payload=name)
 
 
 def as_expr(value: Expr | Number) -> Expr:
@@ -152,9 +153,9 @@ def _add(a: Expr, b: Expr) -> Expr:
         return const(ka) * (ra - rb)
     if ka != 1.0 and kb != 1.0:
         if abs(ka) >= abs(kb):
-            return const(ka) * _node("add", (ra, const(_joined(kb / ka)) * rb))
-        return const(kb) * _node("add", (const(_joined(ka / kb)) * ra, rb))
-    return _node("add", (a, b))
+            return const(ka) * node("add", (ra, const(_joined(kb / ka)) * rb))
+        return const(kb) * node("add", (const(_joined(ka / kb)) * ra, rb))
+    return node("add", (a, b))
 
 
 def _subtract(a: Expr, b: Expr) -> Expr:
@@ -186,11 +187,11 @@ def _subtract(a: Expr, b: Expr) -> Expr:
         return const(ka) * (ra + rb)
     if ka != 1.0 and kb != 1.0:
         if abs(ka) >= abs(kb):
-            return const(ka) * _node("sub", (ra, const(_joined(kb / ka)) * rb))
-        return const(-kb) * _node("sub", (rb, const(_joined(ka / kb)) * ra))
+            return const(ka) * node("sub", (ra, const(_joined(kb / ka)) * rb))
+        return const(-kb) * node("sub", (rb, const(_joined(ka / kb)) * ra))
     if ka != 1.0:
-        return _negate(_node("sub", (b, a)))  # a multiple stands last, where it needs no array of its own
-    return _node("sub", (a, b))
+        return _negate(node("sub", (b, a)))  # a multiple stands last, where it needs no array of its own
+    return node("sub", (a, b))
 
 
 def _shift(offset: float, e: Expr) -> Expr:
@@ -204,7 +205,7 @@ def _shift(offset: float, e: Expr) -> Expr:
     factor, rest = scaled(e)
     if factor != 1.0:
         return const(factor) * _shift(offset / factor, rest)
-    return _node("add", (const(offset), e))
+    return node("add", (const(offset), e))
 
 
 def _negate(a: Expr) -> Expr:
@@ -217,15 +218,7 @@ def _negate(a: Expr) -> Expr:
     factor, rest = scaled(a)
     if factor != 1.0:
         return const(-factor) * rest
-    return _node("neg", (a,))
-
-
-def _opposite(e: Expr) -> Expr:
-    """-e, in one of its factors if it is a product."""
-    if e.op == "add" and e.args[0].is_constant:
-        return _node("sub", (const(-e.args[0].value), e.args[1]))
-    changed = _in_one_factor(e, lambda factor: _opposite(factor) if factor.op == "add" else None)
-    return _negate(e) if changed is None else changed
+    return node("neg", (a,))
 
 
 def _multiply(a: Expr, b: Expr) -> Expr:
@@ -243,19 +236,19 @@ def _multiply(a: Expr, b: Expr) -> Expr:
         factor, rest = scaled(b)
         if factor != 1.0:
             return const(_joined(a.value * factor)) * rest
-        return _node("mul", (a, b))
+        return node("mul", (a, b))
     (ka, ra), (kb, rb) = scaled(a), scaled(b)
     if _joined(ka * kb) != 1.0:
         return const(_joined(ka * kb)) * _multiply(ra, rb)
     if ra is not a or rb is not b:
         return _multiply(ra, rb)
     if a is b:
-        return _node("square", (a,))
+        return node("square", (a,))
     for x, product in ((a, b), (b, a)):
         unsigned = _less_sign(product, x) if product.signed else None
         if unsigned is not None:
             return _times_each(absolute(x), unsigned)
-    return _node("mul", (a, b))
+    return node("mul", (a, b))
 
 
 def _times_each(x: Expr, product: Expr) -> Expr:
@@ -270,15 +263,16 @@ def _less_sign(product: Expr, x: Expr) -> Expr | None:
     if product.op == "sign":
         rest = _less_factor(product.args[0], x)
         return None if rest is None else sign(rest)
-    return _in_one_factor(product, lambda factor: _less_sign(factor, x) if factor.signed else None)
+    return in_one_factor(product, lambda factor: _less_sign(factor, x) if factor.signed else None)
 
 
 def _less_factor(product: Expr, x: Expr) -> Expr | None:
     """A product without its factor x, None where it has none."""
-    return const(1.0) if product is x else _in_one_factor(product, lambda factor: _less_factor(factor, x))
+    return const(1.0) if product is x else in_one_factor(product, lambda factor: _less_factor(factor, x))
 
 
-def _in_one_factor(product: Expr, change: Callable[[Expr], Expr | None]) -> Expr | None:
+def in_one_factor(product: Expr, change: Callable[[Expr], Expr | None]) -> Expr | None:
+    """A product with one factor changed, the first that the change gives something for; None if there is none."""
     if product.op == "mul":
         for i in (0, 1):
             changed = change(product.args[i])
@@ -299,33 +293,22 @@ def _divide(a: Expr, b: Expr) -> Expr:
     (ka, ra), (kb, rb) = scaled(a), scaled(b)
     if ka != 1.0 or kb != 1.0:
         return const(ka / kb) * _divide(ra, rb)
-    return _node("div", (a, b))
+    return node("div", (a, b))
 
 
-def _function(op: str, fold: Callable[[float], float]) -> Callable[[Expr | Number], Expr]:
+def function(op: str, fold: Callable[[float], float]) -> Callable[[Expr | Number], Expr]:
+    """A function of one expression by its operation's name, and what it is of a number."""
+
     def apply(a: Expr | Number) -> Expr:
         a = as_expr(a)
-        return const(fold(a.value)) if a.is_constant else _node(op, (a,))
+        return const(fold(a.value)) if a.is_constant else node(op, (a,))
 
     apply.__name__, apply.__doc__ = op, f"{op} of an expression."
     return apply
 
 
-_plain_sqrt = _function("sqrt", math.sqrt)
-
-
-def sqrt(a: Expr | Number) -> Expr:
-    """The square root of an expression."""
-    factor, rest = scaled(as_expr(a))
-    if factor < 0.0:
-        factor, rest = -factor, _opposite(rest)
-    return const(math.sqrt(factor)) * _plain_sqrt(rest)
-
-
-sin = _function("sin", math.sin)
-cos = _function("cos", math.cos)
-absolute = _function("abs", abs)
-_plain_sign = _function("sign", lambda v: float((v > 0) - (v < 0)))
+absolute = function("abs", abs)
+_plain_sign = function("sign", lambda v: float((v > 0) - (v < 0)))
 
 
 def sign(a: Expr | Number) -> Expr:
@@ -334,89 +317,3 @@ def sign(a: Expr | Number) -> Expr:
     if factor > 0.0:
         return _plain_sign(rest)
     return -_plain_sign(rest) if factor < 0.0 else const(0.0)
-
-
-def square(a: Expr | Number) -> Expr:
-    """The square of an expression."""
-    return as_expr(a) * as_expr(a)
-
-
-def atan2(y: Expr | Number, x: Expr | Number) -> Expr:
-    """The angle of the direction (x, y), in (-pi, pi]."""
-    y, x = as_expr(y), as_expr(x)
-    if y.is_constant and x.is_constant:
-        return const(math.atan2(y.value, x.value))
-    return _node("atan2", (y, x))
-
-
-def at_least(a: Expr | Number, b: Expr | Number) -> Expr:
-    """1 where a >= b, else 0."""
-    a, b = as_expr(a), as_expr(b)
-    if a.is_constant and b.is_constant:
-        return const(float(a.value >= b.value))
-    if b.is_constant:
-        if a.op == "add" and a.args[0].is_constant:
-            return at_least(a.args[1], b.value - a.args[0].value)
-        factor, rest = scaled(a)
-        if factor > 0.0 and factor != 1.0:
-            return at_least(rest, b.value / factor)
-    return _node("at_least", (a, b))
-
-
-def select(condition: Expr | Number, yes: Expr | Number, no: Expr | Number) -> Expr:
-    """`yes` where the condition is not 0, else `no`; both are evaluated."""
-    condition, yes, no = as_expr(condition), as_expr(yes), as_expr(no)
-    if condition.is_constant:
-        return yes if condition.value else no
-    if yes is no:
-        return yes
-    return _node("select", (condition, yes, no))
-
-
-def topological_order(outputs: Iterable[Expr]) -> list[Expr]:
-    """Every node that the outputs need, each after its arguments."""
-    order: list[Expr] = []
-    seen: set[int] = set()
-    stack: list[tuple[Expr, bool]] = [(e, False) for e in reversed(list(outputs))]
-    while stack:
-        node, ready = stack.pop()
-        if ready:
-            order.append(node)
-        elif id(node) not in seen:
-            seen.add(id(node))
-            stack.append((node, True))
-            stack.extend((a, False) for a in reversed(node.args) if id(a) not in seen)
-    return order
-
-
-_REBUILD: Final[Mapping[str, Callable[..., Expr]]] = {
-    "add": _add,
-    "sub": _subtract,
-    "mul": _multiply,
-    "div": _divide,
-    "neg": _negate,
-    "sqrt": sqrt,
-    "sin": sin,
-    "cos": cos,
-    "abs": absolute,
-    "sign": sign,
-    "square": square,
-    "atan2": atan2,
-    "at_least": at_least,
-    "select": select,
-}
-
-
-def substitute(outputs: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> list[Expr]:
-    """The outputs with nodes replaced and what then is constant folded."""
-    outputs = list(outputs)
-    new: dict[Expr, Expr] = dict(replacements)
-    for node in topological_order(outputs):
-        if node in new:
-            continue
-        args = tuple(new[a] for a in node.args)
-        if args == node.args:
-            new[node] = node
-        else:
-            new[node] = _REBUILD[node.op](*args)
-    return [new[e] for e in outputs]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from textile_twin_core.expression.graph import Expr, topological_order
+from textile_twin_core.expression.graph import Expr
+from textile_twin_core.expression.traversal import topological_order
 
 
 def interpret(outputs: Iterable[Expr], inputs: Mapping[str, Any], functions: Any) -> list[Any]:

@@ -11,7 +11,8 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from textile_twin_core.expression.graph import Expr, topological_order
+from textile_twin_core.expression.graph import Expr
+from textile_twin_core.expression.traversal import topological_order
 
 _INFIX = {"add": "({} + {})", "sub": "({} - {})", "mul": "({} * {})", "div": "({} / {})", "neg": "(-{})"}
 _CALLS = {"sqrt": "sqrt({})", "sin": "sin({})", "cos": "cos({})", "abs": "abs({})", "atan2": "atan2({}, {})"}

@@ -9,8 +9,9 @@ from functools import reduce
 from operator import or_
 from typing import Final, NamedTuple
 
-from textile_twin_core.expression.graph import Expr, topological_order
+from textile_twin_core.expression.graph import Expr
 from textile_twin_core.expression.in_place import APART, SINCOS_WORK, hosts, read_by
+from textile_twin_core.expression.traversal import topological_order
 
 _LEAVES: Final = frozenset({"const", "variable"})
 _TURNS: Final = frozenset({"sin", "cos"})
