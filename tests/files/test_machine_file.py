@@ -97,11 +97,13 @@ def test_a_bar_takes_its_mass_from_density_and_section(tmp_path: Path) -> None:
 
 
 def test_words_and_numbers_are_read_as_people_mean_them(tmp_path: Path) -> None:
-    """In YAML 1.1 `on` is true and 1e-9 is text."""
+    """In YAML 1.1 `on` is true, 1e-9 is text and 0700 is 448."""
     text = LOOM + "loads:\n  - {type: backing, on: sley, force_N: 1e3, entry_plane_m: 1, exit_plane_m: 1}\n"
     with pytest.raises(MachineError, match=r"straight travel"):
         ttc.compile(load_machine_file(_file(tmp_path, text)), ["reaction_O_x_N"])
     assert load_machine_file(_file(tmp_path, LOOM.replace("1e-12", "1e-9"))).scene.tolerance == 1e-9
+    heavy = load_machine_file(_file(tmp_path, "machine: tufting\nparameters: {backing_force_N: 0700}"))
+    assert heavy.parameters["backing_force_N"] == 700.0
 
 
 @pytest.mark.parametrize(
@@ -129,6 +131,7 @@ def test_words_and_numbers_are_read_as_people_mean_them(tmp_path: Path) -> None:
         ("name: my_loom", "name: my_loom\nname: other", "line 2, column 1: 'name' is given twice"),
         ("bodies: {l2:", "bodies: {l2", "line"),
         ("linkages: [{phase_rad: 0}, {phase_rad: 1.5}]", "linkages: []", "at least one linkage"),
+        ("name: my_loom", "parameters: {l1_m: 0.1}", "are those of a published machine"),
     ],
 )
 def test_a_fault_names_file_and_place(tmp_path: Path, old: str, new: str, says: str) -> None:

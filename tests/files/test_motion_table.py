@@ -76,6 +76,12 @@ def test_bad_parquet(tmp_path: Path, columns: dict[str, object], says: str) -> N
     assert "\n" not in str(caught.value)
 
 
+def test_a_column_given_twice_is_not_chosen_from(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text("theta_rad,omega_rad_s,theta_rad,alpha_rad_s2\n1,2,3,4\n")
+    with pytest.raises(MotionError, match="there are 2 columns theta_rad; leave one"):
+        read_motion_table(tmp_path / "m.csv")
+
+
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "xlsx"])
 def test_what_is_no_table(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"m.{suffix}"

@@ -108,6 +108,8 @@ def _published(entries: dict[str, Any]) -> AnyMachine:
 def _declared(entries: dict[str, Any], path: Path) -> Machine:
     plain_fields = {name: hint for name, hint in get_type_hints(Machine).items() if name not in _NOT_PLAIN}
     keys = [*_TOP_LEVEL, *plain_fields, "bodies", "machine"]
+    if "parameters" in entries:
+        raise MachineError("parameters: are those of a published machine; name it with 'machine: ..'")
     for key in entries:
         if key not in keys:
             raise MachineError(f"{key}: {unknown('key', key, keys)}")

@@ -81,7 +81,11 @@ def _wanted(path: Path, there: list[str]) -> list[str]:
     missing = [name for name in _NEEDED if name not in there]
     if missing:
         raise MotionError(f"{path}: column {', '.join(missing)} is missing; there are: {', '.join(there) or 'none'}")
-    return [*_NEEDED, *([_TIME] if _TIME in there else [])]
+    wanted = [*_NEEDED, *([_TIME] if _TIME in there else [])]
+    for name in wanted:
+        if there.count(name) > 1:
+            raise MotionError(f"{path}: there are {there.count(name)} columns {name}; leave one")
+    return wanted
 
 
 def _header(path: Path) -> list[str]:

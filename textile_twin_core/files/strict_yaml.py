@@ -1,4 +1,4 @@
-"""YAML as people expect it: 1e-12 is a number, on and off are words, and a key given twice is an error."""
+"""YAML as people expect it: 1e-12 is a number, 010 is ten, on and off are words, a key given twice is an error."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ from textile_twin_core.errors import TwinError
 _NUMBER = re.compile(
     r"[-+]?(\d[\d_]*\.?[\d_]*([eE][-+]?\d+)?|\.\d[\d_]*([eE][-+]?\d+)?|\.(inf|Inf|INF)|\.(nan|NaN|NAN))$"
 )
+_INTEGER = re.compile(r"[-+]?(0|[1-9][\d_]*)$")
 _BOOLEAN = re.compile(r"(true|True|TRUE|false|False|FALSE)$")
+
+
+_SURPRISING = ("bool", "int", "float", "timestamp")
 
 
 class _Loader(yaml.SafeLoader):
@@ -21,10 +25,11 @@ class _Loader(yaml.SafeLoader):
 
 
 _Loader.yaml_implicit_resolvers = {
-    letter: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith((":bool", ":float", ":timestamp"))]
+    letter: [(tag, pattern) for tag, pattern in resolvers if tag.rpartition(":")[2] not in _SURPRISING]
     for letter, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
 _Loader.add_implicit_resolver("tag:yaml.org,2002:bool", _BOOLEAN, list("tTfF"))
+_Loader.add_implicit_resolver("tag:yaml.org,2002:int", _INTEGER, list("-+0123456789"))
 _Loader.add_implicit_resolver("tag:yaml.org,2002:float", _NUMBER, list("-+0123456789."))
 
 

@@ -33,6 +33,12 @@ class Backing:
         for what in ("force_N", "entry_plane_m", "exit_plane_m", "free_force_N"):
             if not math.isfinite(getattr(self, what)):
                 raise MachineError(f"backing on '{self.on}': {what} must be a finite number")
+        for what in ("force_N", "free_force_N"):
+            if getattr(self, what) < 0.0:
+                raise MachineError(
+                    f"backing on '{self.on}': {what} must be zero or positive, not {getattr(self, what):g}: friction "
+                    "always opposes the travel"
+                )
 
     def parameters(self) -> Mapping[str, float]:
         """The two friction forces."""

@@ -11,6 +11,7 @@ from textile_twin_core.dynamics.loads.relative import link_of_load, relative_rat
 from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, sign
+from textile_twin_core.mechanism.motion import LinkMotion, Motion
 
 
 @dataclass(frozen=True)
@@ -68,10 +69,17 @@ class SliderFriction(Uneventful):
 
     def unit_force(self, context: LoadContext) -> Expr:
         """The derivative of the slider's way along its guide."""
-        link = link_of_load(context.motion, self.slider)
+        link = self._guided(context.motion)
         return context.motion.points[link.end].first.dot(link.direction)
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
         """A force along the guide."""
-        link = link_of_load(context.motion, self.slider)
+        link = self._guided(context.motion)
         wrenches.add_at(link, link.length * link.direction, intensity * link.direction)
+
+    def _guided(self, motion: Motion) -> LinkMotion:
+        """The slider. Raises MachineError for a link that turns."""
+        link = link_of_load(motion, self.slider)
+        if not (link.first.is_constant and link.first.value == 0.0):
+            raise MachineError(f"friction of '{self.slider}': this link turns; name a slider, or use joint_friction")
+        return link
