@@ -175,6 +175,15 @@ def test_recorded_predictions_are_those_computed(tmp_path: Path, replayed: Path)
     assert live["samples"]["used"] == again["samples"]["used"]
 
 
+def test_recorded_predictions_of_another_machine_are_told(tmp_path: Path, replayed: Path) -> None:
+    own, other = (
+        _compare(tmp_path, replayed, "--predicted", "recorded", *options)["notes"]
+        for options in ((), ("--set", "m6_kg=15"))
+    )
+    assert not any("another machine" in note for note in own)
+    assert any("another machine or other parameters" in note for note in other)
+
+
 def test_compare_writes_all_it_was_asked_for_or_nothing(tmp_path: Path, bag: Path) -> None:
     files = [tmp_path / f"c.{form}" for form in ("json", "rrd", "png")]
     options = [word for file in files for word in (f"--{file.suffix[1:]}", str(file))]

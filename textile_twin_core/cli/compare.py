@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import sys
 from contextlib import ExitStack
@@ -75,7 +76,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
     if recorded:
         predicted = published(bag, predicted, angles.topic)
-    return compare_torque(
+    comparison = compare_torque(
         measured.stamps,
         measured.torque_Nm,
         predicted.stamps_ns,
@@ -87,6 +88,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         predicted_sigma_Nm=predicted.sigma_Nm,
         rejected=predicted.rejected,
     )
+    return dataclasses.replace(comparison, notes=(*comparison.notes, *predicted.notes))
 
 
 def _write(partial: dict[str, Path], comparison: Comparison, machine: Machine, arguments: argparse.Namespace) -> None:

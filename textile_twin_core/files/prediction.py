@@ -18,6 +18,8 @@ from textile_twin_core.twin import Samples, Session, compile_machine
 ANGLE_TOPIC = "main_shaft/angle"
 MEASURED_TOPIC = "balancing_torque/measured"
 _BLOCK = 8192
+_OTHER_MACHINE = 0.05
+"""Median difference of predictions, over the peak, from which they are not of one machine."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class PredictedTorque:
     """Predictions in order of time; arrays of shape (n,).
 
     sigma_Nm: standard deviation, NaN where not known; settled: whether the shaft estimator had settled;
-    rejected: angle samples that gave no prediction, by cause.
+    rejected: angle samples that gave no prediction, by cause; notes: what a reader of the numbers should know.
     """
 
     stamps_ns: IntArray
@@ -34,6 +36,7 @@ class PredictedTorque:
     sigma_Nm: FloatArray
     settled: BoolArray
     rejected: Mapping[str, int]
+    notes: tuple[str, ...] = ()
 
 
 def namespace_of(angle_topic: str) -> str:
@@ -116,7 +119,8 @@ def published(bag: Bag, computed: PredictedTorque, angle_topic: str) -> Predicte
     """The torque that the live twin published into the recording, beside the topic of the shaft angle.
 
     Shaft angles, and whether the estimator had settled, are those of `computed`, by the stamps, which a prediction
-    shares with its angle sample. Raises RecordingError when no stamp is shared.
+    shares with its angle sample. A note tells of predictions far from the computed ones. Raises RecordingError when
+    no stamp is shared.
     """
     torque = bag.read_torques(beside(bag, angle_topic, "balancing_torque/predicted"))
     sigma_topic = beside(bag, angle_topic, "balancing_torque/predicted_sigma")
@@ -138,4 +142,16 @@ def published(bag: Bag, computed: PredictedTorque, angle_topic: str) -> Predicte
         sigma_Nm=sigma[shared],
         settled=computed.settled[place[shared]],
         rejected={**computed.rejected, "without_prediction": int(np.count_nonzero(~shared))},
+        notes=_apart(torque.torque_Nm[shared], computed.torque_Nm[place[shared]]),
+    )
+
+
+def _apart(recorded_Nm: FloatArray, computed_Nm: FloatArray) -> tuple[str, ...]:
+    """A note if recorded predictions cannot be of this machine: far off more often than load jumps explain."""
+    apart, peak = float(np.nanmedian(np.abs(recorded_Nm - computed_Nm))), float(np.nanmax(np.abs(computed_Nm)))
+    if apart <= _OTHER_MACHINE * peak:
+        return ()
+    return (
+        f"half of the recorded predictions differ by more than {apart:.3g} N m from those of this machine, whose peak "
+        f"is {peak:.3g} N m: they were recorded with another machine or other parameters",
     )
