@@ -43,8 +43,3 @@ def dim(colour: Colour, share: float) -> Colour:
     """The colour as it looks at this share of opacity over the background: views of lines know no transparency."""
     mixed = [round(share * c + (1.0 - share) * b) for c, b in zip(colour, BACKGROUND, strict=True)]
     return mixed[0], mixed[1], mixed[2]
-
-
-def hex_code(colour: Colour) -> str:
-    """The colour as #rrggbb."""
-    return "#{:02x}{:02x}{:02x}".format(*colour)
