@@ -26,10 +26,13 @@ from textile_twin_core.dynamics.loads import (
     TorqueTable,
     TorsionSpring,
 )
+from textile_twin_core.machines import Machine
+from textile_twin_core.mechanism import Crank, RRPDyad, RRRDyad
 
 Values = dict[str, FloatArray]
 
 MACHINE = ttc.machines.tufting()
+TIP = ("point_T_x_m", "point_T_y_m")
 THETA = np.linspace(-7.0, 9.0, 401)
 OMEGA = np.linspace(-18.0, 21.0, 401)
 ALPHA = 40.0 * np.sin(THETA)
@@ -229,7 +232,7 @@ def test_bad_numbers(make: Callable[[], object], message: str) -> None:
         (JointFriction("l9", 1.0), "'l9', which is not there; links: l1, l2"),
         (JointDamping("l2", 1.0, against="x"), "'x', which is not there"),
         (SliderFriction("needle", 1.0), "'needle', which is not there"),
-        (SliderFriction("l3", 1.0), "friction of 'l3': this link turns"),
+        (SliderFriction("l3", 1.0), "friction of 'l3': this link is no slider"),
         (Spring("A", "Z", 1.0, 0.1), "no point 'Z'"),
         (PointDamping("Z", 1.0), "no point 'Z'"),
         (TorqueTable(ANGLES, TABLE, on="l7"), "'l7', which is not there"),
@@ -239,3 +242,28 @@ def test_bad_numbers(make: Callable[[], object], message: str) -> None:
 def test_unknown_names(load: Load, message: str) -> None:
     with pytest.raises(ttc.MachineError, match=message):
         dataclasses.replace(MACHINE, loads=(load,))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, 2.5, -1.9])
+def test_friction_of_a_slider_on_any_guide(angle: float) -> None:
+    """The friction force works along the slider's way: the torque is its speed per shaft speed times the force."""
+    guide = (math.cos(angle), math.sin(angle))
+    groups = (Crank("l1", "O", "A", 0.05), RRPDyad("rod", "slider", "A", "B", "T", (0.2, 0.1), (0.0, 0.01), guide))
+    machine = Machine(
+        "press", {"O": (0.0, 0.0)}, groups, loads=(SliderFriction("slider", 30.0),), bodies=(Body("l1", 0.0),)
+    )
+    twin, theta, step = ttc.compile(machine, ["balancing_torque_Nm", *TIP]), np.linspace(0.1, 6.0, 50), 1e-6
+    after, before = twin.evaluate(theta + step, 2.0), twin.evaluate(theta - step, 2.0)
+    speed = np.hypot(*(after[k] - before[k] for k in TIP)) / (2 * step)
+    np.testing.assert_allclose(twin.evaluate(theta, 2.0)["balancing_torque_Nm"], 30.0 * speed, atol=1e-7)
+
+
+def test_a_link_that_translates_in_a_circle_is_no_slider() -> None:
+    dyad = RRRDyad("l2", "l3", "A", "C", "B", (0.3, 0.06), "left_passing")
+    with pytest.raises(ttc.MachineError, match="friction of 'l2': this link is no slider"):
+        Machine(
+            "parallelogram",
+            {"O": (0.0, 0.0), "C": (0.3, 0.0)},
+            (Crank("l1", "O", "A", 0.06), dyad),
+            loads=(SliderFriction("l2", 1.0),),
+        )

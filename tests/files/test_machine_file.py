@@ -104,6 +104,9 @@ def test_words_and_numbers_are_read_as_people_mean_them(tmp_path: Path) -> None:
     assert load_machine_file(_file(tmp_path, LOOM.replace("1e-12", "1e-9"))).scene.tolerance == 1e-9
     heavy = load_machine_file(_file(tmp_path, "machine: tufting\nparameters: {backing_force_N: 0700}"))
     assert heavy.parameters["backing_force_N"] == 700.0
+    for text, direction in (("+01", 1), ("-0x1", -1), ("0o1", 1)):
+        document = f"machine: tufting\nsensors: {{encoder: {{direction: {text}}}}}"
+        assert load_machine_file(_file(tmp_path, document)).sensors.encoder.direction == direction
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ _ROUNDER = np.asarray(1.5 * 2.0**52)
 
 
 class AngleGrid:
-    """`nodes`, a power of two, equally spaced over one turn, or over `turns`, another power of two.
+    """`nodes`, a power of two, equally spaced over one turn, or over `turns`, another power of two; both positive.
 
     Their distance is kept in three parts (Cody and Waite 1980), so that products with the number of a node are exact;
     near zero two parts do.

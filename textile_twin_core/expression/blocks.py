@@ -103,10 +103,13 @@ class BlockProgram:
         self._local = threading.local()
 
     def __call__(self, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> None:
-        """Evaluate one-dimensional inputs of equal length (broadcast views allowed) into the outputs.
+        """Evaluate one-dimensional inputs of equal length (broadcast views allowed) into contiguous outputs of float64.
 
-        NaN goes through; numpy's warnings about it are the caller's to keep or silence.
+        Raises ValueError for other outputs, which BLAS would not fill. NaN goes through; numpy's warnings about it are
+        the caller's to keep or silence.
         """
+        if not all(a.flags.c_contiguous and a.dtype == np.float64 for a in outputs):
+            raise ValueError("outputs of a block program must be contiguous arrays of float64")
         n = inputs[0].shape[0]
         step = self.chunk
         buffers = self._buffers()

@@ -1,7 +1,8 @@
 """The expression graph: immutable nodes, shared when equal, constants folded as they are made.
 
 Equal sub-expressions are one node (hash-consing), so common work is done once by every back end.
-Only identities that hold for every finite number are applied.
+Only identities that hold for all real numbers are applied; constants so large or small that their products leave the
+range of a double are no machine's.
 """
 
 from __future__ import annotations

@@ -6,7 +6,6 @@ are then `joined` to the operation and have no array of their own. So is the hal
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 from typing import Final
 
@@ -14,6 +13,8 @@ from textile_twin_core.expression.graph import Expr
 
 SINCOS_WORK: Final = 4
 """Arrays that sine and cosine together need beside their results."""
+_POWERS_OF_TWO: Final = frozenset(2.0**k for k in range(-10, 11))
+"""Factors of an angle that sine and cosine take in."""
 APART: Final = frozenset({"select", "sign"})
 """Operations of several steps, which must not write onto their own arguments; every other may."""
 
@@ -44,7 +45,7 @@ def joinable(order: Sequence[Expr], outputs: Collection[Expr]) -> set[Expr]:
 
 def _takes_in(user: Expr, part: Expr) -> bool:
     if user.op in ("sin", "cos"):
-        return _is_multiple(part) and abs(math.frexp(part.args[0].value)[0]) == 0.5
+        return _is_multiple(part) and part.args[0].value in _POWERS_OF_TWO
     return any(joined is part for joined, _ in hosts(user))
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Sequence
+import random
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
@@ -17,7 +18,9 @@ _LEAVES: Final = frozenset({"const", "variable"})
 _TURNS: Final = frozenset({"sin", "cos"})
 _BEAM, _EFFORT = 60, 2_000_000
 """Orders followed at a time: at most, and times the square of the number of steps."""
-_LARGEST_SEARCH = 1500
+_TRIES, _FEWEST_TRIES, _TRIED = 12, 2, 10_000
+"""Greedy orders tried: at most, at least, and times the number of steps."""
+_LARGEST = 5000
 _BUFFER_COST, _COPY_COST = 3, 2
 """What one more buffer and one more copy cost, measured on long arrays."""
 
@@ -43,13 +46,19 @@ class _Step:
 def schedule(outputs: Sequence[Expr], joined: Collection[Expr] = ()) -> list[Expr]:
     """Every node that the outputs need but the `joined` (see `in_place`), each after its arguments.
 
-    A beam search over the orders: the best so far are followed side by side, one step after the other. Very large
-    graphs keep the order of their definition.
+    The cheapest that a beam search finds, which follows the best beginnings side by side, or greedy tries, which serve
+    larger graphs better: what frees most comes first, then what was met last. Very large graphs keep the order of their
+    definition.
     """
     order = topological_order(outputs)
     inner = [node for node in order if node.op not in _LEAVES and node not in joined]
-    if len(inner) <= _LARGEST_SEARCH:
-        inner = [e for step in _search(_steps(inner, set(outputs), joined)) for e in step.results]
+    if len(inner) <= _LARGEST:
+        steps = _Steps(_steps(inner, set(outputs), joined))
+        rng = random.Random(1)
+        count = max(_FEWEST_TRIES, min(_TRIES, _TRIED // max(len(inner), 1)))
+        tries = [_greedy(steps, rng) for _ in range(count)]
+        best = min([_as_defined(steps), _beam(steps), *tries])
+        inner = [e for n in best.numbers() for e in steps.all[n].results]
     return [node for node in order if node.op in _LEAVES] + inner
 
 
@@ -77,6 +86,36 @@ def _steps(nodes: Sequence[Expr], outputs: Collection[Expr], joined: Collection[
     return steps
 
 
+class _Steps:
+    """The steps, and by the number of a step: those it reads, the mask of those that read it, and their numbers."""
+
+    def __init__(self, steps: Sequence[_Step]) -> None:
+        self.all = steps
+        number = {1 << n: n for n in range(len(steps))}
+        self.read = [[number[bit] for bit in _bits(step.needs)] for step in steps]
+        self.readers = [0] * len(steps)
+        for n, made in enumerate(self.read):
+            for k in made:
+                self.readers[k] |= 1 << n
+        self.users = [[number[bit] for bit in _bits(mask)] for mask in self.readers]
+        self.first = [n for n, step in enumerate(steps) if not step.needs]
+
+    def now_ready(self, done: int, last: int) -> list[int]:
+        """The steps that may follow because `last` was done."""
+        return [n for n in self.users[last] if not self.all[n].needs & ~done]
+
+    def gone(self, n: int, done: int) -> list[int]:
+        """The steps whose results nobody needs after step n, when all of `done` are."""
+        return [k for k in self.read[n] if not self.readers[k] & ~done]
+
+
+def _bits(mask: int) -> Iterator[int]:
+    while mask:
+        bit = mask & -mask
+        yield bit
+        mask ^= bit
+
+
 class _Order(NamedTuple):
     """The first steps of an order: what they cost, how many results are alive after them, and on the way in all."""
 
@@ -89,45 +128,69 @@ class _Order(NamedTuple):
     last: int
     before: _Order | None
 
-
-def _search(steps: Sequence[_Step]) -> list[_Step]:
-    read = [[k for k in range(n) if step.needs >> k & 1] for n, step in enumerate(steps)]
-    readers = [0] * len(steps)
-    for n, made in enumerate(read):
-        for k in made:
-            readers[k] |= 1 << n
-    users = [[n for n in range(k, len(steps)) if mask >> n & 1] for k, mask in enumerate(readers)]
-    beam = [_Order(0, 0, 0, 0, 0, 0, -1, None)]
-    ready = {0: [n for n, step in enumerate(steps) if not step.needs]}
-    width = max(1, min(_BEAM, _EFFORT // max(len(steps), 1) ** 2))
-    for _ in steps:
-        found: dict[int, _Order] = {}
-        for order in beam:
-            for n in ready[order.done]:
-                done = order.done | 1 << n
-                gone = [k for k in read[n] if not readers[k] & ~done]
-                longer = _after(order, n, steps[n], done, gone, sum(steps[k].kept for k in gone))
-                known = found.get(done)
-                if known is None or longer < known:
-                    found[done] = longer
-        beam = heapq.nsmallest(width, found.values())
-        ready = {
-            order.done: [n for n in ready[order.before.done] if n != order.last]
-            + [n for n in users[order.last] if not steps[n].needs & ~order.done]
-            for order in beam
-            if order.before is not None
-        }
-    best, result = beam[0], []
-    while best.before is not None:
-        result.append(steps[best.last])
-        best = best.before
-    return result[::-1]
+    def numbers(self) -> list[int]:
+        """The steps in this order."""
+        found, order = [], self
+        while order.before is not None:
+            found.append(order.last)
+            order = order.before
+        return found[::-1]
 
 
-def _after(order: _Order, n: int, step: _Step, done: int, gone: Sequence[int], released: int) -> _Order:
-    alive = order.alive - released + step.kept
+_EMPTY: Final = _Order(0, 0, 0, 0, 0, 0, -1, None)
+
+
+def _then(order: _Order, n: int, steps: _Steps) -> _Order:
+    """The order with step n after it."""
+    step, done = steps.all[n], order.done | 1 << n
+    gone = steps.gone(n, done)
+    alive = order.alive - sum(steps.all[k].kept for k in gone) + step.kept
     copied = step.joins and not any(step.hosts >> k & 1 for k in gone)
     at_once = order.alive + step.kept + step.work if step.apart or copied else alive
     most, copies = max(order.most, at_once), order.copies + copied
     cost = _BUFFER_COST * most + _COPY_COST * copies
     return _Order(cost, alive, order.alive_sum + alive, done, most, copies, n, order)
+
+
+def _as_defined(steps: _Steps) -> _Order:
+    order = _EMPTY
+    for n in range(len(steps.all)):
+        order = _then(order, n, steps)
+    return order
+
+
+def _beam(steps: _Steps) -> _Order:
+    beam, ready = [_EMPTY], {0: steps.first}
+    width = max(1, min(_BEAM, _EFFORT // max(len(steps.all), 1) ** 2))
+    for _ in steps.all:
+        found: dict[int, _Order] = {}
+        for order in beam:
+            for n in ready[order.done]:
+                longer = _then(order, n, steps)
+                known = found.get(longer.done)
+                if known is None or longer < known:
+                    found[longer.done] = longer
+        beam = heapq.nsmallest(width, found.values())
+        ready = {
+            order.done: [n for n in ready[order.before.done] if n != order.last]
+            + steps.now_ready(order.done, order.last)
+            for order in beam
+            if order.before is not None
+        }
+    return beam[0]
+
+
+def _greedy(steps: _Steps, rng: random.Random) -> _Order:
+    order, met = _EMPTY, dict.fromkeys(range(len(steps.all)), -1)
+    ready = {n: rng.random() for n in steps.first}
+
+    def urgency(n: int) -> tuple[int, int, float]:
+        freed = len(steps.gone(n, order.done | 1 << n)) - steps.all[n].kept
+        return freed, max((met[k] for k in steps.read[n]), default=-1), ready[n]
+
+    for position in range(len(steps.all)):
+        n = max(ready, key=urgency)
+        del ready[n]
+        met[n], order = position, _then(order, n, steps)
+        ready.update((k, rng.random()) for k in steps.now_ready(order.done, n))
+    return order

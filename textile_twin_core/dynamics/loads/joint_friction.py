@@ -78,8 +78,13 @@ class SliderFriction(Uneventful):
         wrenches.add_at(link, link.length * link.direction, intensity * link.direction)
 
     def _guided(self, motion: Motion) -> LinkMotion:
-        """The slider. Raises MachineError for a link that turns."""
+        """The slider. Raises MachineError for a link that does not slide along its own direction."""
         link = link_of_load(motion, self.slider)
-        if not (link.first.is_constant and link.first.value == 0.0):
-            raise MachineError(f"friction of '{self.slider}': this link turns; name a slider, or use joint_friction")
+        across = motion.points[link.end].first.dot(link.direction.turned_left())
+        if not (_is_zero(link.first) and _is_zero(across)):
+            raise MachineError(f"friction of '{self.slider}': this link is no slider; name one, or use joint_friction")
         return link
+
+
+def _is_zero(e: Expr) -> bool:
+    return e.is_constant and e.value == 0.0
