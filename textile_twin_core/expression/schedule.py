@@ -104,9 +104,9 @@ class _Steps:
         """The steps that may follow because `last` was done."""
         return [n for n in self.users[last] if not self.all[n].needs & ~done]
 
-    def gone(self, n: int, done: int) -> list[int]:
-        """The steps whose results nobody needs after step n, when all of `done` are."""
-        return [k for k in self.read[n] if not self.readers[k] & ~done]
+    def freed(self, n: int, done: int) -> int:
+        """How many of the steps that step n reads nobody else waits for, when all of `done` are."""
+        return sum(not self.readers[k] & ~done for k in self.read[n])
 
 
 def _bits(mask: int) -> Iterator[int]:
@@ -142,12 +142,17 @@ _EMPTY: Final = _Order(0, 0, 0, 0, 0, 0, -1, None)
 
 def _then(order: _Order, n: int, steps: _Steps) -> _Order:
     """The order with step n after it."""
-    step, done = steps.all[n], order.done | 1 << n
-    gone = steps.gone(n, done)
-    alive = order.alive - sum(steps.all[k].kept for k in gone) + step.kept
-    copied = step.joins and not any(step.hosts >> k & 1 for k in gone)
+    step, done, readers = steps.all[n], order.done | 1 << n, steps.readers
+    pending, released, hosted = ~done, 0, False
+    for k in steps.read[n]:
+        if not readers[k] & pending:  # step n is the last to read it
+            released += steps.all[k].kept
+            hosted = hosted or bool(step.hosts >> k & 1)
+    alive = order.alive - released + step.kept
+    copied = step.joins and not hosted
     at_once = order.alive + step.kept + step.work if step.apart or copied else alive
-    most, copies = max(order.most, at_once), order.copies + copied
+    most = at_once if at_once > order.most else order.most
+    copies = order.copies + copied
     cost = _BUFFER_COST * most + _COPY_COST * copies
     return _Order(cost, alive, order.alive_sum + alive, done, most, copies, n, order)
 
@@ -185,7 +190,7 @@ def _greedy(steps: _Steps, rng: random.Random) -> _Order:
     ready = {n: rng.random() for n in steps.first}
 
     def urgency(n: int) -> tuple[int, int, float]:
-        freed = len(steps.gone(n, order.done | 1 << n)) - steps.all[n].kept
+        freed = steps.freed(n, order.done | 1 << n) - steps.all[n].kept
         return freed, max((met[k] for k in steps.read[n]), default=-1), ready[n]
 
     for position in range(len(steps.all)):
