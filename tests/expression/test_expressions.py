@@ -132,6 +132,52 @@ def test_sines_of_any_multiple_of_a_power_of_two(exponent: int) -> None:
     np.testing.assert_allclose(out, np.sin(np.linspace(-2.0, 2.0, 9)), atol=2.3e-16)
 
 
+@pytest.mark.parametrize(("x", "y"), [(0.3, 0.2), (0.9, -0.4)])
+def test_no_constant_is_left_under_a_root_or_in_a_comparison(x: float, y: float) -> None:
+    """Whatever the sign of the factor; at_least may be scaled by a positive one alone."""
+    cases = {
+        sqrt(-3.0 * ((X - 2.0) * (X + 2.0))): math.sqrt(3.0 * (2.0 - x) * (x + 2.0)),
+        sqrt(-0.5 * (Y - 4.0 + X)): math.sqrt(0.5 * (4.0 - x - y)),
+        sqrt(7.0 * (X + 1.0)): math.sqrt(7.0 * (x + 1.0)),
+        2.0 * X - Y: 2.0 * x - y,
+        (3.0 * X - Y) * (0.5 * Y - X): (3.0 * x - y) * (0.5 * y - x),
+        at_least(2.0 * X + 1.0, 2.2): float(2.0 * x + 1.0 >= 2.2),
+        at_least(-2.0 * X, -1.0): float(-2.0 * x >= -1.0),
+    }
+    for expression, expected in cases.items():
+        assert interpret([expression], {"x": x, "y": y}, math)[0] == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("expression", "operations"),
+    [
+        (X * Y + 2.0 * X, 2),
+        (2.0 * X - X * Y, 3),  # -(X Y - 2 X): the product, the multiple onto it, the sign
+        (sin(0.5 * X) * Y, 2),
+        (sign(X) * (X + Y), 2),
+        (at_least(X, 0.5) * (X + Y), 2),
+    ],
+)
+def test_multiples_switches_and_half_angles_need_no_operation_of_their_own(expression: Expr, operations: int) -> None:
+    kept = [expression * (1.0 + Y)]  # so that it is not an output itself, which is not written onto
+    assert BlockProgram(kept, ["x", "y"], arranged=True).operations == operations + 2
+
+
+def test_an_arranged_program_needs_no_more_buffers() -> None:
+    """Neither where the order of definition is good, nor where it keeps all waiting."""
+    products = [sin(float(k) * X) * cos(float(k) * Y) for k in range(3, 23)]
+    total = products[-1]
+    for product in reversed(products[:-1]):
+        total = total + product
+    waiting = [(X + float(k)) * Y for k in range(1, 30)]
+    inward = waiting[0]
+    for product in waiting[1:]:
+        inward = inward * product
+    for outputs in ([total * total + Y], [sum(waiting, const(0.0)) * inward]):
+        defined, arranged = (BlockProgram(outputs, ["x", "y"], arranged=a).buffer_count for a in (False, True))
+        assert arranged <= defined
+
+
 def test_equal_expressions_are_one_node() -> None:
     assert (X + Y) * 2.0 is 2.0 * (Y + X)
     assert X - X is const(0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.files import BagWriter, open_bag
+from textile_twin_core.files.prediction import far_apart
 from textile_twin_core.files.schemas import message_schema
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -254,3 +256,19 @@ def test_nan_is_kept(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "b") as out:
         out.write_joint_states("main_shaft/angle", np.arange(1, 4), ["main_shaft"], np.array([1.0, np.nan, np.inf]))
     np.testing.assert_array_equal(open_bag(tmp_path / "b").read_angles().angles_rad, [1.0, np.nan, np.inf])
+
+
+@pytest.mark.parametrize(
+    ("recorded", "settled", "told"),
+    [
+        ([1.0, 2.0, 3.0], [True] * 3, False),
+        ([1.0, 2.0, 9.0], [True] * 3, False),  # a load jump
+        ([2.0, 3.0, 4.0], [True] * 3, True),
+        ([2.0, 3.0, 4.0], [False] * 3, False),
+        ([math.nan] * 3, [True] * 3, False),
+    ],
+)
+def test_predictions_of_another_machine_are_told_by_most_samples(
+    recorded: list[float], settled: list[bool], told: bool
+) -> None:
+    assert bool(far_apart(np.array(recorded), np.array([1.0, 2.0, 3.0]), np.array(settled))) == told

@@ -142,11 +142,11 @@ def published(bag: Bag, computed: PredictedTorque, angle_topic: str) -> Predicte
         sigma_Nm=sigma[shared],
         settled=computed.settled[place[shared]],
         rejected={**computed.rejected, "without_prediction": int(np.count_nonzero(~shared))},
-        notes=_apart(torque.torque_Nm[shared], computed.torque_Nm[place[shared]], computed.settled[place[shared]]),
+        notes=far_apart(torque.torque_Nm[shared], computed.torque_Nm[place[shared]], computed.settled[place[shared]]),
     )
 
 
-def _apart(recorded_Nm: FloatArray, computed_Nm: FloatArray, settled: BoolArray) -> tuple[str, ...]:
+def far_apart(recorded_Nm: FloatArray, computed_Nm: FloatArray, settled: BoolArray) -> tuple[str, ...]:
     """A note if recorded predictions cannot be of this machine: far off more often than load jumps explain."""
     good = settled & np.isfinite(recorded_Nm) & np.isfinite(computed_Nm)
     peak = float(np.max(np.abs(computed_Nm[good]), initial=0.0))
