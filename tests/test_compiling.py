@@ -1,0 +1,119 @@
+"""Compiled loops: kept by content, in whole files, and never in anyone's way."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+_PROGRAM = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import logging
+logging.basicConfig(format="%(message)s")
+import numpy as np
+from caller import doubled
+total = doubled(np.arange(5.0))
+hits = sum(doubled.stats.cache_hits.values()) if hasattr(doubled, "stats") else -1
+print(total, hits)
+"""
+_WITHOUT_NUMBA = "import sys\nsys.modules['numba'] = None\n" + _PROGRAM
+_CALLEE = """
+from textile_twin_core.compiling import compiled
+FACTOR = {factor}
+@compiled
+def times(x):
+    return FACTOR * x
+"""
+_CALLER = """
+from textile_twin_core.compiling import compiled
+import callee
+from callee import times
+@compiled
+def doubled(values):
+    total = 0.0
+    for i in range(values.shape[0]):
+        total += times(values[i])
+    return total
+@compiled
+def unrelated(x):
+    return x
+"""
+
+
+@pytest.fixture
+def modules(tmp_path: Path) -> Path:
+    folder = tmp_path / "modules"
+    folder.mkdir()
+    (folder / "caller.py").write_text(_CALLER)
+    _write_callee(folder, 2.0)
+    return folder
+
+
+def _write_callee(folder: Path, factor: float) -> None:
+    (folder / "callee.py").write_text(_CALLEE.format(factor=factor))
+
+
+def _start(modules: Path, cache: Path, program: str = _PROGRAM) -> subprocess.Popen[str]:
+    environment = os.environ | {"TEXTILE_TWIN_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.Popen(
+        [sys.executable, "-c", program, str(modules)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+    )
+
+
+def _run(modules: Path, cache: Path, program: str = _PROGRAM) -> tuple[float, int, str]:
+    """The sum, how many functions came from the cache, and what was said."""
+    process = _start(modules, cache, program)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    total, hits = out.split()
+    return float(total), int(hits), err
+
+
+def test_what_was_compiled_is_kept_until_something_it_calls_changes(modules: Path, tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    assert _run(modules, cache) == (20.0, 0, "")
+    assert _run(modules, cache) == (20.0, 1, "")
+    _write_callee(modules, 3.0)
+    assert _run(modules, cache) == (30.0, 0, "")
+
+
+def test_damaged_entries_are_compiled_anew_and_told_once(modules: Path, tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    _run(modules, cache)
+    for entry in cache.iterdir():
+        entry.write_bytes(entry.read_bytes()[:100])
+    total, hits, said = _run(modules, cache)
+    assert (total, hits) == (20.0, 0)
+    assert said.count("\n") == 1 and "cannot be read" in said and str(cache) in said
+    assert _run(modules, cache) == (20.0, 1, "")
+
+
+def test_a_directory_that_cannot_be_written_is_told_once(modules: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    total, hits, said = _run(modules, tmp_path / "file" / "cache")
+    assert (total, hits) == (20.0, 0)
+    assert "TEXTILE_TWIN_CACHE_DIR" in said
+
+
+def test_processes_that_start_together_leave_each_other_alone(modules: Path, tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    together = [_start(modules, cache) for _ in range(3)]
+    for process in together:
+        out, err = process.communicate(timeout=120)
+        assert (process.returncode, out.split()[0], err) == (0, "20.0", "")
+    assert sorted(entry.name.split("-")[0] for entry in cache.iterdir()) == ["doubled", "times"]
+    assert _run(modules, cache) == (20.0, 1, "")
+
+
+def test_without_numba_loops_run_as_they_stand_and_say_so_once(modules: Path, tmp_path: Path) -> None:
+    total, _, said = _run(modules, tmp_path / "cache", _WITHOUT_NUMBA)
+    assert total == 20.0
+    assert said.count("\n") == 1 and "install numba" in said

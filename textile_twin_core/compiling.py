@@ -1,0 +1,166 @@
+"""Plain loops, compiled: `compiled` is numba's njit with this project's options and a cache on disk by content.
+
+What was compiled once starts at once in the next process. The cache is $TEXTILE_TWIN_CACHE_DIR, or textile-twin in
+$XDG_CACHE_HOME or ~/.cache. An entry's name tells the code, its constants and the compiled functions it calls, the
+signature, the processor and the versions of Python and numba: nothing in it is ever out of date, and processes that
+write the same entry write the same. Where it cannot be written or read, loops are compiled anew in each process, and
+without numba they run as they stand in Python, slowly; both are said once.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import sys
+import time
+import types
+from collections.abc import Callable, Iterator
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Final, TypeVar
+from uuid import uuid4
+
+import numpy as np
+
+try:
+    import numba
+    from numba.core.compiler import CompileResult
+    from numba.core.serialize import dumps
+except ImportError:
+    numba = None
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+_OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True}
+"""Divisions by zero as in IEEE 754; a product and a sum may become one operation; threads may run beside the loop."""
+
+
+def compiled(function: _Function) -> _Function:
+    """The function compiled when first called, for the types it is called with; it may call other compiled ones.
+
+    Values of module-level names are read once. Do not hand functions over as arguments: such calls are not kept.
+    """
+    if numba is None:
+        say_once("numba is missing: loops run uncompiled, some hundred times slower; install numba")
+        return function
+    dispatcher = numba.njit(**_OPTIONS)(function)
+    dispatcher._cache = _ContentCache(function)
+    result: _Function = dispatcher
+    return result
+
+
+@cache
+def say_once(line: str) -> None:
+    """Tell a person, once in a process, on stderr unless the program logs elsewhere."""
+    logging.getLogger("textile_twin_core").warning("%s", line)
+
+
+def cache_directory() -> Path:
+    """Where compiled loops are kept."""
+    chosen = os.environ.get("TEXTILE_TWIN_CACHE_DIR")
+    if chosen:
+        return Path(chosen)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "textile-twin"
+
+
+class _ContentCache:
+    """One file for each function and signature, written whole or not at all (the interface of numba's own caches)."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    @property
+    def cache_path(self) -> str:
+        """The directory, as numba's statistics tell it."""
+        return str(cache_directory())
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled function kept for a signature, None if there is none that can be used."""
+        target_context.refresh()
+        try:
+            data = self._path(sig, target_context.codegen()).read_bytes()
+            return CompileResult._rebuild(target_context, *pickle.loads(data))
+        except FileNotFoundError:
+            return None
+        except Exception as error:  # whatever a damaged file brings about
+            say_once(f"compiled loops cannot be read from {cache_directory()} ({_brief(error)}): compiling them anew")
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a compiled function."""
+        if data.library.has_dynamic_globals or data.lifted or " at 0x" in str(sig):
+            return
+        try:
+            path = self._path(sig, data.codegen)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            unfinished = path.with_suffix(f".{uuid4().hex}")
+            try:
+                unfinished.write_bytes(dumps(data._reduce()))
+                unfinished.replace(path)
+                _forget_unused(path.parent)
+            finally:
+                unfinished.unlink(missing_ok=True)
+        except Exception as error:  # a full disk must not stop a machine
+            say_once(
+                f"compiled loops cannot be kept in {cache_directory()} ({_brief(error)}): every process compiles them"
+                " anew; set TEXTILE_TWIN_CACHE_DIR to a directory that can be written"
+            )
+
+    def _path(self, sig: Any, codegen: Any) -> Path:
+        digest = sha256(repr((_VERSIONS, str(sig), codegen.magic_tuple())).encode())
+        for part in _content(self._function, set()):
+            digest.update(part)
+        return cache_directory() / f"{self._function.__name__}-{digest.hexdigest()[:32]}"
+
+
+_KEPT_S: Final = 90 * 86_400
+"""Entries that nobody read for so long [s] go when another one comes."""
+_VERSIONS: Final = (sys.implementation.cache_tag, getattr(numba, "__version__", None), sorted(_OPTIONS))
+
+
+def _content(function: Any, met: set[Any]) -> Iterator[bytes]:
+    """What a function's meaning hangs on: its code, the constants that it finds by name, the functions it calls."""
+    if function in met:
+        return
+    met.add(function)
+    yield repr((function.__defaults__, [cell.cell_contents for cell in function.__closure__ or ()])).encode()
+    for code in _codes(function.__code__):
+        yield code.co_code
+        yield repr((code.co_names, [c for c in code.co_consts if not isinstance(c, types.CodeType)])).encode()
+        for value in _named(code, function.__globals__):
+            if isinstance(getattr(value, "_cache", None), _ContentCache):
+                yield from _content(value.py_func, met)
+            elif isinstance(value, np.ndarray):
+                yield value.tobytes() + repr((value.dtype, value.shape)).encode()
+            elif isinstance(value, type):
+                yield repr((value.__qualname__, getattr(value, "_fields", ()))).encode()
+            elif isinstance(value, (bool, int, float, str, tuple, np.generic)):
+                yield repr(value).encode()
+
+
+def _named(code: types.CodeType, scope: dict[str, Any]) -> Iterator[Any]:
+    """The values of the names that code mentions, also those it finds in one of our modules."""
+    for name in code.co_names:
+        value = scope.get(name)
+        yield value
+        if isinstance(value, types.ModuleType) and value.__name__.startswith(__package__):
+            yield from (getattr(value, other, None) for other in code.co_names)
+
+
+def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            yield from _codes(constant)
+
+
+def _forget_unused(directory: Path) -> None:
+    for path in directory.iterdir():
+        if path.stat().st_atime < time.time() - _KEPT_S:
+            path.unlink(missing_ok=True)
+
+
+def _brief(error: Exception) -> str:
+    return getattr(error, "strerror", None) or type(error).__name__
