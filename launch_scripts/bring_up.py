@@ -83,8 +83,8 @@ def split_commands(words: Sequence[str]) -> list[list[str]]:
     return [command for command in commands if command]
 
 
-def watch(programs: Sequence[Program], until: str | None) -> int:
-    """Waits until the program `until` ends; without it, until any ends. Returns the exit code that tells."""
+def watch(programs: Sequence[Program], until: str | None, essential: str | None) -> int:
+    """Waits until the program `until` or `essential` ends; without either, until any does. The exit code that tells."""
     running = list(programs)
     while running:
         os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOWAIT)
@@ -93,26 +93,31 @@ def watch(programs: Sequence[Program], until: str | None) -> int:
             code = program.process.returncode
             if code == 0 and program.name == until:
                 return 0
-            if code == 0 and until is not None:
+            if code == 0 and (until is not None or essential not in (None, program.name)):
                 continue
-            print(program.obituary(), file=sys.stderr)
-            return code if code > 0 else 1
+            # With exit code 2 a program has said itself, in a line for people, what is wrong.
+            if code != 2 or program.log is not None:
+                print(program.obituary(), file=sys.stderr)
+            if essential in (None, program.name):
+                return code if code > 0 else 1
     return 0
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the programs named on the command line; see `--help`."""
-    parser = argparse.ArgumentParser(
-        description=__doc__,
-        usage="bring_up.py [--logs DIR] [--until NAME] -- COMMAND ARGS ... --- COMMAND ARGS ...",
-    )
-    parser.add_argument("--logs", type=Path, help="folder for what the programs print; otherwise it is shown")
-    parser.add_argument("--until", help="end all when this program has ended; without it, run until Ctrl-C")
-    parser.add_argument("words", nargs=argparse.REMAINDER, help="commands, separated by ---")
-    options = parser.parse_args(arguments)
-    commands = split_commands(options.words[1:] if options.words[:1] == ["--"] else options.words)
-    if not commands:
-        parser.error("name at least one command after --")
+def bring_up(
+    commands: Sequence[Sequence[str]],
+    *,
+    logs: Path | None = None,
+    until: str | None = None,
+    essential: str | None = None,
+) -> int:
+    """Starts commands side by side and ends them together; the exit code that tells how it ended.
+
+    Args:
+        commands: a program with its arguments each.
+        logs: folder for what they print; otherwise it is shown.
+        until: end all when this program has ended.
+        essential: only the end of this one is the end of all; without it, a failure of any.
+    """
 
     def interrupt(signal_number: int, _frame: FrameType | None) -> None:
         sys.exit(128 + signal_number)
@@ -121,11 +126,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal.signal(signal_number, interrupt)
     programs: list[Program] = []
     try:
-        if options.logs is not None:
-            options.logs.mkdir(parents=True, exist_ok=True)
+        if logs is not None:
+            logs.mkdir(parents=True, exist_ok=True)
         for command in commands:
-            programs.append(start(command, options.logs, {program.name for program in programs}))
-        return watch(programs, options.until)
+            programs.append(start(command, logs, {program.name for program in programs}))
+        return watch(programs, until, essential)
     except OSError as error:
         print(f"{error.filename}: cannot be started: {error.strerror}", file=sys.stderr)
         return 2
@@ -133,6 +138,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for signal_number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(signal_number, signal.SIG_IGN)
         stop(programs[::-1])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the programs named on the command line; see `--help`."""
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        usage="bring_up.py [--logs DIR] [--until NAME] [--essential NAME] -- COMMAND ARGS ... --- COMMAND ARGS ...",
+    )
+    parser.add_argument("--logs", type=Path, help="folder for what the programs print; otherwise it is shown")
+    parser.add_argument("--until", help="end all when this program has ended; without it, run until Ctrl-C")
+    parser.add_argument("--essential", help="only the end of this program is the end of all")
+    parser.add_argument("words", nargs=argparse.REMAINDER, help="commands, separated by ---")
+    options = parser.parse_args(arguments)
+    commands = split_commands(options.words[1:] if options.words[:1] == ["--"] else options.words)
+    if not commands:
+        parser.error("name at least one command after --")
+
+    return bring_up(commands, logs=options.logs, until=options.until, essential=options.essential)
 
 
 if __name__ == "__main__":

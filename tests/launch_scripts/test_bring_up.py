@@ -66,6 +66,18 @@ def test_failure_of_one_ends_all_and_is_told_with_its_last_words(tmp_path: Path)
     assert not is_running(pid_in(tmp_path / "a"))
 
 
+def test_only_the_essential_one_takes_the_others_with_it(tmp_path: Path) -> None:
+    failing = ["bash", "-c", "echo 'view: no port'  >&2; exit 2"]
+    essential = ["sh", "-c", "sleep 0.5; exit 3"]
+    command = [sys.executable, str(BRING_UP), "--essential", "sh", "--", *essential, "---", *failing]
+    started = time.monotonic()
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert time.monotonic() - started > 0.5
+    assert done.returncode == 3
+    # What has told its mistake in a line is not told of once more.
+    assert done.stderr.splitlines() == ["view: no port", "sh ended with exit code 3"]
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_all(tmp_path: Path, number: signal.Signals) -> None:
     running = bring_up(tmp_path, "--", *sleeper(tmp_path, "a"), "---", *sleeper(tmp_path, "b"))

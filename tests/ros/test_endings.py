@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
+import re
 import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -11,6 +17,10 @@ from rcl_interfaces.srv import GetParameters
 
 from tests.ros.suite import Suite, node_environment, shaft_angles, write_bag
 from textile_twin_core.files import open_bag
+from textile_twin_ros.commands import ENDING_SIGNALS, twin_node
+
+# What the middleware and Python print when something is taken away under a running callback.
+ALARM = re.compile("Traceback|FATAL|Exception|never retrieved")
 
 
 @pytest.mark.parametrize(("executor", "number"), [("events", signal.SIGINT), ("single", signal.SIGTERM)])
@@ -19,15 +29,26 @@ def test_nodes_end_on_signals(suite: Suite, number: signal.Signals, executor: st
     started = [
         (suite.start("record_node", f"bag:={suite.folder / 'recorded'}", f"executor:={executor}"), "recording to"),
         (suite.start("twin_node", f"executor:={executor}"), "predicting from"),
-        (suite.start("shaft_node", f"executor:={executor}"), "samples a second"),
+        (suite.start("shaft_node", f"executor:={executor}", "rate_hz:=2000"), "samples a second"),
         (suite.start("replay_node", f"bag:={bag}", f"executor:={executor}", "wait_timeout_s:=0"), "playing"),
     ]
     for program, words in started:
         program.wait_for_words(words)
     for program, _ in started:
         assert program.end(number) == 0, program.words()
-        assert "Traceback" not in program.words()
+        assert not ALARM.search(program.words()), program.words()
     assert open_bag(suite.folder / "recorded").message_count > 0
+
+
+@contextmanager
+def keep_signals() -> Iterator[None]:
+    """Nodes run inside the test set handlers of their own; pytest's come back."""
+    handlers = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
 def test_nodes_end_while_they_wait(suite: Suite) -> None:
@@ -41,7 +62,19 @@ def test_nodes_end_while_they_wait(suite: Suite) -> None:
     for name, program in waiting.items():
         suite.call(node, GetParameters, f"{name}/get_parameters", GetParameters.Request(names=["executor"]))
         assert program.end() == 0, program.words()
-        assert "Traceback" not in program.words()
+        assert not ALARM.search(program.words()), program.words()
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.2, 0.5, 1.0])
+def test_a_node_ends_while_it_starts(suite: Suite, delay_s: float) -> None:
+    program = suite.start("twin_node")
+    status = Path(f"/proc/{program.process.pid}/status")
+    # Python itself catches SIGINT alone: SIGTERM is caught from the node's own first line on.
+    while not int(re.search(r"SigCgt:\s*(\w+)", status.read_text())[1], 16) >> (signal.SIGTERM - 1) & 1:  # type: ignore[index]
+        time.sleep(0.005)
+    time.sleep(delay_s)
+    assert program.end(signal.SIGINT) == 0, program.words()
+    assert not ALARM.search(program.words()), program.words()
 
 
 MISTAKES = [
@@ -62,6 +95,7 @@ MISTAKES = [
     ("record_node", ["bag:={bag}2", "types:=[angle]"], ["types", "angle", "package/msg/Type"]),
     ("shaft_node", ["machine:=loom"], ["no machine 'loom'"]),
     ("shaft_node", ["encoder_bits:=2.5"], ["encoder_bits", "whole number"]),
+    ("shaft_node", ["use_sim_time:=maybe"], ["use_sim_time", "maybe", "BOOL"]),
 ]
 
 
@@ -76,17 +110,54 @@ def test_a_mistake_is_one_line_and_code_2(
 ) -> None:
     for name, value in node_environment(tmp_path, domain=101).items():
         monkeypatch.setenv(name, value)
-    monkeypatch.setattr(signal, "signal", lambda *_: None)  # pytest's own handlers stay
     bag = write_bag(tmp_path / "played", *shaft_angles(10))
     options = [word for text in parameters for word in ("-p", text.format(bag=bag))]
     main = importlib.import_module(f"textile_twin_ros.{node}").main
-    assert main([node, "--ros-args", *options]) == 2
+    with keep_signals():
+        assert main([node, "--ros-args", *options]) == 2
     lines = capfd.readouterr().err.splitlines()
     assert len(lines) == 1, lines
     assert lines[0].startswith(f"{node}: ")
     for word in words:
         assert word in lines[0]
     assert not (tmp_path / "played2").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["loom.yaml"], "twin_node --ros-args -p machine:=loom.yaml"),
+        (["-p", "machine:=loom.yaml"], "twin_node --ros-args -p machine:=loom.yaml"),
+        (["machine:=loom.yaml", "--ros-args", "-r", "__ns:=/m"], "twin_node --ros-args -p machine:=loom.yaml"),
+    ],
+)
+def test_words_before_ros_args_start_nothing(words: list[str], meant: str, capfd: pytest.CaptureFixture[str]) -> None:
+    with keep_signals():
+        assert importlib.import_module("textile_twin_ros.twin_node").main(["twin_node", *words]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("twin_node: ") and meant in line
+
+
+def test_help_lists_every_parameter(capfd: pytest.CaptureFixture[str]) -> None:
+    for name in ("twin", "replay", "record", "shaft", "view"):
+        module = importlib.import_module(f"textile_twin_ros.{name}_node")
+        with keep_signals():
+            assert module.main([f"{name}_node", "--help"]) == 0
+        text = capfd.readouterr().out
+        declaration = getattr(module, f"{name.capitalize()}Parameters")
+        for field in dataclasses.fields(declaration):
+            assert f"  {field.name}:=" in text
+
+
+def test_a_missing_core_is_told(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setitem(sys.modules, "textile_twin_core", None)
+    for name in [name for name in sys.modules if name.startswith(("textile_twin_ros.", "textile_twin_core."))]:
+        if name != "textile_twin_ros.commands":
+            monkeypatch.delitem(sys.modules, name)
+    with keep_signals():
+        assert twin_node() == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("twin_node: the package textile_twin_core is missing; ") and ".md" in line
 
 
 def test_a_mistake_ends_the_process_with_code_2(suite: Suite) -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import threading
+
+import pytest
 from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -9,6 +13,8 @@ from sensor_msgs.msg import JointState
 
 from tests.ros.suite import RELIABLE, Suite, shaft_angles
 from tests.ros.test_live_topics import joint_state
+from textile_twin_ros.pacing import Pace
+from textile_twin_ros.spinning import EXECUTORS
 
 
 def test_configure_activate_deactivate_cleanup(suite: Suite) -> None:
@@ -48,3 +54,45 @@ def test_configure_activate_deactivate_cleanup(suite: Suite) -> None:
     request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_INACTIVE_SHUTDOWN))
     assert suite.call(node, ChangeState, "twin_node/change_state", request).success
     assert twin.wait() == 0, twin.words()
+
+
+@pytest.mark.parametrize("executor", EXECUTORS)
+def test_ten_cycles_under_load(suite: Suite, executor: str) -> None:
+    """Angles go on at 1 kHz while the twin is configured, activated, deactivated and cleaned up ten times."""
+    twin = suite.start("twin_node", "autostart:=false", f"executor:={executor}")
+    node = suite.node()
+    angle = node.create_publisher(JointState, "main_shaft/angle", RELIABLE)
+    torques: list[WrenchStamped] = []
+    node.create_subscription(WrenchStamped, "balancing_torque/predicted", torques.append, RELIABLE)
+    stop = threading.Event()
+
+    def feed() -> None:
+        stamps, angles = shaft_angles(60_000, rate_hz=1000.0)
+        pace = Pace(stop)
+        for number, (stamp, value) in enumerate(zip(stamps, angles, strict=True)):
+            if not pace.wait_until(number * 1e-3):
+                return
+            angle.publish(joint_state(stamp, value))
+
+    feeder = threading.Thread(target=feed)
+    feeder.start()
+    try:
+        for _ in range(10):
+            torques.clear()
+            for transition in (
+                Transition.TRANSITION_CONFIGURE,
+                Transition.TRANSITION_ACTIVATE,
+                None,
+                Transition.TRANSITION_DEACTIVATE,
+                Transition.TRANSITION_CLEANUP,
+            ):
+                if transition is None:
+                    suite.spin_until(lambda: len(torques) > 100, "predictions")
+                    continue
+                request = ChangeState.Request(transition=Transition(id=transition))
+                assert suite.call(node, ChangeState, "twin_node/change_state", request).success, twin.words()
+    finally:
+        stop.set()
+        feeder.join()
+    assert twin.end() == 0
+    assert not re.search("Traceback|Exception|FATAL", twin.words()), twin.words()

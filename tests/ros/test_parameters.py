@@ -75,6 +75,17 @@ def test_live_parameters_change_and_others_do_not(create_node: Any) -> None:
     assert held == Example(rate=5.0)
 
 
+def test_every_parameter_has_a_type_when_it_is_dumped(create_node: Any) -> None:
+    """`ros2 param dump` asks for all parameters and gives nothing at all when one of them is unset."""
+    node = create_node()
+    declare(node, Example)
+    names = [field.name for field in dataclasses.fields(Example)]
+    dumped = {parameter.name: parameter.value for parameter in node.get_parameters(names)}
+    assert Parameter.Type.NOT_SET not in {parameter.type_ for parameter in node.get_parameters(names)}
+    # What was dumped may be given back.
+    assert declare(create_node(**dumped), Example) == Example()
+
+
 @pytest.mark.parametrize("name", ["twin", "replay", "record", "shaft", "view"])
 def test_every_parameter_of_every_node_is_described(create_node: Any, name: str) -> None:
     module = importlib.import_module(f"textile_twin_ros.{name}_node")

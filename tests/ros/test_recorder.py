@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -87,7 +89,7 @@ def test_a_recorder_without_data_says_so(suite: Suite) -> None:
         "record_node", f"bag:={suite.folder / 'empty'}", "topics:=[main_shaft/angle]", "no_data_timeout_s:=0.3"
     )
     recorder.wait_for_words("no data to record")
-    assert "/main_shaft/angle: nobody publishes there" in recorder.words()
+    assert "/main_shaft/angle: no publisher found there yet" in recorder.words()
     assert recorder.end() == 0
     assert open_bag(suite.folder / "empty").message_count == 0
 
@@ -115,3 +117,43 @@ def test_repetition_goes_on_in_time(suite: Suite) -> None:
     np.testing.assert_array_equal([message.position[0] for message in heard[100:200]], angles)
     assert (np.diff(clocks) > 0).all()
     assert stamps[0] <= clocks[0] and abs(clocks[-1] - times[-1]) < SECOND_NS
+
+
+def test_recorders_side_by_side_keep_their_own_machine_each(suite: Suite) -> None:
+    """Three, told to begin in the same moment and the same folder, two of them without a namespace of its own."""
+    spaces = ("/", "/machine_3", "/mill/m7")
+    folder = suite.folder / "recordings"
+    machines = [suite.start("shaft_node", "rate_hz:=200", remaps=[f"__ns:={space}"]) for space in spaces]
+    for machine in machines:
+        machine.wait_for_words("samples a second")
+    recorders = [
+        suite.start("record_node", f"folder:={folder}", remaps=[f"__ns:={space}"]) for space in (*spaces, "/machine_3")
+    ]
+    node = suite.node()
+    suite.spin_until(lambda: all("recording to" in recorder.words() for recorder in recorders), "recorders")
+    suite.spin_until(lambda: node.count_subscribers("/main_shaft/angle") == 1, "the first recorder's subscription")
+    suite.spin_for(2.5)
+    for program in (*recorders, *machines):
+        assert program.end() == 0, program.words()
+    bags = [open_bag(path) for path in sorted(folder.iterdir())]
+    assert len(bags) == 4
+    for bag in bags:
+        space = next((s for s in spaces[1:] if s.strip("/").replace("/", "_") in bag.path.name), "").rstrip("/")
+        counts = {topic: info.count for topic, info in bag.topics.items()}
+        assert counts.keys() == {f"{space}/main_shaft/angle", f"{space}/balancing_torque/measured", "/diagnostics"}
+        assert min(counts.values()) > 0 and counts[f"{space}/main_shaft/angle"] > 200
+        named = {name for _, _, raw in bag.raw_messages(["/diagnostics"]) for name in _status_names(raw)}
+        assert {name.split(":")[0] for name in named} == {f"{space.lstrip('/')}/record_node".lstrip("/")}
+
+
+def _status_names(raw: bytes) -> list[str]:
+    return [status.name for status in deserialize_message(raw, DiagnosticArray).status]
+
+
+def test_nothing_is_kept_where_nothing_came(suite: Suite) -> None:
+    folder = suite.folder / "recordings"
+    recorder = suite.start("record_node", f"folder:={folder}")
+    recorder.wait_for_words("recording to")
+    assert recorder.end() == 0
+    assert recorder.words().splitlines()[-1] == "nothing came: no recording is kept"
+    assert not list(folder.iterdir())

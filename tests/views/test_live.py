@@ -13,6 +13,7 @@ from tests.views.conftest import START_NS, Run, rows_of, scalars_of
 from textile_twin_core.errors import TwinError
 from textile_twin_core.views import LiveView
 from textile_twin_core.views.buffer import Buffer
+from textile_twin_core.views.port import Port
 
 
 def free_port() -> int:
@@ -91,13 +92,29 @@ def other_address() -> str:
     return "127.0.0.2"
 
 
-def test_a_taken_port_is_refused(run: Run) -> None:
+def test_a_taken_port_gives_the_next(run: Run) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = int(taken.getsockname()[1])
-        with pytest.raises(TwinError, match=str(port)):
-            LiveView(run.machine, port=port)
+        with LiveView(run.machine, port=port) as view, LiveView(run.machine, port=port) as second:
+            ports = [int(one.url.split(":")[-1].split("/")[0]) for one in (view, second) if one.url]
+            assert port < ports[0] < ports[1] <= port + 100
+            for number in ports:
+                with socket.create_connection(("127.0.0.1", number), timeout=5.0):
+                    pass
+
+
+def test_no_port_left_is_told() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 65535))
+        with pytest.raises(TwinError, match=r"127\.0\.0\.1: all ports from 65535 to 65535 are taken"):
+            Port("127.0.0.1", 65535)
+
+
+def test_an_address_of_another_computer_is_told() -> None:
+    with pytest.raises(TwinError, match=r"192\.0\.2\.1:9876: Cannot assign"):
+        Port("192.0.2.1", 9876)
 
 
 def test_nowhere_to_show_is_refused(run: Run) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from textile_twin_core.files.atomic import OutputError, check_folder, staged
+from textile_twin_core.files.atomic import OutputError, check_folder, remove, staged
 
 if TYPE_CHECKING:
     from textile_twin_core.files.bag import AngleSamples, Bag, PointSamples, TorqueSamples, open_bag
@@ -30,6 +30,7 @@ __all__ = [
     "machine_document",
     "open_bag",
     "read_motion_table",
+    "remove",
     "save_machine_file",
     "staged",
     "write_table",

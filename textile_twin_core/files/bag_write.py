@@ -54,12 +54,11 @@ class BagWriter:
         if self.path.exists():
             _check_replaceable(self.path, overwrite)
         check_folder(self.path)
-        if live:
-            remove(self.path)
         self._place = self.path if live else partial_path(self.path)
-        remove(self._place)
+        if not live or not _is_empty_folder(self.path):
+            remove(self._place)
         if not self._single:
-            self._place.mkdir()
+            self._place.mkdir(exist_ok=live)
         self._file_name = self.path.name if self._single else f"{self.path.name}_0.mcap"
         self._file = McapFileWriter(self._place if self._single else self._place / self._file_name)
         self._topics: dict[str, TopicInfo] = {}
@@ -214,15 +213,20 @@ class BagWriter:
 
 
 def _check_replaceable(path: Path, overwrite: bool) -> None:
-    """Only a recording is replaced, and only when that is asked for."""
-    if not overwrite:
+    """Only a recording or an empty folder is replaced, the first only when that is asked for."""
+    if not overwrite and not _is_empty_folder(path):
         raise OutputError(
-            f"output {path}: is there already; choose another name, or replace it with --force (overwrite=True)"
+            f"output {path}: is there already; choose another name, or have it replaced"
+            " (--force on the command line, overwrite:=true for a node)"
         )
     entries = path.iterdir() if path.is_dir() else [path]
     others = sorted(entry.name for entry in entries if entry.suffix not in _OF_A_RECORDING or entry.is_dir())
     if others:
         raise OutputError(f"output {path}: holds {others[0]}, which is no part of a recording; choose another name")
+
+
+def _is_empty_folder(path: Path) -> bool:
+    return path.is_dir() and not any(path.iterdir())
 
 
 def _absolute(topic: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import threading
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import TwinError
 from textile_twin_core.views.buffer import Buffer
 from textile_twin_core.views.live_drawing import LiveDrawing
+from textile_twin_core.views.port import Port
 
 if TYPE_CHECKING:
     from textile_twin_core.machines.machine import Machine
@@ -28,7 +28,7 @@ class LiveView:
     Args:
         machine: the machine that is shown.
         host: address to serve on; loopback unless told otherwise.
-        port: port to serve on; None serves nobody.
+        port: port to serve on, or the next one that is free; None serves nobody.
         path: also write the recording to this .rrd file.
         memory_limit: what the server keeps for viewers that come later, such as "64MB".
         limit_Nm: limit of the residual to draw, None for none.
@@ -37,7 +37,7 @@ class LiveView:
         buffer_samples: samples that each buffer holds at most.
 
     Raises:
-        TwinError: neither port nor path is given, or the port is taken.
+        TwinError: neither port nor path is given, no port is free, or the file cannot be written.
     """
 
     def __init__(
@@ -60,6 +60,7 @@ class LiveView:
         self._origin: int | None = None
         self._stream = rr.RecordingStream("textile-twin")
         self._drawing = LiveDrawing(machine, self._stream, limit_Nm, frames_hz)
+        self._port: Port | None = None
         self.url = self._serve(host, port, path, memory_limit)
         self._drawing.prepare()
         self._stop = threading.Event()
@@ -101,6 +102,8 @@ class LiveView:
         self._stop.set()
         self._worker.join(timeout=10.0)
         self._stream.disconnect()
+        if self._port is not None:
+            self._port.release()
 
     def __enter__(self) -> LiveView:
         return self
@@ -141,20 +144,15 @@ class LiveView:
     def _serve(self, host: str, port: int | None, path: str | os.PathLike[str] | None, memory_limit: str) -> str | None:
         sinks: list[rr.GrpcServerSink | rr.FileSink] = []
         server = None
-        if path is not None:
-            sinks.append(rr.FileSink(path))
+        if port is not None:
+            self._port = Port(host, port)  # the server would only log that it could not listen
         try:
-            if port is not None:
-                _refuse_taken(host, port)  # the server would only log that it could not listen
-                server = rr.GrpcServerSink(host, port, server_memory_limit=memory_limit)
+            if path is not None:
+                sinks.append(rr.FileSink(path))
+            if self._port is not None:
+                server = rr.GrpcServerSink(host, self._port.number, server_memory_limit=memory_limit)
                 sinks.append(server)
             self._stream.set_sinks(*sinks, default_blueprint=self._drawing.layout.blueprint())
         except Exception as error:
             raise TwinError(f"cannot serve a live view on {host}:{port} or write {path}: {error}") from error
         return None if server is None else str(server.uri)
-
-
-def _refuse_taken(host: str, port: int) -> None:
-    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        probe.bind((host, port))

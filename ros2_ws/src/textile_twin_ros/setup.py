@@ -31,5 +31,5 @@ setup(
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": [f"{node} = {PACKAGE}.{node}:main" for node in NODES]},
+    entry_points={"console_scripts": [f"{node} = {PACKAGE}.commands:{node}" for node in NODES]},
 )

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+import time
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from textile_twin_core.files import OfferedQos
+
+_STARTED = time.monotonic()
+_DISCOVERY_S = 5.0
+"""How long after its start a node may not know yet who is there."""
 
 RELIABILITY = {"reliable": ReliabilityPolicy.RELIABLE, "best_effort": ReliabilityPolicy.BEST_EFFORT}
 
@@ -50,7 +55,8 @@ def describe_publishers(node: Node, topic: str, msgtype: str) -> str:
         if msgtype in types and any(not _is_own(node, info) for info in node.get_publishers_info_by_topic(name))
     ]
     seen = f"; {msgtype} is published on {', '.join(sorted(elsewhere))}" if elsewhere else ""
-    return f"nobody publishes there{seen}"
+    nobody = "nobody publishes there" if time.monotonic() - _STARTED > _DISCOVERY_S else "no publisher found there yet"
+    return f"{nobody}{seen}"
 
 
 def _is_own(node: Node, info: TopicEndpointInfo) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
-from rclpy.exceptions import InvalidParameterTypeException, ParameterUninitializedException
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -84,15 +84,9 @@ def _declare_one(node: Node, field: dataclasses.Field[Any]) -> Any:
         low, high = field.metadata["between"]
         descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)]
     try:
-        if field.default == ():
-            # An empty list has no type of its own in a parameter: declare the type and leave it unset.
-            node.declare_parameter(field.name, Parameter.Type.STRING_ARRAY, descriptor)
-            try:
-                given = node.get_parameter(field.name).value
-            except ParameterUninitializedException:
-                given = ()
-        else:
-            given = node.declare_parameter(field.name, field.default, descriptor).value
+        # An empty list has no type of its own in a parameter, and `ros2 param dump` stops at one that is unset.
+        default = list(field.default) or [""] if isinstance(field.default, tuple) else field.default
+        given = node.declare_parameter(field.name, default, descriptor).value
         return _checked(field, given)
     except InvalidParameterTypeException as error:
         raise SceneError(f"parameter '{field.name}' must be {_kind_name(field)}: {error}") from error
@@ -114,7 +108,7 @@ def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
     if isinstance(default, tuple):
         if not isinstance(value, Sequence) or not all(isinstance(item, str) for item in value):
             raise ValueError(f"parameter '{name}' must be {_kind_name(field)}, not {value!r}")
-        return tuple(value)
+        return tuple(filter(None, value))
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not type(default):

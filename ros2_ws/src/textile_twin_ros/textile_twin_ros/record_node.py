@@ -10,8 +10,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_srvs.srv import Trigger
@@ -20,7 +22,9 @@ from textile_twin_core.errors import RecordingError, SceneError, TwinError
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, describe_publishers, offered_qos, recording_qos
 from textile_twin_ros.messages import message_class
+from textile_twin_ros.own_topics import OwnTopics
 from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.recording_place import RecordingPlace
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
 
 if TYPE_CHECKING:
@@ -29,7 +33,8 @@ if TYPE_CHECKING:
 # What nodes tell each other, not what a machine does.
 _OWN_BUSINESS = ("/rosout", "/parameter_events")
 # Goes on for as long as any node lives.
-_NEVER_SILENT = ("/diagnostics", "/clock")
+_DIAGNOSTICS = "/diagnostics"
+_NEVER_SILENT = (_DIAGNOSTICS, "/clock")
 _LOOK_S = 0.1
 _HOUSEKEEPING_S = 0.25
 _AFTERMATH_S = 1.5
@@ -40,7 +45,10 @@ class RecordParameters:
     """Parameters of record_node."""
 
     bag: str = parameter("", "folder to write; a later recording of the same node gets _2, _3 and so on")
-    topics: tuple[str, ...] = parameter((), "topics to record; none given means all there are and come to be")
+    folder: str = parameter("", "instead of bag: folder in which each recording is named by its date and time")
+    topics: tuple[str, ...] = parameter(
+        (), "topics to record; none given means all of this namespace's machine that there are and come to be"
+    )
     types: tuple[str, ...] = parameter(
         (), "message types known beforehand, as main_shaft/angle=sensor_msgs/msg/JointState; others are discovered"
     )
@@ -68,8 +76,7 @@ class RecordNode(Node):
     def __init__(self) -> None:
         super().__init__("record_node")
         self.settings = declare(self, RecordParameters)
-        if not self.settings.bag:
-            raise RecordingError("parameter 'bag' is not set: give the folder to write, -p bag:=FOLDER")
+        self._place = RecordingPlace(self.settings.bag, self.settings.folder, self.get_namespace())
         self.executor_name = self.settings.executor
         self.finished = Future()
         self._types = dict(self._parse_type(text) for text in self.settings.types)
@@ -77,9 +84,9 @@ class RecordNode(Node):
         self._enough = dict(self._parse_count(text) for text in self.settings.stop_after)
         self._inlets: dict[str, Subscription] = {}
         self._refused: set[str] = set()
+        self._own = OwnTopics(self.get_namespace())
         self._writer: BagWriter | None = None
         self._open_files = ExitStack()
-        self._runs = 0
         self.counts: Counter[str] = Counter()
         self._last = time.monotonic()
         self._anything = self._told_silent = False
@@ -96,10 +103,16 @@ class RecordNode(Node):
 
     def close(self) -> None:
         """Complete the recording and say what is in it."""
+        from textile_twin_core.files import remove  # optional packages are imported where they are used
+
         if self._writer is None:
             return
         path, self._writer = self._writer.path, None
         self._open_files.close()
+        if self._place.by_time and not self._anything:
+            remove(path)
+            print("nothing came: no recording is kept", flush=True)
+            return
         counts = ", ".join(f"{topic} {count}" for topic, count in sorted(self.counts.items()) if count)
         print(f"recorded {self.counts.total()} messages in {path}: {counts or 'nothing came'}", flush=True)
 
@@ -119,12 +132,8 @@ class RecordNode(Node):
         # Optional packages are imported where they are used, so that a missing one is told in one line.
         from textile_twin_core.files import BagWriter
 
-        path = Path(self.settings.bag)
-        if self._runs:
-            path = path.with_name(f"{path.name}_{self._runs + 1}")
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path = self._place.next()
         self._writer = self._open_files.enter_context(BagWriter(path, live=True, overwrite=self.settings.overwrite))
-        self._runs += 1
         self.counts.clear()
         self._anything = False
         self._last = time.monotonic()
@@ -141,10 +150,12 @@ class RecordNode(Node):
         """Subscribe to wanted topics whose type is known by now."""
         if self._wanted and self._wanted <= self._inlets.keys():
             return
-        for topic, types in self.get_topic_names_and_types():
+        there = self.get_topic_names_and_types()
+        self._own.learn(topic for topic, _ in there)
+        for topic, types in there:
             if topic in self._inlets or topic in self._refused:
                 continue
-            wanted = topic in self._wanted if self._wanted else topic not in _OWN_BUSINESS
+            wanted = topic in self._wanted if self._wanted else topic not in _OWN_BUSINESS and self._own.has(topic)
             if wanted and self.count_publishers(topic):
                 self._subscribe(topic, types[0])
 
@@ -163,7 +174,7 @@ class RecordNode(Node):
         self._declare(topic, subscription)
 
     def _take(self, topic: str, raw: bytes) -> None:
-        if self._writer is None:
+        if self._writer is None or (topic == _DIAGNOSTICS and self._is_anothers(raw)):
             return
         try:
             self._writer.write(topic, time.time_ns(), raw)
@@ -174,6 +185,11 @@ class RecordNode(Node):
         if topic not in _NEVER_SILENT:
             self._last = time.monotonic()
             self._anything = True
+
+    def _is_anothers(self, raw: bytes) -> bool:
+        """Whether diagnostics, a topic that all machines share, are of another machine's node."""
+        array = deserialize_message(raw, DiagnosticArray)
+        return not self._wanted and not all(self._own.speaks_of(status.name) for status in array.status)
 
     def _keep_house(self) -> None:
         if self._writer is None:
@@ -248,4 +264,4 @@ class RecordNode(Node):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run record_node."""
-    return run("record_node", RecordNode, arguments)
+    return run("record_node", RecordNode, RecordParameters, arguments)

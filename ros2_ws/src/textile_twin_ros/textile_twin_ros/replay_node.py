@@ -213,4 +213,4 @@ class ReplayNode(Node):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run replay_node."""
-    return run("replay_node", ReplayNode, arguments)
+    return run("replay_node", ReplayNode, ReplayParameters, arguments)

@@ -114,7 +114,7 @@ class SampleInput:
         self._message_class = message_class(self.msgtype)
         self._read = create_reader(joint)
         self._automatic = reliability == "auto"
-        self._renew_due = False
+        self._renew_due = self._ended = False
         self.name = node.resolve_topic_name(topic)
         self.watch = InputWatch(node, self.name, silence_s, lambda: describe_publishers(node, topic, self.msgtype))
         self._subscription = self._subscribe("reliable" if self._automatic else reliability)
@@ -131,11 +131,12 @@ class SampleInput:
         """Subscribe anew where a best-effort publisher has appeared; not from within the subscription's own events."""
         if self._renew_due:
             self._renew_due = False
-            self.destroy()
+            self._node.destroy_subscription(self._subscription)
             self._subscription = self._subscribe("best_effort")
 
     def destroy(self) -> None:
-        """End the subscription."""
+        """End the subscription; messages that the executor still holds for it are left out."""
+        self._ended = True
         self._node.destroy_subscription(self._subscription)
 
     def _subscribe(self, reliability: str) -> Subscription:
@@ -164,7 +165,7 @@ class SampleInput:
     def _on_message(self, raw: bytes) -> None:
         """Read this message and all that wait behind it."""
         block: list[Sample] = []
-        waiting: bytes | None = raw
+        waiting: bytes | None = None if self._ended else raw
         received = 0
         while waiting is not None:
             received += 1

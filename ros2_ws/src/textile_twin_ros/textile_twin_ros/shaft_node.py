@@ -92,4 +92,4 @@ class ShaftNode(Node):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run shaft_node."""
-    return run("shaft_node", ShaftNode, arguments)
+    return run("shaft_node", ShaftNode, ShaftParameters, arguments)

@@ -8,16 +8,21 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
 from typing import Protocol, cast
 
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from textile_twin_core.errors import TwinError
+from textile_twin_core.errors import SceneError, TwinError
+from textile_twin_ros.commands import ENDING_SIGNALS
+from textile_twin_ros.usage import read_words
 
 EXECUTORS = ("events", "single")
 # How long one spin may last before it looks whether the node has finished.
@@ -51,23 +56,47 @@ def create_executor(name: str, context: Context | None = None) -> Executor:
     return SingleThreadedExecutor(context=context)
 
 
-def run(command: str, create: Callable[[], SuiteNode], arguments: list[str] | None = None) -> int:
+class _Ending:
+    """Whether a signal has told the process to end; rclpy's own handlers end the context under running callbacks."""
+
+    def __init__(self) -> None:
+        self.told = False
+        for number in ENDING_SIGNALS:
+            signal.signal(number, self._tell)
+
+    def _tell(self, _number: int, _frame: FrameType | None) -> None:
+        self.told = True
+
+
+def run(command: str, create: Callable[[], SuiteNode], declaration: type, arguments: list[str] | None = None) -> int:
     """Run one node until it finishes or is told to end, and return the process's exit code.
 
     0 after SIGINT, SIGTERM or the node's own end; 2 for the user's mistake, told in one line on stderr.
+
+    Args:
+        command: the node's command, as messages name it.
+        create: makes the node.
+        declaration: the dataclass of its parameters.
+        arguments: the command line with its first word; None is that of the process.
     """
     if not {"HOME", "ROS_HOME", "ROS_LOG_DIR"} & os.environ.keys():
         # A service of the system has no home, and rclpy does not start without a place for its log.
         os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "ros_log")
+    ending = _Ending()
     try:
-        rclpy.init(args=arguments)
+        summary = " ".join((sys.modules[create.__module__].__doc__ or "").split())
+        text = read_words(command, summary, declaration, arguments)
+        if text is not None:
+            print(text)
+            return 0
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rclpy's argument errors have no common base
         return _tell(command, error)
     nodes: list[SuiteNode] = []
     code = 0
     try:
-        nodes.append(create())
-        code = _spin(nodes[0])
+        nodes.append(_created(create))
+        code = _spin(nodes[0], ending)
     except TwinError as error:
         code = _tell(command, error)
     except ModuleNotFoundError as error:
@@ -75,15 +104,21 @@ def run(command: str, create: Callable[[], SuiteNode], arguments: list[str] | No
             raise
         package = error.name.partition(".")[0]
         code = _tell(command, f"this node needs the package {package}: pip install 'textile-twin-core[files,view]'")
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except Exception:
-        # A signal may take the context away in the middle of any call: that is an end like any other.
-        if rclpy.ok():
-            raise
     finally:
         code = max(code, _end(command, nodes))
     return code
+
+
+def _created(create: Callable[[], SuiteNode]) -> SuiteNode:
+    """The node; what rclpy refuses in its parameters is the user's mistake like any other.
+
+    Raises:
+        SceneError: a parameter of rclpy's own has a wrong value.
+    """
+    try:
+        return create()
+    except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+        raise SceneError(str(error)) from error
 
 
 def finish_with(finished: Future, work: Callable[[], int]) -> None:
@@ -94,11 +129,11 @@ def finish_with(finished: Future, work: Callable[[], int]) -> None:
         finished.set_exception(error)
 
 
-def _spin(node: SuiteNode) -> int:
+def _spin(node: SuiteNode, ending: _Ending) -> int:
     executor = create_executor(node.executor_name)
     executor.add_node(cast(Node, node))
-    # EventsExecutor.spin() and spin_once() ignore signals; this form does not.
-    while rclpy.ok() and not node.finished.done():
+    # Python hears of a signal between two spins at the latest.
+    while not ending.told and not node.finished.done():
         executor.spin_until_future_complete(node.finished, timeout_sec=SPIN_S)
     return int(node.finished.result()) if node.finished.done() else 0
 
@@ -106,7 +141,7 @@ def _spin(node: SuiteNode) -> int:
 def _end(command: str, nodes: list[SuiteNode]) -> int:
     """Close and destroy the nodes; the exit code that follows from it."""
     # An impatient second Ctrl-C must not cut off the writing of a file.
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ENDING_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     try:
         for node in nodes:

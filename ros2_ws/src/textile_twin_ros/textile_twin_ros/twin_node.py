@@ -210,4 +210,4 @@ class TwinNode(LifecycleNode):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run twin_node."""
-    return run("twin_node", TwinNode, arguments)
+    return run("twin_node", TwinNode, TwinParameters, arguments)

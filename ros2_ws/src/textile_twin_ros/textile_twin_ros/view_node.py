@@ -26,7 +26,9 @@ class ViewParameters:
 
     machine: str = parameter("tufting", "machine name, or path of a machine file: the same as the twin's")
     host: str = parameter("127.0.0.1", "address to serve viewers on; 0.0.0.0 lets other computers look, too")
-    port: int = parameter(9876, "port to serve viewers on; 0 serves none", between=(0, 65535))
+    port: int = parameter(
+        9876, "port to serve viewers on, or the next one that is free; 0 serves none", between=(0, 65535)
+    )
     file: str = parameter("", "also write an .rrd file")
     memory_limit: str = parameter("64MB", "how much is kept for viewers that come later")
     limit_Nm: float = parameter(0.0, "residual that is marked, in N m; 0 marks none", between=(0.0, 1e9))
@@ -167,4 +169,4 @@ def _drop_before(samples: list[Sample], stamp_ns: int) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run view_node."""
-    return run("view_node", ViewNode, arguments)
+    return run("view_node", ViewNode, ViewParameters, arguments)

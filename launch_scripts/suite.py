@@ -1,0 +1,127 @@
+"""Starts the suite beside a machine, without a ROS installation: twin, recording, live view, if wanted the machine."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import difflib
+import signal
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+
+signal.signal(signal.SIGINT, signal.SIG_DFL)  # until something runs, Ctrl-C is an end without words
+from bring_up import bring_up  # noqa: E402
+
+from textile_twin_core.errors import TwinError  # noqa: E402
+from textile_twin_ros.machine import load_machine  # noqa: E402
+
+NODES = ("twin_node", "record_node", "view_node", "shaft_node")
+PROGRAM = "suite.sh"
+DESCRIPTION = """\
+Starts twin_node, record_node and view_node for MACHINE (a name or the path of a machine file; tufting when not
+given), until Ctrl-C. They listen on main_shaft/angle and balancing_torque/measured; recordings go to out/recordings.
+ROS ARGUMENTS go to every node that they concern; a parameter for one node alone takes that node's name before it:
+  launch_scripts/suite.sh tufting --shaft simulated
+  launch_scripts/suite.sh tufting -p twin_node:shaft:=lag -p record_node:bag:=out/monday -r __ns:=/machine_3
+  launch_scripts/suite.sh looms/my_loom.yaml --params-file my_parameters.yaml"""
+
+
+def declared(node: str) -> dict[str, object]:
+    """The parameters of a node, with their defaults."""
+    module = import_module(f"textile_twin_ros.{node}")
+    declaration = getattr(module, f"{node.removesuffix('_node').capitalize()}Parameters")
+    return {field.name: field.default for field in dataclasses.fields(declaration)}
+
+
+class Arguments:
+    """What each node is told: parameters to those that have them, all else to all.
+
+    Args:
+        nodes: the nodes that are started.
+        words: ROS arguments as written, without --ros-args.
+
+    Raises:
+        TwinError: a parameter or node that does not exist.
+    """
+
+    def __init__(self, nodes: Sequence[str], words: Sequence[str]) -> None:
+        self._parameters = {node: declared(node) for node in nodes}
+        self._told: dict[str, list[str]] = {node: [] for node in nodes}
+        given = iter(word for word in words if word != "--ros-args")
+        for word in given:
+            if word in ("-p", "--param"):
+                self._parameter(next(given, ""))
+            elif word in ("-r", "--remap", "--params-file", "-e", "--enclave", "--log-level", "--log-config-file"):
+                self._to_all(word, next(given, ""))
+            else:
+                self._to_all(word)
+
+    def of(self, node: str, **defaults: str) -> list[str]:
+        """The node's words; the defaults, which come first, hold unless another value is given."""
+        words = [word for name, value in defaults.items() for word in ("-p", f"{name}:={value}")]
+        return ["--ros-args", *words, *self._told[node]]
+
+    def _to_all(self, *words: str) -> None:
+        for told in self._told.values():
+            told += words
+
+    def _parameter(self, text: str) -> None:
+        name, assigned, value = text.partition(":=")
+        if not assigned:
+            raise TwinError(f"-p {text}: is not written as NAME:=VALUE")
+        node, colon, own = name.rpartition(":")
+        if colon and node not in self._parameters:
+            raise TwinError(f"-p {text}: no node '{node}'; there are {', '.join(self._parameters)}")
+        own_and_common = {"use_sim_time"}
+        takers = [
+            taker
+            for taker, parameters in self._parameters.items()
+            if taker == node or (not colon and own in parameters.keys() | own_and_common)
+        ]
+        known = {name for taker in takers or self._parameters for name in self._parameters[taker]} | own_and_common
+        if own not in known and not own.startswith("qos_overrides."):
+            nearest = difflib.get_close_matches(own, known, n=1)
+            hint = f"did you mean '{nearest[0]}'?" if nearest else f"there are {', '.join(sorted(known))}"
+            raise TwinError(f"-p {text}: no parameter '{own}'; {hint}")
+        for taker in takers or self._parameters:
+            # A node in a namespace has another full name: only without its name is the parameter its own.
+            self._told[taker] += ["-p", f"{own}:={value}"]
+
+
+def commands(arguments: Sequence[str]) -> list[list[str]]:
+    """The programs to start, the twin first."""
+    parser = argparse.ArgumentParser(
+        PROGRAM,
+        usage=f"launch_scripts/{PROGRAM} [MACHINE] [--shaft simulated] [ROS ARGUMENTS ...]",
+        description=DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "--shaft", choices=("machine", "simulated"), default="machine", help="simulated: a dry run without a machine"
+    )
+    first = arguments[:1] if arguments and not arguments[0].startswith("-") else []
+    options, words = parser.parse_known_args(arguments[len(first) :])
+    machine = first[0] if first else "tufting"
+    load_machine(machine)  # a mistake ends it here, before anything runs or is recorded
+    nodes = NODES if options.shaft == "simulated" else NODES[:3]
+    told = Arguments(nodes, words)
+    defaults = {node: {"machine": machine} for node in nodes} | {"record_node": {"folder": "out/recordings"}}
+    folder = Path(sys.executable).parent
+    return [[str(folder / node), *told.of(node, **defaults[node])] for node in nodes]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Start all; the exit code tells how it ended."""
+    try:
+        programs = commands(sys.argv[1:] if arguments is None else arguments)
+    except TwinError as error:
+        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    return bring_up(programs, essential="twin_node")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,78 @@
+"""suite.sh: each node is told what concerns it, in any namespace, and a mistake starts nothing."""
+
+from __future__ import annotations
+
+import importlib.util
+import signal
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+SCRIPTS = Path(__file__).parents[2] / "launch_scripts"
+
+
+@pytest.fixture(scope="module")
+def suite() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("suite_script", SCRIPTS / "suite.py")
+    assert spec is not None and spec.loader is not None
+    sys.path.insert(0, str(SCRIPTS))
+    module = importlib.util.module_from_spec(spec)
+    handler = signal.getsignal(signal.SIGINT)
+    spec.loader.exec_module(module)
+    signal.signal(signal.SIGINT, handler)
+    return module
+
+
+def told(suite: ModuleType, *words: str) -> dict[str, list[str]]:
+    """What each node is told after --ros-args."""
+    return {Path(command[0]).name: command[2:] for command in suite.commands(words)}
+
+
+def test_parameters_of_one_node_reach_it_in_a_namespace(suite: ModuleType) -> None:
+    nodes = told(suite, "tufting", "-p", "twin_node:shaft:=lag", "-p", "rate_hz:=500.0", "-r", "__ns:=/machine_3")
+    assert nodes["twin_node"] == [
+        *("-p", "machine:=tufting"),
+        *("-p", "shaft:=lag"),
+        *("-p", "rate_hz:=500.0"),
+        *("-r", "__ns:=/machine_3"),
+    ]
+    assert "shaft:=lag" not in nodes["record_node"] and "rate_hz:=500.0" in nodes["record_node"]
+    assert all("__ns:=/machine_3" in words for words in nodes.values())
+    assert list(nodes) == ["twin_node", "record_node", "view_node"]
+
+
+def test_a_parameter_goes_to_those_that_have_it(suite: ModuleType) -> None:
+    nodes = told(suite, "--shaft", "simulated", "-p", "rpm:=90", "-p", "use_sim_time:=false", "-p", "port:=9900")
+    assert [name for name, words in nodes.items() if "rpm:=90" in words] == ["shaft_node"]
+    assert [name for name, words in nodes.items() if "port:=9900" in words] == ["view_node"]
+    assert all("use_sim_time:=false" in words for words in nodes.values())
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["tuffting"], "there is no machine 'tuffting'; did you mean tufting?"),
+        (["-p", "twin:shaft:=lag"], "no node 'twin'; there are twin_node, record_node, view_node"),
+        (["-p", "twin_node:shft:=lag"], "no parameter 'shft'; did you mean 'shaft'?"),
+        (["-p", "rpm:=90"], "no parameter 'rpm'"),
+        (["-p", "shaft"], "is not written as NAME:=VALUE"),
+    ],
+)
+def test_a_mistake_is_one_line_and_starts_nothing(
+    suite: ModuleType,
+    words: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys.modules["bring_up"], "start", None)
+    assert suite.main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("suite.sh: ") and said in line
+    assert not list(tmp_path.iterdir())

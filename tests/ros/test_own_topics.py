@@ -1,0 +1,50 @@
+"""What a machine's recorder takes: its own topics and those shared by all, and nothing of the machine beside it."""
+
+from __future__ import annotations
+
+import pytest
+
+from textile_twin_ros.own_topics import OwnTopics
+
+THERE = [
+    "/diagnostics",
+    "/main_shaft/angle",
+    "/oil/temperature",
+    "/twin_node/transition_event",
+    "/machine_3/joint_states",
+    "/machine_3/twin_node/transition_event",
+    "/machine_3/oil/temperature",
+    "/mill/m1/balancing_torque/measured",
+    "/mill/m1/oil/temperature",
+    "/mill/crane/position",
+]
+
+
+@pytest.mark.parametrize(
+    ("namespace", "own"),
+    [
+        ("/", ["/diagnostics", "/main_shaft/angle", "/oil/temperature", "/twin_node/transition_event"]),
+        ("/machine_3", ["/diagnostics", *(topic for topic in THERE if topic.startswith("/machine_3/"))]),
+        ("/mill/m1", ["/diagnostics", *(topic for topic in THERE if topic.startswith("/mill/m1/"))]),
+        ("/machine", ["/diagnostics"]),
+    ],
+)
+def test_a_namespace_is_a_machine(namespace: str, own: list[str]) -> None:
+    topics = OwnTopics(namespace)
+    topics.learn(THERE)
+    # What is no machine's, such as a crane, is recorded where nothing says whose it is.
+    elsewhere = ["/mill/crane/position"] if namespace == "/" else []
+    assert [topic for topic in THERE if topics.has(topic)] == own + elsewhere
+
+
+def test_a_known_name_is_told_before_its_machine_has_shown_itself() -> None:
+    assert not OwnTopics("/").has("/machine_3/joint_states")
+    assert OwnTopics("/").has("/joint_states")
+
+
+def test_diagnostics_are_told_apart_by_their_node() -> None:
+    root, third = OwnTopics("/"), OwnTopics("/machine_3")
+    assert root.speaks_of("twin_node: outputs") and not root.speaks_of("machine_3/twin_node: outputs")
+    assert third.speaks_of("machine_3/twin_node: outputs") and not third.speaks_of("twin_node: outputs")
+    assert not third.speaks_of("mill/machine_3/record_node: recording")
+    assert third.speaks_of("drive: temperature") and root.speaks_of("plc/line 3: contactor")
