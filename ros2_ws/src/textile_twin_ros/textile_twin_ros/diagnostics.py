@@ -19,16 +19,20 @@ _REPEAT_S = 10.0
 
 @dataclass(frozen=True)
 class Status:
-    """One line of the diagnostics: its name, level and message, and the values behind it."""
+    """One line of the diagnostics: its name, level and message, and the values behind it.
+
+    tell: what the log says, too, by its kind: once when a kind comes, and once when all have gone.
+    """
 
     name: str
     level: bytes
     message: str
     values: Mapping[str, object] = field(default_factory=dict)
+    tell: Mapping[str, str] = field(default_factory=dict)
 
 
 class DiagnosticsPublisher:
-    """Publishes on /diagnostics once a second what a function tells.
+    """Publishes on /diagnostics once a second what a function tells; the log says once what is wrong.
 
     Args:
         node: the node that the statuses speak of; its full name stands before each of theirs.
@@ -39,6 +43,7 @@ class DiagnosticsPublisher:
     def __init__(self, node: Node, hardware: Callable[[], str], collect: Callable[[], list[Status]]) -> None:
         self._node, self._hardware, self._collect = node, hardware, collect
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self._told: dict[str, set[str]] = {}
         call_every(node, 1.0, self.publish)
 
     def publish(self) -> None:
@@ -48,6 +53,7 @@ class DiagnosticsPublisher:
         message.header.stamp = self._node.get_clock().now().to_msg()
         own_name = self._node.get_fully_qualified_name().lstrip("/")
         for status in statuses:
+            self._log(status)
             values = [KeyValue(key=key, value=_text(value)) for key, value in status.values.items()]
             message.status.append(
                 DiagnosticStatus(
@@ -59,6 +65,16 @@ class DiagnosticsPublisher:
                 )
             )
         self._publisher.publish(message)
+
+    def _log(self, status: Status) -> None:
+        told = self._told.setdefault(status.name, set())
+        for kind, text in status.tell.items():
+            if kind not in told:
+                told.add(kind)
+                self._node.get_logger().warning(f"{status.name}: {text}")
+        if told and status.level == OK:
+            told.clear()
+            self._node.get_logger().info(f"{status.name}: in order again")
 
 
 def _text(value: object) -> str:
@@ -128,8 +144,8 @@ class InputWatch:
                 self._node.get_logger().info(f"data on {self._topic} again")
                 self._warned_at = None
             if not self.received:
-                return Status(name, WARN, "waiting for the first message", told)
-            return Status(name, WARN if self.refusal else OK, self.refusal or f"{rate:.1f} Hz", told)
+                return Status(name, WARN, f"waiting for the first message: {self._describe()}", told)
+            return Status(name, OK, f"{rate:.1f} Hz" + (f"; some messages: {self.refusal}" * bool(self.refusal)), told)
         text = f"no data on {self._topic} for {self.silent_s:.1f} s: {self._describe()}"
         if self._warned_at is None or now - self._warned_at >= _REPEAT_S:
             self._warned_at = now

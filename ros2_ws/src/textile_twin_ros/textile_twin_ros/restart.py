@@ -9,6 +9,7 @@ _SAMPLES = 10
 class RestartWatch:
     """Watches stamps: when ten in a row, each newer than the one before, are all more than a second behind the newest
     one, then time has been set back (a recording begins again, a simulation restarts), and they are not late samples.
+    `count` tells how often.
     """
 
     def __init__(self) -> None:
@@ -16,6 +17,7 @@ class RestartWatch:
 
     def reset(self) -> None:
         """Forget the stamps."""
+        self.count = 0
         self._newest_ns: int | None = None
         self._previous_ns = 0
         self._behind = 0
@@ -31,4 +33,5 @@ class RestartWatch:
         if self._behind < _SAMPLES:
             return False
         self._newest_ns, self._behind = stamp_ns, 0
+        self.count += 1
         return True

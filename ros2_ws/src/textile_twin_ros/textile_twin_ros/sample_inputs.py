@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
@@ -13,6 +13,7 @@ from rclpy.subscription import Subscription
 
 from textile_twin_ros.diagnostics import InputWatch, Status
 from textile_twin_ros.endpoints import describe_publishers, samples_qos
+from textile_twin_ros.health import Recent, judged, publisher_findings, sample_findings, stamp_findings
 from textile_twin_ros.messages import (
     FLOAT64,
     JOINT_STATE,
@@ -115,13 +116,35 @@ class SampleInput:
         self._read = create_reader(joint)
         self._automatic = reliability == "auto"
         self._renew_due = self._ended = False
+        self._recent = Recent()
+        self._stamped = self.msgtype != FLOAT64
+        self._newest_ns: int | None = None
         self.name = node.resolve_topic_name(topic)
         self.watch = InputWatch(node, self.name, silence_s, lambda: describe_publishers(node, topic, self.msgtype))
         self._subscription = self._subscribe("reliable" if self._automatic else reliability)
 
-    def status(self, **values: object) -> Status:
-        """The input's diagnostics of this moment."""
-        return self.watch.status(self._topic, values)
+    def status(self, counts: Mapping[str, float] | None = None) -> Status:
+        """The input's diagnostics of this moment.
+
+        Args:
+            counts: what became of its samples, as `health.sample_findings` knows it.
+        """
+        counts = dict(counts or {})
+        status = self.watch.status(self._topic, counts)
+        growth = self._recent.growth({"received": self.watch.received, "unreadable": self.watch.refused, **counts})
+        publishers = self._node.get_publishers_info_by_topic(self.name)
+        names = [f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in publishers]
+        findings = [
+            *stamp_findings(self._newest_ns if self._stamped else None),
+            *sample_findings(growth, "messages"),
+            *publisher_findings(names, self.name),
+        ]
+        return judged(status, findings)
+
+    def restart(self) -> None:
+        """Begin to watch anew."""
+        self.watch.restart()
+        self._recent, self._newest_ns = Recent(), None
 
     def has_publishers(self) -> bool:
         """Whether anybody publishes there."""
@@ -179,6 +202,7 @@ class SampleInput:
             # Messages without a stamp come one by one, so that each has a time of its own.
             waiting = self._next() if stamped and received < _BLOCK else None
         if block:
+            self._newest_ns = block[-1][0]
             self._take(block)
         self.watch.took(received)
 

@@ -14,6 +14,7 @@ import textile_twin_core as ttc
 from textile_twin_core.errors import TwinError
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, latched_qos
+from textile_twin_ros.health import Finding, MeasuredTorque, judged
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Sample, SampleInput
@@ -43,6 +44,12 @@ class TwinParameters:
     joint_states_rate_hz: float = parameter(
         0.0, "largest rate of joint_states; 0 is every sample", between=(0.0, 1e5), live=True
     )
+    residual_limit_Nm: float = parameter(
+        0.0,
+        "rms of the residual, in N m, above which the diagnostics warn; 0: where it is larger than the measured torque",
+        between=(0.0, 1e9),
+        live=True,
+    )
     no_data_timeout_s: float = parameter(
         2.0, "say so when an input stays silent so long", between=(0.1, 1e6), live=True
     )
@@ -69,6 +76,7 @@ class TwinNode(LifecycleNode):
         self._angle: SampleInput | None = None
         self._torque: SampleInput | None = None
         self._description: Any = None
+        self._measured = MeasuredTorque()
         self._active = False
         self._error: TwinError | None = None
         self._starting = self.settings.autostart
@@ -111,6 +119,7 @@ class TwinNode(LifecycleNode):
         settings, stream = self.settings, self._stream
         assert stream is not None
         stream.reset()
+        self._measured = MeasuredTorque()
         depth = settings.qos_depth or depth_for(settings.rate_hz)
         common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
         self._angle = SampleInput(
@@ -163,6 +172,7 @@ class TwinNode(LifecycleNode):
 
     def _on_torques(self, block: list[Sample]) -> None:
         if self._stream is not None and self._active:
+            self._measured.take(torque for _, torque, _ in block)
             self._stream.take_torques([(stamp, torque) for stamp, torque, _ in block])
 
     def _look(self) -> None:
@@ -190,20 +200,31 @@ class TwinNode(LifecycleNode):
         if stream is None or angle is None or torque is None:
             text = "waiting for subscribers" if self._starting else "not active: activate it by its lifecycle services"
             return [Status("twin", WARN, text)]
-        statuses = [angle.status(**stream.sample_counts()), stream.estimator_status(self.settings.shaft)]
+        statuses = [angle.status(stream.sample_counts()), stream.estimator_status(self.settings.shaft)]
         if torque.watch.received or torque.has_publishers():
             statuses.append(torque.status())
-            statuses.append(stream.residual_status())
+            statuses.append(stream.residual_status(self._measured.rms_Nm(), self.settings.residual_limit_Nm))
         outputs = ", ".join(stream.wanted_topics()) or "nothing: nobody listens"
-        return [*statuses, Status("outputs", OK, f"computing {outputs}")]
+        status = Status("outputs", OK, f"computing {outputs}")
+        return [*statuses, judged(status, self._rivals())]
+
+    def _rivals(self) -> list[Finding]:
+        """Another twin on the same topics: what listeners hear is then both machines' at once."""
+        assert self._stream is not None
+        topic = next(iter(self._stream.publishers.values())).topic_name
+        others = self.count_publishers(topic) - 1
+        if others < 1:
+            return []
+        text = f"{topic} has another publisher: give each machine a namespace, -r __ns:=/machine_2"
+        return [Finding("rival", WARN, text)]
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._stream is None or self._angle is None or self._torque is None:
             response.success, response.message = False, "not active: there is nothing to reset"
             return response
         self._stream.reset()
-        self._angle.watch.restart()
-        self._torque.watch.restart()
+        self._angle.restart()
+        self._torque.restart()
         response.success, response.message = True, "estimator, residuals and counts begin anew"
         return response
 

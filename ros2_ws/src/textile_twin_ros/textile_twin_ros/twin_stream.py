@@ -14,6 +14,7 @@ from textile_twin_core.comparison.residual import Residual, ResidualStream, load
 from textile_twin_core.machines import AnyMachine
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
+from textile_twin_ros.health import judged, residual_findings, state_level
 from textile_twin_ros.messages import WRENCH, message_class
 from textile_twin_ros.restart import RestartWatch
 from textile_twin_ros.twin_outputs import (
@@ -147,27 +148,29 @@ class TwinStream:
         """Publish what an estimator that looks ahead still holds."""
         self._publish(self._session.finish())
 
-    def sample_counts(self) -> dict[str, object]:
+    def sample_counts(self) -> dict[str, float]:
         """What became of the angle samples."""
         report = self._session.report
-        counts: dict[str, object] = {"accepted": report.accepted}
+        counts: dict[str, float] = {"accepted": report.accepted}
         counts |= {f"rejected_{cause}": count for cause, count in report.rejected.items()}
-        return counts | {"gaps": report.gaps, "reversals": report.reversals, "longest_gap_s": report.longest_gap_s}
+        counts |= {name: getattr(report, name) for name in ("outliers", "jumps", "gaps", "reversals", "longest_gap_s")}
+        return counts | {"set_back": self._restarts.count}
 
     def estimator_status(self, shaft: str) -> Status:
         """How the estimator stands."""
         report = self._session.report
-        level = WARN if report.state in ("waiting", "settling") else OK
+        level = state_level(report.state)
         values = {key: value for key, value in report.to_json().items() if not isinstance(value, dict | list)}
         return Status("shaft estimator", level, f"{shaft}: {report.text()}", values)
 
-    def residual_status(self) -> Status:
-        """How far measured and predicted torque are apart."""
+    def residual_status(self, measured_rms_Nm: float, limit_Nm: float) -> Status:
+        """How far measured and predicted torque are apart; `health.residual_findings` tells when that is too far."""
         residuals = self._residuals
         values: dict[str, object] = {"rms_Nm": residuals.rms_Nm, "given": residuals.given}
         values |= {f"skipped_{cause.replace(' ', '_')}": count for cause, count in residuals.skipped.items()}
         text = f"rms {residuals.rms_Nm:.4g} N m" if residuals.given else "no residual yet"
-        return Status(RESIDUAL_TOPIC, OK if residuals.given else WARN, text, values)
+        status = Status(RESIDUAL_TOPIC, OK if residuals.given else WARN, text, values)
+        return judged(status, residual_findings(residuals.rms_Nm, measured_rms_Nm, limit_Nm))
 
     def _publish(self, samples: Any) -> None:
         if not len(samples):

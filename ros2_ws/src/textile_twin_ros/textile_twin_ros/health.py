@@ -1,0 +1,159 @@
+"""Whether an input is fit for use: levels from what was refused, bridged or interrupted in the last seconds."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from textile_twin_ros.diagnostics import ERROR, OK, WARN, Status
+
+WINDOW_S = 5.0
+"""How far back a level looks: what went wrong is shown so long."""
+WARN_SHARE = 0.01
+"""Share of samples that do not serve above which there is a warning."""
+ERROR_SHARE = 0.5
+_STATE_LEVELS: dict[str, bytes] = {"waiting": WARN, "settling": WARN, "starting": WARN, "lost": ERROR}
+# What leaves a sample out, and what bridges one, in the counts of the shaft's report.
+_UNFIT = ("unreadable", "rejected_", "outliers")
+_INTERRUPTIONS = {
+    "gaps": "pauses in the stamps",
+    "jumps": "leaps of the angle that no shaft makes",
+    "set_back": "times that the stamps went back",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong, of which kind it is, and how bad."""
+
+    kind: str
+    level: bytes
+    text: str
+
+
+class Recent:
+    """By how much counts have grown in the last seconds.
+
+    Args:
+        window_s: how far back.
+    """
+
+    def __init__(self, window_s: float = WINDOW_S) -> None:
+        self._window_s = window_s
+        self._counts: dict[str, float] = {}
+        self._totals: dict[str, float] = {}
+        self._past: deque[tuple[float, dict[str, float]]] = deque([(-math.inf, {})])
+
+    def growth(self, counts: Mapping[str, float], now: float | None = None) -> dict[str, float]:
+        """Take the counts of this moment; by how much each has grown since the window began.
+
+        A count that falls has begun anew at zero.
+        """
+        now = time.monotonic() if now is None else now
+        for name, value in counts.items():
+            before = self._counts.get(name, 0.0)
+            self._totals[name] = self._totals.get(name, 0.0) + (value - before if value >= before else value)
+        self._counts = dict(counts)
+        self._past.append((now, dict(self._totals)))
+        while self._past[1][0] <= now - self._window_s:
+            self._past.popleft()
+        first = self._past[0][1]
+        return {name: self._totals[name] - first.get(name, 0.0) for name in counts}
+
+
+class MeasuredTorque:
+    """How large the torque measured lately is."""
+
+    def __init__(self) -> None:
+        self._latest: deque[float] = deque(maxlen=1000)
+
+    def take(self, torques_Nm: Iterable[float]) -> None:
+        """Take measured torques [N m]."""
+        self._latest.extend(torques_Nm)
+
+    def rms_Nm(self) -> float:
+        """Root mean square of the latest up to 1000 that are finite; nan without any."""
+        finite = [torque for torque in self._latest if math.isfinite(torque)]
+        return math.sqrt(math.fsum(torque * torque for torque in finite) / len(finite)) if finite else math.nan
+
+
+def sample_findings(growth: Mapping[str, float], what: str) -> list[Finding]:
+    """What is wrong with a stream of samples.
+
+    Args:
+        growth: counts of the last seconds: `received`; `unreadable`, `rejected_CAUSE` and `outliers`, which make its
+            share of unfit samples; `gaps`, `jumps` and `set_back`.
+        what: what a sample is called.
+    """
+    findings = []
+    received = growth.get("received", 0.0)
+    unfit = {name: count for name, count in growth.items() if name.startswith(_UNFIT) and count > 0}
+    share = sum(unfit.values()) / received if received else 0.0
+    if share > WARN_SHARE:
+        causes = ", ".join(
+            f"{count:.0f} {name.removeprefix('rejected_').replace('_', ' ')}" for name, count in unfit.items()
+        )
+        level = ERROR if share >= ERROR_SHARE else WARN
+        findings.append(
+            Finding("unfit", level, f"{share:.0%} of the last {received:.0f} {what} do not serve: {causes}")
+        )
+    findings += [
+        Finding(name, WARN, f"{growth[name]:.0f} {text} in the last {WINDOW_S:g} s")
+        for name, text in _INTERRUPTIONS.items()
+        if growth.get(name, 0.0) > 0
+    ]
+    return findings
+
+
+def publisher_findings(publishers: Iterable[str], what: str) -> list[Finding]:
+    """More than one publisher on an input makes two streams one."""
+    names = sorted(publishers)
+    if len(names) < 2:
+        return []
+    return [Finding("publishers", WARN, f"{len(names)} publishers give {what}: {', '.join(names)}; stop all but one")]
+
+
+def stamp_findings(newest_ns: int | None) -> list[Finding]:
+    """A header that nobody fills carries no time."""
+    if newest_ns != 0:
+        return []
+    return [Finding("no stamp", ERROR, "the stamps are 0: the publisher does not fill in header.stamp")]
+
+
+def residual_findings(rms_Nm: float, measured_rms_Nm: float, limit_Nm: float) -> list[Finding]:
+    """Whether measured and predicted torque are too far apart.
+
+    Args:
+        rms_Nm: of the latest residuals; nan without any.
+        measured_rms_Nm: of the torque measured meanwhile; nan without any.
+        limit_Nm: the limit; 0 where none is set: then the residual may not be larger than the measured torque itself,
+            as a prediction of nothing would leave no more.
+    """
+    if math.isnan(rms_Nm):
+        return []
+    text = f"the residual, {rms_Nm:.3g} N m rms, is"
+    if limit_Nm > 0.0:
+        over, text = rms_Nm > limit_Nm, f"{text} over its limit of {limit_Nm:g} N m"
+    else:
+        over = rms_Nm > measured_rms_Nm > 0.0
+        text = f"{text} larger than the measured torque, {measured_rms_Nm:.3g} N m rms: textile-twin compare tells why"
+    return [Finding("residual", WARN, text)] if over else []
+
+
+def state_level(state: str) -> bytes:
+    """The level of the estimator's state; the words are those of the shaft's report."""
+    level: bytes = _STATE_LEVELS.get(state, OK)
+    return level
+
+
+def judged(status: Status, findings: Iterable[Finding]) -> Status:
+    """The status with the worst of its own level and the findings', and all of their texts; told in the log."""
+    found = list(findings)
+    if not found:
+        return status
+    level: bytes = max(status.level, *(finding.level for finding in found))
+    text = "; ".join([*(finding.text for finding in found), status.message])
+    return Status(status.name, level, text, status.values, {finding.kind: finding.text for finding in found})

@@ -1,0 +1,122 @@
+"""Faults of an input over real topics: each is diagnosed at WARN or above by the second diagnostics that follow it."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from tests.ros.suite import RELIABLE, SECOND_NS, Suite
+from tests.ros.test_live_topics import joint_state
+from textile_twin_ros.pacing import Pace
+
+RATE_HZ = 200.0
+PERIOD_NS = round(SECOND_NS / RATE_HZ)
+
+
+def healthy(number: int) -> JointState:
+    return joint_state(SECOND_NS + number * PERIOD_NS, 16.755 * number / RATE_HZ % (2.0 * math.pi))
+
+
+def spoilt(number: int, change: Callable[[JointState], None], every: int = 1) -> JointState:
+    message = healthy(number)
+    if number % every == 0:
+        change(message)
+    return message
+
+
+def shifted(seconds: int) -> Callable[[JointState], None]:
+    def shift(message: JointState) -> None:
+        message.header.stamp.sec = max(message.header.stamp.sec + seconds, 0)
+
+    return shift
+
+
+def no_stamp(message: JointState) -> None:
+    message.header.stamp.sec = message.header.stamp.nanosec = 0
+
+
+def other_joint(message: JointState) -> None:
+    message.name = ["brake", "clutch"]
+
+
+def not_a_number(message: JointState) -> None:
+    message.position = [0.0, math.nan]
+
+
+#: What is published as sample number n after the fault began, and what is said of it.
+FAULTS: dict[str, tuple[Callable[[int], JointState], str]] = {
+    "not a number": (lambda n: spoilt(n, not_a_number), "not finite"),
+    "some not a number": (lambda n: spoilt(n, not_a_number, every=20), "not finite"),
+    "duplicates": (lambda n: healthy(n - n % 2), "duplicate stamp"),
+    "out of order": (lambda n: healthy(n + (2 if n % 10 == 0 else 0)), "stamp"),
+    "clock set forward": (lambda n: spoilt(n, shifted(3600)), "pauses"),
+    "clock set back": (lambda n: spoilt(n, shifted(-3600)), "went back"),
+    "no stamp": (lambda n: spoilt(n, no_stamp), "stamps are 0"),
+    "another joint": (lambda n: spoilt(n, other_joint), "unreadable"),
+}
+
+
+class Feeder:
+    """Publishes at the pace of a machine from a thread of its own."""
+
+    def __init__(self, publisher: Publisher) -> None:
+        self._publisher, self._stop = publisher, threading.Event()
+        self.number = 0
+        self.sample: Callable[[int], JointState] = healthy
+        self._thread = threading.Thread(target=self._work)
+        self._thread.start()
+
+    def _work(self) -> None:
+        pace, sent = Pace(self._stop), 0
+        while pace.wait_until(sent / RATE_HZ):
+            self._publisher.publish(self.sample(self.number))
+            self.number += 1
+            sent += 1
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+
+
+def test_every_fault_is_told(suite: Suite) -> None:
+    twin = suite.start("twin_node")
+    node = suite.node()
+    heard: list[DiagnosticStatus] = []
+    node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: heard.extend(s for s in message.status if s.name == "twin_node: main_shaft/angle"),
+        RELIABLE,
+    )
+    feeder = Feeder(node.create_publisher(JointState, "main_shaft/angle", RELIABLE))
+
+    def fits(words: str) -> bool:
+        return bool(heard) and heard[-1].level != DiagnosticStatus.OK and words in heard[-1].message
+
+    try:
+        suite.spin_until(lambda: heard and heard[-1].level == DiagnosticStatus.OK, "health")
+        for name, (sample, words) in FAULTS.items():
+            # A machine that has run for two hours: its clock can be set back.
+            feeder.number, feeder.sample = int(7200 * RATE_HZ), healthy
+            assert suite.call(node, Trigger, "twin_node/reset", Trigger.Request()).success
+            suite.spin_for(0.2)
+            heard.clear()
+            feeder.sample = sample
+            suite.spin_until(lambda words=words: fits(words), f"diagnostics of '{name}'")  # type: ignore[misc]
+            assert len(heard) <= 2, (name, [status.message for status in heard])
+        feeder.sample = healthy
+        second = node.create_publisher(JointState, "main_shaft/angle", RELIABLE)
+        suite.spin_until(lambda: fits("2 publishers"), "diagnostics of two publishers")
+        assert heard[-1].level == DiagnosticStatus.WARN
+        node.destroy_publisher(second)
+        suite.spin_until(lambda: "main_shaft/angle: in order again" in twin.words(), "the log's all-clear")
+    finally:
+        feeder.close()
+    # Once each, however long a fault lasts.
+    assert twin.words().count("2 publishers give") == 1

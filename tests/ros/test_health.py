@@ -1,0 +1,93 @@
+"""Levels of the diagnostics: from shares of samples that do not serve, interruptions, publishers and residuals."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from textile_twin_ros.diagnostics import ERROR, OK, STALE, WARN, Status
+from textile_twin_ros.health import (
+    MeasuredTorque,
+    Recent,
+    judged,
+    publisher_findings,
+    residual_findings,
+    sample_findings,
+    stamp_findings,
+    state_level,
+)
+
+
+def level(growth: dict[str, float]) -> bytes:
+    return judged(Status("angle", OK, "500 Hz"), sample_findings(growth, "messages")).level
+
+
+@pytest.mark.parametrize(
+    ("counts", "expected"),
+    [
+        ({}, OK),
+        ({"rejected_not_finite": 9}, OK),
+        ({"rejected_not_finite": 11}, WARN),
+        ({"rejected_older_stamp": 6, "rejected_duplicate_stamp": 6}, WARN),
+        ({"outliers": 300, "unreadable": 250}, ERROR),
+        ({"rejected_not_finite": 1000}, ERROR),
+        ({"gaps": 1}, WARN),
+        ({"jumps": 1}, WARN),
+        ({"set_back": 1}, WARN),
+        ({"reversals": 40, "knocks": 12, "standstills": 3}, OK),
+    ],
+)
+def test_levels_of_a_thousand_samples(counts: dict[str, float], expected: bytes) -> None:
+    assert level({"received": 1000.0, **counts}) == expected
+
+
+def test_nothing_received_is_no_share() -> None:
+    assert level({"received": 0.0, "rejected_not_finite": 0.0}) == OK
+
+
+def test_what_is_over_is_forgotten_after_the_window() -> None:
+    recent = Recent(window_s=5.0)
+    told = []
+    for second in range(20):
+        bad = 50.0 * min(second, 3)  # from second 1 to 3
+        growth = recent.growth({"received": 500.0 * second, "outliers": bad}, now=100.0 + second)
+        told.append(level(growth) != OK)
+    assert told == [False] + [True] * 7 + [False] * 12
+
+
+def test_counts_that_begin_anew_are_no_growth_of_what_was() -> None:
+    recent = Recent(window_s=5.0)
+    recent.growth({"received": 1000.0, "gaps": 3.0}, now=0.0)
+    recent.growth({"received": 1500.0, "gaps": 3.0}, now=6.0)
+    assert recent.growth({"received": 20.0, "gaps": 1.0}, now=7.0) == {"received": 520.0, "gaps": 1.0}
+
+
+def test_publishers_stamps_and_states() -> None:
+    assert not publisher_findings(["/drive"], "/main_shaft/angle")
+    (finding,) = publisher_findings(["/replay_node", "/drive"], "/main_shaft/angle")
+    assert finding.level == WARN and "2 publishers" in finding.text and "/drive, /replay_node" in finding.text
+    assert not stamp_findings(None) and not stamp_findings(1)
+    assert stamp_findings(0)[0].level == ERROR
+    levels = [state_level(state) for state in ("running", "standstill", "settling", "starting", "lost")]
+    assert levels == [OK, OK, WARN, WARN, ERROR]
+
+
+def test_residual_against_its_limit_or_the_measured_torque() -> None:
+    measured = MeasuredTorque()
+    assert math.isnan(measured.rms_Nm())
+    measured.take([3.0, -3.0, math.nan, 3.0])
+    assert measured.rms_Nm() == 3.0
+    assert not residual_findings(math.nan, 3.0, 0.0)
+    assert not residual_findings(2.9, 3.0, 0.0) and residual_findings(3.1, 3.0, 0.0)
+    assert not residual_findings(3.1, 3.0, 3.2) and residual_findings(0.3, 3.0, 0.2)
+
+
+def test_the_worst_level_stays_and_all_texts_are_told() -> None:
+    stale = Status("angle", STALE, "no data", {"age_s": 3.0})
+    both = judged(stale, sample_findings({"received": 10.0, "outliers": 10.0, "gaps": 1.0}, "messages"))
+    assert both.level == STALE and both.tell.keys() == {"unfit", "gaps"} and both.values == stale.values
+    assert both.message.count("; ") == 2
+    assert judged(stale, []) is stale
