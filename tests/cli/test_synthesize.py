@@ -61,3 +61,72 @@ def test_mistakes_are_one_line_and_exit_code_2(
     assert main(["synthesize", "crank-rocker", *arguments]) == 2
     said = capsys.readouterr().err
     assert says in said and said.count("\n") == 1
+
+
+def test_crank_rocker_from_the_hand_becomes_a_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, turn = tmp_path / "loom.yaml", tmp_path / "turn.csv"
+    hand = "-0.0776,0.28985 0,0.3 0.0776,0.28985"
+    task = ["synthesize", "crank-rocker", "--hand", hand, "--time-ratio", "1", "--ground", "0.3"]
+    assert main([*task, "--tool-mass", "2.5", "--section", "7850,0.03,0.01", "--out", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "swing 29." in shown or "swing 30." in shown
+    assert "rocker pivot at" in shown and f"wrote {out}" in shown
+    assert main(["simulate", str(out), "--rpm", "148", "--samples", "36", "--out", str(turn)]) == 0
+    assert "beater_acceleration_m_s2" in turn.read_text().splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    ("task", "says"),
+    [
+        (["slider", "--stroke", "0.05", "--time-ratio", "1.1"], "offset 0.0178"),
+        (["points", "--points", "0,0 0.1,0.02 0.15,0.1", "--seed", "2"], "crank angles at the points"),
+        (["balance", "tufting", "--by", "counterweight"], "RMS gravity torque 0.393591 N m before"),
+        (["balance", "tufting", "--by", "flywheel", "--ripple", "0.03"], "after, under a constant 5.24"),
+        (["balance", "handloom_beatup", "--by", "force", "--links", "l1,l3"], "counterweight on l3"),
+        (["balance", "handloom_beatup", "--by", "spring"], "spring from D to B"),
+        (["balance", "handloom_beatup", "--by", "second-linkage", "--phase", "180"], "180.0000 deg ahead"),
+    ],
+)
+def test_results_are_machine_files(
+    task: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, result, turn = tmp_path / "made.yaml", tmp_path / "made.json", tmp_path / "turn.csv"
+    assert main(["synthesize", *task, "--out", str(out), "--json", str(result)]) == 0
+    assert says in capsys.readouterr().out
+    assert json.loads(result.read_text())["kind"] == task[0]
+    assert main(["simulate", str(out), "--rpm", "100", "--samples", "36", "--out", str(turn)]) == 0
+    assert len(turn.read_text().splitlines()) == 37
+
+
+def test_curve_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text("x,y\n0,0\n0.1,0.02\n0.15,0.1\n0.1,0.16\n0.02,0.12\n0,0.06\n")
+    search = ["synthesize", "curve", "--file", str(path), "--generations", "40"]
+    assert main([*search, "--out", str(tmp_path / "bar.yaml")]) == 0
+    assert "RMS distance" in capsys.readouterr().out
+    path.write_text("x,y\n0,0\n0.1,a\n")
+    assert main(["synthesize", "curve", "--file", str(path)]) == 2
+    assert "row 3" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("task", "says"),
+    [
+        ([], "TASK"),
+        (["crank-rocker", "--rotation", "180"], "--swing"),
+        (["crank-rocker", "--hand", "0,0 1,1", "--rotation", "180"], "three positions"),
+        (["crank-rocker", "--swing", "30", "--rotation", "180", "--time-ratio", "1"], "two ways"),
+        (["crank-rocker", "--swing", "30", "--rotation", "180", "--out", "x.yaml"], "--ground"),
+        (["slider", "--stroke", "-1"], "positive number"),
+        (["points", "--points", "0,0 1"], "X,Y"),
+        (["points", "--points", "0,0"], "2 to 5 points"),
+        (["curve"], "--file or by --points"),
+        (["balance", "elliptic_gear_beatup", "--by", "counterweight"], "lacks masses"),
+        (["balance", "tufting", "--by", "counterweight", "--links", "l2"], "fixed point"),
+        (["slider", "--stroke", "0.05", "--section", "1,2"], "DENSITY"),
+    ],
+)
+def test_mistakes_of_every_task(task: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["synthesize", *task]) == 2
+    said = capsys.readouterr().err
+    assert says in said and said.count("\n") == 1

@@ -1,5 +1,7 @@
-"""Designs of linkages: lengths from what the machine must do."""
+"""Designs of linkages: lengths from what the machine must do, balancing, and many designs at once."""
 
+from textile_twin_core.synthesis.bars import CAST_IRON, Section
+from textile_twin_core.synthesis.batch import Batch
 from textile_twin_core.synthesis.crank_rocker import (
     CrankRockerDesign,
     CrankRockerSynthesis,
@@ -7,12 +9,40 @@ from textile_twin_core.synthesis.crank_rocker import (
     crank_rocker,
 )
 from textile_twin_core.synthesis.crank_rocker_family import CrankRockerFamily, LinkRatios
+from textile_twin_core.synthesis.crank_rocker_machine import Tool, crank_rocker_machine
+from textile_twin_core.synthesis.curve_fit import CurveDesign, fit_curve
+from textile_twin_core.synthesis.family import Family, Parameter, family_of
+from textile_twin_core.synthesis.four_bar import FourBarDesign
+from textile_twin_core.synthesis.hand_positions import RockerThroughPoints, rocker_through
+from textile_twin_core.synthesis.offset_slider import SliderCrankDesign, SliderCrankFamily, offset_slider
+from textile_twin_core.synthesis.rotation import rotation_of_time_ratio, time_ratio_of_rotation
+from textile_twin_core.synthesis.through_points import PointsDesign, through_points
 
 __all__ = [
+    "CAST_IRON",
+    "Batch",
     "CrankRockerDesign",
     "CrankRockerFamily",
     "CrankRockerSynthesis",
+    "CurveDesign",
+    "Family",
+    "FourBarDesign",
     "LinkLengths",
     "LinkRatios",
+    "Parameter",
+    "PointsDesign",
+    "RockerThroughPoints",
+    "Section",
+    "SliderCrankDesign",
+    "SliderCrankFamily",
+    "Tool",
     "crank_rocker",
+    "crank_rocker_machine",
+    "family_of",
+    "fit_curve",
+    "offset_slider",
+    "rocker_through",
+    "rotation_of_time_ratio",
+    "through_points",
+    "time_ratio_of_rotation",
 ]

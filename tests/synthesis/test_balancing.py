@@ -1,0 +1,147 @@
+"""Balancing against closed forms, and against the motion that `drive` integrates."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from textile_twin_core import machines
+from textile_twin_core.errors import MachineError, SceneError
+from textile_twin_core.synthesis.balancing import (
+    balancing_spring,
+    counterweights,
+    flywheel,
+    opposed_linkages,
+    shaking,
+    speed_ripple,
+)
+
+
+def harmonic(values: np.ndarray, order: int) -> float:
+    return float(2.0 * np.abs(np.fft.rfft(values)[order]) / values.size)
+
+
+def test_first_harmonic_of_the_gravity_torque_is_cancelled_to_rounding() -> None:
+    found = counterweights(machines.tufting())
+    assert harmonic(found.before, 1) == pytest.approx(0.5566, abs=5e-5)
+    (weight,) = found.weights
+    assert weight.mass_kg * weight.radius_m * 9.81 == pytest.approx(harmonic(found.before, 1), rel=1e-12)
+    twin = ttc.compile(found.machine, ["torque_gravity_Nm"], method="exact")
+    after = twin.evaluate(found.theta_rad)["torque_gravity_Nm"]
+    assert harmonic(after, 1) < 1e-15
+    for order in (2, 3, 4):
+        assert harmonic(after, order) == pytest.approx(harmonic(found.before, order), abs=1e-15)
+
+
+def test_radius_is_a_choice_that_the_torque_does_not_see() -> None:
+    near, far = (counterweights(machines.tufting(), radius_m=r) for r in (0.05, 0.2))
+    assert near.weights[0].mass_kg == pytest.approx(4.0 * far.weights[0].mass_kg, rel=1e-12)
+    assert near.after == pytest.approx(far.after, abs=1e-15)
+
+
+def test_shaking_force_of_a_four_bar_vanishes_with_the_weights_of_berkof_and_lowen() -> None:
+    machine = machines.handloom_beatup()
+    found = counterweights(machine, ["l1", "l3"], "shaking_force")
+    assert np.abs(found.before).max() > 60.0
+    assert np.abs(found.after).max() < 1e-12
+    crank, rocker = found.weights
+    assert crank.mass_kg * crank.radius_m == pytest.approx(0.5 * (0.129 + 0.434) * 0.0597, rel=1e-12)
+    on_rocker = 0.5 * 0.434 * 0.23082 + (0.5 * 0.649 + 2.5) * 0.3001
+    assert rocker.mass_kg * rocker.radius_m == pytest.approx(on_rocker, rel=1e-12)
+    assert abs(crank.angle_rad) == pytest.approx(math.pi, abs=1e-9) == abs(rocker.angle_rad)
+    again = shaking(found.machine, 31.0)
+    assert again.force_N.max() < 1e-11 and np.abs(again.moment_Nm).max() > 1.0
+
+
+def test_shaking_force_is_what_the_ground_bears() -> None:
+    """Without weight and loads: minus the reactions of the ground on the linkage, by Newton and Euler."""
+    machine = machines.tufting(gravity_m_s2=0.0, backing_force_N=0.0)
+    names = ["reaction_O_x_N", "reaction_O_y_N", "reaction_C_x_N", "reaction_C_y_N", "reaction_guide_N"]
+    speed = machine.nominal_speed_rad_s
+    felt = shaking(machine, speed, 90)
+    found = ttc.compile(machine, names, method="exact").evaluate(felt.theta_rad, np.full(90, speed), np.zeros(90))
+    assert felt.x_N == pytest.approx(-(found[names[0]] + found[names[2]] + found[names[4]]), abs=1e-10)
+    assert felt.y_N == pytest.approx(-(found[names[1]] + found[names[3]]), abs=1e-10)
+
+
+def test_antiphase_takes_the_odd_harmonics_and_doubles_the_even_ones() -> None:
+    found = opposed_linkages(machines.handloom_beatup(), math.pi)
+    for order in range(1, 9):
+        expected = 0.0 if order % 2 else harmonic(found.together_Nm, order)
+        assert harmonic(found.apart_Nm, order) == pytest.approx(expected, abs=1e-12)
+
+
+def test_best_phase_beats_every_other() -> None:
+    machine = machines.tufting(backing_force_N=0.0)
+    best = opposed_linkages(machine)
+    for phase in np.linspace(0.0, math.pi, 13).tolist():
+        assert np.sum(best.apart_Nm**2) <= np.sum(opposed_linkages(machine, phase).apart_Nm ** 2) + 1e-12
+    assert len(best.machine.linkages) == 2
+
+
+def test_spring_is_the_best_of_its_pair() -> None:
+    machine = machines.handloom_beatup()
+    found = balancing_spring(machine)
+    assert found.rms_share < 0.2
+    twin = ttc.compile(found.machine, ["balancing_torque_Nm"], method="exact")
+    speed = machine.nominal_speed_rad_s
+    torque = twin.evaluate(found.theta_rad, np.full(720, speed), np.zeros(720))["balancing_torque_Nm"]
+    assert torque == pytest.approx(found.after_Nm, abs=1e-10)
+    from dataclasses import replace
+
+    for stiffer, longer in ((1.01, 1.0), (0.99, 1.0), (1.0, 1.01), (1.0, 0.99)):
+        spring = replace(
+            found.spring,
+            stiffness_N_m=found.spring.stiffness_N_m * stiffer,
+            free_length_m=found.spring.free_length_m * longer,
+        )
+        other = ttc.compile(replace(machine, loads=(spring,)), ["balancing_torque_Nm"], method="exact")
+        worse = other.evaluate(found.theta_rad, np.full(720, speed), np.zeros(720))["balancing_torque_Nm"]
+        assert np.sum(worse**2) > np.sum(torque**2)
+
+
+@pytest.mark.parametrize("machine", [machines.tufting(), machines.handloom_beatup()], ids=lambda m: m.name)
+def test_flywheel_holds_the_ripple_that_drive_finds(machine: machines.Machine) -> None:
+    found = flywheel(machine, 0.02)
+    assert found.ripple_after == pytest.approx(0.02, rel=1e-9) and found.ripple_before > 0.02
+    speed = machine.nominal_speed_rad_s
+    turn = 2.0 * math.pi / speed
+    run = ttc.drive(
+        found.machine, found.mean_torque_Nm, 0.0, found.speed_at_zero_rad_s, np.linspace(0.0, 3.2 * turn, 4000)
+    )
+    last = run.theta_rad > run.theta_rad[-1] - 2.0 * math.pi
+    theta, omega = run.theta_rad[last], run.omega_rad_s[last]
+    mean = np.trapezoid(omega, theta) / (theta[-1] - theta[0])
+    assert mean == pytest.approx(speed, rel=1e-4)
+    assert np.ptp(omega) / mean == pytest.approx(0.02, rel=1e-3)
+
+
+def test_flywheel_of_the_rule_of_thumb_is_the_limit_of_a_heavy_one() -> None:
+    for ripple, within in ((0.02, 0.03), (0.002, 0.003)):
+        found = flywheel(machines.handloom_beatup(gravity_m_s2=0.0), ripple)
+        own = found.rule_of_thumb_kgm2
+        assert found.inertia_kgm2 == pytest.approx(own, rel=within + 0.05)
+
+
+def test_machine_that_needs_no_flywheel() -> None:
+    machine = flywheel(machines.handloom_beatup(), 0.02).machine
+    found = flywheel(machine, 0.021)
+    assert found.inertia_kgm2 == 0.0 and found.machine is machine
+    assert found.ripple_before == speed_ripple(machine)
+
+
+def test_what_cannot_be_balanced_is_said() -> None:
+    with pytest.raises(MachineError, match="lacks masses"):
+        counterweights(machines.elliptic_gear_beatup())
+    for link in ("l2", "l6", "l9"):
+        with pytest.raises(MachineError, match="fixed point"):
+            counterweights(machines.tufting(), [link])
+    with pytest.raises(SceneError, match="between 0 and 1"):
+        flywheel(machines.tufting(), 0.0)
+    with pytest.raises(SceneError, match="no point"):
+        balancing_spring(machines.tufting(), ends=[("O", "Z")])
+    with pytest.raises(SceneError, match="positive length"):
+        counterweights(machines.tufting(), radius_m=0.0)

@@ -1,0 +1,124 @@
+"""Many designs at once against the exact machine, one by one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from textile_twin_core import machines
+from textile_twin_core.errors import SceneError
+from textile_twin_core.machines import Machine
+from textile_twin_core.synthesis import Batch, family_of
+from textile_twin_core.synthesis.balancing import shaking
+from textile_twin_core.synthesis.batch import TRANSMISSION
+from textile_twin_core.synthesis.numbers import MOTION, dwell, largest, motion_number, shaking_numbers, torque_numbers
+from textile_twin_core.synthesis.slots import read, slots, write
+from textile_twin_core.synthesis.turn import over_turn, shaft_angles
+
+GEAR_MASSES = {
+    name: 0.1 + 0.01 * k if name.endswith("_kg") else 1e-3 + 1e-5 * k
+    for k, name in enumerate(machines.elliptic_gear_beatup().missing_for_torque)
+}
+MACHINES = [
+    machines.tufting(),
+    machines.handloom_beatup(),
+    machines.elliptic_gear_beatup(**GEAR_MASSES),
+    ttc.load_machine("examples/tufting_two_linkages.yaml"),
+]
+
+
+def exact_numbers(machine: Machine, speed: float) -> dict[str, float]:
+    theta, found = shaft_angles(720), {}
+    for measure in machine.measures:
+        names = [f"{measure.name}_{k}" for k in ("position_m", "velocity_m_s", "acceleration_m_s2")]
+        curves = over_turn([machine.model.output(n) for n in names], theta, speed)
+        found |= {f"{measure.name}_{what}": motion_number(what, *curves) for what in MOTION}
+    torque = over_turn([machine.model.output("balancing_torque_Nm")], theta, speed)[0]
+    felt = shaking(machine, speed)
+    return {k: float(v) for k, v in (found | torque_numbers(torque) | shaking_numbers(felt.x_N, felt.y_N)).items()}
+
+
+@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
+def test_batch_agrees_with_the_exact_machine(machine: Machine) -> None:
+    random = np.random.default_rng(7)
+    family, speed = family_of(machine), 1.1 * machine.nominal_speed_rad_s
+    values = {
+        p.name: (p.value * (1.0 + 0.003 * random.standard_normal(3)) if p.value else 1e-3 * random.random(3))
+        for p in family.parameters
+        if p.name in family.searchable and p.value is not None
+    }
+    batch = Batch(machine, speed, samples=720)
+    found = batch.evaluate(family.columns(values), batch.names)
+    for k in range(3):
+        one = family.machine({name: float(v[k]) for name, v in values.items()})
+        assert isinstance(one, Machine)
+        for name, value in exact_numbers(one, speed).items():
+            assert found[name][k] == pytest.approx(value, rel=1e-8), name
+        worst = min(close.transmission_angle_rad for close in one.closeness)
+        assert found[TRANSMISSION][k] == pytest.approx(worst, abs=1e-6)
+
+
+def test_paper_s_parameters_and_slots_are_one_machine() -> None:
+    """Every slot of every published machine, from parameters that all differ from the paper's."""
+    random = np.random.default_rng(2)
+    for machine in MACHINES[:3]:
+        family = family_of(machine)
+        values = {
+            p.name: (p.value * (1.0 + 0.003 * random.standard_normal()) if p.value else 0.01 * random.random())
+            for p in family.parameters
+            if p.name in family.searchable and p.value is not None
+        }
+        columns = read(machine) | {k: float(np.ravel(v)[0]) for k, v in family.columns(values).items()}
+        made = family.machine(values)
+        assert isinstance(made, Machine)
+        assert columns == pytest.approx(read(made), abs=1e-13)
+
+
+def test_designs_that_cannot_close_are_nan() -> None:
+    batch = Batch(machines.handloom_beatup())
+    found = batch.evaluate({"l3.length_m": np.array([0.23082, 0.02, 0.9])}, ["beater_stroke_m", "peak_torque_Nm"])
+    assert np.isfinite(found["beater_stroke_m"]).tolist() == [True, False, False]
+    assert np.isfinite(found["peak_torque_Nm"]).tolist() == [True, False, False]
+
+
+def test_blocks_do_not_show() -> None:
+    batch = Batch(machines.handloom_beatup())
+    lengths = np.linspace(0.055, 0.062, 333)
+    whole = batch.evaluate({"l1.length_m": lengths}, ["beater_stroke_m", "rms_torque_Nm"])
+    for k in (0, 63, 64, 200, 332):
+        one = batch.evaluate({"l1.length_m": lengths[k : k + 1]}, ["beater_stroke_m", "rms_torque_Nm"])
+        assert one["beater_stroke_m"][0] == whole["beater_stroke_m"][k]
+        assert one["rms_torque_Nm"][0] == pytest.approx(whole["rms_torque_Nm"][k], rel=1e-12)
+
+
+def test_unknown_names_and_loads_are_refused() -> None:
+    batch = Batch(machines.handloom_beatup())
+    with pytest.raises(SceneError, match=r"no number 'l9\.length_m'"):
+        batch.evaluate({"l9.length_m": np.ones(2)}, batch.names)
+    with pytest.raises(SceneError, match="there is no number 'beauty'"):
+        batch.evaluate({}, ["beauty"])
+    with pytest.raises(SceneError, match=r"no number 'l9\.length_m'"):
+        write(machines.handloom_beatup(), {"l9.length_m": 1.0})
+
+
+def test_every_slot_can_be_written_and_read() -> None:
+    machine = ttc.load_machine("examples/six_bar_loom.yaml")
+    assert isinstance(machine, Machine)
+    assert write(machine, read(machine)) == machine
+    for slot in slots(machine)[::3]:
+        before = read(machine)
+        value = before[slot.name] * 1.0001 + 1e-6
+        after = read(write(machine, {slot.name: value}))
+        assert after == before | {slot.name: value}
+
+
+def test_dwell_and_peaks_of_known_curves() -> None:
+    theta = shaft_angles(360) + 0.0012345
+    assert largest(np.cos(theta)) == pytest.approx(1.0, abs=2e-8)
+    assert dwell(1.0 - np.cos(theta), 1.0 - math.cos(0.7)) == pytest.approx(1.4, abs=2e-4)
+    designs = np.stack([1.0 - np.cos(theta), 2.0 - 2.0 * np.cos(theta - 1.0)])
+    spans = dwell(designs, np.array([1.0 - math.cos(0.7), 2.0 * (1.0 - math.cos(0.4))]))
+    assert spans == pytest.approx([1.4, 0.8], abs=2e-4)

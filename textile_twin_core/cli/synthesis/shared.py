@@ -1,0 +1,97 @@
+"""Arguments and output that the tasks of `synthesize` share."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from textile_twin_core.cli.arguments import Parser, UsageError, number, positive
+
+if TYPE_CHECKING:
+    from textile_twin_core.machines import Machine
+    from textile_twin_core.synthesis import Section
+
+
+def add_output(parser: Parser) -> None:
+    """--out, --name and --json."""
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the machine as a machine file (.yaml)")
+    parser.add_argument("--name", help="the machine's name in it (default: that of the file)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the result as one JSON object")
+
+
+def add_section(parser: Parser) -> None:
+    """--section."""
+    parser.add_argument(
+        "--section",
+        type=_section,
+        default="7210,0.030,0.010",
+        metavar="KG/M3,M,M",
+        help="density, width (in the plane of motion) and thickness of the links; default %(default)s",
+    )
+
+
+def add_rotation(parser: Parser, default: str | None = None) -> None:
+    """--rotation or --time-ratio."""
+    text = f" (default: {default})" if default else ""
+    parser.add_argument(
+        "--rotation", type=number, metavar="DEG", help=f"crank rotation from the outer to the inner dead centre{text}"
+    )
+    parser.add_argument(
+        "--time-ratio", type=positive, metavar="Q", help="or how many times as long this way takes as the way back"
+    )
+
+
+def rotation(arguments: argparse.Namespace, default_deg: float | None = None) -> float:
+    """The crank rotation asked for [rad]."""
+    from textile_twin_core.synthesis import rotation_of_time_ratio
+
+    if arguments.rotation is not None and arguments.time_ratio is not None:
+        raise UsageError("--rotation and --time-ratio say the same in two ways; give one of them")
+    if arguments.time_ratio is not None:
+        return rotation_of_time_ratio(arguments.time_ratio)
+    degrees = default_deg if arguments.rotation is None else arguments.rotation
+    if degrees is None:
+        raise UsageError("give --rotation in degrees, or --time-ratio")
+    return math.radians(degrees)
+
+
+def points(text: str) -> list[tuple[float, float]]:
+    """Points in metres, as `X,Y X,Y ..`, as a type of an argument."""
+    found = []
+    for word in text.split():
+        try:
+            x, y = (float(part) for part in word.split(","))
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"write points as 'X,Y X,Y ..' in metres, not '{word}'") from None
+        found.append((x, y))
+    return found
+
+
+def _section(text: str) -> Section:
+    from textile_twin_core.errors import SceneError
+    from textile_twin_core.synthesis import Section
+
+    try:
+        density, width, thickness = (float(part) for part in text.split(","))
+        return Section(density, width, thickness)
+    except (ValueError, SceneError):
+        raise argparse.ArgumentTypeError(
+            f"write DENSITY,WIDTH,THICKNESS as three positive numbers, not '{text}'"
+        ) from None
+
+
+def write(arguments: argparse.Namespace, machine: Machine | None, result: dict[str, Any]) -> None:
+    """Write what --json and --out ask for."""
+    from dataclasses import replace
+
+    from textile_twin_core.files import save_machine_file, staged
+
+    if arguments.json:
+        with staged(arguments.json) as partial:
+            partial.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
+    if arguments.out and machine is not None:
+        save_machine_file(replace(machine, name=arguments.name or arguments.out.stem), arguments.out)
+        print(f"wrote {arguments.out}: textile-twin simulate {arguments.out} --rpm 60 --samples 360 --out turn.csv")

@@ -1,0 +1,22 @@
+"""Balancing a machine: counterweights, springs, linkages out of phase, and flywheels, each before and after."""
+
+from textile_twin_core.synthesis.balancing.counterweight import Counterweight, Counterweighted, counterweights
+from textile_twin_core.synthesis.balancing.flywheel import Flywheel, flywheel, speed_ripple
+from textile_twin_core.synthesis.balancing.phase import Phased, opposed_linkages
+from textile_twin_core.synthesis.balancing.shaking import Shaking, shaking
+from textile_twin_core.synthesis.balancing.spring import Sprung, balancing_spring
+
+__all__ = [
+    "Counterweight",
+    "Counterweighted",
+    "Flywheel",
+    "Phased",
+    "Shaking",
+    "Sprung",
+    "balancing_spring",
+    "counterweights",
+    "flywheel",
+    "opposed_linkages",
+    "shaking",
+    "speed_ripple",
+]

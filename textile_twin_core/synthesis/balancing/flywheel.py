@@ -1,0 +1,101 @@
+"""A flywheel against speed ripple: its inertia from the swing of energy over one turn."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics import Body
+from textile_twin_core.errors import SceneError
+from textile_twin_core.machines.machine import Machine
+from textile_twin_core.synthesis.turn import over_turn, shaft_angles
+
+_SAMPLES = 2880
+_HEAVIEST = 1e9
+
+
+@dataclass(frozen=True)
+class Flywheel:
+    """The machine with its flywheel and what it does under a constant drive torque.
+
+    `ripple` is (largest - smallest) over mean speed, before and after; `mean_torque_Nm` the drive torque that keeps the
+    speed; `energy_swing_J` largest less smallest kinetic energy that weight and
+    loads make; `speed_at_zero_rad_s` the speed at shaft angle 0 in this motion; `rule_of_thumb_kgm2` the energy swing
+    over ripple times speed squared, which takes the machine's own inertia as nothing.
+    """
+
+    machine: Machine
+    inertia_kgm2: float
+    ripple_before: float
+    ripple_after: float
+    mean_torque_Nm: float
+    energy_swing_J: float
+    speed_at_zero_rad_s: float
+    rule_of_thumb_kgm2: float
+
+
+def flywheel(machine: Machine, ripple: float, speed_rad_s: float | None = None) -> Flywheel:
+    """The flywheel that holds the ripple of the speed, (largest - smallest)/mean, under a constant drive torque.
+
+    At a mean drive torque the kinetic energy is E0 + integral of (mean torque - weight and loads) dtheta, and the speed
+    sqrt(2 E/(J + flywheel)), with the loads as they are at the nominal speed. Solved for the flywheel by bisection,
+    without the usual assumption of a constant inertia. 0 where the machine needs none.
+    Raises SceneError for a ripple not between 0 and 1, MachineError for a machine without masses.
+    """
+    if not 0.0 < ripple < 1.0:
+        raise SceneError(f"ripple {ripple!r}: give a number between 0 and 1, such as 0.02 for 2 %")
+    speed = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
+    inertia, work, mean = _turn(machine, speed)
+    before = _ripple(inertia, work, 0.0, speed)
+    swing = float(np.ptp(_energy(inertia, work, 0.0, speed) - 0.5 * inertia * speed**2))
+    added = 0.0
+    if before > ripple:
+        added = brentq(lambda extra: _ripple(inertia, work, extra, speed) - ripple, 0.0, _HEAVIEST, rtol=1e-12)
+    heavier = replace(machine, bodies=(*machine.bodies, Body.flywheel(added))) if added else machine
+    speeds = _speeds(inertia, work, added, speed)
+    after = float(np.ptp(speeds) / speeds.mean())
+    return Flywheel(heavier, added, before, after, mean, swing, float(speeds[0]), swing / (ripple * speed**2))
+
+
+def speed_ripple(machine: Machine, speed_rad_s: float | None = None) -> float:
+    """(largest - smallest)/mean speed of a machine under the constant drive torque that keeps its speed."""
+    speed = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
+    inertia, work, _ = _turn(machine, speed)
+    return _ripple(inertia, work, 0.0, speed)
+
+
+def _turn(machine: Machine, speed: float) -> tuple[FloatArray, FloatArray, float]:
+    """Over a turn: inertia [kg m^2], work of drive, weight and loads since its beginning [J]; mean drive torque."""
+    theta = shaft_angles(_SAMPLES)
+    names = ("equivalent_inertia_kgm2", "potential_energy_J", "torque_load_Nm")
+    inertia, potential, load = over_turn([machine.model.output(name) for name in names], theta, speed)
+    mean = float(load.mean())
+    excess = mean - load
+    steps = 0.5 * (excess + np.roll(excess, -1)) * (2.0 * math.pi / _SAMPLES)
+    work = np.concatenate([[0.0], np.cumsum(steps)[:-1]])
+    return inertia, work - (potential - potential[0]), mean
+
+
+def _energy(inertia: FloatArray, work: FloatArray, extra: float, speed: float) -> FloatArray:
+    """Kinetic energy (n,) of the turn whose mean speed over the angle is the speed asked [J]."""
+    total = inertia + extra
+
+    def surplus(start: float) -> float:
+        return float(np.mean(np.sqrt(np.maximum(2.0 * (start + work) / total, 0.0)))) - speed
+
+    low = -float(work.min())
+    high = low + float(np.max(total)) * speed**2 + float(np.ptp(work))
+    return work + brentq(surplus, low, high, rtol=1e-14) if surplus(low) < 0.0 else work + low
+
+
+def _speeds(inertia: FloatArray, work: FloatArray, extra: float, speed: float) -> FloatArray:
+    return np.asarray(np.sqrt(2.0 * _energy(inertia, work, extra, speed) / (inertia + extra)))
+
+
+def _ripple(inertia: FloatArray, work: FloatArray, extra: float, speed: float) -> float:
+    speeds = _speeds(inertia, work, extra, speed)
+    return float(np.ptp(speeds) / speeds.mean())

@@ -1,0 +1,213 @@
+"""Many designs of one machine at once: what a designer reads off a turn, tens of thousands of designs a second."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics.loads import Backing, ShaftFriction, Spring
+from textile_twin_core.errors import SceneError
+from textile_twin_core.machines.drive import load_names
+from textile_twin_core.machines.machine import Machine
+from textile_twin_core.mechanism import MAIN_SHAFT, Arc, Travel
+from textile_twin_core.synthesis.batch_motion import Chain, Columns, Point, solve
+from textile_twin_core.synthesis.numbers import MOTION, largest, motion_number, shaking_numbers, torque_numbers
+from textile_twin_core.synthesis.slots import read
+from textile_twin_core.synthesis.turn import shaft_angles
+
+SAMPLES = 180
+_AT_ONCE = 11520
+"""Designs times angles that are evaluated together, so that the arrays stay in the processor's cache."""
+TORQUE = ("peak_torque_Nm", "rms_torque_Nm", "torque_ripple_Nm")
+SHAKING = ("largest_shaking_force_N", "rms_shaking_force_N")
+TRANSMISSION = "smallest_transmission_angle_rad"
+
+
+class Batch:
+    """The numbers of many designs that differ from one machine in the values of some slots (see `slots`).
+
+    Raises SceneError for a machine of which some group or load has no batch form.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        speed_rad_s: float | None = None,
+        dwell_within_m: float | None = None,
+        samples: int = SAMPLES,
+    ) -> None:
+        self.machine, self.dwell_within_m = machine, dwell_within_m
+        self.speed_rad_s = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
+        self.base = read(machine)
+        self._theta = shaft_angles(samples)
+        self._has_torque = bool(machine.bodies) and not machine.missing_for_torque
+        unknown = [type(load).__name__ for load in machine.loads if not _is_known(load)]
+        if unknown and self._has_torque:
+            raise SceneError(f"no batch form is known for a load of type {unknown[0]}")
+        self.evaluate({}, self.names)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The numbers that can be asked for."""
+        of_measures = [f"{measure.name}_{what}" for measure in self.machine.measures for what in MOTION]
+        of_masses = [*TORQUE, *SHAKING] if self._has_torque else []
+        return (*of_measures, TRANSMISSION, *of_masses)
+
+    def evaluate(self, values: Mapping[str, FloatArray], names: Iterable[str]) -> dict[str, FloatArray]:
+        """Numbers by name, each (n,), for the values (n,) by slot; NaN for a design that cannot close.
+
+        Raises SceneError for a number or slot that is not known.
+        """
+        names = tuple(names)
+        for name in names:
+            if name not in self.names:
+                raise SceneError(f"there is no number '{name}'; there are: {', '.join(self.names)}")
+        for slot in values:
+            if slot not in self.base:
+                raise SceneError(f"machine '{self.machine.name}' has no number '{slot}'")
+        count = max((np.size(v) for v in values.values()), default=1)
+        step = max(1, _AT_ONCE // self._theta.size)
+        parts = []
+        for begin in range(0, count, step):
+            size = min(step, count - begin)
+            columns = {name: np.full((1, 1), value) for name, value in self.base.items()}
+            columns |= {
+                name: np.broadcast_to(v, count)[begin : begin + size, None].astype(np.float64)
+                for name, v in values.items()
+            }
+            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+                parts.append(self._part(columns, names, size))
+        return {name: np.concatenate([part[name] for part in parts]) for name in names}
+
+    def _part(self, columns: Columns, names: tuple[str, ...], size: int) -> dict[str, FloatArray]:
+        first = self._chain(columns, self.machine.linkages[0].phase_rad)
+        found: dict[str, Any] = {}
+        shape = (size, self._theta.size)
+        for measure in self.machine.measures:
+            asked = [what for what in MOTION if f"{measure.name}_{what}" in names]
+            if asked:
+                h, h1, h2 = _displacement(measure, first)
+                w = self.speed_rad_s
+                x, v, a = (np.broadcast_to(c, shape) for c in (h, h1 * w, h2 * w * w))
+                for what in asked:
+                    found[f"{measure.name}_{what}"] = motion_number(what, x, v, a, self.dwell_within_m)
+        worst = np.ones(1)
+        for cosine in first.cosines:
+            worst = np.minimum(worst, 1.0 - np.maximum(largest(cosine), largest(-cosine)))
+        found[TRANSMISSION] = np.arccos(1.0 - worst)
+        closes = np.isfinite(worst)
+        if self._has_torque and any(name in TORQUE or name in SHAKING for name in names):
+            torque, shaking = self._forces(columns, first)
+            found |= torque_numbers(np.broadcast_to(torque, shape))
+            found |= shaking_numbers(*(np.broadcast_to(part, shape) for part in (shaking.real, shaking.imag)))
+        return {n: np.where(np.broadcast_to(closes, size), np.broadcast_to(found[n], size), np.nan) for n in names}
+
+    def _chain(self, columns: Columns, phase_rad: float) -> Chain:
+        chain = Chain(columns)
+        zero = np.zeros((1, 1))
+        chain.rotations[MAIN_SHAFT] = np.exp(1j * (self._theta + phase_rad))[None, :], zero + 1.0, zero
+        for name in self.machine.points:
+            chain.points[name] = _ground(columns, name)
+        for group in self.machine.groups:
+            solve(group, chain)
+        return chain
+
+    def _forces(self, columns: Columns, first: Chain) -> tuple[Any, Any]:
+        """Balancing torque [N m] and shaking force [N, complex] of all linkages at constant speed."""
+        torque: Any = 0.0
+        shaking: Any = 0.0
+        w2, pull = self.speed_rad_s**2, complex(*self.machine.gravity_m_s2)
+        for number, place in enumerate(self.machine.linkages):
+            chain = first if number == 0 else self._chain(columns, place.phase_rad)
+            seen: dict[str, int] = {}
+            for body in self.machine.bodies:
+                seen[body.on] = seen.get(body.on, 0) + 1
+                name = body.on if seen[body.on] == 1 else f"{body.on}#{seen[body.on]}"
+                if body.is_flywheel:
+                    continue
+                mass, inertia = columns[f"{name}.mass_kg"], columns[f"{name}.inertia_kgm2"]
+                link = chain.links[body.on]
+                along, across = columns[f"{name}.centroid_along"], columns[f"{name}.centroid_across"]
+                centre = link.at((along + 1j * across) * link.length)
+                inertial = mass * w2 * centre.second
+                push = inertial - mass * pull
+                torque = torque + (np.conj(centre.first) * push).real + (w2 * inertia) * (link.first * link.second)
+                shaking = shaking - inertial
+            for name, load in zip(load_names(self.machine.loads), self.machine.loads, strict=True):
+                torque = torque + load_torque(load, name.replace(" ", "_"), chain, self, number)
+        return torque, shaking
+
+    def displacement(self, name: str, chain: Chain) -> tuple[Any, Any]:
+        """A measure's displacement [m] and its derivative by the shaft angle."""
+        (measure,) = [m for m in self.machine.measures if m.name == name]
+        return _displacement(measure, chain)[:2]
+
+
+def _ground(columns: Columns, name: str) -> Point:
+    zero = np.zeros((1, 1))
+    return Point(columns[f"{name}.x_m"] + 1j * columns[f"{name}.y_m"], zero, zero)
+
+
+@singledispatch
+def _displacement(measure: object, chain: Chain) -> tuple[Any, Any, Any]:
+    raise SceneError(f"no batch form is known for a measure of type {type(measure).__name__}")
+
+
+@_displacement.register
+def _(measure: Travel, chain: Chain) -> tuple[Any, Any, Any]:
+    axis = complex(*measure.direction)
+    axis /= abs(axis)
+    point, origin = chain.points[measure.point], chain.points[measure.origin]
+    travel = point.position - origin.position
+    return (travel / axis).real, (point.first / axis).real, (point.second / axis).real
+
+
+@_displacement.register
+def _(measure: Arc, chain: Chain) -> tuple[Any, Any, Any]:
+    link, scale = chain.links[measure.link], measure.sense * chain.number(f"{measure.name}.radius_m")
+    swung = scale * np.angle(link.direction / link.direction[:, :1])
+    return swung - np.min(swung, axis=-1, keepdims=True), scale * link.first, scale * link.second
+
+
+def _is_known(load: object) -> bool:
+    return load_torque.dispatch(type(load)) is not load_torque.dispatch(object)
+
+
+@singledispatch
+def load_torque(load: object, name: str, chain: Chain, batch: Batch, number: int) -> Any:
+    """What the drive must add for a load [N m]."""
+    raise SceneError(f"no batch form is known for a load of type {type(load).__name__}")
+
+
+@load_torque.register
+def _(load: Backing, name: str, chain: Chain, batch: Batch, number: int) -> Any:
+    position, slope = batch.displacement(load.on, chain)
+    speed = slope * batch.speed_rad_s
+    force, free, entry, leave = (
+        chain.number(f"{name}.{k}") for k in ("force_N", "free_force_N", "entry_plane_m", "exit_plane_m")
+    )
+    inside = position >= np.where(speed >= 0.0, entry, leave)
+    return np.sign(speed) * slope * np.where(inside, force, free)
+
+
+@load_torque.register
+def _(load: ShaftFriction, name: str, chain: Chain, batch: Batch, number: int) -> Any:
+    if number:
+        return 0.0
+    w = batch.speed_rad_s
+    return chain.number(f"{name}.viscous_Nms") * w + chain.number(f"{name}.coulomb_Nm") * math.copysign(1.0, w)
+
+
+@load_torque.register
+def _(load: Spring, name: str, chain: Chain, batch: Batch, number: int) -> Any:
+    a, b = chain.points[load.from_point], chain.points[load.to_point]
+    way = b.position - a.position
+    length = np.abs(way)
+    pull = chain.number(f"{name}.stiffness_N_m") * (length - chain.number(f"{name}.free_length_m"))
+    slope = (np.conj(way) * (b.first - a.first)).real / length
+    return (pull + chain.number(f"{name}.preload_N")) * slope

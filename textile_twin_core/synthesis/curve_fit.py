@@ -1,0 +1,145 @@
+"""A four-bar whose coupler curve comes as near as it can to a curve given by points, by optimisation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import differential_evolution, least_squares
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import SceneError
+from textile_twin_core.synthesis.four_bar import (
+    ComplexArray,
+    FourBarDesign,
+    are_crank_rockers,
+    coupler_points,
+    worst_transmission,
+)
+
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 120, endpoint=False)
+_FEWEST, _MOST = 6, 500
+_BAD = 1e6
+_RUNS = 3
+# pivots, lengths and coupler point in sizes of the curve; the branch is the sign of the last
+_BOUNDS = [(-3.0, 3.0)] * 4 + [(0.1, 2.0), (0.3, 5.0), (0.3, 5.0), (-3.0, 3.0), (-3.0, 3.0), (-1.0, 1.0)]
+
+
+@dataclass(frozen=True)
+class CurveDesign:
+    """The four-bar found: RMS and largest distance of the points from its coupler curve [m], designs tried."""
+
+    four_bar: FourBarDesign
+    rms_m: float
+    largest_m: float
+    designs: int
+    stopped: bool
+
+
+def fit_curve(
+    points_m: Sequence[tuple[float, float]],
+    seed: int = 0,
+    smallest_mu_rad: float = 0.0,
+    generations: int = 600,
+    progress: Callable[[float], bool] | None = None,
+) -> CurveDesign:
+    """The crank-rocker whose coupler curve passes nearest to six or more points [m], at whatever crank angles.
+
+    Differential evolution over pivots, lengths, coupler point and branch (Storn and Price 1997), all designs of a
+    generation at once, three runs; then least squares over the design and the crank angle of each point.
+    `progress` is told the share done, and ends the search by returning True. The same seed gives the same design.
+    Raises SceneError for points that are too few, not finite, or all one.
+    """
+    points = np.array([complex(*p) for p in points_m])
+    if not _FEWEST <= points.size <= _MOST:
+        raise SceneError(f"a curve is given by {_FEWEST} to {_MOST} points, not {points.size}")
+    if not np.isfinite(points).all():
+        raise SceneError("points must be finite coordinates in metres")
+    centre, size = complex(points.mean()), float(np.abs(points - points.mean()).max())
+    if size == 0.0:
+        raise SceneError("the points are one and the same: give points that lie apart")
+    task = (points - centre) / size
+    tried = 0
+    stopped = False
+
+    def cost(columns: FloatArray) -> FloatArray:
+        nonlocal tried
+        tried += columns.shape[1]
+        designs, side = columns[:9].T, np.sign(columns[9])
+        return _mean_square(designs, side, task, smallest_mu_rad)
+
+    step = 0
+
+    def report(*_: object, **__: object) -> bool:
+        nonlocal step, stopped
+        step += 1
+        stopped = bool(progress and progress(min(1.0, step / (_RUNS * generations))))
+        return stopped
+
+    best: tuple[float, FloatArray, float] | None = None
+    for random in np.random.default_rng(seed).spawn(_RUNS):
+        found = differential_evolution(
+            cost, _BOUNDS, maxiter=generations, popsize=12, tol=1e-6, rng=random, polish=False, vectorized=True,
+            updating="deferred", callback=report,
+        )  # fmt: skip
+        side = float(np.sign(found.x[9]))
+        row = _polished(found.x[:9], side, task, smallest_mu_rad)
+        value = float(_mean_square(row[None], np.array([side]), task, smallest_mu_rad)[0])
+        if best is None or value < best[0]:
+            best = value, row, side
+        if stopped:
+            break
+    assert best is not None
+    return _design(best[1], best[2], points, centre, size, tried, stopped)
+
+
+def _mean_square(designs: FloatArray, side: FloatArray, task: ComplexArray, smallest_mu_rad: float) -> FloatArray:
+    """(n,) mean square distance of the points from the curves, worse where a crank cannot turn or mu is too small."""
+    curves = coupler_points(designs, side, _ANGLES)
+    away = np.abs(curves[:, None, :] - task[None, :, None]) ** 2
+    with np.errstate(invalid="ignore"):
+        value = away.min(axis=2).mean(axis=1)
+        short = np.maximum(0.0, smallest_mu_rad - worst_transmission(designs))
+    unfit = ~are_crank_rockers(designs) | ~np.isfinite(value)
+    return np.where(unfit, _BAD * (1.0 + _lack(designs)), np.nan_to_num(value, nan=_BAD) + 10.0 * short)
+
+
+def _lack(designs: FloatArray) -> FloatArray:
+    """(n,) how far a design is from turning fully, so that even those are led somewhere."""
+    ground = np.hypot(designs[:, 2] - designs[:, 0], designs[:, 3] - designs[:, 1])
+    lengths = np.sort(np.column_stack([designs[:, 4:7], ground]), axis=1)
+    surplus = lengths[:, 0] + lengths[:, 3] - lengths[:, 1] - lengths[:, 2]
+    return np.asarray(np.maximum(0.0, surplus) + (designs[:, 4] - lengths[:, 0]))
+
+
+def _polished(row: FloatArray, side: float, task: ComplexArray, smallest_mu_rad: float) -> FloatArray:
+    """Least squares over the design and the crank angle of each point, from the nearest angles on a fine grid."""
+    sides = np.array([side])
+    fine = np.linspace(0.0, 2.0 * math.pi, 1440, endpoint=False)
+    curve = coupler_points(row[None], sides, fine)[0]
+    angles = fine[np.abs(curve[:, None] - task[None, :]).argmin(axis=0)]
+
+    def misses(unknowns: FloatArray) -> FloatArray:
+        away = coupler_points(unknowns[None, :9], sides, unknowns[None, 9:])[0] - task
+        return np.asarray(np.nan_to_num(np.concatenate([away.real, away.imag]), nan=1e3))
+
+    low, high = (np.array([b[k] for b in _BOUNDS[:9]] + [end] * task.size) for k, end in ((0, -np.inf), (1, np.inf)))
+    start = np.append(np.clip(row, low[:9] + 1e-9, high[:9] - 1e-9), angles)
+    found = least_squares(misses, start, bounds=(low, high), x_scale="jac", max_nfev=300)
+    better = found.x[None, :9]
+    fits = are_crank_rockers(better)[0] and worst_transmission(better)[0] >= smallest_mu_rad
+    return np.asarray(found.x[:9] if fits else row)
+
+
+def _design(
+    row: FloatArray, side: float, points: ComplexArray, centre: complex, size: float, tried: int, stopped: bool
+) -> CurveDesign:
+    scaled = row * size
+    scaled[[0, 2]] += centre.real
+    scaled[[1, 3]] += centre.imag
+    four_bar = FourBarDesign.of_row(scaled, side)
+    fine = four_bar.points(np.linspace(0.0, 2.0 * math.pi, 7201))
+    away = np.abs(fine[None, :] - points[:, None]).min(axis=1)
+    return CurveDesign(four_bar, float(np.sqrt((away**2).mean())), float(away.max()), tried, stopped)

@@ -1,0 +1,193 @@
+"""Families of designs: a machine whose parameters a designer may change, by name, one at a time or many at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from inspect import signature
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core import machines
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import SceneError
+from textile_twin_core.machines import AnyMachine, Machine
+from textile_twin_core.synthesis.slots import read, write
+
+_UNITS = {"m": "m", "rad": "rad", "kg": "kg", "kgm2": "kg m²", "N": "N", "Nm": "N m", "s": "s"}
+_NUDGE = 1e-6
+_SPAN = 0.5
+_ANGLE_SPAN = math.radians(45.0)
+_LEFT_OUT = ("encoder_", "torque_sensor_")
+_NOT_SEARCHED = ("gravity_m_s2",)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a design: its value (None where the paper has none), unit, and the range that a slider offers."""
+
+    name: str
+    value: float | None
+    unit: str
+    low: float
+    high: float
+
+
+def _parameter(name: str, value: float | None) -> Parameter:
+    unit = next((u for end, u in _UNITS.items() if name.endswith(f"_{end}")), "")
+    v = 1.0 if value is None and unit == "kg" else (value or 0.0)
+    if unit == "rad":
+        low, high = v - _ANGLE_SPAN, v + _ANGLE_SPAN
+    elif v == 0.0:
+        low, high = (-0.05, 0.05) if unit == "m" else (-1.0, 1.0) if unit == "" else (0.0, 1.0)
+    else:
+        low, high = sorted((v * (1.0 - _SPAN), v * (1.0 + _SPAN)))
+    if name.endswith("axis_ratio"):
+        high = min(high, 1.0)
+    return Parameter(name, value, unit, low, high)
+
+
+class DeclaredFamily:
+    """A machine of a user's own: its parameters are the numbers of its declaration."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.base = machine
+        self.name = machine.name
+        self.parameters = tuple(_parameter(name, value) for name, value in read(machine).items())
+
+    def machine(self, values: Mapping[str, float]) -> Machine:
+        """The machine with these values. Raises MachineError where it cannot be, SceneError for an unknown name."""
+        return write(self.base, values)
+
+    @property
+    def searchable(self) -> tuple[str, ...]:
+        """Parameters that many designs may differ in."""
+        return tuple(p.name for p in self.parameters)
+
+    def columns(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Values by slot of many designs."""
+        return dict(values)
+
+
+class PublishedFamily:
+    """A published machine, by the parameters of its paper; a user's sensors, scene and places on the shaft are kept."""
+
+    def __init__(self, machine: AnyMachine, kind: str) -> None:
+        self.base, self.kind, self.name = machine, kind, machine.name
+        known = {n: p.default for n, p in signature(getattr(machines, kind)).parameters.items()}
+        values = {n: machine.parameters.get(n, default) for n, default in known.items() if not n.startswith(_LEFT_OUT)}
+        self.parameters = tuple(_parameter(n, v) for n, v in values.items() if v is None or isinstance(v, (int, float)))
+        self._words = {n: getattr(machine, n) for n, v in known.items() if isinstance(v, str) and hasattr(machine, n)}
+        self._known = set(values)
+
+    def machine(self, values: Mapping[str, float]) -> AnyMachine:
+        """The machine with these values. Raises MachineError where it cannot be, SceneError for an unknown name."""
+        for name in values:
+            if name not in self._known:
+                raise SceneError(f"machine '{self.kind}' has no parameter '{name}'")
+        made = machines.create(self.kind, **{**self.base.parameters, **self._words, **values})
+        kept: dict[str, Any] = {"name": self.base.name, "sensors": self.base.sensors, "scene": self.base.scene}
+        if isinstance(made, Machine) and isinstance(self.base, Machine):
+            if self.base.missing_for_torque and not made.missing_for_torque:
+                kept.pop("scene")
+            kept |= {"linkages": self.base.linkages}
+        return replace(made, **kept)
+
+    @property
+    def searchable(self) -> tuple[str, ...]:
+        """Parameters that many designs may differ in; none for a machine with a history."""
+        if not isinstance(self.base, Machine):
+            return ()
+        return tuple(p.name for p in self.parameters if p.value is not None and p.name not in _NOT_SEARCHED)
+
+    def columns(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Values by slot of many designs, as the paper's parameters place them.
+
+        Raises SceneError for a machine that has no slots.
+        """
+        if not isinstance(self.base, Machine):
+            raise SceneError(f"machine '{self.kind}' has a history, which no batch holds")
+        given = {p.name: np.asarray(values.get(p.name, p.value or 0.0), dtype=np.float64) for p in self.parameters}
+        equal = {slot: given[name] for slot, name in self._equal_slots().items()}
+        return {slot: v for slot, v in (equal | _PLACED[self.kind](given)).items() if slot in read(self.base)}
+
+    def _equal_slots(self) -> dict[str, str]:
+        """Slots that are one of the parameters as it stands, found by changing all of them a little."""
+        assert isinstance(self.base, Machine)
+        values = {p.name: p.value for p in self.parameters if p.value}
+        nudged = {name: v * (1.0 + _NUDGE * (k + 1) / len(values)) for k, (name, v) in enumerate(values.items())}
+        if "axis_ratio" in nudged:
+            nudged["axis_ratio"] = values["axis_ratio"]
+        before, after = read(self.base), read(self.machine(nudged))  # type: ignore[arg-type]
+        by_value = {(values[name], v): name for name, v in nudged.items() if v != values[name]}
+        return {slot: by_value[(v, after[slot])] for slot, v in before.items() if (v, after[slot]) in by_value}
+
+
+def _tufting(p: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "l6.guide_x_m": p["x1_m"] + p["x2_m"],
+        "l6.guide_y_m": p["H1_m"],
+        "l4.angle_rad": p["beta1_rad"] - 2.0 * math.pi,
+        "Backing.free_force_N": p["free_force_N"],
+    }
+
+
+def _handloom_beatup(p: Mapping[str, Any]) -> dict[str, Any]:
+    pivot = p["ground_m"] * np.exp(1j * p["ground_angle_rad"])
+    zeros = {"l3.mass_kg": "rocker_kg", "l3.inertia_kgm2": "rocker_kgm2", "l4#2.inertia_kgm2": "beater_kgm2"}
+    return {
+        "A.x_m": pivot.real,
+        "A.y_m": pivot.imag,
+        "l4.angle_rad": p["arm_angle_rad"],
+        "beater.radius_m": p["arm_m"],
+        **{slot: p[name] for slot, name in zeros.items()},
+    }
+
+
+def _elliptic_gear_beatup(p: Mapping[str, Any]) -> dict[str, Any]:
+    axis = 2.0 * p["half_axis_m"] * np.exp(1j * p["centre_line_rad"])
+    foot = axis + p["ground_m"] * np.exp(1j * p["ground_angle_rad"])
+    phase = math.pi + p["past_largest_ratio_rad"]
+    k = p["axis_ratio"]
+    e = np.sqrt((1.0 - k) * (1.0 + k))
+    turn = phase - 2.0 * np.arctan2(e * np.sin(phase), 1.0 + e * np.cos(phase))
+    reach = p["crank_m"] + p["coupler_m"]
+    with np.errstate(invalid="ignore"):
+        stretched = np.arccos((reach**2 + p["ground_m"] ** 2 - p["rocker_m"] ** 2) / (2.0 * reach * p["ground_m"]))
+    return {
+        "A.x_m": axis.real,
+        "A.y_m": axis.imag,
+        "D.x_m": foot.real,
+        "D.y_m": foot.imag,
+        "gear_1.axis_ratio": k,
+        "gear_1.phase_rad": phase,
+        "l1.phase_rad": p["ground_angle_rad"] + stretched - (p["centre_line_rad"] + math.pi - turn),
+        "sley.length_m": p["sley_m"],
+        "sley.radius_m": p["sley_m"],
+        "sley.angle_rad": p["sley_angle_rad"],
+    }
+
+
+_PLACED: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
+    "tufting": _tufting,
+    "handloom_beatup": _handloom_beatup,
+    "elliptic_gear_beatup": _elliptic_gear_beatup,
+}
+"""Slots that follow from the paper's parameters by a formula, or whose parameter is zero."""
+
+Family = DeclaredFamily | PublishedFamily
+
+
+def family_of(machine: AnyMachine) -> Family:
+    """The family of a machine: that of its paper where it is a published one, else that of its declaration."""
+    for kind in machines.NAMES:
+        known, given = set(signature(getattr(machines, kind)).parameters), set(machine.parameters)
+        if not given or not given <= known or type(machines.create(kind)) is not type(machine):
+            continue
+        family = PublishedFamily(machine, kind)
+        if not isinstance(machine, Machine) or family.machine({}) == machine:
+            return family
+    assert isinstance(machine, Machine)
+    return DeclaredFamily(machine)

@@ -1,0 +1,111 @@
+"""The numbers that a designer reads off one turn: stroke, dwell, largest acceleration, torque, ripple.
+
+All work on the last axis, so that one turn (m,) and many designs (n, m) are the same to them. The samples are equally
+spaced over the turn.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+
+DWELL_SHARE = 0.05
+"""A dwell's nearness to the rear point, in parts of the stroke, where nobody says how near in metres."""
+
+
+def smallest(values: FloatArray) -> FloatArray:
+    """The smallest value over the turn of a smooth curve, by a parabola through three samples."""
+    return -largest(-values)
+
+
+def largest(values: FloatArray) -> FloatArray:
+    """The largest value over the turn of a smooth curve, by a parabola through three samples."""
+    k = np.argmax(values, axis=-1)[..., None]
+    here = np.take_along_axis(values, k, -1)[..., 0]
+    before, after = (np.take_along_axis(values, (k + d) % values.shape[-1], -1)[..., 0] for d in (-1, 1))
+    bend = before - 2.0 * here + after
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rise = np.where(bend < 0.0, -((after - before) ** 2) / (8.0 * bend), 0.0)
+    return np.asarray(here + rise)
+
+
+def at_largest(values: FloatArray, guide: FloatArray) -> FloatArray:
+    """The values where `guide` is largest over the turn, between samples."""
+    k = np.argmax(guide, axis=-1)[..., None]
+    count = values.shape[-1]
+    b, here, a = (np.take_along_axis(guide, (k + d) % count, -1)[..., 0] for d in (-1, 0, 1))
+    vb, vh, va = (np.take_along_axis(values, (k + d) % count, -1)[..., 0] for d in (-1, 0, 1))
+    bend = b - 2.0 * here + a
+    with np.errstate(invalid="ignore", divide="ignore"):
+        x = np.where(bend < 0.0, 0.5 * (b - a) / bend, 0.0)
+    return np.asarray(vh + 0.5 * x * (va - vb) + 0.5 * x * x * (va - 2.0 * vh + vb))
+
+
+def dwell(position: FloatArray, within: FloatArray | float) -> FloatArray:
+    """Angle of the shaft [rad] over which the position stays within a distance of its smallest value.
+
+    The samples are joined by straight lines, so that the angle is no multiple of their spacing.
+    """
+    level = smallest(position) + within
+    here = level[..., None] - position  # positive inside
+    after = np.roll(here, -1, axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        crossing = np.maximum(here, after) / np.abs(here - after)
+    share = np.where((here >= 0.0) & (after >= 0.0), 1.0, np.where((here < 0.0) & (after < 0.0), 0.0, crossing))
+    return np.asarray(share.mean(axis=-1) * 2.0 * math.pi)
+
+
+def _stroke(position: FloatArray) -> FloatArray:
+    return largest(position) - smallest(position)
+
+
+def _dwell(position: FloatArray, within: float | None) -> FloatArray:
+    return dwell(position, DWELL_SHARE * _stroke(position) if within is None else within)
+
+
+MOTION = ("stroke_m", "dwell_rad", "largest_speed_m_s", "largest_acceleration_m_s2", "front_acceleration_m_s2")
+"""What is read off a measure: at the front its position is largest, at the rear, where it dwells, smallest."""
+
+
+def motion_number(
+    what: str,
+    position: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    dwell_within_m: float | None = None,
+) -> FloatArray:
+    """One of `MOTION`. The dwell counts within `dwell_within_m` of the rear, or within 5 % of the stroke."""
+    match what:
+        case "stroke_m":
+            return _stroke(position)
+        case "dwell_rad":
+            return _dwell(position, dwell_within_m)
+        case "largest_speed_m_s":
+            return largest(np.abs(velocity))
+        case "largest_acceleration_m_s2":
+            return largest(np.abs(acceleration))
+        case "front_acceleration_m_s2":
+            return np.abs(at_largest(acceleration, position))
+        case _:
+            raise KeyError(what)
+
+
+def torque_numbers(torque: FloatArray) -> dict[str, FloatArray]:
+    """Peak (largest size), root mean square and ripple (largest less smallest) of the shaft's torque [N m]."""
+    return {
+        "peak_torque_Nm": np.abs(torque).max(axis=-1),
+        "rms_torque_Nm": np.sqrt(np.mean(torque**2, axis=-1)),
+        "torque_ripple_Nm": np.ptp(torque, axis=-1),
+    }
+
+
+def shaking_numbers(x: FloatArray, y: FloatArray) -> dict[str, FloatArray]:
+    """Largest and root mean square shaking force [N]."""
+    squared = x**2 + y**2
+    return {
+        "largest_shaking_force_N": np.sqrt(squared.max(axis=-1)),
+        "rms_shaking_force_N": np.sqrt(squared.mean(axis=-1)),
+    }

@@ -1,0 +1,153 @@
+"""Four-bars whose coupler point goes exactly through up to five given points, in order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import SceneError
+from textile_twin_core.synthesis.four_bar import (
+    ComplexArray,
+    FourBarDesign,
+    are_crank_rockers,
+    coupler_points,
+    worst_transmission,
+)
+
+MOST_POINTS = 5
+_STARTS = 384
+_ROUNDS = 8
+_STEPS = 40
+_STEP = 1e-7
+_HELD = 1e-11
+"""A closed design misses no point by more, in sizes of the task."""
+_LONGEST = 8.0
+"""No link is longer, in sizes of the task."""
+Found = tuple[float, FloatArray, float, FloatArray]
+"""Worst transmission angle, design, side, crank angles."""
+_APART_RAD = math.radians(3.0)
+
+
+@dataclass(frozen=True)
+class PointsDesign:
+    """A four-bar through the points: at which crank angles (n,) it meets them [rad], and by how much it misses [m]."""
+
+    four_bar: FourBarDesign
+    angles_rad: tuple[float, ...]
+    miss_m: float
+
+
+def through_points(
+    points_m: Sequence[tuple[float, float]], seed: int = 0, count: int = 5, smallest_mu_rad: float = 0.0
+) -> tuple[PointsDesign, ...]:
+    """Crank-rockers whose coupler point passes two to five points [m] in their order, best transmission angle first.
+
+    Pivots, lengths, coupler point and the crank angle at each point are unknown: 9 + n unknowns for 2 n equations, of
+    which every start is led to the nearest solution by Newton's method with the shortest step (Gauss-Newton for an
+    underdetermined system; Deuflhard 2011). Kept are those on which the crank turns fully and meets the points one
+    after the other. The same seed gives the same designs. Raises SceneError for points that are too few, too many,
+    not finite or one and the same, and where no crank-rocker was found.
+    """
+    points = _checked(points_m)
+    centre, size = complex(points.mean()), float(np.abs(points - points.mean()).max())
+    if size == 0.0:
+        raise SceneError("the points are one and the same: give points that lie apart")
+    task = (points - centre) / size
+    found: list[Found] = []
+    random = np.random.default_rng(seed)
+    for _ in range(_ROUNDS):
+        found += _accepted(*_solve(*_starts(random, task), task), task, smallest_mu_rad)
+        if len(found) >= count:
+            break
+    if not found:
+        raise SceneError("no crank-rocker through these points was found; try another seed, fewer points or mu limit 0")
+    found.sort(key=lambda entry: -entry[0])
+    return tuple(_design(entry, centre, size, points) for entry in found[:count])
+
+
+def _checked(points_m: Sequence[tuple[float, float]]) -> ComplexArray:
+    if not 2 <= len(points_m) <= MOST_POINTS:
+        raise SceneError(
+            f"a coupler point is led through 2 to {MOST_POINTS} points, not {len(points_m)}; for more fit a curve"
+        )
+    points = np.array([complex(*p) for p in points_m])
+    if not np.isfinite(points).all():
+        raise SceneError("points must be finite coordinates in metres")
+    return points
+
+
+def _starts(random: np.random.Generator, task: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """Rough linkages of the task's size, and crank angles spread over a turn, either way round."""
+    pivots = random.normal(scale=1.5, size=(_STARTS, 4))
+    crank = random.uniform(0.2, 1.2, _STARTS)
+    ground = np.hypot(pivots[:, 2] - pivots[:, 0], pivots[:, 3] - pivots[:, 1])
+    coupler = random.uniform(0.8, 3.0, _STARTS)
+    rocker = np.clip(np.hypot(ground, coupler) * random.uniform(0.7, 1.3, _STARTS), crank + 0.1, None)
+    point = random.normal(scale=1.0, size=(_STARTS, 2))
+    gaps = random.dirichlet(np.ones(task.size), _STARTS) * 2.0 * math.pi
+    sense = random.choice([-1.0, 1.0], _STARTS)
+    angles = random.uniform(0.0, 2.0 * math.pi, (_STARTS, 1)) + sense[:, None] * np.cumsum(gaps, axis=1)
+    side = random.choice([-1.0, 1.0], _STARTS)
+    return np.column_stack([pivots, crank, coupler, rocker, point, angles]), side
+
+
+def _misses(unknowns: FloatArray, side: FloatArray, task: ComplexArray) -> FloatArray:
+    """(n, 2 k) how far the coupler point is from each point."""
+    away = coupler_points(unknowns[:, :9], side, unknowns[:, 9:]) - task
+    return np.concatenate([away.real, away.imag], axis=1)
+
+
+def _solve(unknowns: FloatArray, side: FloatArray, task: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """Newton with the shortest step; linkages that open on the way are left behind."""
+    for _ in range(_STEPS):
+        miss = _misses(unknowns, side, task)
+        slopes = np.empty((*miss.shape, unknowns.shape[1]))
+        for k in range(unknowns.shape[1]):
+            moved = unknowns.copy()
+            moved[:, k] += _STEP
+            slopes[:, :, k] = (_misses(moved, side, task) - miss) / _STEP
+        usable = np.isfinite(miss).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
+        unknowns, side, miss, slopes = unknowns[usable], side[usable], miss[usable], slopes[usable]
+        if not unknowns.size:
+            break
+        step = -(np.linalg.pinv(slopes, rcond=1e-10) @ miss[:, :, None])[:, :, 0]
+        longest = np.abs(step).max(axis=1, keepdims=True)
+        unknowns = unknowns + step * np.minimum(1.0, 0.4 / np.maximum(longest, 1e-300))
+    return unknowns, side
+
+
+def _accepted(unknowns: FloatArray, side: FloatArray, task: ComplexArray, smallest_mu_rad: float) -> list[Found]:
+    designs, angles = unknowns[:, :9], unknowns[:, 9:]
+    with np.errstate(invalid="ignore"):
+        miss = np.abs(_misses(unknowns, side, task)).max(axis=1)
+        mu = worst_transmission(designs)
+        good = (miss < _HELD) & are_crank_rockers(designs) & (mu >= smallest_mu_rad)
+        good &= (np.abs(designs[:, :7]) < _LONGEST).all(axis=1) & (designs[:, 4] > 0.02)
+    out: list[Found] = []
+    for i in np.flatnonzero(good).tolist():
+        if _in_order(angles[i]) and all(np.abs(designs[i] - other[1]).max() > 1e-3 for other in out):
+            out.append((float(mu[i]), designs[i], float(side[i]), angles[i]))
+    return out
+
+
+def _in_order(angles: FloatArray) -> bool:
+    """Whether a crank that turns one way round meets the angles one after the other, apart from each other."""
+    for sense in (1.0, -1.0):
+        gaps = np.mod(sense * np.diff(np.append(angles, angles[0])), 2.0 * math.pi)
+        if (gaps > _APART_RAD).all() and gaps.sum() < 2.5 * math.pi:
+            return True
+    return False
+
+
+def _design(entry: Found, centre: complex, size: float, points: ComplexArray) -> PointsDesign:
+    _, row, side, angles = entry
+    scaled = row * size
+    scaled[[0, 2]] += centre.real
+    scaled[[1, 3]] += centre.imag
+    four_bar = FourBarDesign.of_row(scaled, side)
+    miss = float(np.abs(four_bar.points(angles) - points).max())
+    return PointsDesign(four_bar, tuple(np.mod(angles, 2.0 * math.pi).tolist()), miss)

@@ -1,0 +1,30 @@
+"""One turn of the shaft at constant speed: values of expressions over its angle, without compiling."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.expression import Expr, interpret
+
+SAMPLES = 720
+_FUNCTIONS = SimpleNamespace(sqrt=np.sqrt, sin=np.sin, cos=np.cos, atan2=np.arctan2)
+
+
+def shaft_angles(samples: int = SAMPLES) -> FloatArray:
+    """(n,) equally spaced angles of one turn from 0 [rad]."""
+    return np.arange(samples, dtype=np.float64) * (2.0 * math.pi / samples)
+
+
+def over_turn(
+    expressions: Sequence[Expr], theta: FloatArray, speed_rad_s: float = 0.0, acceleration_rad_s2: float = 0.0
+) -> list[FloatArray]:
+    """Values (n,) of expressions of the shaft's state at angles (n,) [rad]; NaN where a machine cannot close."""
+    inputs = {"theta": theta, "omega": speed_rad_s, "alpha": acceleration_rad_s2}
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        found = interpret(expressions, inputs, _FUNCTIONS)
+    return [np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), theta.shape)) for value in found]
