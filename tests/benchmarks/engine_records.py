@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.optimize import linprog
 from scipy.signal import butter, sosfiltfilt
 
 TEETH = 57
@@ -31,6 +32,7 @@ _PRESSURE_LAG_S = 45e-6
 _ATMOSPHERE_PA = 1.013e5
 _PICKUP_HZ = 8e3
 _KNOTS_A_TURN = 15
+_SHARED_ORDERS = 6
 _SHARE = 0.1  # directions of the pitch errors that the motion explains to all but this share stay zero
 
 
@@ -112,22 +114,47 @@ def gas_torque(crank_rad: np.ndarray, pressure_Pa: np.ndarray) -> np.ndarray:
 
 
 def pitch_errors(runs: list[EngineRun]) -> np.ndarray:
-    """(57,) how far each tooth stands ahead of its nominal place [rad], as the median over runs.
+    """(57,) how far each tooth stands ahead of its nominal place [rad].
 
     In each run angle plus pitch error is a smooth function of time: a cubic spline with a knot every 24 degrees, and
-    both by least squares at once. What a motion that repeats with the turn could do as well is left to the motion.
+    both by least squares at once; the median over runs. Orders 0 to 6 of the turn are motion as well as pitch: of the
+    sets that differ by such orders, the one with the least sum of magnitudes (a tooth or two stand wrong, not all).
     """
-    return np.asarray(np.median([_run_pitch(run) for run in runs], axis=0))
+    middle = np.median([_run_pitch(run) for run in runs], axis=0)
+    waves = np.outer(np.arange(TEETH) * PITCH_RAD, np.arange(_SHARED_ORDERS + 1))
+    table = np.concatenate([np.cos(waves), np.sin(waves[:, 1:])], axis=1)
+    n, one = table.shape[1], np.eye(TEETH)
+    answer = linprog(
+        np.r_[np.zeros(n), np.ones(TEETH)], A_ub=np.block([[table, -one], [-table, -one]]), b_ub=np.r_[middle, -middle],
+        bounds=[(None, None)] * n + [(0.0, None)] * TEETH,
+    )  # fmt: skip
+    return np.asarray(middle - table @ answer.x[:n])
+
+
+def one_pass_pitch_errors(runs: list[EngineRun]) -> np.ndarray:
+    """(57,) the same as the mere deviation from a spline of 16 knots a turn: a third of the worst tooth's is left."""
+    return np.asarray(np.median([_deviation(run) for run in runs], axis=0))
+
+
+def _deviation(run: EngineRun) -> np.ndarray:
+    q, _ = np.linalg.qr(_splines(run, 16))
+    rest = q @ (q.T @ run.angle_rad) - run.angle_rad
+    return np.array([np.median(rest[run.tooth == tooth]) for tooth in range(TEETH)])
 
 
 def _run_pitch(run: EngineRun) -> np.ndarray:
-    turns = (run.angle_rad[-1] - run.angle_rad[0]) / (2.0 * np.pi)
-    knots = np.linspace(run.time_s[0], run.time_s[-1], int(turns * _KNOTS_A_TURN) + 1)
-    spline = BSpline.design_matrix(run.time_s, np.r_[[knots[0]] * 3, knots, [knots[-1]] * 3], 3).toarray()
-    q, _ = np.linalg.qr(spline)
+    q, _ = np.linalg.qr(_splines(run, _KNOTS_A_TURN))
     teeth = np.eye(TEETH)[run.tooth]
     answer = np.linalg.lstsq(teeth - q @ (q.T @ teeth), q @ (q.T @ run.angle_rad) - run.angle_rad, rcond=_SHARE)
     return np.asarray(answer[0])
+
+
+def _splines(run: EngineRun, knots_a_turn: int) -> np.ndarray:
+    """(n, m) cubic B-splines over the times of the teeth."""
+    turns = (run.angle_rad[-1] - run.angle_rad[0]) / (2.0 * np.pi)
+    knots = np.linspace(run.time_s[0], run.time_s[-1], int(turns * knots_a_turn) + 1)
+    ends = np.r_[[knots[0]] * 3, knots, [knots[-1]] * 3]
+    return np.asarray(BSpline.design_matrix(run.time_s, ends, 3).toarray())
 
 
 def calibrated(run: EngineRun, pitch_rad: np.ndarray) -> np.ndarray:

@@ -14,7 +14,6 @@ from numba import njit
 from scipy.optimize import minimize_scalar
 
 
-
 @dataclass(frozen=True)
 class Textbook:
     """States of the tuned filter and smoother.

@@ -72,7 +72,9 @@ def package(time_s: np.ndarray, angle_rad: np.ndarray, kind: str, view: str) -> 
 def tuned(time_s: np.ndarray, angle_rad: np.ndarray, kind: str, view: str) -> Track:
     """The textbook, tuned on these very readings (unwrapped here); for `lag` the filter."""
     book = textbook(time_s, np.unwrap(angle_rad))
-    states, covariance = (book.smooth, book.smooth_covariance) if view == "smooth" else (book.causal, book.causal_covariance)
+    states, covariance = (
+        (book.smooth, book.smooth_covariance) if view == "smooth" else (book.causal, book.causal_covariance)
+    )
     n = time_s.size
     return Track(
         np.arange(n), states[:, 0], states[:, 1], states[:, 2], covariance, np.ones(n, dtype=bool),
