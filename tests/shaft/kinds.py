@@ -51,7 +51,7 @@ def make(kind: str, seed: int) -> Record:
         KeyError: no such kind.
     """
     base, _, share = kind.partition("+")
-    record = KINDS[base](np.random.default_rng([seed, len(base)]), seed)
+    record = _begun_late(KINDS[base](np.random.default_rng([seed, len(base)]), seed), np.random.default_rng([seed, 78]))
     if share:
         rng = np.random.default_rng([seed, 77])
         wrong = rng.random(record.time_s.size) < float(share.removesuffix("%")) / 100.0
@@ -69,6 +69,13 @@ def _sampled(
     read, _, _ = motion.at(stamps + np.clip(rng.normal(0.0, jitter_s, stamps.size), -0.4 / rate_hz, 0.4 / rate_hz))
     read = np.round(read / step_rad) * step_rad
     return Record("", seed, stamps, read, bool(seed % 2), *motion.at(stamps))
+
+
+def _begun_late(record: Record, rng: np.random.Generator) -> Record:
+    """Without up to a quarter of its beginning: one starts to listen at any moment of the motion."""
+    cut = slice(int(rng.uniform(0.0, 0.25) * record.time_s.size), None)
+    names = ("time_s", "angle_rad", "theta", "omega", "alpha")
+    return replace(record, **{name: getattr(record, name)[cut] for name in names})
 
 
 def _start(rng: np.random.Generator) -> float:
