@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tests.shaft.disturbances import pulses, steps, wander
-from tests.shaft.shaft_motion import ShaftMotion
+from tests.shaft.shaft_motion import Law, ShaftMotion
 
 TURN = 2.0 * np.pi
 
@@ -92,7 +92,7 @@ def slow(rng: np.random.Generator, seed: int) -> Record:
     times = np.exp(rng.uniform(np.log(0.1), np.log(2.0), 2))
     push = sum((wander(rng, n, dt, t, rng.uniform(0.005, 0.03) * speed / t) for t in times), np.zeros(n))
     waves = _waves(rng, (1.0, 2.0), rng.uniform(0.0, 0.02))
-    motion = ShaftMotion.solve(dt, push, np.full(n, speed), rng.uniform(0.5, 3.0), waves, np.ones(n), _start(rng))
+    motion = ShaftMotion.solve(Law(dt, push, np.full(n, speed), rng.uniform(0.5, 3.0), waves, np.ones(n)), _start(rng))
     return _sampled(rng, seed, motion, 50.0, 4e-4, TURN / 2 ** rng.integers(12, 15))
 
 
@@ -105,7 +105,7 @@ def scales(rng: np.random.Generator, seed: int) -> Record:
     push += steps(rng, n, dt, rng.uniform(0.3, 3.0), rng.uniform(0.01, 0.1) * speed)
     push += pulses(rng, n, dt, rng.uniform(0.5, 4.0), rng.uniform(0.001, 0.02) * speed)
     waves = _waves(rng, (1.0, 2.0, 3.0), rng.choice((0.0, 0.01)))
-    motion = ShaftMotion.solve(dt, push, np.full(n, speed), rng.uniform(1.0, 5.0), waves, np.ones(n), _start(rng))
+    motion = ShaftMotion.solve(Law(dt, push, np.full(n, speed), rng.uniform(1.0, 5.0), waves, np.ones(n)), _start(rng))
     return _sampled(rng, seed, motion, 500.0, 20e-6, TURN / 4096)
 
 
@@ -129,7 +129,7 @@ def coarse(rng: np.random.Generator, seed: int) -> Record:
     )  # fmt: skip
     push = wander(rng, n, dt, 0.1, rng.uniform(0.0, 0.2) * top) * target / top
     waves = _waves(rng, (1.0, 2.0), rng.uniform(0.0, 0.03))
-    motion = ShaftMotion.solve(dt, push, target, 20.0, waves, np.ones(n), _start(rng))
+    motion = ShaftMotion.solve(Law(dt, push, target, 20.0, waves, np.ones(n)), _start(rng))
     return _sampled(rng, seed, motion, rate, 1e-4, TURN / 360)
 
 
@@ -150,7 +150,7 @@ def _teeth(rng: np.random.Generator, seed: int, pitch_rad: float) -> Record:
     push = wander(rng, n, dt, 0.05, rng.uniform(0.0, 0.2) * speed) + wander(rng, n, dt, 0.004, 0.3 * speed)
     sizes = 0.02 * 2.0 ** -np.arange(0.0, 6.0, 0.5) * rng.uniform(0.3, 1.0, 12)
     waves = np.stack([np.arange(0.5, 6.1, 0.5), sizes, rng.uniform(0.0, TURN, 12)], axis=1)
-    motion = ShaftMotion.solve(dt, push, np.full(n, speed), 5.0, waves, depth, _start(rng))
+    motion = ShaftMotion.solve(Law(dt, push, np.full(n, speed), 5.0, waves, depth), _start(rng))
     errors = rng.normal(0.0, pitch_rad, 57) if pitch_rad else np.zeros(57)
     first = int(motion.theta[0] / TURN * 60.0) + 2
     place = np.arange(first, int(motion.theta[-1] / TURN * 60.0) - 2)
@@ -166,9 +166,7 @@ def standstill(rng: np.random.Generator, seed: int) -> Record:
     dt, n = 2e-4, 35_001
     speed = rng.uniform(30.0, 200.0) * TURN / 60.0
     target = np.interp(np.arange(n) * dt, [3.0, 3.4, 4.6, 5.0], [0.0, speed, speed, 0.0])
-    motion = ShaftMotion.solve(
-        dt, np.zeros(n), target, 20.0, _waves(rng, (1.0,), 0.01), np.ones(n), _start(rng)
-    )  # fmt: skip
+    motion = ShaftMotion.solve(Law(dt, np.zeros(n), target, 20.0, _waves(rng, (1.0,), 0.01), np.ones(n)), _start(rng))
     record = _sampled(rng, seed, motion, 500.0, 20e-6, TURN / 4096)
     flicker = rng.random(record.time_s.size) < rng.uniform(0.0, 0.3)
     return replace(record, angle_rad=record.angle_rad + np.where(flicker, TURN / 4096, 0.0))

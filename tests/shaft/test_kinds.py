@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from tests.shaft.disturbances import pulses, steps, wander
 from tests.shaft.kinds import KINDS, TURN, make
-from tests.shaft.shaft_motion import ShaftMotion
+from tests.shaft.shaft_motion import Law, ShaftMotion
 
 
 def test_motion_against_another_integrator() -> None:
@@ -16,7 +16,7 @@ def test_motion_against_another_integrator() -> None:
     push = wander(rng, n, dt, 0.02, 30.0) + steps(rng, n, dt, 20.0, 5.0) + pulses(rng, n, dt, 10.0, 0.2)
     target, depth = np.linspace(10.0, 25.0, n), 1.0 + 0.3 * np.sin(np.arange(n) * 0.05)
     waves = np.array([[0.5, 0.05, 0.3], [2.0, 0.03, 1.0]])
-    motion = ShaftMotion.solve(dt, push, target, 4.0, waves, depth, 0.7)
+    motion = ShaftMotion.solve(Law(dt, push, target, 4.0, waves, depth), 0.7)
     grid = np.arange(n) * dt
 
     def slope(t: float, y: np.ndarray) -> list[float]:

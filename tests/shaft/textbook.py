@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.optimize import minimize_scalar
+
+from textile_twin_core.compiling import compiled
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,8 @@ def textbook(time_s: np.ndarray, angle_rad: np.ndarray) -> Textbook:
     return Textbook(causal, causal_p, smooth, smooth_p, ratio * variance / unit**5, variance)
 
 
-@njit(cache=True)
-def _predict(x, p, h, q):  # type: ignore[no-untyped-def]
+@compiled
+def _predict(x: np.ndarray, p: np.ndarray, h: float, q: float) -> None:
     """One step of length h [samples] in place: x (3,), p (3, 3)."""
     x[0] += h * x[1] + 0.5 * h * h * x[2]
     x[1] += h * x[2]
@@ -77,8 +78,8 @@ def _predict(x, p, h, q):  # type: ignore[no-untyped-def]
     p[1, 0], p[2, 0], p[2, 1] = p[0, 1], p[0, 2], p[1, 2]
 
 
-@njit(cache=True)
-def _correct(x, p, z):  # type: ignore[no-untyped-def]
+@compiled
+def _correct(x: np.ndarray, p: np.ndarray, z: float) -> tuple[float, float]:
     """A reading of unit variance in place (Joseph's form); innovation and its variance."""
     s = p[0, 0] + 1.0
     k0, k1, k2 = p[0, 0] / s, p[1, 0] / s, p[2, 0] / s
@@ -106,15 +107,15 @@ def _correct(x, p, z):  # type: ignore[no-untyped-def]
     return innovation, s
 
 
-@njit(cache=True)
-def _begin(h, z):  # type: ignore[no-untyped-def]
+@compiled
+def _begin(h: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     x = np.array([z[0], (z[1] - z[0]) / h[0], 0.0])
     p = np.diag(np.array([1e6, 1e6, 1e6]))
     return x, p
 
 
-@njit(cache=True)
-def _deviance(h, z, q):  # type: ignore[no-untyped-def]
+@compiled
+def _deviance(h: np.ndarray, z: np.ndarray, q: float) -> tuple[float, float]:
     """Minus twice the log likelihood, the reading variance profiled out, and that variance; 10 samples to settle."""
     x, p = _begin(h, z)
     logs, squares, used = 0.0, 0.0, 0
@@ -130,8 +131,8 @@ def _deviance(h, z, q):  # type: ignore[no-untyped-def]
     return used * np.log(variance) + logs, variance
 
 
-@njit(cache=True)
-def _run(h, z, q):  # type: ignore[no-untyped-def]
+@compiled
+def _run(h: np.ndarray, z: np.ndarray, q: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     n = z.size
     x, p = _begin(h, z)
     filtered, covariance = np.empty((n, 3)), np.empty((n, 3, 3))
