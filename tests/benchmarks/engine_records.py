@@ -16,8 +16,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.optimize import linprog
 from scipy.signal import butter, sosfiltfilt
 
 TEETH = 57
@@ -31,9 +29,6 @@ _BAR_PER_V = 1.0 / (5.0 * 0.0154)
 _PRESSURE_LAG_S = 45e-6
 _ATMOSPHERE_PA = 1.013e5
 _PICKUP_HZ = 8e3
-_KNOTS_A_TURN = 15
-_SHARED_ORDERS = 6
-_SHARE = 0.1  # directions of the pitch errors that the motion explains to all but this share stay zero
 
 
 @dataclass(frozen=True)
@@ -78,8 +73,10 @@ def paths(repository: Path) -> list[str]:
     """The usable text files: of the groups, with the engine running."""
     listing = subprocess.run(
         ["git", "-C", str(repository), "ls-tree", "-r", "--name-only", "-z", "HEAD"],
-        check=True, capture_output=True, text=True,
-    )  # fmt: skip
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     names = [name for name in listing.stdout.split("\0") if re.fullmatch(r"Group.*\.txt", name)]
     return sorted(name for name in names if "engineoff" not in name.lower())
 
@@ -101,9 +98,16 @@ def read_run(repository: Path, path: str) -> EngineRun:
     pressure = _pegged(pressure, crank, inside)
     load = next(kind for kind in ("full", "half", "no") if f"{kind}load" in path.lower().replace(" ", ""))
     return EngineRun(
-        path, load, time, turn_place, tooth, clock[inside], gas_torque(crank[inside], pressure[inside]),
-        pressure[inside], float(_TDC_RAD),
-    )  # fmt: skip
+        path,
+        load,
+        time,
+        turn_place,
+        tooth,
+        clock[inside],
+        gas_torque(crank[inside], pressure[inside]),
+        pressure[inside],
+        float(_TDC_RAD),
+    )
 
 
 def gas_torque(crank_rad: np.ndarray, pressure_Pa: np.ndarray) -> np.ndarray:
@@ -111,55 +115,6 @@ def gas_torque(crank_rad: np.ndarray, pressure_Pa: np.ndarray) -> np.ndarray:
     force = (pressure_Pa - _ATMOSPHERE_PA) * np.pi / 4.0 * BORE_M**2
     sine, cosine = np.sin(crank_rad), np.cos(crank_rad)
     return np.asarray(force * CRANK_M * sine * (1.0 + CRANK_M * cosine / np.sqrt(ROD_M**2 - (CRANK_M * sine) ** 2)))
-
-
-def pitch_errors(runs: list[EngineRun]) -> np.ndarray:
-    """(57,) how far each tooth stands ahead of its nominal place [rad].
-
-    In each run angle plus pitch error is a smooth function of time: a cubic spline with a knot every 24 degrees, and
-    both by least squares at once; the median over runs. Orders 0 to 6 of the turn are motion as well as pitch: of the
-    sets that differ by such orders, the one with the least sum of magnitudes (a tooth or two stand wrong, not all).
-    """
-    middle = np.median([_run_pitch(run) for run in runs], axis=0)
-    waves = np.outer(np.arange(TEETH) * PITCH_RAD, np.arange(_SHARED_ORDERS + 1))
-    table = np.concatenate([np.cos(waves), np.sin(waves[:, 1:])], axis=1)
-    n, one = table.shape[1], np.eye(TEETH)
-    answer = linprog(
-        np.r_[np.zeros(n), np.ones(TEETH)], A_ub=np.block([[table, -one], [-table, -one]]), b_ub=np.r_[middle, -middle],
-        bounds=[(None, None)] * n + [(0.0, None)] * TEETH,
-    )  # fmt: skip
-    return np.asarray(middle - table @ answer.x[:n])
-
-
-def one_pass_pitch_errors(runs: list[EngineRun]) -> np.ndarray:
-    """(57,) the same as the mere deviation from a spline of 16 knots a turn: a third of the worst tooth's is left."""
-    return np.asarray(np.median([_deviation(run) for run in runs], axis=0))
-
-
-def _deviation(run: EngineRun) -> np.ndarray:
-    q, _ = np.linalg.qr(_splines(run, 16))
-    rest = q @ (q.T @ run.angle_rad) - run.angle_rad
-    return np.array([np.median(rest[run.tooth == tooth]) for tooth in range(TEETH)])
-
-
-def _run_pitch(run: EngineRun) -> np.ndarray:
-    q, _ = np.linalg.qr(_splines(run, _KNOTS_A_TURN))
-    teeth = np.eye(TEETH)[run.tooth]
-    answer = np.linalg.lstsq(teeth - q @ (q.T @ teeth), q @ (q.T @ run.angle_rad) - run.angle_rad, rcond=_SHARE)
-    return np.asarray(answer[0])
-
-
-def _splines(run: EngineRun, knots_a_turn: int) -> np.ndarray:
-    """(n, m) cubic B-splines over the times of the teeth."""
-    turns = (run.angle_rad[-1] - run.angle_rad[0]) / (2.0 * np.pi)
-    knots = np.linspace(run.time_s[0], run.time_s[-1], int(turns * knots_a_turn) + 1)
-    ends = np.r_[[knots[0]] * 3, knots, [knots[-1]] * 3]
-    return np.asarray(BSpline.design_matrix(run.time_s, ends, 3).toarray())
-
-
-def calibrated(run: EngineRun, pitch_rad: np.ndarray) -> np.ndarray:
-    """(n,) the angles of a run with the pitch errors put in: where the teeth really stand."""
-    return np.asarray(run.angle_rad + pitch_rad[run.tooth])
 
 
 def _tooth_times(clock: np.ndarray, pickup: np.ndarray) -> np.ndarray:

@@ -124,9 +124,7 @@ def coarse(rng: np.random.Generator, seed: int) -> Record:
         level.append(goal)
         speed = goal
     smooth = np.hanning(int(0.06 / dt))
-    target = np.convolve(
-        np.interp(np.arange(n + smooth.size - 1) * dt, time, level), smooth / smooth.sum(), "valid"
-    )  # fmt: skip
+    target = np.convolve(np.interp(np.arange(n + smooth.size - 1) * dt, time, level), smooth / smooth.sum(), "valid")
     push = wander(rng, n, dt, 0.1, rng.uniform(0.0, 0.2) * top) * target / top
     waves = _waves(rng, (1.0, 2.0), rng.uniform(0.0, 0.03))
     motion = ShaftMotion.solve(Law(dt, push, target, 20.0, waves, np.ones(n)), _start(rng))

@@ -25,9 +25,7 @@ def test_motion_against_another_integrator() -> None:
         return [y[1], pull + np.interp(t, grid, push) + np.interp(t, grid, depth) * y[1] * abs(y[1]) * ripple]
 
     times = np.sort(rng.uniform(0.0, grid[-1], 40))
-    other = solve_ivp(
-        slope, (0.0, grid[-1]), [0.7, 10.0], "DOP853", times, max_step=dt / 2, rtol=1e-10, atol=1e-10
-    )  # fmt: skip
+    other = solve_ivp(slope, (0.0, grid[-1]), [0.7, 10.0], "DOP853", times, max_step=dt / 2, rtol=1e-10, atol=1e-10)
     theta, omega, alpha = motion.at(times)
     assert np.allclose(theta, other.y[0], atol=1e-7)
     assert np.allclose(omega, other.y[1], atol=1e-6)

@@ -55,9 +55,11 @@ def predict(factory: Factory, run: EngineRun, angle_rad: np.ndarray, view: str) 
     half = held >= 0.5 * angle_rad.size
     inside = np.array([np.mean(np.abs(error[late]) <= k * sigma[late]) for k in (1.0, 2.0)])
     return Prediction(
-        float(np.sqrt(np.mean(error[late] ** 2))), float(np.sqrt(np.mean(error[half] ** 2))), inside,
+        float(np.sqrt(np.mean(error[late] ** 2))),
+        float(np.sqrt(np.mean(error[half] ** 2))),
+        inside,
         not_positive(made.covariance),
-    )  # fmt: skip
+    )
 
 
 def leaves(made: Track, run: EngineRun) -> bool:

@@ -49,9 +49,13 @@ def score(factory: Factory, kind: str, seed: int, view: str) -> Score:
     off = made.settled[late] & ~(np.abs(errors[:, 0]) <= 0.5 * np.maximum(truth, floor))
     wanted = int(record.time_s.size * (1.0 - SKIP))
     return Score(
-        _rms(errors), _rms(reference), inside, bool(off.any()), not_positive(made.covariance),
+        _rms(errors),
+        _rms(reference),
+        inside,
+        bool(off.any()),
+        not_positive(made.covariance),
         1.0 - min(late.sum() / wanted, 1.0),
-    )  # fmt: skip
+    )
 
 
 def not_positive(covariance: np.ndarray) -> int:

@@ -7,15 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.benchmarks.engine_records import (
-    TEETH,
-    EngineRun,
-    calibrated,
-    one_pass_pitch_errors,
-    paths,
-    pitch_errors,
-    read_run,
-)
+from tests.benchmarks.engine_pitch import calibrated, one_pass_pitch_errors, pitch_errors
+from tests.benchmarks.engine_records import TEETH, EngineRun, paths, read_run
 from tests.benchmarks.shaft_judge.engine_ripple import driven, explained, waves_of, wheel_errors
 from tests.benchmarks.shaft_judge.engine_score import KIND, leaves, predict
 from tests.benchmarks.shaft_judge.kinds_score import HEADER, SKIP, row, score

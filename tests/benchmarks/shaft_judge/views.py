@@ -50,9 +50,15 @@ def track(factory: Factory, time_s: np.ndarray, angle_rad: np.ndarray, kind: str
     settled = rest[0] if rest else np.ones(len(index), dtype=bool)
     variance = rest[1] if len(rest) > 1 else np.full(len(index), np.nan)
     return Track(
-        np.asarray(index), np.asarray(theta), np.asarray(omega), np.asarray(alpha), np.asarray(covariance),
-        np.asarray(settled, dtype=bool), np.broadcast_to(variance, len(index)), rest[2] if len(rest) > 2 else None,
-    )  # fmt: skip
+        np.asarray(index),
+        np.asarray(theta),
+        np.asarray(omega),
+        np.asarray(alpha),
+        np.asarray(covariance),
+        np.asarray(settled, dtype=bool),
+        np.broadcast_to(variance, len(index)),
+        rest[2] if len(rest) > 2 else None,
+    )
 
 
 def package(time_s: np.ndarray, angle_rad: np.ndarray, kind: str, view: str) -> Track:
@@ -64,9 +70,14 @@ def package(time_s: np.ndarray, angle_rad: np.ndarray, kind: str, view: str) -> 
     report = estimator.report
     variance = report.resolution_rad**2 / 12.0 + (report.stamp_jitter_s * states.omega_rad_s) ** 2
     return Track(
-        states.index, states.theta_rad, states.omega_rad_s, states.alpha_rad_s2, states.covariance, states.settled,
+        states.index,
+        states.theta_rad,
+        states.omega_rad_s,
+        states.alpha_rad_s2,
+        states.covariance,
+        states.settled,
         variance,
-    )  # fmt: skip
+    )
 
 
 def tuned(time_s: np.ndarray, angle_rad: np.ndarray, kind: str, view: str) -> Track:
@@ -77,6 +88,11 @@ def tuned(time_s: np.ndarray, angle_rad: np.ndarray, kind: str, view: str) -> Tr
     )
     n = time_s.size
     return Track(
-        np.arange(n), states[:, 0], states[:, 1], states[:, 2], covariance, np.ones(n, dtype=bool),
+        np.arange(n),
+        states[:, 0],
+        states[:, 1],
+        states[:, 2],
+        covariance,
+        np.ones(n, dtype=bool),
         np.full(n, book.reading_variance),
-    )  # fmt: skip
+    )
