@@ -115,8 +115,9 @@ def test_a_folder_that_cannot_be_written(place: str, tmp_path: Path, capsys: pyt
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_an_unknown_option_and_a_json_file_in_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_option_and_a_json_file_below_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["published", "--figures", "x"]) == 2
-    assert main(["published", "--json", str(tmp_path / "none" / "f.json")]) == 2
+    (tmp_path / "file").write_text("no folder")
+    assert main(["published", "--json", str(tmp_path / "file" / "f.json")]) == 2
     assert capsys.readouterr().err.count("\n") == 2
-    assert not (tmp_path / "none").exists()
+    assert (tmp_path / "file").read_text() == "no folder"

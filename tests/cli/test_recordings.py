@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import resource
 import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -192,9 +195,10 @@ def test_compare_writes_all_it_was_asked_for_or_nothing(tmp_path: Path, bag: Pat
     assert sorted(tmp_path.iterdir()) == sorted(files)
     for file in files:
         file.unlink()
-    lost = str(tmp_path / "missing" / "d.png")
+    (tmp_path / "file").write_text("no folder")
+    lost = str(tmp_path / "file" / "d.png")
     assert main(["compare", str(bag), "--machine", "tufting", "--json", str(files[0]), "--png", lost]) == 2
-    assert list(tmp_path.iterdir()) == []
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
 
 
 def test_bad_angles_stop_the_work_or_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -285,6 +289,37 @@ def test_an_output_that_is_there_is_kept_unless_forced(
     assert main([*command, "--force"]) == 0
     assert sorted(entry.name for entry in (tmp_path / "out").iterdir()) == ["metadata.yaml", "out_0.mcap"]
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+
+
+@contextmanager
+def full_disk(room: int) -> Iterator[None]:
+    """The limit on the size of files stands for a disk without room."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize("room", [0, 5_000, 40_000])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["replay", "{bag}", "--machine", "tufting"],
+        ["recover", "{bag}"],
+        ["simulate", "tufting", "--rpm", "160", "--samples", "20000"],
+    ],
+)
+def test_a_full_disk_names_the_output(
+    tmp_path: Path, bag: Path, capsys: pytest.CaptureFixture[str], command: list[str], room: int
+) -> None:
+    out = tmp_path / "out.mcap"
+    with full_disk(room):
+        assert main([word.format(bag=bag) for word in command] + ["--out", str(out)]) == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("\r")]
+    assert str(out) in line and "file too large" in line.lower()
+    assert not list(tmp_path.iterdir())
 
 
 _STOPPED = """

@@ -167,6 +167,7 @@ _TURN = ["--rpm", "160", "--samples", "36"]
         (["tufting", *_TURN, "--set", "m1_kg=-1"], "m"),
         (["tufting", *_TURN, "--input", "motion.csv"], "--input stands alone"),
         (["tufting", "--input", "missing.csv"], "missing.csv: no such file"),
+        (["tufting", "--rpm", "1e9", "--samples", "4"], "must be a speed in rpm, at most 100000, not '1e9'"),
     ],
 )
 def test_a_mistake_is_one_line(
@@ -207,13 +208,39 @@ def test_a_bad_table_is_named_with_its_line(
     assert [entry.name for entry in tmp_path.iterdir()] == ["motion.csv"]
 
 
-@pytest.mark.parametrize("place", ["missing/f.csv", "file/f.csv", "folder", "f.txt"])
+@pytest.mark.parametrize("place", ["file/f.csv", "file/deeper/f.csv", "folder", "f.txt"])
 def test_a_place_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str], place: str) -> None:
     (tmp_path / "file").write_text("no folder")
     (tmp_path / "folder").mkdir()
     assert main(["simulate", "tufting", *_TURN, "--out", str(tmp_path / place)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_a_missing_folder_is_made(tmp_path: Path) -> None:
+    assert main(["simulate", "tufting", *_TURN, "--out", str(tmp_path / "out" / "new" / "f.csv")]) == 0
+    assert (tmp_path / "out" / "new" / "f.csv").stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    ("theta", "asks"),
+    [
+        (np.arange(0.0, 360.0), True),
+        (np.arange(-180.0, 180.0, 5.0), True),
+        (np.arange(720) % 360.0, True),
+        (np.arange(0.0, 350.0, 0.05), False),  # fifty-six turns in radians
+        (np.linspace(0.0, 2.0 * np.pi, 12), False),
+        (np.arange(0.0, 900.0, 1.0), False),
+    ],
+)
+def test_degrees_in_a_column_of_radians_are_asked_about(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], theta: np.ndarray, asks: bool
+) -> None:
+    table = tmp_path / "motion.csv"
+    rows = "".join(f"{value},1,0\n" for value in theta)
+    table.write_text(f"theta_rad,omega_rad_s,alpha_rad_s2\n{rows}")
+    assert main(["simulate", "tufting", "--input", str(table), "--out", str(tmp_path / "f.csv")]) == 0
+    assert ("are these degrees?" in capsys.readouterr().err) is asks
 
 
 def test_a_recording_without_times_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -169,5 +169,5 @@ def test_a_file_that_is_not_there_or_is_no_text(tmp_path: Path) -> None:
     (tmp_path / "b.yaml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(MachineError, match="cannot be read as text"):
         load_machine_file(tmp_path / "b.yaml")
-    with pytest.raises(OutputError, match="does not exist"):
-        save_machine_file(ttc.machines.tufting(), tmp_path / "no" / "m.yaml")
+    with pytest.raises(OutputError, match="is not a folder"):
+        save_machine_file(ttc.machines.tufting(), tmp_path / "b.yaml" / "m.yaml")

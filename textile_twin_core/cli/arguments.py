@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _MOST_WORDS = 12
 MACHINE_SUFFIXES = (".yaml", ".yml")
+MOST_RPM = 1e5
+"""No shaft of a textile machine turns faster; who asks for more has mistaken the unit."""
 
 
 class UsageError(TwinError):
@@ -111,6 +113,14 @@ def number(text: str) -> float:
         value = float("nan")
     if not abs(value) < float("inf"):
         raise argparse.ArgumentTypeError(f"must be a number, not '{text}'")
+    return value
+
+
+def shaft_speed(text: str) -> float:
+    """A speed in rpm that a machine's shaft may have, as a type of an argument."""
+    value = number(text)
+    if abs(value) > MOST_RPM:
+        raise argparse.ArgumentTypeError(f"must be a speed in rpm, at most {MOST_RPM:g}, not '{text}'")
     return value
 
 

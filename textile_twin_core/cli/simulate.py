@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,8 +16,8 @@ from textile_twin_core.cli.arguments import (
     count,
     load_machine,
     nearest,
-    number,
     positive,
+    shaft_speed,
 )
 from textile_twin_core.cli.progress import progress
 
@@ -40,7 +41,7 @@ def parser() -> Parser:
         "textile-twin simulate tufting --rpm 160 --samples 360 --out turn.csv",
     )
     add_machine(parser, option=False)
-    parser.add_argument("--rpm", type=number, metavar="R", help="one revolution at this constant speed")
+    parser.add_argument("--rpm", type=shaft_speed, metavar="R", help="one revolution at this constant speed")
     parser.add_argument("--samples", type=count, metavar="N", help="samples of the revolution, at theta = 2 pi k/N")
     parser.add_argument(
         "--input",
@@ -149,12 +150,21 @@ def _motion(arguments: argparse.Namespace) -> MotionTable:
     import numpy as np
 
     from textile_twin_core.files import MotionTable, read_motion_table
+    from textile_twin_core.files.motion_table import looks_like_degrees
 
     revolution = arguments.rpm is not None or arguments.samples is not None
     if arguments.input is not None:
         if revolution:
             raise UsageError("--input stands alone: leave --rpm and --samples away, or --input")
-        return read_motion_table(arguments.input)
+        motion = read_motion_table(arguments.input)
+        if looks_like_degrees(motion.theta_rad):
+            low, high = motion.theta_rad.min(), motion.theta_rad.max()
+            print(
+                f"textile-twin: {arguments.input}: theta_rad runs from {low:g} to {high:g}: are these degrees? They are"
+                " taken for radians",
+                file=sys.stderr,
+            )
+        return motion
     if arguments.rpm is None or arguments.samples is None:
         raise UsageError("give the motion: --rpm R --samples N for one revolution, or --input motion.csv")
     theta = 2.0 * math.pi * np.arange(arguments.samples) / arguments.samples

@@ -25,17 +25,19 @@ def partial_path(path: Path) -> Path:
 
 
 def check_folder(path: Path) -> None:
-    """Raise OutputError unless a file could be created beside `path` right now.
+    """Raise OutputError unless a file could be created beside `path` right now; a missing folder is made.
 
     Tries instead of asking for permission bits, since read-only and virtual file systems ignore those.
     """
     if not path.name:
         raise OutputError(f"output '{path}': not a file name; give the name of the file to write")
-    if not path.parent.exists():
-        raise OutputError(f"output {path}: the folder {path.parent} does not exist; make it first")
-    if not path.parent.is_dir():
-        raise OutputError(f"output {path}: {path.parent} is not a folder; choose another place")
     probe = partial_path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise OutputError(f"output {path}: {path.parent} is not a folder; choose another place") from error
+    except OSError as error:
+        raise OutputError(f"output {path}: the folder {path.parent} cannot be made ({_why(error)})") from error
     try:
         probe.touch(exist_ok=False)
         probe.unlink()

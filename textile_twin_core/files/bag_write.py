@@ -60,7 +60,7 @@ class BagWriter:
         if not self._single:
             self._place.mkdir(exist_ok=live)
         self._file_name = self.path.name if self._single else f"{self.path.name}_0.mcap"
-        self._file = McapFileWriter(self._place if self._single else self._place / self._file_name)
+        self._file = McapFileWriter(self._place if self._single else self._place / self._file_name, self.path)
         self._topics: dict[str, TopicInfo] = {}
         self._channels: dict[str, int] = {}
         self._flushed = time.monotonic()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import mcap.records as records
@@ -37,9 +39,13 @@ class McapFileWriter:
     """One MCAP file of profile ros2, compressed with zstd in chunks of about a megabyte, indexed.
 
     Schemas and channels are declared outside the chunks and again in the summary.
+
+    named: the path that an error names, where the file is to have that name later.
+    Raises OSError with that name when the disk takes no more.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, named: Path | None = None) -> None:
+        self._named = named or path
         self._file = path.open("xb")
         self._builder = RecordBuilder()
         self._schemas: dict[str, records.Schema] = {}
@@ -54,7 +60,7 @@ class McapFileWriter:
         """Log time and offset of messages written one by one, in turn."""
         self.span_ns: tuple[int, int] | None = None
         self._chunk_span: tuple[int, int] | None = None
-        self._file.write(MAGIC)
+        self._put(MAGIC)
         self._emit(records.Header(profile="ros2", library="textile-twin"))
 
     def _emit(self, record: records.McapRecord) -> tuple[int, int]:
@@ -62,8 +68,20 @@ class McapFileWriter:
         record.write(self._builder)
         data: bytes = self._builder.end()  # type: ignore[no-untyped-call]
         start = self._file.tell()
-        self._file.write(data)
+        self._put(data)
         return start, len(data)
+
+    def _put(self, data: bytes) -> None:
+        with self._naming():
+            self._file.write(data)
+
+    @contextmanager
+    def _naming(self) -> Iterator[None]:
+        """What the system says of a full or vanished disk names no file by itself."""
+        try:
+            yield
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self._named)) from error
 
     def add_channel(self, topic: str, msgtype: str, definition: MessageSchema, metadata: dict[str, str]) -> int:
         """Declare a topic; its channel number."""
@@ -147,7 +165,7 @@ class McapFileWriter:
             offsets[channel] = self._file.tell()
             table = np.concatenate(pieces)
             body = table[np.argsort(table[:, 0], kind="stable")].astype("<u8").tobytes()
-            self._file.write(_INDEX_HEAD(Opcode.MESSAGE_INDEX, 6 + len(body), channel, len(body)) + body)
+            self._put(_INDEX_HEAD(Opcode.MESSAGE_INDEX, 6 + len(body), channel, len(body)) + body)
         self._chunks.append(
             records.ChunkIndex(
                 message_start_time=first,
@@ -168,8 +186,12 @@ class McapFileWriter:
     def flush(self) -> None:
         """Put everything written so far on the disk, so that neither a kill nor a power loss takes it."""
         self._end_chunk()
-        self._file.flush()
-        os.fdatasync(self._file.fileno())
+        self._sync()
+
+    def _sync(self) -> None:
+        with self._naming():
+            self._file.flush()
+            os.fdatasync(self._file.fileno())
 
     def add_metadata(self, name: str, entries: dict[str, str]) -> None:
         """Write a metadata record."""
@@ -211,11 +233,11 @@ class McapFileWriter:
         for offset in offsets:
             self._emit(offset)
         self._emit(records.Footer(summary_start=summary_start, summary_offset_start=offset_start, summary_crc=0))
-        self._file.write(MAGIC)
-        self._file.flush()
-        os.fdatasync(self._file.fileno())
+        self._put(MAGIC)
+        self._sync()
         self._file.close()
 
     def abandon(self) -> None:
         """Close the file as it is."""
-        self._file.close()
+        with suppress(OSError):  # what is still in its buffer finds no room either
+            self._file.close()

@@ -73,6 +73,12 @@ def read_motion_table(path: str | Path) -> MotionTable:
     return MotionTable(columns["theta_rad"], columns["omega_rad_s"], columns["alpha_rad_s2"], time)
 
 
+def looks_like_degrees(theta_rad: FloatArray) -> bool:
+    """Whether angles (n,) fill a turn of 360 in steps that are coarse in radians: degrees in a column of radians."""
+    spans_a_turn = 300.0 < np.ptp(theta_rad) <= 361.0 and theta_rad.min() >= -181.0 and theta_rad.max() <= 361.0
+    return bool(spans_a_turn and np.median(np.abs(np.diff(theta_rad))) > 0.2)
+
+
 _FIX = "give a finite number"
 
 

@@ -67,9 +67,8 @@ def replay_bag(
     for name in bag.topics:
         if name not in (*writer.topics, description):
             out.copy_topic(bag, name)
-    if isinstance(machine, Machine):
-        out.add_topic(description, "std_msgs/msg/String", LATCHED)
-        out.write(description, bag.start_ns, encode_string(machine.urdf()))
+    out.add_topic(description, "std_msgs/msg/String", LATCHED)
+    out.write(description, bag.start_ns, encode_string(machine.urdf()))
     residual = None
     if isinstance(machine, Machine) and topics.has_torque and bag.has_topic(torque_topic):
         jumps = load_jumps(compile_machine(machine, [TORQUE]))

@@ -82,6 +82,12 @@ class NeedleTransferMachine(Declared):
         motion = tuple(f"{element}_{what}" for element in ELEMENTS for what in MOTION)
         return (*motion, *DRIVE)
 
+    def urdf(self) -> str:
+        """The robot description (URDF): three sliding elements."""
+        from textile_twin_core.machines.urdf import needle_transfer_urdf
+
+        return needle_transfer_urdf(self)
+
     def integrator(self, tolerance: float = 1e-13) -> ContactIntegrator:
         """An integrator for its contact model."""
         return ContactIntegrator(self.model, tolerance)

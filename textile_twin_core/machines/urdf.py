@@ -3,91 +3,91 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree as Xml
+
+import numpy as np
 
 from textile_twin_core.dynamics.body import Body
-from textile_twin_core.machines.joints import BASE
+from textile_twin_core.expression import Expr
+from textile_twin_core.machines.joints import BASE, Joint
+from textile_twin_core.machines.robot import Limits, Robot
+from textile_twin_core.mechanism import Arc, Travel
+from textile_twin_core.mechanism.extremes import smallest_value, values_over
 
 if TYPE_CHECKING:
     from textile_twin_core.machines.machine import Machine
+    from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
 
 _BAR_WIDTH_SHARE = 0.08
-_COLOURS = (
-    "0.80 0.45 0.20 1",
-    "0.25 0.50 0.75 1",
-    "0.35 0.60 0.40 1",
-    "0.55 0.40 0.65 1",
-    "0.85 0.70 0.30 1",
-)
+_PROBES = 721
+_INSTANTS = 4801
+_ROOM = 1e-9
+"""Share of a joint's stroke by which its limits lie outside of it, so that rounding does not cross them."""
 
 
 def machine_urdf(machine: Machine) -> str:
-    """A URDF text: `world` -> `base` is a roll of +90 degrees, since the machine's y is up and the world's z.
+    """The URDF text of a linkage: its tree of links, and a frame `needle_tip`, `beater_tip` or `sley_tip` at the tool.
 
-    Loops are cut; the twin publishes every joint, passive ones too, so that the loops stay closed.
+    Loops are cut; the twin publishes every joint, passive ones too, so that the loops stay closed. Joints that do not
+    turn fully have the limits of their motion in the machine, at its nominal speed.
     """
-    robot = Xml.Element("robot", name=machine.name)
-    Xml.SubElement(robot, "link", name="world")
-    Xml.SubElement(robot, "link", name=BASE)
-    _joint(robot, "world_to_base", "fixed", "world", BASE, "0 0 0", f"{math.pi / 2:.17g} 0 0")
-    longest = max(link.length for link in machine.linkage.solved.links.values())
-    for i, link in enumerate(machine.linkage.solved.links.values()):
-        _link(robot, machine, link.name, link.length, longest * _BAR_WIDTH_SHARE, _COLOURS[i % len(_COLOURS)])
+    links = machine.linkage.solved.links
+    robot = Robot(machine.name, max(link.length for link in links.values()) * _BAR_WIDTH_SHARE)
+    for link in links.values():
+        robot.bar(link.name, link.length, [body for body in machine.bodies if body.on == link.name])
     for joint in machine.joints:
-        slides = joint.kind == "prismatic"
-        along = math.atan2(joint.axis[1], joint.axis[0]) if slides else joint.origin_angle_rad
-        element = _joint(
-            robot,
-            joint.name,
-            joint.kind,
-            joint.parent_link,
-            joint.child_link,
-            f"{joint.origin_m[0]:.17g} {joint.origin_m[1]:.17g} 0",
-            f"0 0 {along:.17g}",
-        )
-        if slides:
-            reach = 10.0 * longest
-            Xml.SubElement(element, "axis", xyz="1 0 0")
-            Xml.SubElement(element, "limit", lower=f"{-reach:g}", upper=f"{reach:g}", effort="1e6", velocity="1e3")
-        elif joint.kind == "continuous":
-            Xml.SubElement(element, "axis", xyz="0 0 1")
-    Xml.indent(robot)
-    return '<?xml version="1.0"?>\n' + Xml.tostring(robot, encoding="unicode") + "\n"
+        limits = None if joint.kind == "fixed" else _limits(machine, joint)
+        turns = joint.kind == "continuous" and limits is not None
+        along = math.atan2(joint.axis[1], joint.axis[0]) if joint.kind == "prismatic" else joint.origin_angle_rad
+        kind = "revolute" if turns else joint.kind
+        robot.joint(joint.name, kind, joint.parent_link, joint.child_link, joint.origin_m, along, limits)
+    ends = {link.name: link.end for link in links.values()}
+    for measure in machine.measures:
+        if not isinstance(measure, Travel | Arc):
+            continue
+        point = measure.point if isinstance(measure, Travel) else ends[measure.link]
+        tool = next((link for link in links.values() if link.end == point), None)
+        if tool is not None:
+            robot.frame(f"{measure.name}_tip")
+            robot.joint(f"{measure.name}_tip", "fixed", tool.name, f"{measure.name}_tip", (tool.length, 0.0))
+    return robot.text()
 
 
-def _joint(robot: Xml.Element, name: str, kind: str, parent: str, child: str, xyz: str, rpy: str) -> Xml.Element:
-    element = Xml.SubElement(robot, "joint", name=name, type=kind)
-    Xml.SubElement(element, "parent", link=parent)
-    Xml.SubElement(element, "child", link=child)
-    Xml.SubElement(element, "origin", xyz=xyz, rpy=rpy)
-    return element
+def _limits(machine: Machine, joint: Joint) -> Limits | None:
+    """How far and how fast a joint goes; None for one that turns on and on."""
+    position = machine.model.output(f"joint_{joint.name}_position")
+    low, high = machine.range_rad
+    angles = values_over(position, np.linspace(low, high, _PROBES))
+    steps = np.diff(angles)
+    if joint.kind == "continuous" and (np.abs(steps).max() > math.pi / 2 or abs(angles[-1] - angles[0]) > 1.0):
+        return None
+    lower, upper = _extreme(position, machine.range_rad), -_extreme(-position, machine.range_rad)
+    room = _ROOM * max(upper - lower, 1e-6)
+    fastest = float(np.abs(steps).max()) / (high - low) * (_PROBES - 1)
+    return Limits(lower - room, upper + room, fastest * machine.nominal_speed_rad_s)
 
 
-def _link(robot: Xml.Element, machine: Machine, name: str, length: float, width: float, colour: str) -> None:
-    element = Xml.SubElement(robot, "link", name=name)
-    _inertial(element, [body for body in machine.bodies if body.on == name], length)
-    visual = Xml.SubElement(element, "visual")
-    Xml.SubElement(visual, "origin", xyz=f"{length / 2:.17g} 0 0", rpy="0 0 0")
-    geometry = Xml.SubElement(visual, "geometry")
-    Xml.SubElement(geometry, "box", size=f"{length:.17g} {width:.6g} {width / 2:.6g}")
-    material = Xml.SubElement(visual, "material", name=f"{name}_paint")
-    Xml.SubElement(material, "color", rgba=colour)
+def _extreme(value: Expr, range_rad: tuple[float, float]) -> float:
+    return smallest_value(value, range_rad)[1]
 
 
-def _inertial(element: Xml.Element, bodies: Sequence[Body], length: float) -> None:
-    """All bodies of a link as one: URDF knows no more."""
-    mass = sum(body.mass_kg for body in bodies)
-    if mass == 0.0:
-        return
-    along, across = (length / mass * sum(b.mass_kg * b.centroid[axis] for b in bodies) for axis in (0, 1))
-    inertia = sum(
-        b.inertia_kgm2 + b.mass_kg * math.hypot(b.centroid[0] * length - along, b.centroid[1] * length - across) ** 2
-        for b in bodies
-    )
-    inertial = Xml.SubElement(element, "inertial")
-    Xml.SubElement(inertial, "origin", xyz=f"{along:.17g} {across:.17g} 0", rpy="0 0 0")
-    Xml.SubElement(inertial, "mass", value=f"{mass:.17g}")
-    zz = f"{inertia:.17g}"
-    Xml.SubElement(inertial, "inertia", ixx=zz, iyy=zz, izz=zz, ixy="0", ixz="0", iyz="0")
+def needle_transfer_urdf(machine: NeedleTransferMachine) -> str:
+    """The URDF text of a needle transfer: three elements that slide along the needle bar, downwards.
+
+    Limits are those of one cycle from the published start at the machine's speed.
+    """
+    from textile_twin_core.machines.needle_transfer import ELEMENTS
+
+    run = machine.simulate(times=np.linspace(0.0, 2.0 * math.pi / machine.speed_rad_s, _INSTANTS))
+    rows = {name: row for name, row in run.model.index.items() if name in ELEMENTS}
+    strokes = {name: run.positions[row] for name, row in rows.items()}
+    length = max(float(np.ptp(positions)) for positions in strokes.values())
+    robot = Robot(machine.name, length * _BAR_WIDTH_SHARE)
+    for name, positions in sorted(strokes.items()):
+        # It only slides: its inertia, which nobody declares, is that of a rod.
+        mass = machine.parameters[f"{name}_kg"]
+        robot.bar(name, length, [Body(name, mass, mass * length**2 / 12.0)])
+        fastest = float(np.abs(run.velocities[rows[name]]).max())
+        limits = Limits(float(positions.min()), float(positions.max()), fastest)
+        robot.joint(name, "prismatic", BASE, name, (0.0, 0.0), -math.pi / 2, limits)
+    return robot.text()

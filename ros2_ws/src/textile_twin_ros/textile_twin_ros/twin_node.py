@@ -10,7 +10,6 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-import textile_twin_core as ttc
 from textile_twin_core.errors import TwinError
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, latched_qos
@@ -109,9 +108,8 @@ class TwinNode(LifecycleNode):
             if not self._starting:
                 self.get_logger().error(str(error))
             return _FAILURE
-        if isinstance(machine, ttc.Machine):
-            self._description = self.create_publisher(String, "robot_description", latched_qos())
-            self._description.publish(String(data=machine.urdf()))
+        self._description = self.create_publisher(String, "robot_description", latched_qos())
+        self._description.publish(String(data=machine.urdf()))
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
