@@ -23,6 +23,10 @@ class UsageError(TwinError):
     """The command line itself is wrong."""
 
 
+class BeyondLimitError(TwinError):
+    """The work is done, and a result lies beyond a limit that was given: exit code 3, for scripts."""
+
+
 def nearest(given: str, known: Iterable[str]) -> str:
     """Half a sentence that names the nearest of the known words, or all of them."""
     words = list(known)

@@ -10,12 +10,29 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording, load_linkage, shaft_settings
+from textile_twin_core.cli.arguments import (
+    BeyondLimitError,
+    Parser,
+    UsageError,
+    add_machine,
+    add_recording,
+    load_linkage,
+    number,
+    shaft_settings,
+)
 from textile_twin_core.cli.progress import progress
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison import Comparison
     from textile_twin_core.machines import Machine
+
+_LIMITS = {
+    "max-rms": ("rms_error_Nm", "RMS error [N m]"),
+    "max-rms-over-peak": ("rms_over_peak", "RMS error over the largest measured torque"),
+    "max-error": ("max_error_Nm", "largest error [N m]"),
+    "min-correlation": ("correlation", "correlation"),
+}
+"""Limits for scripts: the error they speak of, and its name."""
 
 _FORMS = {"json": "the numbers", "rrd": "a recording for textile-twin view", "png": "a plot by shaft angle"}
 
@@ -36,6 +53,10 @@ def parser() -> Parser:
         help="predict from the recorded shaft angles, or take what the twin published into the recording;"
         " default %(default)s",
     )
+    for option, (_, what) in _LIMITS.items():
+        parser.add_argument(
+            f"--{option}", type=number, metavar="X", help=f"exit code 3 when the {what} is beyond this limit"
+        )
     for form, what in _FORMS.items():
         parser.add_argument(f"--{form}", type=Path, metavar="FILE", help=f"write {what}; is replaced when it is there")
     return parser
@@ -59,11 +80,12 @@ def run(arguments: argparse.Namespace) -> None:
         comparison = compare_recording(arguments, machine, arguments.predicted == "recorded")
         _write(partial, comparison, machine, arguments)
     _print(comparison)
+    _check_limits(comparison, arguments)
 
 
 def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded: bool = False) -> Comparison:
     """The comparison that the arguments of add_recording ask for; recorded: with the predictions in the recording."""
-    from textile_twin_core.comparison import compare_torque
+    from textile_twin_core.comparison import Readings, assess, compare_torque
     from textile_twin_core.files import open_bag
     from textile_twin_core.files.prediction import beside, published, recompute, usable_angles
 
@@ -76,6 +98,10 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
     if recorded:
         predicted = published(bag, predicted, angles.topic)
+    readings = Readings(
+        angles.stamps, angles.angles_rad, measured.stamps, measured.torque_Nm, velocities=angles.velocities
+    )
+    judged = assess(readings, machine)
     comparison = compare_torque(
         measured.stamps,
         measured.torque_Nm,
@@ -88,7 +114,12 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         predicted_sigma_Nm=predicted.sigma_Nm,
         rejected=predicted.rejected,
     )
-    return dataclasses.replace(comparison, notes=(*comparison.notes, *predicted.notes))
+    return dataclasses.replace(
+        comparison,
+        notes=(*comparison.notes, *predicted.notes, *judged.notes),
+        verdict=judged.verdict,
+        explained=judged.explained,
+    )
 
 
 def _write(partial: dict[str, Path], comparison: Comparison, machine: Machine, arguments: argparse.Namespace) -> None:
@@ -111,10 +142,23 @@ def _write(partial: dict[str, Path], comparison: Comparison, machine: Machine, a
         plot_comparison(partial["png"], comparison, machine)
 
 
+def _check_limits(comparison: Comparison, arguments: argparse.Namespace) -> None:
+    beyond = []
+    for option, (field, what) in _LIMITS.items():
+        limit = getattr(arguments, option.replace("-", "_"))
+        value = getattr(comparison.errors, field)
+        if limit is not None and not (value >= limit if option.startswith("min") else value <= limit):
+            beyond.append(f"{what} {value:.6g} is beyond --{option} {limit:g}")
+    if beyond:
+        raise BeyondLimitError("; ".join(beyond))
+
+
 def _print(comparison: Comparison) -> None:
-    from textile_twin_core.comparison import summary_rows
+    from textile_twin_core.comparison import summary_rows, verdict_lines
 
     rows = summary_rows(comparison)
     width = max(len(name) for name, _ in rows)
     for name, value in rows:
         print(f"{name:{width}}  {value}")
+    for k, line in enumerate(verdict_lines(comparison)):
+        print(f"{'verdict' if k == 0 else '':{width}}  {line}")

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from textile_twin_core.cli.arguments import nearest
+from textile_twin_core.cli.arguments import BeyondLimitError, nearest
 from textile_twin_core.errors import TwinError
 
 COMMANDS = {
@@ -40,19 +40,22 @@ def _help() -> str:
             "",
             "textile-twin COMMAND --help tells the rest. For example:",
             "  textile-twin simulate tufting --rpm 160 --samples 360 --out turn.csv",
-            "Exit code: 0 done, 2 a mistake in what was asked or given, 1 a fault of textile-twin itself.",
+            "Exit code: 0 done, 2 a mistake in what was asked or given, 3 beyond a limit that was given,",
+            "1 a fault of textile-twin itself.",
         ]
     )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command with its arguments; the exit code: 0, 2 for the user's mistake, 1 for ours."""
+    """Run the command with its arguments; the exit code: 0, 2 for the user's mistake, 3 beyond a limit, 1 for ours."""
     given = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
         # So that half-written files are taken away when we are told to stop.
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         return _run(given)
+    except BeyondLimitError as error:
+        return _say(str(error), 3)
     except TwinError as error:
         return _say(str(error), 2)
     except ModuleNotFoundError as error:

@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 from textile_twin_core.comparison.alignment import AlignmentError
+from textile_twin_core.comparison.assess import Assessment, assess
 from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors, RunningAngleBins
 from textile_twin_core.comparison.compare import compare_torque
 from textile_twin_core.comparison.delay import SensorFit
+from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
 from textile_twin_core.comparison.statistics import ErrorStatistics
-from textile_twin_core.comparison.summary import summary_rows
+from textile_twin_core.comparison.summary import summary_rows, verdict_lines
+from textile_twin_core.comparison.verdict import Cause
 
 __all__ = [
     "AlignmentError",
     "AngleBins",
+    "Assessment",
+    "Cause",
     "Comparison",
     "ComparisonEvent",
     "ErrorStatistics",
+    "Readings",
     "RevolutionErrors",
     "RunningAngleBins",
     "SampleCount",
     "SensorFit",
+    "assess",
     "compare_torque",
     "summary_rows",
+    "verdict_lines",
 ]

@@ -10,7 +10,8 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import AlignmentError, Track, build_track, time_ranges
 from textile_twin_core.comparison.by_angle import bin_by_angle, by_revolution
-from textile_twin_core.comparison.delay import SensorFit, fit_sensor
+from textile_twin_core.comparison.by_order import by_order, by_speed
+from textile_twin_core.comparison.delay import SensorFit, fit_sensor, line, usable
 from textile_twin_core.comparison.inputs import usable_measurements, usable_predictions
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
 from textile_twin_core.comparison.statistics import error_statistics
@@ -83,7 +84,7 @@ def compare_torque(
         settled: (n,) whether the shaft estimator had settled; without it all count as settled.
         predicted_sigma_Nm: (n,) standard deviation of the predictions, kept for the views.
         rejected: samples that were refused before a prediction was made, by cause; they join the count.
-        delay_search_s: the delay is sought this far on either side of the configured one.
+        delay_search_s: the delay is sought this far on either side of the configured one, and within half a turn.
         event_guard_s: half width of the time around a load jump that is left out.
         angle_bins: number of bins of the shaft angle.
 
@@ -120,7 +121,9 @@ def compare_torque(
     calm = inside & ready[piece]
     fit = SensorFit(configured, float("nan"), gain, offset, identifiable=False, at_limit=False)
     if np.count_nonzero(calm) >= _LEAST_SAMPLES:
-        fit = fit_sensor(track, time[calm], measured[calm], configured, delay_search_s, event_guard_s)
+        search_s = min(delay_search_s, _half_turn(track))
+        fit = fit_sensor(track, time[calm], measured[calm], configured, search_s, event_guard_s)
+        fit = _never_worse(fit, track, (time[calm], measured[calm]), (configured, gain, offset), event_guard_s)
 
     used, not_used = _select(track, time - fit.delay_s, ready, event_guard_s)
     causes.update(not_used)
@@ -164,6 +167,8 @@ def compare_torque(
         errors_fitted=error_statistics(seen, fitted),
         by_angle=bin_by_angle(angle[used & turning], residual[used & turning], angle_bins),
         by_revolution=by_revolution(measured_ns[used], turned, residual[used]),
+        by_order=by_order(angle[used & turning], residual[used & turning]),
+        by_speed=by_speed(_speed(track, time[used] - fit.delay_s), residual[used]),
         samples=SampleCount(
             measured=int(np.size(measured_Nm)),
             predicted=int(np.size(predicted_Nm)),
@@ -175,7 +180,7 @@ def compare_torque(
         events=tuple(
             ComparisonEvent(event.name, float(event.angle_rad), jump) for event, jump in zip(events, jumps, strict=True)
         ),
-        notes=_notes(fit, configured, delay_search_s),
+        notes=_notes(fit, configured, min(delay_search_s, _half_turn(track))),
     )
 
 
@@ -203,11 +208,44 @@ def _expected(track: Track, time_s: FloatArray, gain: float, offset_Nm: float) -
     return gain * torque + offset_Nm, theta
 
 
+def _half_turn(track: Track) -> float:
+    """Time of half a turn at the fast end of the recorded speeds; a delay beyond it cannot be told from one within."""
+    speed = float(np.percentile(np.abs(np.diff(track.theta_rad) / np.diff(track.edge_s)), 95.0))
+    return np.pi / speed if speed > 0.0 else np.inf
+
+
+def _never_worse(
+    fit: SensorFit,
+    track: Track,
+    measured: tuple[FloatArray, FloatArray],
+    sensor: tuple[float, float, float],
+    guard_s: float,
+) -> SensorFit:
+    """The fit, or the configured delay where the fitted one does not lessen the error as configured."""
+    time_s, torque_Nm = measured
+    configured_s, gain, offset = sensor
+    if not fit.identifiable:
+        return fit
+    squares = []
+    for delay in (fit.delay_s, configured_s):
+        good, torque, _ = usable(track, time_s - delay, guard_s)
+        squares.append(float(np.mean((torque_Nm[good] - gain * torque[good] - offset) ** 2)) if good.any() else np.inf)
+    if squares[0] <= squares[1]:
+        return fit
+    good, torque, _ = usable(track, time_s - configured_s, guard_s)
+    return SensorFit(configured_s, float("nan"), *line(torque[good], torque_Nm[good]), False, fit.at_limit)
+
+
+def _speed(track: Track, time_s: FloatArray) -> FloatArray:
+    """Mean speed of the shaft [rad/s] over the piece that holds each time (m,)."""
+    return np.asarray((np.diff(track.theta_rad) / np.diff(track.edge_s))[track.piece(time_s)[0]])
+
+
 def _turning(track: Track, time_s: FloatArray) -> BoolArray:
     """Which of the times (m,) find the shaft turning: friction and angle of a shaft at rest say nothing."""
-    speed = np.abs(np.diff(track.theta_rad) / np.diff(track.edge_s))
+    speed = np.abs(_speed(track, track.edge_s[:-1]))
     share = _TURNING_SHARE * float(np.percentile(speed, 95.0))
-    return np.asarray(speed[track.piece(time_s)[0]] >= share)
+    return np.asarray(np.abs(_speed(track, time_s)) >= share)
 
 
 def _notes(fit: SensorFit, configured_s: float, search_s: float) -> tuple[str, ...]:
@@ -218,5 +256,5 @@ def _notes(fit: SensorFit, configured_s: float, search_s: float) -> tuple[str, .
             "the errors are at the configured delay",
         )
     if not fit.identifiable:
-        return ("the torque does not follow the prediction well enough to tell a delay: the configured one holds",)
+        return ("no delay lessens the error as configured, or the torque does not follow: the configured one holds",)
     return ()

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.comparison.alignment import Track
+from textile_twin_core.comparison.alignment import TWO_PI, Track
 
 _COARSE_SAMPLES = 5000
 _COARSE_STEPS = 100  # on either side of the configured delay
+_MORE_LIKELY = 1.05  # by this factor a reversed torque must be liker than one that is not
 _HUBER = 1.345  # residuals beyond this many sigmas count linearly, Huber 1964
 
 
@@ -20,8 +21,8 @@ class SensorFit:
 
     Attributes:
         delay_s: the estimated delay; the configured one where `identifiable` is false.
-        delay_sigma_s: its standard deviation from the residual's scatter (samples taken as independent).
-        gain: estimated gain. offset_Nm: estimated offset.
+        delay_sigma_s: its standard deviation; residuals of one turn of the shaft may belong together.
+        gain: estimated gain, negative where the torque's sign is reversed. offset_Nm: estimated offset.
         identifiable: whether the torque follows the prediction well enough to tell a delay.
         at_limit: whether the best delay lies on the edge of the searched range.
     """
@@ -52,26 +53,29 @@ def fit_sensor(
 ) -> SensorFit:
     """Estimate delay, gain and offset from measured samples (m,) at `time_s`.
 
-    First the delay of the highest correlation on a grid of `search_s` around the configured delay, then
-    Gauss-Newton in (delay, gain, offset) with Huber weights, which resolves a small fraction of a sample.
+    First the delay of the highest correlation, of either sign, on a grid of `search_s` around the configured delay,
+    then Gauss-Newton in (delay, gain, offset) with Huber weights, which resolves a small fraction of a sample.
     Samples at a jump of the load are left out: there the sensor's own dynamics decide, not its delay.
     """
     thin = np.linspace(0, time_s.size - 1, min(time_s.size, _COARSE_SAMPLES)).astype(np.int64)
     grid = configured_s + np.linspace(-search_s, search_s, 2 * _COARSE_STEPS + 1)
     likeness = np.array([_correlation(track, time_s[thin] - d, measured_Nm[thin], guard_s) for d in grid])
+    if -likeness.min() > _MORE_LIKELY * likeness.max():
+        likeness = -likeness
     best = int(np.argmax(likeness))
     at_limit = best in (0, grid.size - 1)
     if not likeness[best] > 0.3 or at_limit:
         good, torque, _ = usable(track, time_s - configured_s, guard_s)
-        gain, offset = _line(torque[good], measured_Nm[good])
+        gain, offset = line(torque[good], measured_Nm[good])
         return SensorFit(configured_s, float("nan"), gain, offset, False, at_limit)
     delay, gain, offset, sigma = float(grid[best]), 1.0, 0.0, float("nan")
     span = float(grid[1] - grid[0])
     for _ in range(30):
+        piece, _ = track.piece(time_s - delay)
         good, torque, slope = usable(track, time_s - delay, guard_s)
         torque, slope, seen = torque[good], slope[good], measured_Nm[good]
         if sigma != sigma:  # the first pass
-            gain, offset = _line(torque, seen)
+            gain, offset = line(torque, seen)
         error = seen - gain * torque - offset
         scale = 1.4826 * float(np.median(np.abs(error))) + 1e-12 * float(np.max(np.abs(seen)))
         weight = np.minimum(1.0, _HUBER * scale / np.maximum(np.abs(error), 1e-300))
@@ -80,11 +84,19 @@ def fit_sensor(
         move = np.linalg.lstsq(normal, (columns * weight) @ error, rcond=None)[0]
         shift = float(np.clip(move[0], -span, span))
         delay, gain, offset = delay + shift, gain + float(move[1]), offset + float(move[2])
-        variance = float(np.sum(weight * error**2)) / max(error.size - 3, 1)
-        sigma = float(np.sqrt(max(np.linalg.pinv(normal)[0, 0], 0.0) * variance))
+        sigma = _sigma_over_turns(columns, weight * error, normal, track.theta_at(time_s - delay, piece)[good])
         if abs(shift) < 1e-10:
             break
     return SensorFit(delay, sigma, gain, offset, True, abs(delay - configured_s) > search_s)
+
+
+def _sigma_over_turns(columns: FloatArray, errors: FloatArray, normal: FloatArray, theta_rad: FloatArray) -> float:
+    """Standard deviation of the first unknown: the larger with residuals of one turn as one, or each on its own."""
+    weights = (np.linalg.pinv(normal)[0] @ columns) * errors
+    turns, place = np.unique(np.floor(theta_rad / TWO_PI), return_inverse=True)
+    scores = np.bincount(place, weights=weights)
+    few = turns.size / max(turns.size - 1, 1)
+    return float(np.sqrt(max(few * (scores @ scores), weights @ weights)))
 
 
 def _correlation(track: Track, time_s: FloatArray, measured_Nm: FloatArray, guard_s: float) -> float:
@@ -100,7 +112,7 @@ def _correlation(track: Track, time_s: FloatArray, measured_Nm: FloatArray, guar
     return float(a @ b) / size
 
 
-def _line(torque_Nm: FloatArray, measured_Nm: FloatArray) -> tuple[float, float]:
+def line(torque_Nm: FloatArray, measured_Nm: FloatArray) -> tuple[float, float]:
     """Least-squares gain and offset of measured over predicted torque; nan gain for constant torque."""
     centred = torque_Nm - torque_Nm.mean()
     power = float(centred @ centred)

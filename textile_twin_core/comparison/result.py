@@ -6,14 +6,18 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors
+from textile_twin_core.comparison.by_order import OrderSpectrum, SpeedBins
 from textile_twin_core.comparison.delay import SensorFit
 from textile_twin_core.comparison.statistics import ErrorStatistics
+
+if TYPE_CHECKING:
+    from textile_twin_core.comparison.verdict import Cause
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +74,12 @@ class Comparison:
         fit: delay, gain and offset as the data tell them.
         errors: at the estimated delay. errors_configured: at the configured one.
             errors_fitted: with estimated delay, gain and offset, what no sensor setting explains.
-        by_angle, by_revolution: the residual at the estimated delay, sorted; by angle while the shaft turns.
+        by_angle, by_revolution, by_order, by_speed: the residual at the estimated delay, sorted; by angle and by
+            order while the shaft turns.
         samples: used and rejected. revolutions: turns of the shaft from the first used sample to the last.
         events: the turn's events. notes: what a reader of the numbers should know.
+        verdict: what is wrong with the recording or the machine file, likeliest first; empty when nothing is.
+        explained: share of the torque's variance that the machine explains once that is mended; nan without a verdict.
     """
 
     stamps_ns: IntArray
@@ -94,10 +101,14 @@ class Comparison:
     errors_fitted: ErrorStatistics
     by_angle: AngleBins
     by_revolution: RevolutionErrors
+    by_order: OrderSpectrum
+    by_speed: SpeedBins
     samples: SampleCount
     revolutions: float
     events: tuple[ComparisonEvent, ...]
     notes: tuple[str, ...]
+    verdict: tuple[Cause, ...] = ()
+    explained: float = math.nan
 
     def to_json(self) -> dict[str, Any]:
         """Return the numbers as one object of plain lists and numbers; what is not a number is null."""
@@ -117,7 +128,7 @@ class Comparison:
             "fitted": dataclasses.asdict(self.errors_fitted),
         }
         first, last = self.stamps_ns[self.used][[0, -1]]
-        plain: dict[str, Any] = _plain(
+        plain_numbers: dict[str, Any] = plain(
             {
                 "torque": torque,
                 "samples": {
@@ -131,23 +142,27 @@ class Comparison:
                 "time": {"start_ns": first, "end_ns": last, "duration_s": (last - first) * 1e-9},
                 "by_angle": dataclasses.asdict(self.by_angle),
                 "by_revolution": dataclasses.asdict(self.by_revolution),
+                "by_order": dataclasses.asdict(self.by_order),
+                "by_speed": dataclasses.asdict(self.by_speed),
                 "events": [dataclasses.asdict(event) for event in self.events],
                 "notes": list(self.notes),
+                "verdict": [dataclasses.asdict(cause) for cause in self.verdict],
+                "explained": self.explained,
             }
         )
-        return plain
+        return plain_numbers
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Turn arrays into lists, numpy numbers into Python's, and nan or infinity into None."""
     if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
+        return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
+        return [plain(entry) for entry in value]
     if isinstance(value, np.ndarray):
-        return [_plain(entry) for entry in value.tolist()]
+        return [plain(entry) for entry in value.tolist()]
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

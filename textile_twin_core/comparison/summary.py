@@ -35,3 +35,12 @@ def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
         ("samples rejected", f"{comparison.samples.rejected}" + (f" ({causes})" if causes else "")),
     ]
     return rows + [("note", note) for note in comparison.notes]
+
+
+def verdict_lines(comparison: Comparison) -> list[str]:
+    """The verdict in plain words, likeliest cause first; one line when nothing is wrong or nothing can be told."""
+    if comparison.verdict:
+        return [cause.text for cause in comparison.verdict]
+    if math.isnan(comparison.explained):
+        return ["nothing can be told from this recording; see the notes"]
+    return [f"as the machine file says; it explains {comparison.explained * 100.0:.2f} % of the torque's variance"]

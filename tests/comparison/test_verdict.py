@@ -1,0 +1,112 @@
+"""Mistakes by their names: recordings of two machines whose truth is worked out apart from the engine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.generators.mill_recordings import Case, MillRecording, healthy, mistaken, record
+from tests.generators.told_machine import told_machine
+from textile_twin_core.comparison import Assessment, Readings, assess
+from textile_twin_core.errors import RecordingError
+
+
+def judged(case: Case, made: MillRecording | None = None) -> Assessment:
+    made = made or record(case)
+    return assess(Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque), told_machine(case))
+
+
+@pytest.mark.parametrize("machine", ["tufting", "loom"])
+@pytest.mark.parametrize("run_up", [True, False])
+def test_nothing_is_said_of_a_healthy_recording(machine: str, run_up: bool) -> None:
+    found = judged(healthy(machine, 901, run_up=run_up, duration_s=18.0))
+    assert [cause.text for cause in found.verdict] == []
+    assert found.explained > 0.99
+
+
+@pytest.mark.parametrize(
+    ("machine", "names", "run_up"),
+    [
+        ("tufting", ("direction",), True),
+        ("loom", ("newton_cm", "sign"), True),
+        ("tufting", ("ratio",), True),
+        ("loom", ("degrees",), False),
+        ("tufting", ("zero",), False),
+        ("loom", ("friction",), True),
+        ("loom", ("offset",), True),
+        ("tufting", ("load_force",), False),
+        ("tufting", ("other_machine",), True),
+        ("loom", ("slow_angle",), True),
+        ("loom", ("half_turn",), False),
+        ("tufting", ("drift",), True),
+    ],
+)
+def test_a_mistake_is_named_first(machine: str, names: tuple[str, ...], run_up: bool) -> None:
+    case, right = mistaken(machine, names, 902, run_up=run_up, duration_s=18.0)
+    found = judged(case)
+    assert found.verdict, "nothing was named"
+    assert found.verdict[0].cause in right
+
+
+def test_a_run_up_tells_zero_from_delay() -> None:
+    case = healthy("tufting", 903, duration_s=24.0)
+    case = replace(
+        case,
+        encoder=replace(case.encoder, zero_rad=math.radians(12.0)),
+        torque=replace(case.torque, delay_s=0.006),
+    )
+    found = {cause.cause: cause.value for cause in judged(case).verdict}
+    assert set(found) == {"encoder_zero", "delay"}
+    assert found["encoder_zero"] == pytest.approx(math.radians(12.0), abs=math.radians(0.1))
+    assert found["delay"] == pytest.approx(0.006, abs=2e-4)
+
+
+def test_at_one_speed_zero_and_delay_are_one() -> None:
+    case = healthy("tufting", 904, run_up=False, duration_s=12.0)
+    first = judged(replace(case, encoder=replace(case.encoder, zero_rad=math.radians(12.0)))).verdict[0]
+    assert first.cause == "zero_or_delay"
+    assert isinstance(first.value, dict)
+    assert math.degrees(first.value["zero_rad"]) == pytest.approx(12.0, abs=0.3)
+    assert first.value["delay_s"] == pytest.approx(math.radians(12.0) / 16.755, rel=0.03)
+    assert "run-up" in first.text
+
+
+def test_an_angle_in_degrees_that_never_begins_anew_is_seen_by_its_torque() -> None:
+    case = healthy("loom", 905, run_up=False, duration_s=12.0)
+    case = replace(case, encoder=replace(case.encoder, turn=360.0, wrapped=False))
+    assert judged(case).verdict[0].cause == "angle_unit"
+
+
+def _cut(made: MillRecording, kept: np.ndarray) -> MillRecording:
+    return replace(made, angle_stamps_ns=made.angle_stamps_ns[kept], angle=made.angle[kept])
+
+
+def test_what_tells_nothing_is_said_in_words() -> None:
+    case = healthy("tufting", 906, duration_s=14.0)
+    made = record(case)
+    rest = made.angle_stamps_ns < made.angle_stamps_ns[0] + 900_000_000
+    found = judged(case, _cut(made, rest))
+    assert found.explanation is None and "stands still" in found.notes[0]
+    short = (made.angle_stamps_ns > made.angle_stamps_ns[0] + 6_000_000_000) & (
+        made.angle_stamps_ns < made.angle_stamps_ns[0] + 6_200_000_000
+    )
+    found = judged(case, _cut(made, short))
+    assert found.explanation is None and "of a turn" in found.notes[0]
+    found = judged(case, replace(made, torque_stamps_ns=made.torque_stamps_ns + 3_600 * 10**9))
+    assert found.explanation is None and "one clock" in found.notes[0]
+    found = judged(case, replace(made, torque=np.full_like(made.torque, 0.25)))
+    assert found.explanation is None and "dead sensor" in found.notes[0]
+    with pytest.raises(RecordingError, match="only 0 torque samples"):
+        judged(case, replace(made, torque=np.full_like(made.torque, np.nan)))
+
+
+def test_gaps_are_told_and_do_no_harm() -> None:
+    case = healthy("tufting", 907, duration_s=18.0)
+    made = record(case)
+    second = (made.angle_stamps_ns - made.angle_stamps_ns[0]) * 1e-9
+    found = judged(case, _cut(made, ~((second > 7.0) & (second < 8.5))))
+    assert found.verdict == ()
+    assert any("gap" in note for note in found.notes)

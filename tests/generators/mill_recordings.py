@@ -1,0 +1,245 @@
+"""Recordings as a mill's logger makes them, healthy and with a mistake in them or in the machine file.
+
+The truth is `shaft_law` over `planned_motion`; the sensors are here. `CASES` holds every mistake by name, with the
+causes that a verdict may name first.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from tests.generators.multibody import Floats
+from tests.generators.planned_motion import Plan, run_up_and_down, steady
+from tests.generators.shaft_law import LOOM_FRICTION, Backing, Friction, loom_law, tufting_law
+
+Stamps = npt.NDArray[np.int64]
+START_NS = 1_767_081_600_000_000_000
+SPEED = {"tufting": 16.755, "loom": 14.0}
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """shaft = (measured - zero) * direction * ratio; one turn of the encoder is logged as `turn`."""
+
+    zero_rad: float = 0.0
+    direction: int = 1
+    ratio: float = 1.0
+    turn: float = 2.0 * math.pi
+    bits: int = 14
+    rate_hz: float = 500.0
+    wrapped: bool = True
+
+
+@dataclass(frozen=True)
+class TorqueSensor:
+    """measured(t) = gain * torque(t - delay) + offset, delay growing by `drift` seconds a second; noise before gain."""
+
+    gain: float = 1.0
+    offset_Nm: float = 0.0
+    delay_s: float = 0.0
+    drift: float = 0.0
+    noise_Nm: float = 0.08
+    rate_hz: float = 500.0
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the machine file says of the sensors and of friction."""
+
+    zero_rad: float = 0.0
+    direction: int = 1
+    ratio: float = 1.0
+    gain: float = 1.0
+    offset_Nm: float = 0.0
+    delay_s: float = 0.0
+    friction: bool = True
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording's truth and what the user's machine file says of it."""
+
+    machine: str = "tufting"
+    told_machine: str = ""
+    encoder: Encoder = field(default_factory=Encoder)
+    torque: TorqueSensor = field(default_factory=TorqueSensor)
+    told: Settings = field(default_factory=Settings)
+    backing: Backing = field(default_factory=Backing)
+    friction: Friction = field(default_factory=Friction)
+    added_inertia_kgm2: float = 0.0
+    duration_s: float = 24.0
+    run_up: bool = True
+    seed: int = 0
+    start_rad: float | None = None
+    stamp_error_s: float = 20e-6
+    loss: float = 0.02
+
+
+@dataclass(frozen=True)
+class MillRecording:
+    """What was logged: angle and torque with their stamps."""
+
+    angle_stamps_ns: Stamps
+    angle: Floats
+    torque_stamps_ns: Stamps
+    torque: Floats
+    plan: Plan = field(compare=False)
+
+
+def healthy(machine: str, seed: int, **changes: object) -> Case:
+    """A case without a mistake; the loom has its friction, in the file too."""
+    friction = LOOM_FRICTION if machine == "loom" else Friction()
+    case = Case(machine=machine, told_machine=machine, friction=friction, seed=seed)
+    return dataclasses.replace(case, **changes)  # type: ignore[arg-type]
+
+
+def torque_of(case: Case, theta: Floats, omega: Floats, alpha: Floats) -> Floats:
+    """The true torque of a case's machine."""
+    law, backing = (tufting_law(), case.backing) if case.machine == "tufting" else (loom_law(), None)
+    return law.torque(theta, omega, alpha, case.friction, backing, case.added_inertia_kgm2)
+
+
+def record(case: Case) -> MillRecording:
+    """Sample a case's sensors."""
+    rng = np.random.default_rng([case.seed, 20260101, case.machine == "loom"])
+    make = run_up_and_down if case.run_up else steady
+    plan = make(case.duration_s, SPEED[case.machine], rng)
+    if case.start_rad is not None:
+        plan = replace(plan, start_rad=case.start_rad)
+    e, s = case.encoder, case.torque
+
+    time = np.arange(0.05, case.duration_s - 0.05, 1.0 / e.rate_hz)
+    theta, _, _ = plan.at(time)
+    angle = theta / (e.direction * e.ratio) + e.zero_rad
+    step = 2.0 * math.pi / (1 << e.bits)
+    angle = np.rint(angle / step) * step
+    if e.wrapped:
+        angle = np.mod(angle, 2.0 * math.pi)
+    angle *= e.turn / (2.0 * math.pi)
+    angle_stamps, kept = _stamped(time, case, rng)
+    angle = angle[kept]
+
+    time = np.arange(0.0507, case.duration_s - 0.05, 1.0 / s.rate_hz)
+    late = time - s.delay_s - s.drift * (time - 0.5 * case.duration_s)
+    torque = torque_of(case, *plan.at(np.clip(late, 0.0, case.duration_s)))
+    torque = s.gain * (torque + s.noise_Nm * rng.standard_normal(time.size)) + s.offset_Nm
+    torque_stamps, kept = _stamped(time, case, rng)
+    return MillRecording(angle_stamps, angle, torque_stamps, torque[kept], plan)
+
+
+def _stamped(time: Floats, case: Case, rng: np.random.Generator) -> tuple[Stamps, npt.NDArray[np.bool_]]:
+    kept = rng.random(time.size) >= case.loss
+    stamps = np.rint((time + case.stamp_error_s * rng.standard_normal(time.size)) * 1e9).astype(np.int64) + START_NS
+    return stamps[kept], kept
+
+
+Mistake = Callable[[Case, np.random.Generator], Case]
+
+
+def _either(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(rng.uniform(low, high) * rng.choice([-1.0, 1.0]))
+
+
+def _zero(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, encoder=replace(case.encoder, zero_rad=math.radians(_either(rng, 4.0, 90.0))))
+
+
+def _sign(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, torque=replace(case.torque, gain=-case.torque.gain))
+
+
+def _newton_cm(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, torque=replace(case.torque, gain=100.0 * case.torque.gain))
+
+
+def _gain(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, torque=replace(case.torque, gain=(1.0 + _either(rng, 0.05, 0.25)) * case.torque.gain))
+
+
+def _offset(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, torque=replace(case.torque, offset_Nm=-float(rng.uniform(0.8, 4.0))))
+
+
+def _delay(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, torque=replace(case.torque, delay_s=float(rng.uniform(0.002, 0.03))))
+
+
+def _drift(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, torque=replace(case.torque, drift=_either(rng, 3e-4, 1e-3)))
+
+
+def _direction(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, encoder=replace(case.encoder, direction=-case.encoder.direction))
+
+
+def _ratio(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, encoder=replace(case.encoder, ratio=float(rng.choice([0.5, 2.0, 3.0, 1.0 / 3.0]))))
+
+
+def _degrees(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, encoder=replace(case.encoder, turn=360.0))
+
+
+def _slow(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, encoder=replace(case.encoder, rate_hz=20.0))
+
+
+def _other(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, told_machine="loom" if case.machine == "tufting" else "tufting")
+
+
+def _half_turn(case: Case, rng: np.random.Generator) -> Case:
+    # switched on in the second half of the shaft's turn, which the wrapped encoder shows as the first
+    start = float(rng.uniform(3.3, 5.2))
+    told = replace(case.told, ratio=0.5)
+    return replace(case, encoder=replace(case.encoder, ratio=0.5), told=told, start_rad=start)
+
+
+def _friction(case: Case, rng: np.random.Generator) -> Case:
+    friction = Friction(float(rng.uniform(0.0, 0.06)), float(rng.uniform(0.8, 2.0)))
+    return replace(case, friction=friction, told=replace(case.told, friction=False))
+
+
+def _force(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, backing=replace(case.backing, force_N=1000.0 * (1.0 + _either(rng, 0.1, 0.3))))
+
+
+MISTAKES: dict[str, tuple[Mistake, tuple[str, ...]]] = {
+    "zero": (_zero, ("encoder_zero",)),
+    "sign": (_sign, ("torque_sign",)),
+    "newton_cm": (_newton_cm, ("torque_unit",)),
+    "gain": (_gain, ("torque_gain",)),
+    "offset": (_offset, ("torque_offset",)),
+    "delay": (_delay, ("delay",)),
+    "drift": (_drift, ("clocks_drift",)),
+    "direction": (_direction, ("encoder_direction",)),
+    "ratio": (_ratio, ("encoder_ratio",)),
+    "degrees": (_degrees, ("angle_unit",)),
+    "slow_angle": (_slow, ("angle_rate",)),
+    "other_machine": (_other, ("other_machine",)),
+    "half_turn": (_half_turn, ("encoder_zero",)),
+    "friction": (_friction, ("unmodelled_friction",)),
+    "load_force": (_force, ("load_force",)),
+}
+"""How to make each mistake, and the causes that are right to name first."""
+
+ONLY_TUFTING = ("load_force",)
+
+
+def mistaken(machine: str, names: tuple[str, ...], seed: int, **changes: object) -> tuple[Case, set[str]]:
+    """A case with the named mistakes, and the causes that are right; without a run-up zero and delay are one."""
+    case, right = healthy(machine, seed, **changes), set[str]()
+    rng = np.random.default_rng([seed, 7])
+    for name in names:
+        make, causes = MISTAKES[name]
+        case = make(case, rng)
+        right.update(causes)
+    if not case.run_up and right & {"encoder_zero", "delay"} and "half_turn" not in names:
+        right = (right - {"encoder_zero", "delay"}) | {"zero_or_delay"}
+    return case, right

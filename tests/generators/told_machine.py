@@ -1,0 +1,36 @@
+"""The machine as a case's user declares it: the engine's own declaration, with the case's settings of the sensors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import textile_twin_core as ttc
+from tests.generators.mill_recordings import Case
+from tests.generators.shaft_law import LOOM_FILE
+from textile_twin_core.dynamics.loads import ShaftFriction
+from textile_twin_core.machines import Machine
+from textile_twin_core.machines.sensors import Encoder, Sensors, TorqueSensor
+
+
+@cache
+def _declared(name: str) -> Machine:
+    if name == "tufting":
+        return ttc.machines.tufting()
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "friction_loom.yaml"
+        path.write_text(LOOM_FILE)
+        machine = ttc.load_machine(path)
+    assert isinstance(machine, Machine)
+    return machine
+
+
+def told_machine(case: Case) -> Machine:
+    """What the user's machine file says."""
+    machine, told = _declared(case.told_machine), case.told
+    if not told.friction:
+        machine = replace(machine, loads=tuple(load for load in machine.loads if not isinstance(load, ShaftFriction)))
+    encoder = Encoder(told.zero_rad, told.direction, told.ratio)
+    return replace(machine, sensors=Sensors(encoder, TorqueSensor(told.gain, told.offset_Nm, told.delay_s)))

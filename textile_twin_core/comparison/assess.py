@@ -1,0 +1,175 @@
+"""Assess a recording: readings and a machine in, the explanation and the verdict out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from textile_twin_core.comparison.evidence import Evidence, Settings
+from textile_twin_core.comparison.explain import Explanation, explain
+from textile_twin_core.comparison.periodic import best_periodic
+from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
+from textile_twin_core.comparison.search import RATIOS
+from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
+from textile_twin_core.comparison.torque_terms import TorqueTerms
+from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE, Cause, causes
+from textile_twin_core.machines import Machine
+
+OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
+"""Units that are tried for an angle that never begins anew, when radians explain little."""
+_PLAUSIBLE_RAD_S = (0.2, 700.0)
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """A recording judged.
+
+    Attributes:
+        unit: of the logged angle. explanation: None when nothing can be told, and then `notes` says why.
+        verdict: what is wrong, likeliest first; empty when nothing is. notes: what a reader should know.
+    """
+
+    unit: AngleUnit
+    explanation: Explanation | None
+    verdict: tuple[Cause, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def explained(self) -> float:
+        """Share of the torque's variance that is explained, nan when nothing can be told."""
+        return math.nan if self.explanation is None else self.explanation.explained
+
+
+def assess(readings: Readings, machine: Machine) -> Assessment:
+    """Try the hypotheses of settings on a recording.
+
+    Raises RecordingError when there are too few samples for a motion of the shaft.
+    """
+    unit = angle_unit(readings.angle)
+    terms = TorqueTerms(machine)
+    evidence = gather(readings, machine, terms, unit)
+    reason = nothing_to_tell(evidence)
+    if reason:
+        return Assessment(unit, None, (), (reason,))
+    found = explain(evidence, configured_settings(machine), _encoder_turn(machine))
+    if found is not None and found.settings.ratio != 1.0:
+        found = _with_its_ratio(readings, machine, terms, unit, found)
+    if not unit.wrapped and (found is None or found.explained < 0.9):
+        unit, evidence, found = _other_unit(readings, machine, terms, (unit, evidence, found))
+    if found is None:
+        return Assessment(unit, None, (), ("no setting of encoder and torque sensor gives any accord",))
+    evidence = found.evidence
+    per_turn = samples_per_turn(readings.angle_stamps_ns, found.settings.ratio * evidence.working_speed())
+    # What any machine could explain is asked only when this one leaves something.
+    short = 1.0 - found.explained > NOT_THIS_MACHINE
+    periodic = best_periodic(evidence.thinned(), found.settings) if short else found.explained
+    return Assessment(unit, found, tuple(causes(found, unit, per_turn, periodic)), _notes(evidence, found))
+
+
+def configured_settings(machine: Machine) -> Settings:
+    """What a machine says of its sensors, for a track of its own ratio."""
+    encoder, sensor = machine.sensors.encoder, machine.sensors.torque
+    return Settings(
+        direction=encoder.direction,
+        zero_rad=encoder.zero_rad * encoder.direction * encoder.ratio,
+        gain=sensor.gain,
+        offset_Nm=sensor.offset_Nm,
+        delay_s=sensor.delay_s,
+    )
+
+
+def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: AngleUnit, ratio: float = 1.0) -> Evidence:
+    """The evidence of a recording, its angle taken in a unit; `ratio` is beside the machine's own."""
+    origin = int(readings.angle_stamps_ns[0])
+    angle = readings.angle * unit.to_radians
+    speed = None if readings.velocities is None else readings.velocities * unit.to_radians
+    track = shaft_track(
+        readings.angle_stamps_ns, angle, speed, origin_ns=origin, ratio=machine.sensors.encoder.ratio * ratio
+    )
+    return evidence_of(readings, track, terms, origin)
+
+
+def evidence_of(readings: Readings, track: ShaftTrack, terms: TorqueTerms, origin_ns: int) -> Evidence:
+    """Measured torque beside a track of the shaft."""
+    stamps = readings.torque_stamps_ns
+    good = np.isfinite(readings.torque)
+    good[1:] &= np.diff(stamps) > 0
+    time: np.ndarray = (stamps[good] - origin_ns) * 1e-9
+    return Evidence(time, readings.torque[good], track, terms, 0.5 * float(track.time_s[0] + track.time_s[-1]))
+
+
+def nothing_to_tell(evidence: Evidence) -> str:
+    """Why a recording tells nothing of the settings, empty when it does."""
+    track = evidence.track
+    if track.turns < FEWEST_TURNS:
+        still = "the shaft stands still" if track.turns < 0.02 else f"the shaft makes {track.turns:.2f} of a turn"
+        return f"{still} in this recording: no settings can be told from less than a turn; record at working speed"
+    usable = track.at(evidence.time_s)[3]
+    if np.count_nonzero(usable) < 64:
+        return (
+            f"only {np.count_nonzero(usable)} of {usable.size} torque samples lie beside shaft angles: the stamps of"
+            f" angle ({track.time_s[0]:.3f} .. {track.time_s[-1]:.3f} s) and torque ({evidence.time_s[0]:.3f} .."
+            f" {evidence.time_s[-1]:.3f} s) must be of one clock"
+        )
+    turning = np.abs(track.at(evidence.time_s)[1]) > evidence.rest_rad_s
+    if np.count_nonzero(usable & turning) < 64:
+        return "the shaft hardly turns while torque is recorded; record at working speed"
+    torque = evidence.torque_Nm[usable & turning]
+    if float(np.ptp(torque)) == 0.0:
+        return f"the measured torque is {torque[0]:g} throughout: a dead sensor, or not connected"
+    return ""
+
+
+def _encoder_turn(machine: Machine) -> float:
+    """The shaft angle after which a wrapped encoder shows the same again."""
+    return TURN * machine.sensors.encoder.ratio
+
+
+def _with_its_ratio(
+    readings: Readings, machine: Machine, terms: TorqueTerms, unit: AngleUnit, found: Explanation
+) -> Explanation:
+    """The same again with the shaft's motion estimated under the ratio that was found."""
+    ratio = found.settings.ratio
+    evidence = gather(readings, machine, terms, unit, ratio)
+    configured = replace(configured_settings(machine), ratio=1.0 / ratio)
+    return explain(evidence, configured, _encoder_turn(machine), (ratio,)) or found
+
+
+def _other_unit(
+    readings: Readings,
+    machine: Machine,
+    terms: TorqueTerms,
+    first: tuple[AngleUnit, Evidence, Explanation | None],
+) -> tuple[AngleUnit, Evidence, Explanation | None]:
+    """The unit, of those that give a plausible speed, under which the record is explained best."""
+    best = first
+    for name, turn in OTHER_UNITS:
+        unit = AngleUnit(name, turn, wrapped=False)
+        evidence = gather(readings, machine, terms, unit)
+        if nothing_to_tell(evidence) or not _PLAUSIBLE_RAD_S[0] < abs(evidence.working_speed()) < _PLAUSIBLE_RAD_S[1]:
+            continue
+        found = explain(evidence, configured_settings(machine), _encoder_turn(machine), RATIOS[:1])
+        if found is not None and (best[2] is None or 1.0 - found.explained < 0.5 * (1.0 - best[2].explained)):
+            best = (unit, evidence, found)
+    return best
+
+
+def _notes(evidence: Evidence, found: Explanation) -> tuple[str, ...]:
+    notes = []
+    step = np.diff(evidence.track.time_s)
+    gaps = step > evidence.track.longest_s
+    if gaps.any():
+        longest = float(step[gaps].max())
+        notes.append(
+            f"{np.count_nonzero(gaps)} gaps in the shaft angle, {float(step[gaps].sum()):.2f} s in all, the longest"
+            f" {longest:.2f} s: torque inside them does not count"
+        )
+    if found.others:
+        other = found.others[0].fit.settings
+        notes.append(
+            f"as well explained by direction {other.direction:+d}, ratio {other.ratio:.4g}, torque gain"
+            f" {other.gain:+.3g}: a recording with another speed, or at rest, would tell"
+        )
+    return tuple(notes)

@@ -1,0 +1,67 @@
+"""Residuals by order of the shaft, and by its speed: which harmonic of the turn, and which part of a run, departs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+
+ORDERS = 24
+SPEED_BINS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class OrderSpectrum:
+    """The residual as a Fourier series of the shaft angle; arrays are (orders + 1,), order 0 is the mean.
+
+    amplitude_Nm, phase_rad: residual = sum amplitude cos(order theta - phase).
+    """
+
+    order: IntArray
+    amplitude_Nm: FloatArray
+    phase_rad: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedBins:
+    """Residuals by the shaft's speed, signed; arrays are (bins,), nan where a bin has no sample."""
+
+    low_rad_s: FloatArray
+    high_rad_s: FloatArray
+    count: IntArray
+    rms_Nm: FloatArray
+    mean_Nm: FloatArray
+
+
+def by_order(theta_rad: FloatArray, residual_Nm: FloatArray) -> OrderSpectrum:
+    """The series that fits residuals (n,) at angles (n,) best; uneven samples and missing parts of a turn count right.
+
+    Least squares over orders 0 .. 24, fewer where the samples are few.
+    """
+    most = min(ORDERS, max(0, (theta_rad.size - 1) // 4))
+    orders = np.arange(most + 1)
+    angle = np.outer(theta_rad, orders)
+    columns = np.concatenate([np.cos(angle), np.sin(angle[:, 1:])], axis=1)
+    normal = columns.T @ columns
+    found = np.linalg.lstsq(normal, columns.T @ residual_Nm, rcond=1e-9)[0]
+    cosine, sine = found[: most + 1], np.concatenate([[0.0], found[most + 1 :]])
+    return OrderSpectrum(orders, np.hypot(cosine, sine), np.arctan2(sine, cosine))
+
+
+def by_speed(omega_rad_s: FloatArray, residual_Nm: FloatArray) -> SpeedBins:
+    """Residuals (n,) in equal bins of the speed (n,), n >= 1."""
+    low, high = float(omega_rad_s.min()), float(omega_rad_s.max())
+    edges = np.linspace(low, high, SPEED_BINS + 1) if high > low else np.array([low, high])
+    bins = edges.size - 1
+    place = np.clip(np.searchsorted(edges, omega_rad_s, side="right") - 1, 0, bins - 1)
+    count = np.bincount(place, minlength=bins)
+    some = np.where(count > 0, count, np.nan)
+    return SpeedBins(
+        low_rad_s=edges[:-1],
+        high_rad_s=edges[1:],
+        count=count.astype(np.int64),
+        rms_Nm=np.sqrt(np.bincount(place, weights=residual_Nm**2, minlength=bins) / some),
+        mean_Nm=np.bincount(place, weights=residual_Nm, minlength=bins) / some,
+    )

@@ -1,0 +1,136 @@
+"""What a record says of the settings: measured torque beside the torque that any settings of the sensors would give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
+from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
+
+_MOST_SAMPLES = 8000
+_REST_SHARE = 0.03
+"""Of the fast end of the speeds: below it the shaft counts as at rest."""
+_ONE_SPEED = 0.08
+_FEWEST_TURNS = 8
+_PAUSE = 20.0
+"""A turn this many times longer than the median one holds a stop."""
+JUMP_GUARD_S = 0.001
+"""Samples this near to a jump of the load cannot tell its side."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Encoder, torque sensor, and what is added to the machine.
+
+    measured(t) = gain * torque(t - late) + offset with late = delay + drift * (t - middle of the record); the shaft's
+    angle is direction * ratio * (angle of the track) - zero.
+
+    Attributes:
+        direction, ratio: beside the track's own.
+        zero_rad: in shaft angle.
+        gain, offset_Nm, delay_s: of the torque sensor. drift: seconds by which the delay grows each second.
+        load: factor on the declared loads. constant_Nm, viscous_Nms: friction beside the declared one.
+        inertia_kgm2: inertia on the shaft beside the declared one.
+    """
+
+    direction: int = 1
+    ratio: float = 1.0
+    zero_rad: float = 0.0
+    gain: float = 1.0
+    offset_Nm: float = 0.0
+    delay_s: float = 0.0
+    drift: float = 0.0
+    load: float = 1.0
+    constant_Nm: float = 0.0
+    viscous_Nms: float = 0.0
+    inertia_kgm2: float = 0.0
+
+    def changed(self, values: Mapping[str, float]) -> Settings:
+        """The same with other values for some of the continuous settings."""
+        return replace(self, **dict[str, Any](values))
+
+
+@dataclass(frozen=True)
+class States:
+    """The shaft's states at the measured samples under some settings, (m,) each; `good` where they can be used."""
+
+    theta: FloatArray
+    omega: FloatArray
+    alpha: FloatArray
+    terms: Terms
+    good: BoolArray
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Measured torque (m,) over time [s], the shaft's track, and the machine's parts of the torque."""
+
+    time_s: FloatArray
+    torque_Nm: FloatArray
+    track: ShaftTrack
+    terms: TorqueTerms
+    middle_s: float
+    rest_rad_s: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        fast = float(np.percentile(np.abs(self.track.omega_rad_s), 95.0))
+        object.__setattr__(self, "rest_rad_s", _REST_SHARE * fast)
+
+    def thinned(self, most: int = _MOST_SAMPLES, at_one_speed: bool = False) -> Evidence:
+        """The same with at most that many samples while the shaft turns, or turns at working speed, evenly taken."""
+        _, omega, _, good = self.track.at(self.time_s)
+        wanted = np.abs(omega) > self.rest_rad_s
+        if at_one_speed:
+            wanted = np.abs(omega - self.working_speed()) < _ONE_SPEED * abs(self.working_speed())
+        turning = np.flatnonzero(good & wanted)
+        if turning.size > most:
+            turning = turning[np.linspace(0, turning.size - 1, most).astype(np.int64)]
+        return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
+
+    def states(self, settings: Settings, guard_s: float = JUMP_GUARD_S) -> States:
+        """The shaft and the parts of its torque at the instants of which the measured samples speak."""
+        late = settings.delay_s + settings.drift * (self.time_s - self.middle_s)
+        theta, omega, alpha, good = self.track.at(self.time_s - late)
+        turn = settings.direction * settings.ratio
+        theta, omega, alpha = turn * theta - settings.zero_rad, turn * omega, turn * alpha
+        terms = self.terms.at(theta, omega, alpha, settings.ratio * self.rest_rad_s)
+        usable = good & np.isfinite(terms.total) & ~self.terms.near_jump(theta, omega, guard_s)
+        return States(theta, omega, alpha, terms, usable)
+
+    def expected(self, settings: Settings, states: States) -> FloatArray:
+        """What the torque sensor would show [N m]."""
+        parts = states.terms
+        torque = parts.mechanism + settings.load * parts.load + parts.friction
+        torque = torque + settings.constant_Nm * parts.direction + settings.viscous_Nms * states.omega
+        torque = torque + settings.inertia_kgm2 * states.alpha
+        return settings.gain * torque + settings.offset_Nm
+
+    def working_speed(self) -> float:
+        """The speed at which the shaft mostly turns, with its sign: the fast mode of its speeds [rad/s]."""
+        omega = self.track.omega_rad_s[np.abs(self.track.omega_rad_s) > self.rest_rad_s]
+        if omega.size == 0:
+            return math.nan
+        count, edges = np.histogram(omega, bins=20)
+        place = int(np.argmax(count))
+        inside = (omega >= edges[place]) & (omega <= edges[place + 1])
+        return float(np.median(omega[inside]))
+
+    def speed_spread(self) -> float:
+        """How far the mean speeds of whole turns differ: the third fastest turn over the third slowest."""
+        turn = np.floor(self.track.theta_rad / TURN)
+        edges = np.flatnonzero(np.diff(turn) != 0.0)
+        spans = np.sort(np.diff(self.track.time_s[edges]))
+        spans = spans[(spans > 0.0) & (spans < _PAUSE * np.median(spans))] if spans.size else spans
+        return float(spans[-3] / spans[2]) if spans.size >= _FEWEST_TURNS else 1.0
+
+    def turns_both_ways(self) -> bool:
+        """Whether the shaft turns a share of the time in either direction."""
+        omega = self.track.omega_rad_s[np.abs(self.track.omega_rad_s) > self.rest_rad_s]
+        share = float(np.mean(omega > 0.0)) if omega.size else 0.0
+        return 0.05 < share < 0.95

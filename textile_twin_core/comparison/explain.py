@@ -1,0 +1,261 @@
+"""Explain a record with as few departures from the configured settings as it bears."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.evidence import Evidence, Settings
+from textile_twin_core.comparison.search import (
+    RATIOS,
+    SPREAD_FOR_DELAY,
+    Found,
+    search,
+    what_can_vary,
+    zero_beside,
+    zero_departure,
+)
+from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings, huber_weights
+from textile_twin_core.comparison.shaft_track import TURN
+from textile_twin_core.comparison.torque_units import nearest_gain
+
+_WORTH = 0.01
+"""A departure must lessen the mean square of the residual by this share to be kept,"""
+_SIGMAS = 4.0
+"""and lie this many standard deviations, taken over turns of the shaft, from the configured value."""
+_LEAST = {"zero_rad": np.radians(0.3), "delay_s": 3e-4, "drift": 2e-5, "gain": 0.02, "load": 0.04}
+_FEWEST_AT_REST = 20
+_LEAST_TORQUE = 0.015  # of the measured torque's size, as torque
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The record as these settings explain it.
+
+    Attributes:
+        configured: what the machine file says. settings: the likeliest with few departures.
+        departing: the continuous settings that depart. sigma: their standard deviations, over turns of the shaft.
+        fit: what is left. others: discrete hypotheses that explain the record as well.
+        explained: share of the torque's mean square about its mean that is explained.
+        one_speed: the shaft turns at one speed, so zero and delay are one.
+        rest_tells: the record holds the shaft at rest, so that friction and the torque sensor's offset are two.
+        apart: by setting, the factor by which the mean square rises when it alone is put back.
+    """
+
+    configured: Settings
+    settings: Settings
+    departing: tuple[str, ...]
+    sigma: dict[str, float]
+    fit: SettingsFit
+    others: tuple[Found, ...]
+    explained: float
+    one_speed: bool
+    rest_tells: bool
+    apart: dict[str, float]
+    evidence: Evidence
+    encoder_turn_rad: float
+
+    def departure(self, name: str) -> float:
+        """By how much a setting departs from the configured one; a gain and a load as factor less one."""
+        return departure(name, self.settings, self.configured, self.encoder_turn_rad)
+
+
+def explain(
+    evidence: Evidence, configured: Settings, encoder_turn_rad: float, ratios: tuple[float, ...] = RATIOS
+) -> Explanation | None:
+    """The explanation of a record; None when the shaft does not turn or no sample can be used.
+
+    Args:
+        evidence: the record.
+        configured: what the machine file says.
+        encoder_turn_rad: shaft angle after which a wrapped encoder shows the same again, under the configured ratio.
+        ratios: gear ratios to try, beside the configured one.
+    """
+    found = search(evidence, configured, encoder_turn_rad, ratios)
+    if not found:
+        return None
+    fine = evidence.thinned()
+    one_speed = evidence.speed_spread() <= SPREAD_FOR_DELAY
+    fit = _spare(fine, found[0].fit, configured, encoder_turn_rad)
+    if one_speed and "zero_rad" in fit.free:
+        # At one speed a delay may be meant: what explains better what little tells them apart is taken for the rest.
+        late = _spare(fine, _as_delay(fine, found[0].fit, configured), configured, encoder_turn_rad)
+        if late.rms < fit.rms:
+            fit = late
+    at_rest = rest_reading(evidence, fit.settings)
+    if "constant_Nm" in fit.free and _is_offset(fit, evidence, at_rest):
+        fit = _as_offset(fine, fit, configured, encoder_turn_rad)
+    torque = fine.torque_Nm[fit.good]
+    alternatives = tuple(
+        each
+        for each in found[1:]
+        if each.square < 1.15 * found[0].square
+        and (each.fit.settings.direction, each.fit.settings.ratio, np.sign(each.fit.settings.gain))
+        != (fit.settings.direction, fit.settings.ratio, np.sign(fit.settings.gain))
+    )
+    return Explanation(
+        configured=configured,
+        settings=fit.settings,
+        departing=fit.free,
+        sigma=sigmas(fit),
+        fit=fit,
+        others=alternatives,
+        explained=1.0 - fit.rms**2 / max(float(np.var(torque)), 1e-300),
+        one_speed=one_speed,
+        rest_tells=np.isfinite(at_rest),
+        apart=_apart(fine, fit, configured),
+        evidence=evidence,
+        encoder_turn_rad=encoder_turn_rad,
+    )
+
+
+def departure(name: str, settings: Settings, configured: Settings, encoder_turn_rad: float) -> float:
+    """By how much a setting departs from the configured one; gain and load as a factor less one."""
+    if name == "zero_rad":
+        return zero_departure(settings, configured, encoder_turn_rad)
+    if name == "gain":
+        return settings.gain / nearest_gain(settings.gain, configured.gain).gain - 1.0
+    return float(getattr(settings, name) - getattr(configured, name))
+
+
+def covariance_by_turns(fit: SettingsFit) -> FloatArray:
+    """Covariance (k, k) of the freed settings that holds when residuals of a turn belong together.
+
+    The sandwich estimator with turns of the shaft as clusters (Liang and Zeger 1986), which a bootstrap of whole turns
+    comes to.
+    """
+    good = fit.good
+    residual, jacobian = fit.residual[good], fit.jacobian[good]
+    weight = huber_weights(residual, fit.scale)
+    normal = (jacobian * weight[:, None]).T @ jacobian
+    inverse = np.linalg.pinv(normal, rcond=1e-12, hermitian=True) if normal.size else normal
+    turns, place = np.unique(fit.turn[good], return_inverse=True)
+    scores = np.zeros((turns.size, jacobian.shape[1]))
+    np.add.at(scores, place, jacobian * (weight * residual)[:, None])
+    few = turns.size / max(turns.size - 1.0, 1.0)
+    return np.asarray(few * inverse @ (scores.T @ scores) @ inverse)
+
+
+def sigmas(fit: SettingsFit) -> dict[str, float]:
+    """Standard deviations of the freed settings: the larger over turns of the shaft, or over samples on their own."""
+    good = fit.good
+    weighted = fit.jacobian[good] * huber_weights(fit.residual[good], fit.scale)[:, None]
+    inverse = np.linalg.pinv(weighted.T @ fit.jacobian[good], rcond=1e-12, hermitian=True)
+    alone = np.diag(inverse) * fit.rms**2
+    return dict(zip(fit.free, np.sqrt(np.maximum(np.diag(covariance_by_turns(fit)), alone)).tolist(), strict=True))
+
+
+def _spare(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_turn_rad: float) -> SettingsFit:
+    """Put departures back to the configured values until every one that is left is needed."""
+    size = float(np.percentile(np.abs(evidence.torque_Nm), 95.0)) + 1e-300
+    while fit.free:
+        good = fit.good
+        jacobian, residual = fit.jacobian[good], fit.residual[good]
+        weight = huber_weights(residual, fit.scale)
+        normal = (jacobian * weight[:, None]).T @ jacobian
+        inverse = np.linalg.pinv(normal, rcond=1e-13, hermitian=True)
+        sigma = np.array(list(sigmas(fit).values()))
+        total = float(weight @ residual**2)
+        delta = np.array(
+            [_to_configured(name, fit.settings, configured, encoder_turn_rad) for name in fit.free], dtype=np.float64
+        )
+        rise = delta**2 / np.maximum(np.diag(inverse), 1e-300) / total
+        small = np.array(
+            [
+                _is_small(name, fit.settings, configured, encoder_turn_rad, evidence, size)
+                or abs(delta[k]) < _SIGMAS * sigma[k]
+                or rise[k] < _WORTH
+                for k, name in enumerate(fit.free)
+            ]
+        )
+        if not small.any():
+            break
+        # The least missed goes first; the others may then carry what it carried.
+        least = int(np.argmin(np.where(small, rise, np.inf)))
+        together = [int(k) for k in np.flatnonzero(small) if rise[k] < 0.1 * _WORTH] or [least]
+        gone = [fit.free[k] for k in together]
+        back = {name: _configured(name, fit.settings, configured, encoder_turn_rad) for name in gone}
+        start = fit.settings.changed(back)
+        fit = fit_settings(evidence, start, [name for name in fit.free if name not in gone])
+    return fit
+
+
+def _configured(name: str, settings: Settings, configured: Settings, encoder_turn_rad: float) -> float:
+    """The value to which a setting goes back: of several that are as good the nearest."""
+    if name == "zero_rad":
+        return settings.zero_rad - zero_departure(settings, configured, encoder_turn_rad)
+    if name == "gain":
+        return nearest_gain(settings.gain, configured.gain).gain
+    return float(getattr(configured, name))
+
+
+def _to_configured(name: str, settings: Settings, configured: Settings, encoder_turn_rad: float) -> float:
+    return float(getattr(settings, name)) - _configured(name, settings, configured, encoder_turn_rad)
+
+
+def _is_small(
+    name: str, settings: Settings, configured: Settings, encoder_turn_rad: float, evidence: Evidence, size: float
+) -> bool:
+    """Whether a departure is too small to bother a person with."""
+    away = abs(departure(name, settings, configured, encoder_turn_rad))
+    if name in _LEAST:
+        return bool(away < _LEAST[name])
+    torque = away * (abs(evidence.working_speed()) if name == "viscous_Nms" else 1.0)
+    shown = torque if name == "offset_Nm" else torque * abs(settings.gain)
+    return bool(shown < _LEAST_TORQUE * size)
+
+
+def _as_delay(evidence: Evidence, fit: SettingsFit, configured: Settings) -> SettingsFit:
+    """The same phase as a delay instead of a zero."""
+    settings = fit.settings
+    zero = zero_beside(configured, settings)
+    away = np.remainder(settings.zero_rad - zero + np.pi, TURN) - np.pi
+    speed = settings.direction * settings.ratio * evidence.working_speed()
+    start = replace(settings, zero_rad=zero, delay_s=configured.delay_s + float(away) / speed)
+    free = ["delay_s" if name == "zero_rad" else name for name in what_can_vary(evidence)]
+    return fit_settings(evidence, start, free)
+
+
+def rest_reading(evidence: Evidence, settings: Settings) -> float:
+    """What the torque sensor shows at rest beside the machine's weight [N m]; nan without rest."""
+    theta, omega, _, good = evidence.track.at(evidence.time_s - settings.delay_s)
+    still = good & (np.abs(omega) < 0.1 * evidence.rest_rad_s)
+    if np.count_nonzero(still) < _FEWEST_AT_REST:
+        return np.nan
+    theta = settings.direction * settings.ratio * theta[still] - settings.zero_rad
+    weight = evidence.terms.at(theta, np.zeros_like(theta), np.zeros_like(theta), evidence.rest_rad_s).mechanism
+    return float(np.median(evidence.torque_Nm[still] - settings.gain * weight - settings.offset_Nm))
+
+
+def _is_offset(fit: SettingsFit, evidence: Evidence, at_rest: float) -> bool:
+    """Whether a constant torque is the sensor's rather than friction's: it is there at rest, or helps the shaft on."""
+    shown = fit.settings.constant_Nm * fit.settings.gain
+    shown *= np.sign(fit.settings.direction * evidence.working_speed())
+    if np.isfinite(at_rest):
+        return bool(abs(at_rest - shown) < abs(at_rest))
+    return fit.settings.constant_Nm < -evidence.terms.coulomb_Nm
+
+
+def _as_offset(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_turn_rad: float) -> SettingsFit:
+    """The same constant torque as an offset of the sensor."""
+    settings = fit.settings
+    shown = settings.constant_Nm * settings.gain * np.sign(settings.direction * evidence.working_speed())
+    start = replace(settings, constant_Nm=0.0, offset_Nm=settings.offset_Nm + float(shown))
+    free = [name for name in fit.free if name != "constant_Nm"] + ["offset_Nm"]
+    return _spare(evidence, fit_settings(evidence, start, free), configured, encoder_turn_rad)
+
+
+def _apart(evidence: Evidence, fit: SettingsFit, configured: Settings) -> dict[str, float]:
+    """By setting, discrete ones too, the rise of the mean square when it alone goes back to what is configured."""
+    rise: dict[str, float] = {}
+    for name in (*fit.free, "direction", "ratio", "gain"):
+        told = zero_beside(configured, fit.settings) if name == "zero_rad" else getattr(configured, name)
+        if told == getattr(fit.settings, name):
+            continue
+        back = fit.settings.changed({name: told})
+        states = evidence.states(back)
+        left = (evidence.torque_Nm - evidence.expected(back, states))[states.good]
+        rise[name] = float(np.mean(left**2)) / max(fit.rms**2, 1e-300) if left.size else np.inf
+    return rise

@@ -1,0 +1,169 @@
+"""Search the settings under which a record is likeliest: discrete hypotheses tried, continuous settings fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from textile_twin_core.comparison.evidence import Evidence, Settings
+from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings, linear_start
+from textile_twin_core.comparison.shaft_track import TURN
+
+RATIOS = (1.0, 0.5, 2.0, 1.0 / 3.0, 3.0, 0.25, 4.0)
+"""Gear ratios that are tried beside the configured one."""
+SPREAD_FOR_DELAY = 1.2
+"""Mean speeds of turns must differ by this factor for zero and delay to be told apart."""
+_ZEROS = 72
+_DELAYS = 48
+_COARSE_SAMPLES = 2000
+_KEPT_ZEROS = 3
+_LONGEST_DELAY_S = 1.0
+_AS_GOOD = 1.15
+"""Discrete hypotheses whose mean square lies within this factor cannot be told apart by the record."""
+_HOPEFUL = 25.0
+_PHASE = ("zero_rad", "gain", "constant_Nm")
+_MOST_STARTS = 8
+
+
+@dataclass(frozen=True)
+class Found:
+    """The likeliest settings of one discrete hypothesis."""
+
+    fit: SettingsFit
+
+    @property
+    def square(self) -> float:
+        """Mean square of the residual [N^2 m^2]."""
+        return self.fit.rms**2
+
+
+def what_can_vary(evidence: Evidence) -> tuple[str, ...]:
+    """The continuous settings that this record can weigh at all, zero and delay as one where the speed is one."""
+    names = ["zero_rad", "drift", "gain", "constant_Nm"]
+    if evidence.speed_spread() > SPREAD_FOR_DELAY:
+        names += ["delay_s", "viscous_Nms"]
+    if evidence.turns_both_ways():
+        names.append("offset_Nm")
+    if evidence.terms.has_load:
+        names.append("load")
+    return tuple(names)
+
+
+def search(
+    evidence: Evidence, configured: Settings, encoder_turn_rad: float, ratios: tuple[float, ...] = RATIOS
+) -> list[Found]:
+    """Hypotheses of direction and ratio with their likeliest settings, those first that explain the record best.
+
+    Of hypotheses that are equally good, within `_AS_GOOD`, the one with the fewest departures comes first.
+    """
+    free = what_can_vary(evidence)
+    coarse = evidence.thinned(_COARSE_SAMPLES)
+    varied = evidence.speed_spread() > SPREAD_FOR_DELAY
+    # At one speed a delay is a zero: so the zeros are scanned there, and then told from delays by the whole record.
+    fast = evidence.thinned(_COARSE_SAMPLES, at_one_speed=True) if varied else coarse
+    starts: list[tuple[float, Settings]] = []
+    for ratio in ratios:
+        for direction in (1, -1):
+            base = replace(
+                configured, direction=direction * configured.direction, ratio=ratio * configured.ratio, zero_rad=0.0
+            )
+            starts += _zeros(fast, base, zero_beside(configured, base))
+    hopeful = _hopeful(starts)
+    hopeful = [fit_settings(fast, settings, _PHASE, iterations=5).settings for settings in hopeful]
+    if varied:
+        hopeful = _hopeful([_with_delay(coarse, settings) for settings in hopeful])
+    found = [Found(fit_settings(coarse, settings, free, iterations=12)) for settings in hopeful]
+    found = sorted((each for each in found if np.isfinite(each.square)), key=lambda each: each.square)
+    if not found:
+        return []
+    fine = evidence.thinned()
+    best = [Found(fit_settings(fine, each.fit.settings, free)) for each in _distinct(found)[:4]]
+    least = min(each.square for each in best)
+    return sorted(
+        best,
+        key=lambda each: (each.square > _AS_GOOD * least, _departures(each, configured, encoder_turn_rad), each.square),
+    )
+
+
+def _hopeful(starts: list[tuple[float, Settings]]) -> list[Settings]:
+    """The settings of the few best starts, those first that leave the least."""
+    ranked = sorted(starts, key=lambda start: start[0])
+    return [settings for square, settings in ranked[:_MOST_STARTS] if square <= _HOPEFUL * ranked[0][0] + 1e-300]
+
+
+def _zeros(coarse: Evidence, base: Settings, configured_zero: float) -> list[tuple[float, Settings]]:
+    """The best zeros of a hypothesis, and their mean squares."""
+    zeros = np.append(TURN * np.arange(_ZEROS) / _ZEROS, configured_zero)
+    tried = sorted((_square(coarse, replace(base, zero_rad=float(zero))) for zero in zeros), key=lambda each: each[0])
+    kept: list[tuple[float, Settings]] = []
+    for square, settings in tried:
+        apart = [abs(np.remainder(settings.zero_rad - k.zero_rad + np.pi, TURN) - np.pi) for _, k in kept]
+        if np.isfinite(square) and all(d > 2.5 * TURN / _ZEROS for d in apart):
+            kept.append((square, settings))
+        if len(kept) == _KEPT_ZEROS:
+            break
+    return kept
+
+
+def _with_delay(coarse: Evidence, settings: Settings) -> tuple[float, Settings]:
+    """The best of delays within half a turn, the zero going along so that the phase at working speed stays."""
+    speed = settings.direction * settings.ratio * coarse.working_speed()
+    longest = min(_LONGEST_DELAY_S, 0.5 * TURN / abs(speed))
+    best = (np.inf, settings)
+    for late in np.linspace(-longest, longest, 2 * _DELAYS + 1):
+        delay = settings.delay_s + float(late)
+        trial = replace(settings, delay_s=delay, zero_rad=settings.zero_rad - speed * float(late))
+        best = min(best, _square(coarse, trial), key=lambda each: each[0])
+    return best
+
+
+def _square(coarse: Evidence, settings: Settings) -> tuple[float, Settings]:
+    """Mean square left when gain, loads and a constant are solved for, and the settings with them."""
+    names = ("gain", "constant_Nm", *(("load",) if coarse.terms.has_load else ()))
+    solved = linear_start(coarse, settings, names)
+    states = coarse.states(solved)
+    if np.count_nonzero(states.good) < 0.3 * states.good.size:
+        return np.inf, settings
+    residual = (coarse.torque_Nm - coarse.expected(solved, states))[states.good]
+    return float(np.mean(residual**2)), solved
+
+
+def _distinct(found: list[Found]) -> list[Found]:
+    """Without those that came to the same settings from another start."""
+    kept: list[Found] = []
+    for each in found:
+        s = each.fit.settings
+        if not any(_alike(s, other.fit.settings) for other in kept):
+            kept.append(each)
+    return kept
+
+
+def _alike(a: Settings, b: Settings) -> bool:
+    apart = abs(np.remainder(a.zero_rad - b.zero_rad + np.pi, TURN) - np.pi)
+    same = a.direction == b.direction and a.ratio == b.ratio and a.gain * b.gain > 0.0
+    return same and apart < 0.02
+
+
+def zero_beside(configured: Settings, other: Settings) -> float:
+    """The configured zero of the encoder, as shaft angle under another direction and ratio [rad]."""
+    return configured.zero_rad * other.direction * other.ratio / (configured.direction * configured.ratio)
+
+
+def zero_departure(settings: Settings, configured: Settings, encoder_turn_rad: float) -> float:
+    """How far the zero is from the configured one, in shaft angle within half a turn [rad].
+
+    Under another gear ratio a wrapped encoder's first reading does not tell its turn, so whole turns of the encoder
+    (`encoder_turn_rad` of the shaft under the configured ratio) are no departure.
+    """
+    apart = settings.zero_rad - zero_beside(configured, settings)
+    period = TURN
+    if settings.ratio != configured.ratio:
+        period = min(TURN, encoder_turn_rad * settings.ratio / configured.ratio)
+    return float(np.remainder(apart + 0.5 * period, period) - 0.5 * period)
+
+
+def _departures(found: Found, configured: Settings, encoder_turn_rad: float) -> int:
+    s = found.fit.settings
+    apart = abs(zero_departure(s, configured, encoder_turn_rad))
+    return sum((s.direction != configured.direction, s.ratio != configured.ratio, s.gain < 0.0, apart > 0.05))

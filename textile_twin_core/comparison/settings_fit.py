@@ -1,0 +1,188 @@
+"""Fit settings to a record: Gauss-Newton with Huber weights in those that are freed, the others stay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.evidence import Evidence, Settings, States
+from textile_twin_core.comparison.shaft_track import TURN
+
+HUBER = 1.345
+"""Residuals beyond this many sigmas count linearly (Huber 1964)."""
+_STEPS = {"zero_rad": 1e-4, "delay_s": 1e-5, "drift": 1e-7}
+_LONGEST = {"zero_rad": 0.15, "delay_s": 0.01, "drift": 1e-4}
+"""Longest step of one iteration."""
+NONLINEAR = tuple(_STEPS)
+FEWEST = 16
+"""Samples below which nothing is fitted."""
+LINEAR = ("gain", "load", "constant_Nm", "viscous_Nms", "inertia_kgm2", "offset_Nm")
+
+
+@dataclass(frozen=True)
+class SettingsFit:
+    """Settings, and what is left with them: residual (m,) [N m], which samples count, their turns of the shaft.
+
+    jacobian: (m, k) slopes of the expected torque by the freed settings, in the order of `free`.
+    """
+
+    settings: Settings
+    free: tuple[str, ...]
+    residual: FloatArray
+    good: BoolArray
+    turn: IntArray
+    jacobian: FloatArray
+
+    @property
+    def scale(self) -> float:
+        """Robust standard deviation of the residual [N m]."""
+        return robust_scale(self.residual[self.good])
+
+    def cost(self, scale: float) -> float:
+        """Mean Huber loss of the residuals over `scale`, twice: the mean square of small ones."""
+        return _loss(self.residual[self.good], scale)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residual [N m]."""
+        return float(np.sqrt(np.mean(self.residual[self.good] ** 2))) if self.good.any() else np.inf
+
+
+def robust_scale(residual: FloatArray) -> float:
+    """1.4826 times the median of |residual|, never quite zero."""
+    size = np.abs(residual)
+    return 1.4826 * float(np.median(size)) + 1e-12 * float(np.max(size, initial=0.0)) + 1e-300
+
+
+def huber_weights(residual: FloatArray, scale: float) -> FloatArray:
+    """Weights of a least-squares step that minimises Huber's loss."""
+    return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), 1e-300))
+
+
+def fit_settings(evidence: Evidence, start: Settings, free: Iterable[str], iterations: int = 25) -> SettingsFit:
+    """The settings near `start` under which the record is likeliest, with the settings named in `free` open."""
+    names = tuple(name for name in (*NONLINEAR, *LINEAR) if name in set(free))
+    # Without a gain to begin with the others have nothing to lean on.
+    settings = linear_start(evidence, start, names)
+    states = evidence.states(settings)
+    damping = 0.0
+    for _ in range(iterations if names else 0):
+        residual = evidence.torque_Nm - evidence.expected(settings, states)
+        jacobian = slopes(evidence, settings, states, names)
+        good = states.good & np.isfinite(jacobian).all(axis=1)
+        if np.count_nonzero(good) < FEWEST:
+            break
+        scale = robust_scale(residual[good])
+        loss = _loss(residual[states.good], scale)
+        step = _step(jacobian[good], residual[good], damping)
+        limited = _limited(names, step)
+        trial = _moved(settings, names, limited)
+        trial_states = evidence.states(trial)
+        trial_loss = _loss((evidence.torque_Nm - evidence.expected(trial, trial_states))[trial_states.good], scale)
+        if trial_loss < loss:
+            settings, states, damping = trial, trial_states, 0.1 * damping
+            if loss - trial_loss < 1e-7 * loss and np.array_equal(limited, step):
+                break
+        elif damping > 1e3:
+            break
+        else:
+            damping = max(10.0 * damping, 1e-3)
+    residual = evidence.torque_Nm - evidence.expected(settings, states)
+    jacobian = slopes(evidence, settings, states, names)
+    good = states.good & np.isfinite(jacobian).all(axis=1)
+    turn = np.floor(states.theta / TURN).astype(np.int64)
+    return SettingsFit(settings, names, residual, good, turn, jacobian)
+
+
+def linear_start(evidence: Evidence, start: Settings, names: tuple[str, ...]) -> Settings:
+    """The start with its freed linear settings solved for, by least squares."""
+    linear = [name for name in names if name in LINEAR]
+    if not linear:
+        return start
+    states = evidence.states(start)
+    parts, good = states.terms, states.good
+    columns = {
+        "load": parts.load,
+        "constant_Nm": parts.direction,
+        "viscous_Nms": states.omega,
+        "inertia_kgm2": states.alpha,
+        "offset_Nm": np.ones_like(states.omega),
+    }
+    base = start.changed({name: 0.0 for name in linear if name != "gain"})
+    torque = evidence.expected(replace(base, gain=1.0, offset_Nm=0.0), states)
+    free_gain = "gain" in linear
+    matrix = [torque] if free_gain else []
+    # With the gain fixed the parts are weighed as the sensor shows them.
+    weigh = 1.0 if free_gain else start.gain
+    matrix += [columns[name] * (1.0 if name == "offset_Nm" else weigh) for name in linear if name != "gain"]
+    target = evidence.torque_Nm - (0.0 if "offset_Nm" in linear else start.offset_Nm)
+    if not free_gain:
+        target = target - start.gain * torque
+    found = np.linalg.lstsq(np.stack(matrix, axis=1)[good], target[good], rcond=1e-10)[0].tolist()
+    gain = found.pop(0) if free_gain else start.gain
+    if gain == 0.0:
+        return start
+    values = dict(zip([name for name in linear if name != "gain"], found, strict=True))
+    scaled = {name: value if name == "offset_Nm" or not free_gain else value / gain for name, value in values.items()}
+    return start.changed({**scaled, "gain": gain})
+
+
+def slopes(evidence: Evidence, settings: Settings, states: States, names: tuple[str, ...]) -> FloatArray:
+    """(m, k) derivatives of the expected torque by the named settings."""
+    parts = states.terms
+    columns = []
+    for name in names:
+        if name in _STEPS:
+            step = _STEPS[name]
+            ends = [settings.changed({name: getattr(settings, name) + side * step}) for side in (-1.0, 1.0)]
+            low, high = (evidence.expected(end, evidence.states(end)) for end in ends)
+            columns.append((high - low) / (2.0 * step))
+        elif name == "gain":
+            columns.append((evidence.expected(settings, states) - settings.offset_Nm) / settings.gain)
+        elif name == "offset_Nm":
+            columns.append(np.ones_like(states.omega))
+        else:
+            part = {
+                "load": parts.load,
+                "constant_Nm": parts.direction,
+                "viscous_Nms": states.omega,
+                "inertia_kgm2": states.alpha,
+            }[name]
+            columns.append(settings.gain * part)
+    return np.stack(columns, axis=1) if columns else np.empty((states.omega.size, 0))
+
+
+def _loss(residual: FloatArray, scale: float) -> float:
+    """Mean of Huber's loss, infinite with too few samples."""
+    if residual.size < FEWEST:
+        return np.inf
+    return float(np.mean(huber_loss(residual, scale)))
+
+
+def huber_loss(residual: FloatArray, scale: float) -> FloatArray:
+    """Huber's loss of each residual over the scale, twice."""
+    size = np.abs(residual) / scale
+    return np.where(size <= HUBER, size**2, 2.0 * HUBER * size - HUBER**2)
+
+
+def _step(jacobian: FloatArray, residual: FloatArray, damping: float) -> FloatArray:
+    weight = huber_weights(residual, robust_scale(residual))
+    sizes = np.sqrt(np.mean(jacobian**2, axis=0)) + 1e-300
+    scaled = jacobian / sizes
+    normal = (scaled * weight[:, None]).T @ scaled
+    normal[np.diag_indices_from(normal)] *= 1.0 + damping
+    right = (scaled * weight[:, None]).T @ residual
+    return np.asarray(np.linalg.lstsq(normal, right, rcond=1e-9)[0] / sizes)
+
+
+def _limited(names: tuple[str, ...], step: FloatArray) -> FloatArray:
+    excess = [abs(step[k]) / _LONGEST[name] for k, name in enumerate(names) if name in _LONGEST]
+    limited: FloatArray = step / max([1.0, *excess])
+    return limited
+
+
+def _moved(settings: Settings, names: tuple[str, ...], step: FloatArray) -> Settings:
+    return settings.changed({name: getattr(settings, name) + float(step[k]) for k, name in enumerate(names)})

@@ -1,0 +1,103 @@
+"""The shaft's motion over a record, as the encoder tells it: estimated once, read at any time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.shaft import create_estimator
+
+TURN = 2.0 * math.pi
+
+GAP_PERIODS = 5.0
+"""Two states further apart than this many median periods have a gap between them."""
+
+
+@dataclass(frozen=True)
+class ShaftTrack:
+    """States of the shaft over time, (n,) each, and how far apart they may be interpolated.
+
+    Attributes:
+        time_s: increasing, from the record's origin.
+        theta_rad, omega_rad_s, alpha_rad_s2: the shaft's state there.
+        longest_s: longer intervals are gaps.
+    """
+
+    time_s: FloatArray
+    theta_rad: FloatArray
+    omega_rad_s: FloatArray
+    alpha_rad_s2: FloatArray
+    longest_s: float
+
+    @property
+    def turns(self) -> float:
+        """Turns of the shaft from one extreme of its angle to the other."""
+        return float(np.ptp(self.theta_rad)) / TURN
+
+    def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+        """Angle, speed, acceleration at times (m,), and where there is a state on either side without a gap.
+
+        Angle and speed by the cubic through both ends' values and slopes, acceleration by the straight line.
+        """
+        after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, self.time_s.size - 1)
+        before = after - 1
+        step = self.time_s[after] - self.time_s[before]
+        good = (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1]) & (step <= self.longest_s)
+        u = np.clip((time_s - self.time_s[before]) / step, 0.0, 1.0)
+        a0, a1 = self.alpha_rad_s2[before], self.alpha_rad_s2[after]
+        w0, w1 = self.omega_rad_s[before], self.omega_rad_s[after]
+        theta = _cubic(u, step, self.theta_rad[before], self.theta_rad[after], w0, w1)
+        return theta, _cubic(u, step, w0, w1, a0, a1), a0 + u * (a1 - a0), good
+
+
+def _cubic(
+    u: FloatArray, step: FloatArray, y0: FloatArray, y1: FloatArray, d0: FloatArray, d1: FloatArray
+) -> FloatArray:
+    """Hermite's cubic at share u of a step, from values and slopes at its ends."""
+    v, rise = 1.0 - u, y1 - y0
+    return y0 + u * rise + u * v * (v * (d0 * step - rise) - u * (d1 * step - rise))
+
+
+def shaft_track(
+    stamps_ns: IntArray,
+    angle_rad: FloatArray,
+    velocities: FloatArray | None,
+    *,
+    origin_ns: int,
+    ratio: float,
+    turn_rad: float = TURN,
+) -> ShaftTrack:
+    """Estimate the shaft's motion from the encoder's angles (n,) over the whole record.
+
+    This is the one place at which the comparison asks for the shaft's state.
+
+    Args:
+        stamps_ns: stamps of the angles, int64 ns.
+        angle_rad: angles of the encoder, in radians, wrapped or not.
+        velocities: the encoder's own speed where it has one [rad/s].
+        origin_ns: the stamp at which time is zero.
+        ratio: shaft angle per encoder angle; direction and zero are left to the caller.
+        turn_rad: what a wrapping encoder wraps by.
+
+    Raises RecordingError when no state comes out.
+    """
+    estimator = create_estimator("smooth", period_rad=turn_rad * ratio)
+    blocks = estimator.step(stamps_ns, angle_rad * ratio, None if velocities is None else velocities * ratio)
+    states = [part for part in (blocks, estimator.finish()) if len(part)]
+    if not states:
+        raise RecordingError(f"too few shaft angles for a motion; {estimator.report.text()}")
+    stamps = np.concatenate([np.asarray(part.stamps, np.int64) for part in states])
+    theta = np.concatenate([part.theta_rad for part in states])
+    omega = np.concatenate([part.omega_rad_s for part in states])
+    alpha = np.concatenate([part.alpha_rad_s2 for part in states])
+    good = np.isfinite(theta) & np.isfinite(omega) & np.isfinite(alpha)
+    good[1:] &= np.diff(stamps) > 0
+    if np.count_nonzero(good) < 8:
+        raise RecordingError(f"too few shaft angles for a motion: {np.count_nonzero(good)} states are usable")
+    time = (stamps[good] - origin_ns) * 1e-9
+    longest = GAP_PERIODS * float(np.median(np.diff(time)))
+    return ShaftTrack(time, theta[good], omega[good], alpha[good], longest)

@@ -1,0 +1,68 @@
+"""A machine's torque in the parts that a recording can weigh: mechanism, loads, friction of the shaft."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.comparison.residual import load_jumps
+from textile_twin_core.dynamics.loads import ShaftFriction
+from textile_twin_core.machines import Machine
+from textile_twin_core.twin import compile_machine
+
+TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Parts of the torque at n states [N m], (n,) each.
+
+    mechanism: inertia and weight. load: every declared load but the shaft's friction. friction: the declared friction
+    of the shaft. direction: sign of the speed, 0 at rest.
+    """
+
+    mechanism: FloatArray
+    load: FloatArray
+    friction: FloatArray
+    direction: FloatArray
+
+    @property
+    def total(self) -> FloatArray:
+        """The predicted torque."""
+        return self.mechanism + self.load + self.friction
+
+
+class TorqueTerms:
+    """Evaluates the parts for one machine; sensors play no part in it.
+
+    rest_rad_s: below this speed the shaft counts as at rest, where friction is not defined.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        frictions = [load for load in machine.loads if isinstance(load, ShaftFriction)]
+        others = tuple(load for load in machine.loads if not isinstance(load, ShaftFriction))
+        self.viscous_Nms = sum(load.viscous_Nms for load in frictions)
+        self.coulomb_Nm = sum(load.coulomb_Nm for load in frictions)
+        self.has_load = bool(others)
+        self._twin = compile_machine(
+            replace(machine, loads=others), ["torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm"]
+        )
+        jumps = load_jumps(compile_machine(machine, ["balancing_torque_Nm"]))
+        self._jumps = np.sort(np.mod(np.asarray(jumps, dtype=np.float64), TURN))
+
+    def at(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray, rest_rad_s: float) -> Terms:
+        """The parts at states (n,)."""
+        out = self._twin.evaluate(theta, omega, alpha)
+        direction = np.where(np.abs(omega) > rest_rad_s, np.sign(omega), 0.0)
+        friction = self.viscous_Nms * omega + self.coulomb_Nm * direction
+        return Terms(out["torque_inertial_Nm"] + out["torque_gravity_Nm"], out["torque_load_Nm"], friction, direction)
+
+    def near_jump(self, theta: FloatArray, omega: FloatArray, guard_s: float) -> BoolArray:
+        """Where a jump of the load is nearer than `guard_s` at the present speed."""
+        near = np.zeros(theta.size, dtype=np.bool_)
+        for angle in self._jumps:
+            apart = np.abs(np.remainder(theta - angle + np.pi, TURN) - np.pi)
+            near |= apart <= np.abs(omega) * guard_s
+        return near

@@ -1,0 +1,48 @@
+"""Which unit a torque was logged in, from the factor between what was logged and what was meant."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+UNITS_PER_NM = {
+    "N cm": 100.0,
+    "N mm": 1000.0,
+    "kN m": 1e-3,
+    "daN m or kgf m": 0.101,
+    "kgf cm": 10.19716,
+    "lbf ft": 0.7375621,
+    "lbf in": 8.850746,
+    "ozf in": 141.6119,
+}
+"""What 1 N m counts in other units."""
+
+_NEAR = 0.1
+_NEAR_ODD = {"lbf ft": 0.015, "kgf cm": 0.05, "lbf in": 0.05}
+"""How near the factor must come; nearer for units that a plain gain could be taken for."""
+
+
+@dataclass(frozen=True)
+class NearestGain:
+    """The gain that sign and unit alone would give.
+
+    Attributes:
+        gain: as settings have it. sign: beside the configured one. unit: its name, empty for N m. factor: of the unit.
+    """
+
+    gain: float
+    sign: int
+    unit: str
+    factor: float
+
+
+def nearest_gain(gain: float, configured: float) -> NearestGain:
+    """The configured gain with the sign, and in the unit, that come nearest to a gain found."""
+    ratio = gain / configured
+    sign = 1 if ratio > 0.0 else -1
+    best, unit, factor = math.inf, "", 1.0
+    for name, units in UNITS_PER_NM.items():
+        away = abs(abs(ratio) / units - 1.0)
+        if away < _NEAR_ODD.get(name, _NEAR) and away < best:
+            best, unit, factor = away, name, units
+    return NearestGain(configured * sign * factor, sign, unit, factor)
