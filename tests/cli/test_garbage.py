@@ -70,7 +70,11 @@ def test_more_samples_than_memory_holds(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_a_speed_beyond_arithmetic(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["simulate", "needle_transfer", "--rpm", "1e300", "--samples", "5", "--out", str(tmp_path / "o.csv")]
+    motion = tmp_path / "motion.csv"
+    motion.write_text(
+        "theta_rad,omega_rad_s,alpha_rad_s2,time_s\n" + "".join(f"{k},1e300,0,{k}e-300\n" for k in range(5))
+    )
+    words = ["simulate", "needle_transfer", "--input", str(motion), "--out", str(tmp_path / "o.csv")]
     assert "cannot be reckoned with" in _refused(words, capsys)
 
 

@@ -52,7 +52,7 @@ def test_no_design_is_good_enough(capsys: pytest.CaptureFixture[str]) -> None:
         (["--swing", "30", "--rotation", "nan"], "must be a number"),
         (["--swing", "30"], "--rotation"),
         (["--swing", "30", "--rotation", "180", "--ground", "0"], "positive number"),
-        (["--swing", "30", "--rotation", "180", "--json", "/nowhere/designs.json"], "/nowhere"),
+        (["--swing", "30", "--rotation", "180", "--json", "/proc/designs.json"], "/proc"),
     ],
 )
 def test_mistakes_are_one_line_and_exit_code_2(

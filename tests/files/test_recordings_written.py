@@ -276,7 +276,7 @@ def test_what_is_there_is_replaced_only_when_asked(tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["b"]
 
 
-@pytest.mark.parametrize("place", ["missing/b", "file/b"])
+@pytest.mark.parametrize("place", ["file/deeper/b", "file/b"])
 def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path, place: str) -> None:
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(OutputError) as caught:

@@ -25,7 +25,7 @@ def partial_path(path: Path) -> Path:
 
 
 def check_folder(path: Path) -> None:
-    """Raise OutputError unless a file could be created beside `path` right now; a missing folder is made.
+    """Raise OutputError unless a file could be created beside `path` now; a folder is made in one that is there.
 
     Tries instead of asking for permission bits, since read-only and virtual file systems ignore those.
     """
@@ -33,7 +33,9 @@ def check_folder(path: Path) -> None:
         raise OutputError(f"output '{path}': not a file name; give the name of the file to write")
     probe = partial_path(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(exist_ok=True)
+    except FileNotFoundError as error:
+        raise OutputError(f"output {path}: the folder {path.parent.parent} does not exist; make it first") from error
     except (FileExistsError, NotADirectoryError) as error:
         raise OutputError(f"output {path}: {path.parent} is not a folder; choose another place") from error
     except OSError as error:
