@@ -7,9 +7,9 @@ from textile_twin_core.contact.drive import Drive, DrivePiece, Section, hermite_
 from textile_twin_core.contact.energy import EnergyBook, book_energy
 from textile_twin_core.contact.integrator import ContactIntegrator, Progress
 from textile_twin_core.contact.model import FRAME, Body, ContactError, ContactModel, Pad, SpringDamper, Stop
-from textile_twin_core.contact.result import ContactEvent, PadState, Segment
+from textile_twin_core.contact.result import ContactEvent, Segment
 from textile_twin_core.contact.run import ContactRun, run_contact
-from textile_twin_core.contact.state import ContactState
+from textile_twin_core.contact.state import ContactState, PadState
 
 __all__ = [
     "FRAME",

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact.drive_force import DriveForce, pad_normals
-from textile_twin_core.contact.forces import LinearForces
-from textile_twin_core.contact.mode import derivative
+from textile_twin_core.contact.drive_force import drive_force
 from textile_twin_core.contact.model import ContactModel
-from textile_twin_core.contact.monitors import pad_series
+from textile_twin_core.contact.plant import Plant, plant_of
 from textile_twin_core.contact.polynomials import gram_matrix
-from textile_twin_core.contact.result import ContactEvent, PadState, Segment
+from textile_twin_core.contact.result import ContactEvent, Segment
+from textile_twin_core.contact.state import PadState
 
 
 @dataclass(frozen=True)
@@ -44,12 +43,10 @@ class EnergyBook:
 
 def book_energy(model: ContactModel, segments: list[Segment], events: list[ContactEvent]) -> EnergyBook:
     """Energy book of a run; work and damping are integrated exactly from the segments' power series."""
-    forces = LinearForces.of(model)
+    plant = plant_of(model)
     bodies = len(model.bodies)
     rows = np.zeros((5, len(segments) + 1))
     times = np.array([*(segment.start_s for segment in segments), segments[-1].end_s])
-    pads = pad_normals(model)
-    drive_force = DriveForce(model)
     damped = work = lost = 0.0
     event = 0
     for k, segment in enumerate(segments):
@@ -58,33 +55,34 @@ def book_energy(model: ContactModel, segments: list[Segment], events: list[Conta
             lost += events[event].energy_lost_J
             work += events[event].drive_work_J
             event += 1
-        rows[:, k] = kinetic_energy(forces, velocity), potential_energy(model, start), damped, lost, work
-        speeds = derivative(segment.positions) / segment.span_s
+        rows[:, k] = kinetic_energy(plant, velocity), potential_energy(model, start), damped, lost, work
+        speeds = segment.velocities
         gram = gram_matrix(speeds.shape[1]) * segment.span_s
-        damped += float(np.sum((forces.damping @ speeds @ gram) * speeds))
+        damped += float(np.sum((plant.damping @ speeds @ gram) * speeds))
         for number, state in enumerate(segment.pads):
             if state is PadState.OFF:
                 continue
-            depth = pad_series(model, number, pads[number], segment.positions)
+            depth = plant.pads[number] @ segment.positions
+            depth[0] -= plant.pad_places[number]
             pad = model.pads[number]
             if state is PadState.PUSHING:
-                rate = pads[number] @ speeds
+                rate = plant.pads[number] @ speeds
                 damped += pad.damping_Ns_m * float(rate @ gram @ rate)
             else:
                 damped += float(pad.energy(depth[:1])[0] - pad.energy(depth.sum(keepdims=True))[0])
-        work -= float(drive_force.series(segment) @ gram @ speeds[bodies])
+        work -= float(drive_force(plant, segment) @ gram @ speeds[bodies])
     last = segments[-1]
     for remaining in events[event:]:
         lost += remaining.energy_lost_J
         work += remaining.drive_work_J
-    end, end_velocity = last.positions.sum(axis=1), derivative(last.positions).sum(axis=1) / last.span_s
-    rows[:, -1] = kinetic_energy(forces, end_velocity), potential_energy(model, end), damped, lost, work
+    end, end_velocity = last.positions.sum(axis=1), last.velocities.sum(axis=1)
+    rows[:, -1] = kinetic_energy(plant, end_velocity), potential_energy(model, end), damped, lost, work
     return EnergyBook(times, *rows)
 
 
-def kinetic_energy(forces: LinearForces, velocities: FloatArray) -> FloatArray:
+def kinetic_energy(plant: Plant, velocities: FloatArray) -> FloatArray:
     """Kinetic energy [J] of the bodies, from velocities (movers, ...); the driven element has none in the model."""
-    return np.asarray(0.5 * np.tensordot(forces.masses, velocities[:-1] ** 2, axes=1))
+    return np.asarray(0.5 * np.tensordot(plant.masses, velocities[:-1] ** 2, axes=1))
 
 
 def potential_energy(model: ContactModel, positions: FloatArray) -> FloatArray:

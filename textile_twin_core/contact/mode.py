@@ -1,118 +1,208 @@
-"""A mode of contact: which stops are closed, and the equations of motion that are left in it."""
+"""A mode of contact: which bodies closed stops hold together, and the equations of motion that are left."""
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 
-from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact.forces import LinearForces
-from textile_twin_core.contact.model import ContactError, ContactModel
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.compiling import compiled
+from textile_twin_core.contact.linear import chosen, solve
+from textile_twin_core.contact.plant import Plant
+
+DRIVEN, FIXED = -1, -2
 
 
-class Mode:
-    """Bodies joined by closed stops move as one: x_bodies = spread @ q + driven x_drive + offset.
+class Mode(NamedTuple):
+    """Bodies joined by closed stops move as one cluster, each at its own offset from the cluster's first body.
 
-    Clusters without driven element or frame keep a coordinate q each, whose equation is
-    q'' = -stiffness q - damping q' + by_position x_drive + by_velocity v_drive + constant (+ pads).
-    Raises ContactError when closed stops tie the driven element to the frame.
+    A cluster has the equation q'' = -stiffness q - damping q' + by_position x_drive + by_velocity v_drive + constant
+    - by_pad (forces of the pads).
     """
 
-    def __init__(self, model: ContactModel, forces: LinearForces, closed: frozenset[int]) -> None:
-        self.model = model
-        self.forces = forces
-        self.closed = tuple(sorted(closed))
-        bodies = len(model.bodies)
-        cluster, offset = self._clusters(bodies)
-        free = sorted({c for c in cluster[:bodies] if c not in (cluster[bodies], cluster[bodies + 1])})
-        self.spread = np.zeros((bodies, len(free)))
-        self.driven = np.zeros(bodies)
-        self.offset = np.zeros(bodies)
+    cluster: npt.NDArray[np.int64]
+    """(bodies,): number of the body's cluster, DRIVEN with the driven element or FIXED to the frame"""
+    offset: FloatArray
+    """(bodies,) [m]"""
+    first: npt.NDArray[np.int64]
+    """(clusters,): first body of each"""
+    mass: FloatArray
+    """(clusters,) [kg]"""
+    stiffness: FloatArray
+    """(clusters, clusters) [1/s^2]"""
+    damping: FloatArray
+    """(clusters, clusters) [1/s]"""
+    by_position: FloatArray
+    by_velocity: FloatArray
+    constant: FloatArray
+    by_pad: FloatArray
+    """(clusters, pads) [1/kg]"""
+
+
+@compiled
+def mode_of(plant: Plant, closed: BoolArray) -> tuple[bool, Mode]:
+    """The mode with these stops closed; False when they tie the driven element to the frame."""
+    bodies = plant.masses.size
+    joined, offset = _join(plant, closed)
+    cluster, first = np.empty(bodies, np.int64), np.empty(bodies, np.int64)
+    count = 0
+    for body in range(bodies):
+        leader = joined[body]
+        if leader == joined[bodies]:
+            cluster[body] = DRIVEN
+            offset[body] -= offset[bodies]
+        elif leader == joined[bodies + 1]:
+            cluster[body] = FIXED
+            offset[body] -= offset[bodies + 1]
+        elif leader == body:
+            cluster[body] = count
+            first[count] = body
+            count += 1
+        else:
+            cluster[body] = cluster[leader]
+    mode = Mode(
+        cluster,
+        offset[:bodies].copy(),
+        first[:count].copy(),
+        np.zeros(count),
+        np.zeros((count, count)),
+        np.zeros((count, count)),
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros((count, plant.pad_places.size)),
+    )
+    _reduce(plant, mode)
+    return joined[bodies] != joined[bodies + 1], mode
+
+
+@compiled
+def _join(plant: Plant, closed: BoolArray) -> tuple[npt.NDArray[np.int64], FloatArray]:
+    """The first of the ends that each end (bodies, driven element, frame) is joined with, and its distance from it."""
+    movers = plant.masses.size + 1
+    joined, offset = np.empty(movers + 1, np.int64), np.zeros(movers + 1)
+    for end in range(movers + 1):
+        joined[end] = end
+    for stop in range(closed.size):
+        if not closed[stop]:
+            continue
+        lower = upper = movers
+        for mover in range(movers):
+            if plant.stops[stop, mover] > 0.0:
+                lower = mover
+            elif plant.stops[stop, mover] < 0.0:
+                upper = mover
+        keep, merge = min(joined[lower], joined[upper]), max(joined[lower], joined[upper])
+        if keep == merge:
+            continue
+        shift = offset[lower] + plant.limits[stop] - offset[upper]
+        if joined[upper] == keep:
+            shift = -shift
+        for end in range(movers + 1):
+            if joined[end] == merge:
+                joined[end] = keep
+                offset[end] += shift
+    return joined, offset
+
+
+@compiled
+def _reduce(plant: Plant, mode: Mode) -> None:
+    """Write the clusters' masses and equations: the sums of those of their bodies."""
+    bodies = plant.masses.size
+    for body in range(bodies):
+        if mode.cluster[body] >= 0:
+            mode.mass[mode.cluster[body]] += plant.masses[body]
+    for body in range(bodies):
+        own = mode.cluster[body]
+        if own < 0:
+            continue
+        mass = mode.mass[own]
+        mode.constant[own] += plant.constant[body] / mass
+        mode.by_position[own] -= plant.stiffness[body, bodies] / mass
+        mode.by_velocity[own] -= plant.damping[body, bodies] / mass
+        for other in range(bodies):
+            k, b = plant.stiffness[body, other] / mass, plant.damping[body, other] / mass
+            mode.constant[own] -= k * mode.offset[other]
+            if mode.cluster[other] >= 0:
+                mode.stiffness[own, mode.cluster[other]] += k
+                mode.damping[own, mode.cluster[other]] += b
+            elif mode.cluster[other] == DRIVEN:
+                mode.by_position[own] -= k
+                mode.by_velocity[own] -= b
+        for pad in range(plant.pad_places.size):
+            mode.by_pad[own, pad] += plant.pads[pad, body] / mass
+
+
+@compiled
+def fastest_rate(plant: Plant, mode: Mode, pads: npt.NDArray[np.int64]) -> float:
+    """Bound [1/s] on the rates of the mode's motion, with the pads that push; their stiffness as at first touch."""
+    stiffness = damping = 0.0
+    for own in range(mode.mass.size):
+        k = b = 0.0
+        for other in range(mode.mass.size):
+            k += abs(mode.stiffness[own, other])
+            b += abs(mode.damping[own, other])
+        stiffness, damping = max(stiffness, k), max(damping, b)
+    for pad in range(pads.size):
+        strongest = 0.0
+        for own in range(mode.mass.size):
+            strongest = max(strongest, abs(mode.by_pad[own, pad]))
+        if pads[pad] == 1:
+            stiffness += plant.pad_stiffness[pad, 0] * strongest
+            damping += plant.pad_damping[pad] * strongest
+    return 0.5 * (damping + math.sqrt(damping * damping + 4.0 * stiffness))
+
+
+@compiled
+def stop_forces(plant: Plant, mode: Mode, closed: BoolArray, series: FloatArray, h: float) -> FloatArray:
+    """Power series (stops, order-1) of the force in every closed stop, zero in the others.
+
+    `series` (movers + pads, order+1) holds the movers' positions and the pads' forces: what they do not explain of the
+    bodies' accelerations is the stops' doing.
+    """
+    bodies, stops, order = plant.masses.size, closed.size, series.shape[1] - 1
+    forces = np.zeros((stops, order - 1))
+    numbers = chosen(closed)
+    if numbers.size == 0:
+        return forces
+    response = _inverse_gram(plant, numbers)
+    residual = np.zeros(bodies)
+    for k in range(order - 1):
         for body in range(bodies):
-            if cluster[body] == cluster[bodies]:
-                self.driven[body] = 1.0
-                self.offset[body] = offset[body] - offset[bodies]
-            elif cluster[body] == cluster[bodies + 1]:
-                self.offset[body] = offset[body] - offset[bodies + 1]
-            else:
-                column = free.index(cluster[body])
-                self.spread[body, column] = 1.0
-                self.offset[body] = offset[body] - offset[free[column]]
-        weights = self.spread * forces.masses[:, None]
-        self.cluster_mass = weights.sum(axis=0)
-        self.average = (weights / self.cluster_mass).T if free else weights.T
-        self._reduce()
-        self.stop_normals = np.zeros((bodies, len(self.closed)))
-        for column, stop in enumerate(self.closed):
-            for end, sign in ((model.stops[stop].upper, -1.0), (model.stops[stop].lower, 1.0)):
-                if model.index[end] < bodies:
-                    self.stop_normals[model.index[end], column] = sign
-        self.from_residual = np.linalg.pinv(self.stop_normals)
-
-    def _clusters(self, bodies: int) -> tuple[list[int], list[float]]:
-        """Cluster number of every end (its smallest row) and its distance from the cluster's first end."""
-        model = self.model
-        cluster = list(range(bodies + 2))
-        offset = [0.0] * (bodies + 2)
-        for number in self.closed:
-            stop = model.stops[number]
-            upper, lower = model.index[stop.upper], model.index[stop.lower]
-            keep, merge = sorted((cluster[upper], cluster[lower]))
-            if keep == merge:
-                continue
-            shift = offset[lower] + stop.limit_m - offset[upper]
-            if cluster[upper] == keep:
-                shift = -shift
-            for end in range(bodies + 2):
-                if cluster[end] == merge:
-                    cluster[end] = keep
-                    offset[end] += shift
-        if cluster[bodies] == cluster[bodies + 1]:
-            names = ", ".join(model.stops[k].name for k in self.closed)
-            raise ContactError(
-                f"closed stops ({names}) tie the driven element to the frame: nothing can give way; "
-                "set the limits so that a spring or pad stands between them"
-            )
-        return cluster, offset
-
-    def _reduce(self) -> None:
-        bodies = len(self.model.bodies)
-        project = (self.spread / self.cluster_mass).T if self.cluster_mass.size else self.spread.T
-        rows_k, rows_b = self.forces.stiffness[:bodies], self.forces.damping[:bodies]
-        self.stiffness = project @ rows_k[:, :bodies] @ self.spread
-        self.damping = project @ rows_b[:, :bodies] @ self.spread
-        self.by_position = -project @ (rows_k[:, :bodies] @ self.driven + rows_k[:, bodies])
-        self.by_velocity = -project @ (rows_b[:, :bodies] @ self.driven + rows_b[:, bodies])
-        self.constant = project @ (self.forces.constant[:bodies] - rows_k[:, :bodies] @ self.offset)
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates that are left."""
-        return int(self.spread.shape[1])
-
-    def coordinates(self, positions: FloatArray, velocities: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Cluster coordinates and speeds (mass-weighted, so that momentum stays) from those of the bodies."""
-        return self.average @ (positions - self.offset), self.average @ velocities
-
-    def movers(self, coordinates: FloatArray, drive: FloatArray) -> FloatArray:
-        """Power series (movers, order+1) of every mover from those of the coordinates (size, order+1) and the drive."""
-        bodies = self.spread @ coordinates + self.driven[:, None] * drive
-        bodies[:, 0] += self.offset
-        return np.vstack((bodies, drive))
-
-    def stop_forces(self, series: FloatArray, span_s: float, other: FloatArray) -> FloatArray:
-        """Power series (closed, order-1) of the force in every closed stop, from the movers' series.
-
-        `other` (bodies, order-1) holds the forces that are not linear (pads).
-        """
-        order = series.shape[1] - 1
-        velocity = derivative(series) / span_s
-        acceleration = derivative(velocity) / span_s
-        bodies = len(self.model.bodies)
-        linear = self.forces.on_movers(series[:, : order - 1], velocity[:, : order - 1])[:bodies]
-        residual = self.forces.masses[:, None] * acceleration[:bodies] - linear - other
-        return np.asarray(self.from_residual @ residual)
+            rest = plant.masses[body] * (k + 1) * (k + 2) / (h * h) * series[body, k + 2]
+            if k == 0:
+                rest -= plant.constant[body]
+            for other in range(bodies + 1):
+                rest += plant.stiffness[body, other] * series[other, k]
+                rest += plant.damping[body, other] * (k + 1) / h * series[other, k + 1]
+            for pad in range(plant.pad_places.size):
+                rest += plant.pads[pad, body] * series[bodies + 1 + pad, k]
+            residual[body] = rest
+        for j in range(numbers.size):
+            along = 0.0
+            for body in range(bodies):
+                along += plant.stops[numbers[j], body] * residual[body]
+            for i in range(numbers.size):
+                forces[numbers[i], k] += response[i, j] * along
+    return forces
 
 
-def derivative(series: FloatArray) -> FloatArray:
-    """Power series of d/du, one order shorter, along the last axis."""
-    return series[..., 1:] * np.arange(1.0, series.shape[-1])
+@compiled
+def _inverse_gram(plant: Plant, stops: npt.NDArray[np.int64]) -> FloatArray:
+    """Inverse of the products of the stops' normals on the bodies, which do not depend on each other."""
+    n = stops.size
+    gram, unit, inverse = np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            for body in range(plant.masses.size):
+                gram[i, j] += plant.stops[stops[i], body] * plant.stops[stops[j], body]
+    for i in range(n):
+        unit[i] = 1.0
+        column = solve(gram, unit)
+        unit[i] = 0.0
+        for j in range(n):
+            inverse[i, j] = column[j]
+    return inverse

@@ -2,104 +2,119 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact.model import ContactModel
-from textile_twin_core.contact.polynomials import earliest_crossing
-from textile_twin_core.contact.result import PadState, Segment
+from textile_twin_core.compiling import compiled
+from textile_twin_core.contact.plant import Plant
+from textile_twin_core.contact.polynomials import first_crossing, largest
+from textile_twin_core.contact.state import EPSILON, LENGTH_NOISE, OFF, PUSHING, ContactState
+
+CLOSES, RELEASES, TURNS_OFF, TURNS_PUSHING, TURNS_SLACK = range(5)
+"""What may happen to a stop (the first two) and to a pad."""
+
+_FORCE_NOISE = 1e-13
+_OWN_NOISE = 1e-14
+_RELEASE_NOISE = 1e-12
 
 
-@dataclass(frozen=True)
-class Noise:
-    """What cannot be told from zero."""
-
-    length_m: float
-    force_N: float
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """The first event of a step: place u, kind ("close", "release", or the pad's next state), stop or pad."""
-
-    u: float
-    kind: str | PadState
-    number: int
-
-
-def pad_series(model: ContactModel, number: int, normal: FloatArray, positions: FloatArray) -> FloatArray:
-    """Power series of a pad's compression, from the movers' positions (movers, order+1)."""
-    depth = normal @ positions
-    depth[0] -= model.pads[number].position_m
-    return np.asarray(depth)
-
-
-def elastic_series(stiffness: tuple[float, ...], depth: FloatArray) -> FloatArray:
-    """Power series of a pad's elastic force, cut at the order of the compression's."""
-    total = np.zeros_like(depth)
-    for coefficient in reversed(stiffness):
-        total[0] += coefficient
-        total = np.convolve(total, depth)[: depth.size]
-    return total
-
-
+@compiled
 def first_event(
-    model: ContactModel,
-    segment: Segment,
-    stop_normals: FloatArray,
-    limits: FloatArray,
-    pad_normals: FloatArray,
-    noise: Noise,
-) -> Crossing | None:
-    """The earliest event inside a step, or None; nothing is sampled, so that no pair of crossings can slip through."""
-    rows: list[FloatArray] = []
-    noises: list[float] = []
-    meaning: list[tuple[str | PadState, int]] = []
-    gaps = stop_normals.T @ segment.positions
-    gaps[:, 0] += limits
-    for number in range(len(model.stops)):
-        if number not in segment.closed:
-            rows.append(gaps[number])
-            noises.append(noise.length_m)
-            meaning.append(("close", number))
-    force_noise = noise.force_N
-    for number, state in enumerate(segment.pads):
-        pad = model.pads[number]
-        depth = pad_series(model, number, pad_normals[number], segment.positions)
-        if state is PadState.OFF:
-            rows.append(-depth)
-            noises.append(noise.length_m)
-            meaning.append((PadState.PUSHING, number))
+    plant: Plant, state: ContactState, series: FloatArray, forces: FloatArray, span_s: float
+) -> tuple[float, int, int]:
+    """Place u of the earliest event of a step (infinity without one), what it is, and of which stop or pad.
+
+    `series` (movers + pads, order+1) as the step's flow gives it, `forces` (stops, order-1) of the closed stops.
+    Nothing is sampled, so that no pair of crossings can slip through.
+    """
+    length = LENGTH_NOISE * plant.length_m
+    length += 4.0 * EPSILON * abs(state.clock[0]) * state.clock[1]  # the drive goes on from the time as rounded
+    force = _FORCE_NOISE * _force_scale(plant, state.clock[1])
+    best, kind, which = math.inf, CLOSES, 0
+    for stop in range(state.closed.size):
+        if not state.closed[stop]:
+            found = first_crossing(_between(plant.stops[stop], 1.0, plant.limits[stop], series), length)
+            if found < best:
+                best, kind, which = found, CLOSES, stop
+    slack_noise = force
+    for pad in range(state.pads.size):
+        if state.pads[pad] == OFF:
+            found = first_crossing(_between(plant.pads[pad], -1.0, plant.pad_places[pad], series), length)
+            if found < best:
+                best, kind, which = found, TURNS_PUSHING, pad
             continue
-        rows.append(depth)
-        noises.append(noise.length_m)
-        meaning.append((PadState.OFF, number))
-        if state is PadState.PUSHING:
-            pressure = segment.pad_forces[number]
+        depth = _between(plant.pads[pad], 1.0, -plant.pad_places[pad], series)
+        found = first_crossing(depth, length)
+        if found < best:
+            best, kind, which = found, TURNS_OFF, pad
+        if state.pads[pad] == PUSHING:
+            pressure = series[plant.masses.size + 1 + pad, : depth.size - 1]
         else:
-            rate = depth[1:] * np.arange(1.0, depth.size) / segment.span_s
-            pressure = -(elastic_series(pad.stiffness, depth)[:-1] + pad.damping_Ns_m * rate)
-        own = pad.tangent(max(float(depth[0]), 0.0)) * noise.length_m + 1e-14 * float(np.abs(pressure).max())
-        force_noise += own
-        if pad.pulls:
-            continue
-        rows.append(pressure)
-        noises.append(noise.force_N + own)
-        meaning.append((PadState.SLACK if state is PadState.PUSHING else PadState.PUSHING, number))
-    for series, number in zip(segment.stop_forces, segment.closed, strict=True):
-        rows.append(series)
-        noises.append(force_noise + 1e-12 * float(np.abs(series).max()))
-        meaning.append(("release", number))
-    if not rows:
-        return None
-    width = max(row.size for row in rows)
-    table = np.zeros((len(rows), width))
-    for line, row in zip(table, rows, strict=True):
-        line[: row.size] = row
-    found = earliest_crossing(table, np.array(noises))
-    if found is None:
-        return None
-    kind, number = meaning[found[0]]
-    return Crossing(found[1], kind, number)
+            pressure = _withheld(plant, pad, depth, span_s)
+        own = _tangent(plant.pad_stiffness[pad], max(depth[0], 0.0)) * length + _OWN_NOISE * largest(pressure)
+        slack_noise += own
+        if not plant.pad_pulls[pad]:
+            found = first_crossing(pressure, force + own)
+            if found < best:
+                best, kind, which = found, TURNS_SLACK if state.pads[pad] == PUSHING else TURNS_PUSHING, pad
+    for stop in range(state.closed.size):
+        if state.closed[stop]:
+            found = first_crossing(forces[stop], slack_noise + _RELEASE_NOISE * largest(forces[stop]))
+            if found < best:
+                best, kind, which = found, RELEASES, stop
+    return best, kind, which
+
+
+@compiled
+def _force_scale(plant: Plant, speed_m_s: float) -> float:
+    """Size [N] of the linear forces, by which their rounding is measured."""
+    stiffness = damping = constant = 0.0
+    movers = plant.constant.size
+    for mover in range(movers):
+        k = b = 0.0
+        for other in range(movers):
+            k += abs(plant.stiffness[mover, other])
+            b += abs(plant.damping[mover, other])
+        stiffness, damping = max(stiffness, k), max(damping, b)
+        constant = max(constant, abs(plant.constant[mover]))
+    return stiffness * plant.length_m + constant + damping * speed_m_s
+
+
+@compiled
+def _between(normal: FloatArray, sign: float, shift: float, series: FloatArray) -> FloatArray:
+    """Power series of what a normal measures, times a sign, plus a shift."""
+    result = np.zeros(series.shape[1])
+    for mover in range(normal.size):
+        weight = sign * normal[mover]
+        if weight != 0.0:
+            for k in range(result.size):
+                result[k] += weight * series[mover, k]
+    result[0] += shift
+    return result
+
+
+@compiled
+def _withheld(plant: Plant, pad: int, depth: FloatArray, span_s: float) -> FloatArray:
+    """Power series of the pull that a slack pad would give if it held: positive as long as it stays slack."""
+    result = np.zeros(depth.size - 1)
+    for power in range(plant.pad_stiffness.shape[1] - 1, -1, -1):  # Horner, cut at the order of the pad's force
+        result[0] += plant.pad_stiffness[pad, power]
+        for k in range(result.size - 1, -1, -1):
+            total = 0.0
+            for j in range(k + 1):
+                total += depth[j] * result[k - j]
+            result[k] = total
+    for k in range(result.size):
+        result[k] = -result[k] - plant.pad_damping[pad] * (k + 1) * depth[k + 1] / span_s
+    return result
+
+
+@compiled
+def _tangent(stiffness: FloatArray, compression: float) -> float:
+    """Derivative of a pad's elastic force [N/m] at a compression [m]."""
+    total = 0.0
+    for power in range(stiffness.size - 1, -1, -1):
+        total = total * compression + (power + 1) * stiffness[power]
+    return total

@@ -1,4 +1,4 @@
-"""Polynomials on [0, 1] in powers of u: the first downward crossing, with none missed, and exact integrals."""
+"""Polynomials on [0, 1] in powers of u: the first downward crossing, with none missed, series and exact integrals."""
 
 from __future__ import annotations
 
@@ -8,33 +8,11 @@ from functools import lru_cache
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import compiled
 
 _SMALLEST_WIDTH = 2.0**-46
-
-
-@lru_cache(maxsize=128)
-def bernstein_matrix(degree: int) -> FloatArray:
-    """Matrix (degree+1, degree+1) that takes power coefficients, as rows times it, to Bernstein coefficients on [0, 1].
-
-    A polynomial lies between its smallest and its largest Bernstein coefficient: all positive means that it has
-    no root on the interval, whatever its shape between samples.
-    """
-    matrix = np.zeros((degree + 1, degree + 1))
-    for power in range(degree + 1):
-        for index in range(power, degree + 1):
-            matrix[power, index] = math.comb(index, power) / math.comb(degree, power)
-    return matrix
-
-
-@lru_cache(maxsize=128)
-def _halves(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Matrices that take Bernstein coefficients (as a row) on an interval to those on its left and right half."""
-    left = np.zeros((degree + 1, degree + 1))
-    for index in range(degree + 1):
-        for source in range(index + 1):
-            left[source, index] = math.comb(index, source) / 2.0**index
-    right = left[::-1, ::-1].copy()
-    return left, right
+_DEEPEST = 96
+"""Intervals that wait at most: two for each halving down to the smallest width."""
 
 
 @lru_cache(maxsize=128)
@@ -44,86 +22,163 @@ def gram_matrix(size: int) -> FloatArray:
     return np.asarray(1.0 / (index[:, None] + index[None, :] + 1.0), dtype=np.float64)
 
 
+@compiled
 def value(coefficients: FloatArray, u: float) -> float:
     """Value at u of the polynomial with these power coefficients, lowest first (Horner)."""
     total = 0.0
-    for coefficient in coefficients[::-1].tolist():
-        total = total * u + coefficient
+    for k in range(coefficients.size - 1, -1, -1):
+        total = total * u + coefficients[k]
     return total
 
 
-def rescale(coefficients: FloatArray, factor: float) -> FloatArray:
-    """Coefficients in u/factor instead of u, along the last axis: what spans [0, factor] comes to span [0, 1]."""
-    return coefficients * factor ** np.arange(coefficients.shape[-1])
+@compiled
+def derivative(coefficients: FloatArray) -> FloatArray:
+    """Power series of d/du, one order shorter."""
+    result = np.empty(coefficients.size - 1)
+    for k in range(result.size):
+        result[k] = (k + 1) * coefficients[k + 1]
+    return result
 
 
-def first_crossing(coefficients: FloatArray, noise: float) -> float | None:
-    """Smallest u in [0, 1] from which on the polynomial is negative, or None.
+@compiled
+def largest(values: FloatArray) -> float:
+    """Largest absolute value, 0 of none; NaN where one is."""
+    result = 0.0
+    for k in range(values.size):
+        if not abs(values[k]) <= result:
+            result = abs(values[k])
+    return result
+
+
+@compiled
+def stretch(rows: FloatArray, factor: float) -> None:
+    """Write series, one in each row, in u/factor instead of u: what spans [0, factor] comes to span [0, 1]."""
+    power = 1.0
+    for k in range(rows.shape[1]):
+        for row in range(rows.shape[0]):
+            rows[row, k] *= power
+        power *= factor
+
+
+@compiled
+def moved(polynomial: FloatArray, offset: float) -> FloatArray:
+    """Coefficients of p(offset + t) in powers of t, by repeated synthetic division."""
+    result = polynomial.copy()
+    for start in range(result.size - 1):
+        for power in range(result.size - 2, start - 1, -1):
+            result[power] += offset * result[power + 1]
+    return result
+
+
+@compiled
+def bernstein(coefficients: FloatArray) -> FloatArray:
+    """Bernstein coefficients on [0, 1] of the polynomial with these power coefficients.
+
+    A polynomial lies between its smallest and its largest Bernstein coefficient: all positive means that it has
+    no root on the interval, whatever its shape between samples.
+    """
+    degree = coefficients.size - 1
+    result = np.empty(degree + 1)
+    choices = 1.0
+    for k in range(degree + 1):
+        result[k] = coefficients[k] / choices
+        choices = choices * (degree - k) / (k + 1)
+    for done in range(degree):
+        for k in range(degree, done, -1):
+            result[k] += result[k - 1]
+    return result
+
+
+@compiled
+def first_crossing(coefficients: FloatArray, noise: float) -> float:
+    """Smallest u in [0, 1] from which on the polynomial is negative; infinity when it never is.
 
     A start value, slope, curvature ... below `noise` counts as zero, so that a function that starts from zero upwards
     (a stop that has just opened) is not taken for a crossing, and one that starts downwards is found at u = 0.
     Roots are isolated by the sign changes of Bernstein coefficients (Descartes' rule), leftmost first; a pair
     of roots inside one step is therefore found, a touch without crossing (down to `noise`) is passed over.
     """
-    significant = np.flatnonzero(np.abs(coefficients) > noise)
-    if significant.size == 0:
-        return None
-    order = int(significant[0])
+    order = 0
+    while order < coefficients.size and not abs(coefficients[order]) > noise:
+        order += 1
+    if order == coefficients.size:
+        return math.inf
     if coefficients[order] < 0.0:
         return 0.0
-    rest = coefficients[order:]
+    rest = coefficients[order:].copy()
+    local = bernstein(rest)
+    if _smallest(local) > 0.0:
+        return math.inf
     degree = rest.size - 1
-    bernstein = rest @ bernstein_matrix(degree)
-    if bernstein.min() > 0.0:
-        return None
-    left_half, right_half = _halves(degree)
-    pending = [(0.0, 1.0, bernstein)]
-    while pending:
-        low, high, local = pending.pop()
-        if local.min() * high**order >= -noise:
+    lows, highs = np.empty(_DEEPEST), np.empty(_DEEPEST)
+    waiting = np.empty((_DEEPEST, degree + 1))
+    lows[0], highs[0], waiting[0] = 0.0, 1.0, local
+    count = 1
+    while count > 0:
+        count -= 1
+        low, high = lows[count], highs[count]
+        local = waiting[count]
+        if _smallest(local) * high**order >= -noise:
             continue
-        negative = local < 0.0
-        changes = int(np.count_nonzero(negative[1:] != negative[:-1]))
+        changes = 0
+        for k in range(degree):
+            if (local[k] < 0.0) != (local[k + 1] < 0.0):
+                changes += 1
         if changes == 0:
-            if negative[0]:
+            if local[0] < 0.0:
                 return low
             continue
-        if changes == 1 and not negative[0]:
-            root = _bisect(rest, low, high)
+        if changes == 1 and local[0] >= 0.0:
+            root = _root(rest, low, high)
             if _dip(rest, root, order) >= noise:
                 return root
             continue
         if high - low < _SMALLEST_WIDTH:
             return low
         middle = 0.5 * (low + high)
-        pending.append((middle, high, local @ right_half))
-        pending.append((low, middle, local @ left_half))
-    return None
+        # de Casteljau: the right half stays in its row, the left half comes upon it, to be looked at first
+        left = waiting[count + 1]
+        for done in range(degree + 1):
+            left[done] = local[0]
+            for k in range(degree - done):
+                local[k] = 0.5 * (local[k] + local[k + 1])
+        lows[count], highs[count] = middle, high
+        lows[count + 1], highs[count + 1] = low, middle
+        count += 2
+    return math.inf
 
 
+@compiled
+def _smallest(values: FloatArray) -> float:
+    result = values[0]
+    for k in range(1, values.size):
+        result = min(result, values[k])
+    return result
+
+
+@compiled
 def _dip(coefficients: FloatArray, root: float, order: int) -> float:
     """How far below zero u^order times the polynomial goes after a downward root, by its slope and curvature there."""
     function = slope = bend = 0.0
-    for coefficient in coefficients[::-1].tolist():
+    for k in range(coefficients.size - 1, -1, -1):
         bend = bend * root + slope
         slope = slope * root + function
-        function = function * root + coefficient
+        function = function * root + coefficients[k]
     if bend <= 0.0:
         return math.inf
     lowest = min(root - 0.5 * slope / bend, 1.0)
     return 0.25 * slope * slope / bend * lowest**order
 
 
-def _bisect(coefficients: FloatArray, low: float, high: float) -> float:
+@compiled
+def _root(coefficients: FloatArray, low: float, high: float) -> float:
     """The one root in [low, high] where the polynomial turns negative: Newton, kept inside by bisection."""
-    powers = coefficients[::-1].tolist()
     u = 0.5 * (low + high)
     for _ in range(100):
-        function = 0.0
-        slope = 0.0
-        for coefficient in powers:
+        function = slope = 0.0
+        for k in range(coefficients.size - 1, -1, -1):
             slope = slope * u + function
-            function = function * u + coefficient
+            function = function * u + coefficients[k]
         if function > 0.0:
             low = u
         elif function < 0.0:
@@ -137,19 +192,3 @@ def _bisect(coefficients: FloatArray, low: float, high: float) -> float:
             return following
         u = following
     return u
-
-
-def earliest_crossing(rows: FloatArray, noise: FloatArray) -> tuple[int, float] | None:
-    """Row and place of the earliest downward crossing among polynomials (rows, order+1), or None.
-
-    One matrix product rules out every row whose Bernstein coefficients are all positive.
-    """
-    if rows.shape[0] == 0:
-        return None
-    lowest = (rows @ bernstein_matrix(rows.shape[1] - 1)).min(axis=1)
-    best: tuple[int, float] | None = None
-    for row in np.flatnonzero((lowest <= 0.0) | (rows[:, 0] <= noise)):
-        place = first_crossing(rows[row], float(noise[row]))
-        if place is not None and (best is None or place < best[1]):
-            best = (int(row), place)
-    return best

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact.polynomials import rescale
+from textile_twin_core.contact.log import RELEASE, Log
+from textile_twin_core.contact.model import ContactModel
+from textile_twin_core.contact.state import PadState
 
-
-class PadState(IntEnum):
-    """A pad is not touched, pushes, or is touched but slack because the body leaves faster than it recovers."""
-
-    OFF = 0
-    PUSHING = 1
-    SLACK = 2
+_KINDS = ("impact", "rest", "release", "touch", "leave", "slack", "push")
+"""In the order of the log's numbers."""
 
 
 @dataclass(frozen=True)
@@ -48,32 +44,23 @@ class Segment:
 
     start_s: float
     span_s: float
+    pads: tuple[PadState, ...]
     positions: FloatArray
     """(movers, order+1) [m]: the bodies, then the driven element"""
-    closed: tuple[int, ...]
-    """numbers of the closed stops"""
-    stop_forces: FloatArray
-    """(closed stops, m) [N]"""
-    pads: tuple[PadState, ...]
     pad_forces: FloatArray
-    """(all pads, m) [N]"""
+    """(all pads, order) [N]"""
+    stop_forces: FloatArray
+    """(all stops, order-1) [N]"""
 
     @property
     def end_s(self) -> float:
         """Time of its end."""
         return self.start_s + self.span_s
 
-    def cut(self, u: float) -> Segment:
-        """Its beginning up to u."""
-        return Segment(
-            self.start_s,
-            self.span_s * u,
-            rescale(self.positions, u),
-            self.closed,
-            rescale(self.stop_forces, u),
-            self.pads,
-            rescale(self.pad_forces, u),
-        )
+    @property
+    def velocities(self) -> FloatArray:
+        """(movers, order) [m/s]."""
+        return np.asarray(self.positions[:, 1:] * np.arange(1.0, self.positions.shape[1]) / self.span_s)
 
     def motion(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Positions, velocities and accelerations (movers, times) at times inside it."""
@@ -87,3 +74,27 @@ class Segment:
             slopes @ powers[:-1] / self.span_s,
             bends @ powers[:-2] / self.span_s**2,
         )
+
+
+def events_of(model: ContactModel, log: Log, origin_s: float = 0.0) -> list[ContactEvent]:
+    """The events written down in a log whose time counts from an origin."""
+    events = []
+    for time_s, kind, number, booked_s, *amounts in log.events[: log.counts[0]].tolist():
+        part = (model.stops if kind <= RELEASE else model.pads)[int(number)]
+        ends = (part.lower, part.upper)
+        times = (time_s + origin_s, booked_s + origin_s)
+        events.append(ContactEvent(times[0], _KINDS[int(kind)], part.name, ends, times[1], *amounts))
+    return events
+
+
+def segments_of(model: ContactModel, log: Log) -> list[Segment]:
+    """The stretches of motion written down in a log."""
+    movers = len(model.bodies) + 1
+    stops = movers + len(model.pads)
+    segments = []
+    for (start_s, span_s, order, *pads), table in zip(log.heads[: log.counts[1]].tolist(), log.series, strict=False):
+        n = int(order)
+        states = tuple(PadState(int(pad)) for pad in pads)
+        series = (table[:movers, : n + 1], table[movers:stops, :n], table[stops:, : n - 1])
+        segments.append(Segment(start_s, span_s, states, *series))
+    return segments

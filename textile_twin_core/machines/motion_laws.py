@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact.drive import IDENTITY, DrivePiece, Section, moved
-from textile_twin_core.contact.polynomials import first_crossing
+from textile_twin_core.compiling import compiled
+from textile_twin_core.contact.drive import DrivePiece, Section
+from textile_twin_core.contact.polynomials import first_crossing, moved
 from textile_twin_core.errors import MachineError
 
 if TYPE_CHECKING:
@@ -54,14 +55,13 @@ class MotionLaw:
         time = start_s
         stalled = 0
         while time < end_s:
-            local = DrivePiece(start_s, end_s, IDENTITY, (angle - base, *theta[1:]))
-            width = self._width(k)
-            series = local.taylor(time, end_s - time, max(len(theta) - 1, 1))
-            noise = _ANGLE_NOISE + 2.0 * (math.ulp(base) + math.ulp(time) * abs(float(series[1])) / (end_s - time))
-            u, step = _leaves(series, width, noise) if stalled < 3 else (1.0, 0)
+            past = moved(np.array((angle - base, *theta[1:])), time - start_s)
+            width, speed = self._width(k), abs(float(past[1])) if past.size > 1 else 0.0
+            noise = _ANGLE_NOISE + 2.0 * (math.ulp(base) + math.ulp(time) * speed)
+            u, step = _leaves(past, end_s - time, width, noise) if stalled < 3 else (1.0, 0)
             leave = end_s if step == 0 else min(time + u * (end_s - time), end_s)
             if leave > time:
-                yield DrivePiece(time, leave, self.sections[k], moved(local.argument, time - start_s))
+                yield DrivePiece(time, leave, self.sections[k], tuple(past.tolist()))
                 stalled = 0
             else:
                 stalled += 1
@@ -77,18 +77,28 @@ class MotionLaw:
         return end - self.starts_rad[k]
 
 
-def _leaves(angle: FloatArray, width: float, noise: float) -> tuple[float, int]:
-    """Where an angle, a power series over 0 <= u <= 1, leaves [0, width], and to which side (0: it stays).
+@compiled
+def _leaves(angle: FloatArray, span_s: float, width: float, noise: float) -> tuple[float, int]:
+    """Where within a span an angle, a polynomial in seconds, leaves [0, width], and to which side (0: it stays).
 
-    At its start it may lie outside by `noise`, which the rounding of time and angle make.
+    The place is a share of the span. At its start the angle may lie outside by `noise`, which the rounding of time and
+    angle make.
     """
-    swing = float(np.abs(angle[1:]).sum())
-    if swing < angle[0] < width - swing:
+    series = angle.copy()
+    swing, factor = 0.0, 1.0
+    for k in range(1, series.size):
+        factor *= span_s
+        series[k] *= factor
+        swing += abs(series[k])
+    if swing < series[0] < width - swing:
         return 1.0, 0
-    below = first_crossing(angle, noise)
-    above = first_crossing(np.append(width - angle[0], -angle[1:]), noise)
-    exits = [(u, step) for u, step in ((below, -1), (above, 1)) if u is not None]
-    return min(exits, default=(1.0, 0))
+    below = first_crossing(series, noise)
+    series *= -1.0
+    series[0] += width
+    above = first_crossing(series, noise)
+    if min(below, above) > 1.0:
+        return 1.0, 0
+    return (below, -1) if below <= above else (above, 1)
 
 
 def _modified_sine(stroke: float, angle: float) -> list[tuple[float, Section]]:
@@ -202,6 +212,6 @@ def _from_spline(spline: PPoly, angles: FloatArray, name: str) -> MotionLaw:
         start, width = float(angles[k]) % TURN, float(angles[k + 1] - angles[k])
         wrapped.append((start, Section(tuple(coefficients))))
         if start + width > TURN * (1 + 1e-15):
-            wrapped.append((0.0, Section(moved(coefficients, TURN - start))))
+            wrapped.append((0.0, Section(tuple(moved(np.array(coefficients), TURN - start).tolist()))))
     wrapped.sort(key=lambda part: part[0])
     return MotionLaw(name, tuple(start for start, _ in wrapped), tuple(section for _, section in wrapped))

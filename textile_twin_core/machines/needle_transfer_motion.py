@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact import ContactEvent, ContactState, DrivePiece, Segment, quintic
+from textile_twin_core.contact import ContactEvent, ContactState, DrivePiece, quintic
 from textile_twin_core.contact.drive import IDENTITY
-from textile_twin_core.contact.drive_force import DriveForce
 from textile_twin_core.contact.energy import kinetic_energy, potential_energy
-from textile_twin_core.contact.forces import LinearForces
+from textile_twin_core.contact.log import Log
+from textile_twin_core.contact.reading import read_motion
+from textile_twin_core.contact.result import events_of
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machines.motion_laws import TURN
 from textile_twin_core.machines.needle_transfer import DRIVE, ELEMENTS, MOTION, NeedleTransferMachine
@@ -21,6 +21,7 @@ from textile_twin_core.machines.sizes import reckonable
 
 _TURN_TAIL = 2.4492935982947064e-16
 """2 pi minus its float64 value"""
+_MOMENT_S = 1e-6
 _SAME_ANGLE = 1e-13
 """rad: so small a difference moves element 1 by less than rounding does"""
 
@@ -46,8 +47,6 @@ class NeedleTransferMotion:
         self.events: list[ContactEvent] = []
         self.restarts = 0
         self._integrator = machine.integrator(tolerance)
-        self._drive_force = DriveForce(machine.model)
-        self._forces = LinearForces.of(machine.model)
         self._wants_drive = any(name in DRIVE for name in self.outputs)
         self._state: ContactState | None = None
         self._last: FloatArray | None = None
@@ -76,10 +75,7 @@ class NeedleTransferMotion:
         self._check(columns)
         times, angles, omega, alpha = columns
         samples = np.array([times, phase(angles), omega, alpha, angles])
-        with (
-            np.errstate(over="raise", divide="raise", invalid="raise"),
-            reckonable(f"machine '{self.machine.name}', or its motion"),
-        ):
+        with reckonable(f"machine '{self.machine.name}', or its motion"):
             found, drive = self._along(samples)
         self._count += samples.shape[1]
         return self._outputs(samples, found, drive)
@@ -94,14 +90,14 @@ class NeedleTransferMotion:
             way = 0.0 if last is None else _way(last, samples[:, first])
             if last is None or abs(way) > math.pi:
                 self.restarts += last is not None
-                segments = [self._begin(*samples[:4, first].tolist())]
+                logs = [self._begin(*samples[:4, first].tolist())]
                 end = first + 1
             else:
                 end = first + _straight(last, samples[:, first:])
-                segments = self._advance(last, samples[:, end - 1])
+                logs = self._advance(last, samples[:, end - 1])
             self._last = samples[:, end - 1].copy()
             at = samples[0, first:end] - self._origin_s
-            found[:, :, first:end], drive[first:end] = self._motion(segments, at)
+            found[:, :, first:end], drive[first:end] = self._read(logs, at)
             first = end
         return found, drive
 
@@ -119,14 +115,15 @@ class NeedleTransferMotion:
                 "before; sort the samples"
             )
 
-    def _advance(self, last: FloatArray, sample: FloatArray) -> list[Segment]:
+    def _advance(self, last: FloatArray, sample: FloatArray) -> list[Log]:
         """Carry the machine on to a sample: at constant speed where that leads there, else along a quintic.
 
         Time counts from the last sample, and the angle ends at the phase from which the next advance begins: neither
         hours nor turns take digits from the motion in between.
         """
         assert self._state is not None
-        self._state.time_s, self._origin_s = 0.0, float(last[0])
+        self._state.clock[0] = 0.0
+        self._origin_s = float(last[0])
         span, way = float(sample[0] - last[0]), _way(last, sample)
         start, omega = float(last[1]), float(last[2])
         if last[3] == sample[3] == 0.0 and omega == sample[2] and abs(way - omega * span) <= _SAME_ANGLE:
@@ -134,19 +131,16 @@ class NeedleTransferMotion:
         end = (start + way, *sample[2:4].tolist())
         return self._follow(quintic(span, (start, *last[2:4].tolist()), end), 0.0, span)
 
-    def _follow(self, theta_series: tuple[float, ...], start_s: float, end_s: float) -> list[Segment]:
+    def _follow(self, theta_series: tuple[float, ...], start_s: float, end_s: float) -> list[Log]:
         """Advance over one polynomial of the shaft angle; events go to the list, on the samples' clock."""
         assert self._state is not None
-        segments: list[Segment] = []
+        logs: list[Log] = []
         for piece in self.machine.law.pieces(start_s, end_s, theta_series):
-            progress = self._integrator.advance(self._state, piece)
-            segments += progress.segments
-            for event in progress.events:
-                moved = replace(event, time_s=event.time_s + self._origin_s, booked_s=event.booked_s + self._origin_s)
-                self.events.append(moved)
-        return segments
+            logs.append(self._integrator.advance(self._state, piece).log)
+            self.events += events_of(self.machine.model, logs[-1], self._origin_s)
+        return logs
 
-    def _begin(self, time: float, theta: float, omega: float, alpha: float) -> Segment:
+    def _begin(self, time: float, theta: float, omega: float, alpha: float) -> Log:
         """Bring the machine from its published start to a first sample, along a smooth motion of the shaft."""
         machine = self.machine
         kept = len(self.events)
@@ -158,47 +152,43 @@ class NeedleTransferMotion:
         if duration > 0.0:
             self._follow(quintic(duration, (0.0, 0.0, 0.0), (angle, omega, 0.0)), -duration, 0.0)
         del self.events[kept:]
-        self._state.time_s = 0.0
+        self._state.clock[0] = 0.0
         self._origin_s = time
         x, slope, curvature = (machine.law.evaluate(angle, d) for d in range(3))
         velocity, acceleration = slope * omega, curvature * omega * omega + slope * alpha
-        piece = DrivePiece(0.0, 1.0, IDENTITY, (x, velocity, 0.5 * acceleration))
-        return self._integrator.beginning(self._state, piece)
+        piece = DrivePiece(0.0, _MOMENT_S, IDENTITY, (x, velocity, 0.5 * acceleration))
+        return self._integrator.advance(self._state.copy(), piece).log
 
-    def _motion(self, segments: list[Segment], times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _read(self, logs: list[Log], times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position, velocity, acceleration (3, elements, times) and force on element 1; at an event, as before it."""
-        starts = np.array([segment.start_s for segment in segments])
-        place = np.maximum(np.searchsorted(starts, times, side="left") - 1, 0)
-        motion = np.empty((3, len(ELEMENTS), times.size))
-        force = np.zeros(times.size)
-        for number in np.unique(place):
-            chosen = place == number
-            segment = segments[number]
-            inside = np.minimum(times[chosen], segment.end_s)
-            motion[:, :, chosen] = segment.motion(inside)
-            if self._wants_drive:
-                u = (inside - segment.start_s) / segment.span_s
-                force[chosen] = np.polynomial.polynomial.polyval(u, self._drive_force.series(segment))
+        motion, force = np.empty((3, len(ELEMENTS), times.size)), np.empty(times.size)
+        for number, log in enumerate(logs):
+            read_motion(self._integrator.plant, log, times, number == 0, motion, force)
         return motion, force
 
     def _outputs(self, samples: FloatArray, motion: FloatArray, force: FloatArray) -> dict[str, FloatArray]:
         values: dict[str, FloatArray] = {}
         for element, row in zip(ELEMENTS, (2, 0, 1), strict=True):
-            values |= {f"{element}_{what}": motion[k, row] for k, what in enumerate(MOTION)}
+            for k, what in enumerate(MOTION):
+                values[f"{element}_{what}"] = motion[k, row]
         if self._wants_drive:
-            law, mass = self.machine.law, self.machine.parameters["element_1_kg"]
-            slope = np.array([law.evaluate(theta, 1) for theta in samples[1].tolist()])
-            own = mass * motion[2, 2]
-            values |= {
-                "drive_force_N": own - force,
-                "balancing_torque_Nm": (own - force) * slope,
-                "torque_inertial_Nm": own * slope,
-                "torque_gravity_Nm": np.zeros_like(slope),
-                "torque_load_Nm": -force * slope,
-                "kinetic_energy_J": kinetic_energy(self._forces, motion[1]) + 0.5 * mass * motion[1, 2] ** 2,
-                "potential_energy_J": potential_energy(self.machine.model, motion[0]),
-            }
+            values |= self._drive(samples, motion, force)
         return {name: values[name] for name in self.outputs}
+
+    def _drive(self, samples: FloatArray, motion: FloatArray, force: FloatArray) -> dict[str, FloatArray]:
+        law, mass = self.machine.law, self.machine.parameters["element_1_kg"]
+        slope = np.array([law.evaluate(theta, 1) for theta in samples[1].tolist()])
+        own = mass * motion[2, 2]
+        kinetic = kinetic_energy(self._integrator.plant, motion[1]) + 0.5 * mass * motion[1, 2] ** 2
+        return {
+            "drive_force_N": own - force,
+            "balancing_torque_Nm": (own - force) * slope,
+            "torque_inertial_Nm": own * slope,
+            "torque_gravity_Nm": np.zeros_like(slope),
+            "torque_load_Nm": -force * slope,
+            "kinetic_energy_J": kinetic,
+            "potential_energy_J": potential_energy(self.machine.model, motion[0]),
+        }
 
 
 def phase(angle: FloatArray) -> FloatArray:

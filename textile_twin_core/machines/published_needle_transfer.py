@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.contact.mode import derivative
-from textile_twin_core.contact.polynomials import first_crossing, value
+from textile_twin_core.contact.polynomials import derivative, first_crossing, value
 from textile_twin_core.machines.needle_transfer import (
     COLLETS,
     DESIGNS,
@@ -61,11 +60,11 @@ def forward_stroke(machine: NeedleTransferMachine) -> ForwardStroke:
             gap = segment.positions[2] - segment.positions[0]
             gap[0] += machine.start_m[0]
             turn = first_crossing(derivative(gap), 1e-15)
-            leaves = max(leaves, value(gap, 1.0), 0.0 if turn is None else value(gap, turn))
+            leaves = max(leaves, value(gap, 1.0), value(gap, turn) if turn <= 1.0 else 0.0)
         elif deceleration_s == pad_s:
             jerk = derivative(derivative(derivative(segment.positions[0])))
             turn = first_crossing(-jerk, 1e-12 * float(np.abs(jerk).max()))
-            if turn is not None:
+            if turn <= 1.0:
                 deceleration_s = segment.start_s + turn * segment.span_s
     return ForwardStroke(pad_s, deceleration_s, contact_s, leaves)
 

@@ -1,0 +1,197 @@
+"""Impacts: impulses at an instant until no touching stop approaches.
+
+Newton's restitution with Moreau's complementarity: an approaching stop opens with restitution times its speed, those
+that rest pass impulses on, none pulls. Approaching stops that share bodies in one instant use the smallest of their
+restitutions, so that an impact never makes energy.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.compiling import compiled
+from textile_twin_core.contact.balance import opening_accelerations
+from textile_twin_core.contact.complementarity import one_sided_forces, response_of
+from textile_twin_core.contact.linear import chosen
+from textile_twin_core.contact.log import IMPACT, REST, Log, add_event
+from textile_twin_core.contact.plant import Plant
+from textile_twin_core.contact.state import ContactState, opening_speed, quiet_speed
+
+_NEARLY_ELASTIC = 0.99
+_LOW_BOUNCE = 1e-9
+_UNCHANGED = 1e-6
+_ROUNDS = 500
+
+
+@compiled
+def collide(
+    plant: Plant, state: ContactState, drive_acceleration: float, touching: BoolArray, log: Log
+) -> tuple[bool, Log]:
+    """Impulses, in rounds, until no touching stop approaches; False where stops jam a body.
+
+    What already opens takes no part in a round; an impact may make it approach, and the next round is its.
+    Rounds without end (a body between two others in the same instant) close all gaps at last without restitution.
+    """
+    quiet = quiet_speed(plant, state)
+    stops = touching.size
+    speeds, taking_part, group = np.empty(stops), np.empty(stops, np.bool_), np.empty(stops, np.bool_)
+    for rounds_left in range(_ROUNDS, -1, -1):
+        for stop in range(stops):
+            speeds[stop] = opening_speed(plant, state, stop)
+            taking_part[stop] = touching[stop] and (speeds[stop] <= quiet or rounds_left == 0)
+        groups = _groups(plant, taking_part)
+        struck = False
+        for leader in range(stops):
+            approaching = False
+            for stop in range(stops):
+                group[stop] = groups[stop] == leader
+                approaching = approaching or (group[stop] and speeds[stop] < -quiet)
+            if approaching:
+                struck = True
+                members = chosen(group)
+                possible, log = _strike(plant, state, drive_acceleration, members, speeds, quiet, rounds_left == 0, log)
+                if not possible:
+                    return False, log
+        if not struck:
+            break
+    return True, log
+
+
+@compiled
+def _groups(plant: Plant, taking_part: BoolArray) -> IntArray:
+    """The first of the stops that each stop shares bodies with, directly or through others; -1 where it has no part.
+
+    Driven element and frame pass nothing on.
+    """
+    stops = taking_part.size
+    groups = np.empty(stops, np.int64)
+    for stop in range(stops):
+        groups[stop] = stop if taking_part[stop] else -1
+        if not taking_part[stop]:
+            continue
+        for other in range(stop):
+            if groups[other] < 0 or groups[other] == groups[stop]:
+                continue
+            for body in range(plant.masses.size):
+                if plant.stops[stop, body] != 0.0 and plant.stops[other, body] != 0.0:
+                    first, second = min(groups[stop], groups[other]), max(groups[stop], groups[other])
+                    for member in range(stop + 1):
+                        if groups[member] == second:
+                            groups[member] = first
+                    break
+    return groups
+
+
+@compiled
+def _strike(
+    plant: Plant,
+    state: ContactState,
+    drive_acceleration: float,
+    group: IntArray,
+    before: FloatArray,
+    quiet: float,
+    dead: bool,
+    log: Log,
+) -> tuple[bool, Log]:
+    """The impulses of one group of touching stops; one event for each stop that takes part."""
+    approaching = np.empty(group.size, np.bool_)
+    restitution = 0.0 if dead else 1.0
+    for i in range(group.size):
+        approaching[i] = before[group[i]] < -quiet
+        if approaching[i]:
+            restitution = min(restitution, plant.restitutions[group[i]])
+    start = state.velocities.copy()
+    possible, impulses = _apply_impulses(plant, state, group, before, approaching, restitution)
+    waits = -1.0
+    if possible and restitution > 0.0:
+        possible, waits = _dying_out(plant, state, drive_acceleration, group, approaching, restitution)
+    if possible and waits >= 0.0:
+        for body in range(start.size):
+            state.velocities[body] = start[body]
+        possible, impulses = _apply_impulses(plant, state, group, before, approaching, 0.0)
+    losses = _losses(plant, state, group, before, impulses)
+    now, drive = state.clock[0], plant.masses.size
+    for i in range(group.size):
+        if impulses[i] > 0.0:
+            stop = group[i]
+            kind, end = (REST, now + waits) if waits > 0.0 else (IMPACT, now)
+            work = -plant.stops[stop, drive] * impulses[i] * state.velocities[drive]
+            log = add_event(log, end, kind, stop, now, max(-before[stop], 0.0), impulses[i], losses[i], work)
+    return possible, log
+
+
+@compiled
+def _apply_impulses(
+    plant: Plant, state: ContactState, group: IntArray, before: FloatArray, approaching: BoolArray, restitution: float
+) -> tuple[bool, FloatArray]:
+    """Impulses [N s] of one group of touching stops, given to the bodies' velocities; False where they cannot be."""
+    wanted = np.empty(group.size)
+    for i in range(group.size):
+        wanted[i] = before[group[i]] * (1.0 + restitution if approaching[i] else 1.0)
+    possible, impulses, _ = one_sided_forces(response_of(plant, group), wanted)
+    for i in range(group.size):
+        for body in range(plant.masses.size):
+            state.velocities[body] += plant.stops[group[i], body] * impulses[i] / plant.masses[body]
+    return possible, impulses
+
+
+@compiled
+def _losses(plant: Plant, state: ContactState, group: IntArray, before: FloatArray, impulses: FloatArray) -> FloatArray:
+    """Energy [J] that each stop of a group takes, none negative.
+
+    Impulse times mean speed gives what a stop takes only when it acts alone: one that hands an impulse on while it
+    opens comes out negative, at the cost of the others, which share it.
+    """
+    losses = np.empty(group.size)
+    whole = positive = 0.0
+    for i in range(group.size):
+        losses[i] = -0.5 * impulses[i] * (before[group[i]] + opening_speed(plant, state, group[i]))
+        whole += losses[i]
+        losses[i] = max(losses[i], 0.0)
+        positive += losses[i]
+    for i in range(group.size):
+        losses[i] *= max(whole, 0.0) / positive if positive > 0.0 else 0.0
+    return losses
+
+
+@compiled
+def _dying_out(
+    plant: Plant,
+    state: ContactState,
+    drive_acceleration: float,
+    group: IntArray,
+    approaching: BoolArray,
+    restitution: float,
+) -> tuple[bool, float]:
+    """Time [s] that the bounces still to come take, if they are too small to follow; -1 if they are not.
+
+    Bounces of restitution e under a closing acceleration a end after 2 v / (a (1 - e)). Once that is so short
+    that the acceleration cannot change by more than 1e-6 of itself, the stop closes; the event carries the time
+    at which the bounces end. Without such an end (e near 1) it closes when the next bounce is lower than 1e-9 of
+    the model's length. False where closed stops jam a body.
+    """
+    quiet = quiet_speed(plant, state)
+    resting = np.empty(state.closed.size, np.bool_)
+    for stop in range(resting.size):
+        resting[stop] = state.closed[stop] and abs(opening_speed(plant, state, stop)) <= quiet
+    for i in range(group.size):
+        if approaching[i]:
+            resting[group[i]] = False
+    possible, _, opening = opening_accelerations(plant, state, drive_acceleration, chosen(resting))
+    longest = 0.0
+    for i in range(group.size):
+        closing, speed = -opening[group[i]], opening_speed(plant, state, group[i])
+        if not approaching[i] or speed <= 0.0:
+            continue
+        if closing <= 0.0:
+            return possible, -1.0
+        flight = 2.0 * speed / closing
+        left = flight / (1.0 - restitution) if restitution < 1.0 else math.inf
+        low = restitution > _NEARLY_ELASTIC and speed * flight / 4.0 <= _LOW_BOUNCE * plant.length_m
+        if not (low or left * plant.rate_s <= _UNCHANGED):
+            return possible, -1.0
+        longest = max(longest, left if left * plant.rate_s <= _UNCHANGED else flight)
+    return possible, longest

@@ -1,0 +1,65 @@
+"""Small systems of linear equations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.compiling import compiled
+
+NONE: Any = np.int64(-1)
+"""No stop or pad. Numbers handed to compiled functions are numpy's: of a plain one each value is compiled by itself."""
+_DEPENDENT = 1e-11
+
+
+@compiled
+def solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solution x (n,) of matrix x = right for a Gram matrix (n, n) of vectors none of which is zero.
+
+    Gaussian elimination, pivots taken from the diagonal. Unknowns whose vectors depend on those taken before come out
+    as zero.
+    """
+    n = right.size
+    a, b, x = matrix.copy(), right.copy(), np.zeros(right.size)
+    order = np.empty(n, np.int64)
+    for k in range(n):
+        order[k] = k
+    rank = 0
+    while rank < n:
+        best = rank
+        for k in range(rank + 1, n):
+            row, leader = order[k], order[best]
+            if a[row, row] * matrix[leader, leader] > a[leader, leader] * matrix[row, row]:
+                best = k
+        order[rank], order[best] = order[best], order[rank]
+        pivot = order[rank]
+        if a[pivot, pivot] <= _DEPENDENT * matrix[pivot, pivot]:
+            break
+        rank += 1
+        for k in range(rank, n):
+            row = order[k]
+            factor = a[row, pivot] / a[pivot, pivot]
+            b[row] -= factor * b[pivot]
+            for i in range(rank, n):
+                a[row, order[i]] -= factor * a[pivot, order[i]]
+    for k in range(rank - 1, -1, -1):
+        row = order[k]
+        total = b[row]
+        for i in range(k + 1, rank):
+            total -= a[row, order[i]] * x[order[i]]
+        x[row] = total / a[row, row]
+    return x
+
+
+@compiled
+def chosen(flags: BoolArray) -> IntArray:
+    """Numbers of those whose flag is set, in order."""
+    numbers = np.empty(flags.size, np.int64)
+    count = 0
+    for k in range(flags.size):
+        if flags[k]:
+            numbers[count] = k
+            count += 1
+    return numbers[:count].copy()

@@ -1,0 +1,106 @@
+"""What integration writes down as it goes: events and stretches of motion, as rows of numbers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.compiling import compiled
+from textile_twin_core.contact.plant import Plant
+from textile_twin_core.contact.state import ContactState
+
+IMPACT, REST, RELEASE, TOUCH, LEAVE, SLACKENS, PUSHES = range(7)
+"""What an event is; the first three are of stops, the others of pads."""
+
+TIME, KIND, NUMBER, BOOKED, APPROACH, IMPULSE, LOST, WORK = range(8)
+"""Columns of an event."""
+
+_COEFFICIENTS = 31
+_ROWS = 16
+
+
+class Log(NamedTuple):
+    """Rows written so far, in arrays with some room to spare."""
+
+    counts: IntArray
+    """(2,): events, stretches"""
+    events: FloatArray
+    """(rows, 8), see the columns"""
+    heads: FloatArray
+    """(rows, 3 + pads): start [s], span [s], order, states of the pads"""
+    series: FloatArray
+    """(rows, movers + pads + stops, 31): power series of positions and forces"""
+
+
+@compiled
+def empty_log(plant: Plant) -> Log:
+    """Nothing yet."""
+    pads = plant.pad_places.size
+    rows = plant.constant.size + pads + plant.limits.size
+    return Log(
+        np.zeros(2, np.int64),
+        np.empty((_ROWS, 8)),
+        np.empty((_ROWS, 3 + pads)),
+        np.empty((_ROWS, rows, _COEFFICIENTS)),
+    )
+
+
+@compiled
+def _with_room(rows: FloatArray) -> FloatArray:
+    """The rows, and room for as many again."""
+    return np.concatenate((rows, np.empty_like(rows)))
+
+
+@compiled
+def add_stretch(log: Log, state: ContactState, span_s: float, series: FloatArray, forces: FloatArray) -> Log:
+    """Write down a stretch of motion that begins at the state."""
+    at = log.counts[1]
+    if at == log.heads.shape[0]:
+        log = Log(log.counts, log.events, _with_room(log.heads), _with_room(log.series))
+    head, table = log.heads[at], log.series[at]
+    head[0], head[1], head[2] = state.clock[0], span_s, series.shape[1] - 1
+    for pad in range(state.pads.size):
+        head[3 + pad] = state.pads[pad]
+    for row in range(table.shape[0]):
+        source, own = (series, row) if row < series.shape[0] else (forces, row - series.shape[0])
+        for k in range(table.shape[1]):
+            table[row, k] = source[own, k] if k < source.shape[1] else 0.0
+    log.counts[1] += 1
+    return log
+
+
+@compiled
+def add_event(
+    log: Log,
+    time_s: float,
+    kind: int,
+    number: int,
+    booked_s: float,
+    approach: float,
+    impulse: float,
+    lost: float,
+    work: float,
+) -> Log:
+    """Write down an event."""
+    at = log.counts[0]
+    if at == log.events.shape[0]:
+        log = Log(log.counts, _with_room(log.events), log.heads, log.series)
+    row = log.events[at]
+    row[TIME], row[KIND], row[NUMBER], row[BOOKED] = time_s, kind, number, booked_s
+    row[APPROACH], row[IMPULSE], row[LOST], row[WORK] = approach, impulse, lost, work
+    log.counts[0] += 1
+    return log
+
+
+@compiled
+def take_back_release(log: Log, stop: int) -> None:
+    """Remove the last release of a stop."""
+    for at in range(log.counts[0] - 1, -1, -1):
+        if log.events[at, KIND] == RELEASE and log.events[at, NUMBER] == stop:
+            for later in range(at, log.counts[0] - 1):
+                for column in range(log.events.shape[1]):
+                    log.events[later, column] = log.events[later + 1, column]
+            log.counts[0] -= 1
+            return

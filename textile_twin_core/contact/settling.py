@@ -1,0 +1,90 @@
+"""What happens at an instant: impulses until nothing approaches, then which touching stops stay closed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray
+from textile_twin_core.compiling import compiled
+from textile_twin_core.contact.balance import opening_accelerations
+from textile_twin_core.contact.complementarity import depends, response_of
+from textile_twin_core.contact.impacts import collide
+from textile_twin_core.contact.linear import NONE, chosen
+from textile_twin_core.contact.log import Log
+from textile_twin_core.contact.plant import Plant
+from textile_twin_core.contact.polynomials import largest
+from textile_twin_core.contact.state import LENGTH_NOISE, ContactState, gap, opening_speed, quiet_speed
+
+_TOUCHING = 4.0
+_FAINT = 1e-12
+
+
+@compiled
+def settle(
+    plant: Plant, state: ContactState, drive_acceleration: float, hit: int, released: BoolArray, log: Log
+) -> tuple[bool, Log]:
+    """Bring the state over an instant: impulses, then the set of stops that stay closed.
+
+    `hit` is the stop whose gap has just closed, or NONE; `released` (stops,) those whose force has come down to zero at
+    this instant. False where the stops that touch, which then all stand closed in the state, jam a body between driven
+    element and frame.
+    """
+    if hit != NONE:
+        _shut(plant, state, hit)
+    touching = state.closed.copy()
+    for stop in range(touching.size):
+        if stop == hit or gap(plant, state, stop) <= _TOUCHING * LENGTH_NOISE * plant.length_m:
+            touching[stop] = True
+    quiet = quiet_speed(plant, state)
+    gentle = hit if hit != NONE and opening_speed(plant, state, hit) >= -quiet else NONE
+    possible, log = collide(plant, state, drive_acceleration, touching, log)
+    possible = possible and _choose_closed(plant, state, drive_acceleration, touching, gentle, released)
+    for stop in range(touching.size):
+        state.closed[stop] = state.closed[stop] if possible else touching[stop]
+    return possible, log
+
+
+@compiled
+def _shut(plant: Plant, state: ContactState, stop: int) -> None:
+    """Take the rounding out of the gap of a stop that has just been hit, so that bounces do not add it up."""
+    mobility = 0.0
+    for body in range(plant.masses.size):
+        mobility += plant.stops[stop, body] ** 2 / plant.masses[body]
+    excess = gap(plant, state, stop) / mobility
+    for body in range(plant.masses.size):
+        state.positions[body] -= plant.stops[stop, body] / plant.masses[body] * excess
+
+
+@compiled
+def _choose_closed(
+    plant: Plant,
+    state: ContactState,
+    drive_acceleration: float,
+    touching: BoolArray,
+    gentle: int,
+    released: BoolArray,
+) -> bool:
+    """Close the stops that push, and those that neither push nor open; False where they jam a body."""
+    quiet = quiet_speed(plant, state)
+    resting = touching.copy()
+    for stop in range(touching.size):
+        still = abs(opening_speed(plant, state, stop)) <= quiet or stop == gentle
+        resting[stop] = touching[stop] and still and not released[stop]
+    candidates = chosen(resting)
+    possible, forces, opening = opening_accelerations(plant, state, drive_acceleration, candidates)
+    faint = _FAINT * max(largest(opening), abs(drive_acceleration))
+    response = response_of(plant, candidates)
+    shut = np.empty(candidates.size, np.bool_)
+    for c in range(candidates.size):
+        shut[c] = forces[c] > 0.0
+    for c in range(candidates.size):
+        # one that neither pushes nor opens stays closed, unless the others already keep it shut; one that closes
+        # without a speed that could be told from zero was about to
+        keeps = opening[candidates[c]] <= faint or candidates[c] == gentle
+        if not shut[c] and keeps and not depends(response, chosen(shut), c):
+            shut[c] = True
+    state.closed[:] = False
+    for c in range(candidates.size):
+        if shut[c]:
+            state.closed[candidates[c]] = True
+    return possible

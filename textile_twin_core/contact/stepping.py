@@ -1,0 +1,135 @@
+"""From event to event along one piece of the drive, without sampling."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray
+from textile_twin_core.compiling import compiled
+from textile_twin_core.contact.drive_series import Motion, taylor
+from textile_twin_core.contact.flow import arrive, step
+from textile_twin_core.contact.linear import NONE
+from textile_twin_core.contact.log import (
+    LEAVE,
+    PUSHES,
+    RELEASE,
+    SLACKENS,
+    TOUCH,
+    Log,
+    add_event,
+    add_stretch,
+    empty_log,
+    take_back_release,
+)
+from textile_twin_core.contact.mode import mode_of, stop_forces
+from textile_twin_core.contact.monitors import CLOSES, RELEASES, TURNS_OFF, TURNS_SLACK, first_event
+from textile_twin_core.contact.plant import Plant
+from textile_twin_core.contact.polynomials import largest, stretch
+from textile_twin_core.contact.settling import settle
+from textile_twin_core.contact.state import EPSILON, OFF, PUSHING, SLACK, ContactState, pad_compression
+
+ARRIVED, JUMPS, JAMMED, TIED, ENDLESS_STOP, ENDLESS_PAD, DIVERGES = range(7)
+"""How an advance ends."""
+
+_ACCELERATION: Any = np.int64(2)
+_JUMP = 1e-9
+_SAME_SPEED = 1e-12
+
+
+@compiled
+def advance(
+    plant: Plant, state: ContactState, drive: Motion, begins: bool, tolerance: float, events_largest: int
+) -> tuple[int, int, Log]:
+    """Carry the state to the end of one piece of the drive; how it ended, the stop or pad that this is due to, a log.
+
+    Where the state `begins`, what touches in it is settled before it moves.
+    """
+    log = empty_log(plant)
+    released = np.zeros(state.closed.size, np.bool_)
+    x, v, a = drive_at(drive, state.clock[0])
+    if abs(x - state.positions[-1]) > _JUMP * plant.length_m + 8.0 * EPSILON * abs(state.clock[0] * v):
+        return JUMPS, NONE, log
+    unsettled = _take_over(state, x, v) or begins
+    hit, kind, which, stalled = NONE, CLOSES, NONE, 0
+    possible, mode = mode_of(plant, state.closed)
+    while True:
+        if unsettled:
+            possible, log = settle(plant, state, a, hit, released, log)
+            if not possible:
+                return JAMMED, NONE, log
+            if stalled > 20 + 10 * state.closed.size or log.counts[0] > events_largest:
+                return ENDLESS_STOP if kind <= RELEASES else ENDLESS_PAD, which, log
+            possible, mode = mode_of(plant, state.closed)
+        longest = drive.end_s - state.clock[0]
+        if longest <= 0.0:
+            return ARRIVED, NONE, log
+        if not possible:
+            return TIED, NONE, log
+        span, series = step(plant, mode, state, drive, longest, tolerance)
+        forces = stop_forces(plant, mode, state.closed, series, span)
+        place, kind, which = first_event(plant, state, series, forces, span)
+        unsettled = place < math.inf
+        end = drive.end_s if span >= longest else state.clock[0] + span
+        if unsettled and place > 0.0:
+            span *= place
+            stretch(series, place)
+            stretch(forces, place)
+            end = min(state.clock[0] + span, drive.end_s)
+        if place > 0.0:
+            log = add_stretch(log, state, span, series, forces)
+            arrive(state, series, span, end)
+            stalled = 0
+            released[:] = False
+            if not math.isfinite(largest(state.velocities)) or (end - drive.end_s + longest <= 0.0 and not unsettled):
+                return DIVERGES, NONE, log
+        if unsettled:
+            stalled += 1
+            _, _, a = drive_at(drive, state.clock[0])
+            hit, log = _happen(plant, state, kind, which, released, log)
+
+
+@compiled
+def drive_at(drive: Motion, time_s: float) -> tuple[float, float, float]:
+    """Position [m], velocity [m/s] and acceleration [m/s^2] of the driven element."""
+    series = taylor(drive, time_s, 1.0, _ACCELERATION)
+    return series[0], series[1], 2.0 * series[2]
+
+
+@compiled
+def _take_over(state: ContactState, position: float, velocity: float) -> bool:
+    """Take the drive's motion over at the start of a piece; True where its velocity steps."""
+    change = abs(velocity - state.velocities[-1])
+    state.positions[-1], state.velocities[-1] = position, velocity
+    state.clock[1] = max(state.clock[1], abs(velocity))
+    return bool(change > _SAME_SPEED * state.clock[1])
+
+
+@compiled
+def _happen(plant: Plant, state: ContactState, kind: int, which: int, released: BoolArray, log: Log) -> tuple[int, Log]:
+    """Let an event change the state, and write it down; the stop that is hit by it, or NONE."""
+    now, written, speed = state.clock[0], RELEASE, 0.0
+    if kind == CLOSES:
+        if released[which]:
+            # its force vanished within the tolerance only: it has not opened yet
+            released[which] = False
+            take_back_release(log, which)
+        return which, log
+    if kind == RELEASES:
+        state.closed[which] = False
+        released[which] = True
+    else:
+        before = state.pads[which]
+        released[:] = False
+        if kind == TURNS_OFF:
+            state.pads[which], written = OFF, LEAVE
+        elif kind == TURNS_SLACK:
+            state.pads[which], written = SLACK, SLACKENS
+        else:
+            state.pads[which], written = PUSHING, PUSHES
+            if before == OFF:
+                written = TOUCH
+                _, speed = pad_compression(plant, state, which)
+    return NONE, add_event(log, now, written, which, now, speed, 0.0, 0.0, 0.0)
