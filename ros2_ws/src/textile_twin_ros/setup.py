@@ -26,6 +26,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/launch", files("launch/*.launch.py")),
         (f"share/{PACKAGE}/config", files("config/*.yaml")),
+        (f"share/{PACKAGE}/layouts", files("layouts/*")),
     ],
     python_requires=">=3.10",
     install_requires=["setuptools"],

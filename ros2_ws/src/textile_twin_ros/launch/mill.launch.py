@@ -1,6 +1,6 @@
-"""A mill: one twin for each machine, in a namespace of its own, with parameters from one file.
+"""A mill: a twin and, if wanted, a recorder for each machine, in a namespace of its own, with parameters from one file.
 
-ros2 launch textile_twin_ros mill.launch.py machines:="m1 m2 m3" params_file:=mill.yaml
+ros2 launch textile_twin_ros mill.launch.py machines:="m1 m2 m3" params_file:=mill.yaml record:=out/recordings
 """
 
 from launch import LaunchContext, LaunchDescription
@@ -10,18 +10,20 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 
-def twins(context: LaunchContext) -> list[Node]:
+def nodes(context: LaunchContext) -> list[Node]:
     """The nodes of all machines named."""
-    mill, machines = (LaunchConfiguration(name).perform(context) for name in ("mill", "machines"))
+    mill, machines, recordings = (LaunchConfiguration(name).perform(context) for name in ("mill", "machines", "record"))
+    parameters = {"twin_node": {}} | ({"record_node": {"folder": recordings}} if recordings else {})
     return [
         Node(
             package="textile_twin_ros",
-            executable="twin_node",
+            executable=node,
             namespace=f"/{mill}/{machine}",
-            parameters=[LaunchConfiguration("params_file")],
+            parameters=[LaunchConfiguration("params_file"), own],
             output="screen",
         )
         for machine in machines.split()
+        for node, own in parameters.items()
     ]
 
 
@@ -32,6 +34,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("mill", default_value="mill", description="namespace of the mill"),
             DeclareLaunchArgument("machines", default_value="m1 m2", description="namespaces of its machines"),
             DeclareLaunchArgument("params_file", default_value=config, description="parameters of the twins"),
-            OpaqueFunction(function=twins),
+            DeclareLaunchArgument("record", default_value="", description="folder of recordings; empty records none"),
+            OpaqueFunction(function=nodes),
         ]
     )

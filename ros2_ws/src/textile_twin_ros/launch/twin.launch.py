@@ -1,12 +1,18 @@
-"""One machine: its twin, and if wanted the live view, in a namespace of its own.
+"""One machine in a namespace of its own: its twin and, if wanted, live view, recorder and a simulated shaft.
 
-ros2 launch textile_twin_ros twin.launch.py machine:=tufting namespace:=/mill/m1 view:=true
+ros2 launch textile_twin_ros twin.launch.py machine:=tufting namespace:=/mill/m1 view:=true record:=out/recordings
+ros2 launch textile_twin_ros twin.launch.py machine:=tufting shaft:=simulated
 """
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import (
+    EqualsSubstitution,
+    LaunchConfiguration,
+    NotEqualsSubstitution,
+    PathJoinSubstitution,
+)
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
@@ -14,13 +20,16 @@ from launch_ros.substitutions import FindPackageShare
 def generate_launch_description() -> LaunchDescription:
     config = PathJoinSubstitution([FindPackageShare("textile_twin_ros"), "config", "twin.yaml"])
     machine, namespace = LaunchConfiguration("machine"), LaunchConfiguration("namespace")
-    parameters = LaunchConfiguration("params_file")
+    parameters, recordings = LaunchConfiguration("params_file"), LaunchConfiguration("record")
+    simulated = EqualsSubstitution(LaunchConfiguration("shaft"), "simulated")
     return LaunchDescription(
         [
             DeclareLaunchArgument("machine", default_value="tufting", description="machine name or machine file"),
             DeclareLaunchArgument("namespace", default_value="", description="namespace of the machine's topics"),
             DeclareLaunchArgument("params_file", default_value=config, description="parameters of the nodes"),
             DeclareLaunchArgument("view", default_value="false", description="serve rerun viewers"),
+            DeclareLaunchArgument("record", default_value="", description="folder of recordings; empty records none"),
+            DeclareLaunchArgument("shaft", default_value="machine", description="simulated: a dry run by shaft_node"),
             Node(
                 package="textile_twin_ros",
                 executable="twin_node",
@@ -34,6 +43,22 @@ def generate_launch_description() -> LaunchDescription:
                 namespace=namespace,
                 parameters=[{"machine": machine}],
                 condition=IfCondition(LaunchConfiguration("view")),
+                output="screen",
+            ),
+            Node(
+                package="textile_twin_ros",
+                executable="record_node",
+                namespace=namespace,
+                parameters=[{"folder": recordings}],
+                condition=IfCondition(NotEqualsSubstitution(recordings, "")),
+                output="screen",
+            ),
+            Node(
+                package="textile_twin_ros",
+                executable="shaft_node",
+                namespace=namespace,
+                parameters=[{"machine": machine}],
+                condition=IfCondition(simulated),
                 output="screen",
             ),
         ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import json
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -51,6 +52,27 @@ def test_launch_files_are_python() -> None:
     assert files
     for file in files:
         compile(file.read_text(), str(file), "exec")
+
+
+def test_layouts_show_topics_of_the_suite() -> None:
+    from textile_twin_ros.own_topics import OwnTopics
+
+    foxglove = json.loads((PACKAGE / "layouts" / "foxglove.json").read_text())
+    panels = foxglove["configById"]
+    shown = [path["value"].split(".")[0] for panel in panels.values() for path in panel.get("paths", ())]
+    shown += [topic for panel in panels.values() for topic in panel.get("topics", ())]
+
+    def leaves(tree: object) -> list[object]:
+        return leaves(tree["first"]) + leaves(tree["second"]) if isinstance(tree, dict) else [tree]
+
+    assert sorted(map(str, leaves(foxglove["layout"]))) == sorted(panels)
+    juggler = ElementTree.parse(PACKAGE / "layouts" / "plotjuggler.xml").getroot()
+    curves = [str(curve.get("name")) for curve in juggler.iter("curve")]
+    for suffix in ("/wrench/torque/z", "/point/y", "/main_shaft/position", "/main_shaft/velocity"):
+        curves = [curve.removesuffix(suffix) for curve in curves]
+    # A name that only a machine has, in a namespace that is not the root's, would be another machine's.
+    for topic in shown + curves:
+        assert OwnTopics("/").has(topic) and not OwnTopics("/").has(f"/other{topic}"), topic
 
 
 def test_the_manifest_is_of_a_python_package() -> None:

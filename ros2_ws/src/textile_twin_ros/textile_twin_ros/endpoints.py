@@ -35,7 +35,7 @@ def latched_qos() -> QoSProfile:
 
 def is_latched(topic: str) -> bool:
     """Whether late subscribers of this topic need its last message."""
-    return topic.rsplit("/", 1)[-1] in ("robot_description", "tf_static", "map")
+    return topic.rsplit("/", 1)[-1] in ("robot_description", "markers", "tf_static", "map")
 
 
 def relative_name(topic: str) -> str:

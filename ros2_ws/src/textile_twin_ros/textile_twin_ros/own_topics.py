@@ -23,6 +23,7 @@ _NAMES = (
     "sley/position",
     "joint_states",
     "robot_description",
+    "markers",
 )
 
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.task import Future
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from textile_twin_core.errors import TwinError
+from textile_twin_ros.description import Description
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
-from textile_twin_ros.endpoints import depth_for, latched_qos
+from textile_twin_ros.endpoints import depth_for
 from textile_twin_ros.health import Finding, MeasuredTorque, judged
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.parameters import declare, parameter
@@ -74,7 +73,7 @@ class TwinNode(LifecycleNode):
         self._stream: TwinStream | None = None
         self._angle: SampleInput | None = None
         self._torque: SampleInput | None = None
-        self._description: Any = None
+        self._description: Description | None = None
         self._measured = MeasuredTorque()
         self._active = False
         self._error: TwinError | None = None
@@ -108,8 +107,7 @@ class TwinNode(LifecycleNode):
             if not self._starting:
                 self.get_logger().error(str(error))
             return _FAILURE
-        self._description = self.create_publisher(String, "robot_description", latched_qos())
-        self._description.publish(String(data=machine.urdf()))
+        self._description = Description(self, machine)
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -144,7 +142,7 @@ class TwinNode(LifecycleNode):
         if self._stream is not None:
             self._stream.destroy()
             if self._description is not None:
-                self.destroy_publisher(self._description)
+                self._description.destroy()
                 self._description = None
             self._stream = None
         return super().on_cleanup(state)

@@ -1,0 +1,99 @@
+"""What stays the same while a machine runs, for late listeners too: robot description, path of the tool, backing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from geometry_msgs.msg import Point
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from std_msgs.msg import ColorRGBA, String
+from visualization_msgs.msg import Marker, MarkerArray
+
+import textile_twin_core as ttc
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics.loads import Backing
+from textile_twin_core.machines import AnyMachine
+from textile_twin_core.mechanism import Arc, Travel
+from textile_twin_ros.endpoints import latched_qos
+from textile_twin_ros.twin_outputs import BASE_FRAME
+
+_PATH_POINTS = 361
+_LINE_M = 0.001
+_BACKING_M = (0.15, 0.002, 0.1)
+"""How wide, thick and deep the piece of backing is that is drawn."""
+_PATH_COLOUR = ColorRGBA(r=0.85, g=0.45, b=0.15, a=1.0)
+_BACKING_COLOUR = ColorRGBA(r=0.55, g=0.5, b=0.4, a=0.6)
+
+
+class Description:
+    """Publishes robot_description and, of a linkage, markers; both are latched.
+
+    Args:
+        node: the node that publishes.
+        machine: what is described.
+    """
+
+    def __init__(self, node: Node, machine: AnyMachine) -> None:
+        self._node = node
+        self._publishers: list[Publisher] = []
+        self._publish(String, "robot_description", String(data=machine.urdf()))
+        if isinstance(machine, ttc.Machine):
+            self._publish(MarkerArray, "markers", MarkerArray(markers=markers_of(machine)))
+
+    def destroy(self) -> None:
+        """Remove the topics."""
+        for publisher in self._publishers:
+            self._node.destroy_publisher(publisher)
+
+    def _publish(self, msgtype: type, topic: str, message: object) -> None:
+        publisher = self._node.create_publisher(msgtype, topic, latched_qos())
+        publisher.publish(message)
+        self._publishers.append(publisher)
+
+
+def markers_of(machine: ttc.Machine) -> list[Marker]:
+    """The path of each tool over a turn of the shaft, and a piece of the backing at the height where it is entered."""
+    ends = {link.name: link.end for link in machine.links}
+    markers = []
+    for measure in machine.measures:
+        if not isinstance(measure, Travel | Arc):
+            continue
+        point = measure.point if isinstance(measure, Travel) else ends[measure.link]
+        columns = [f"point_{point}_x_m", f"point_{point}_y_m", f"{measure.name}_position_m"]
+        theta = np.linspace(*machine.range_rad, _PATH_POINTS)
+        found = ttc.compile(machine, outputs=columns).evaluate(theta, np.zeros_like(theta), np.zeros_like(theta))
+        x, y, travel = (np.asarray(found[name]) for name in columns)
+        markers.append(_path(measure.name, x, y))
+        if isinstance(measure, Travel):
+            way = np.array(measure.direction) / math.hypot(*measure.direction)
+            for load in machine.loads:
+                if isinstance(load, Backing) and load.on == measure.name:
+                    place = np.array([x[0], y[0]]) + way * (load.entry_plane_m - travel[0])
+                    markers.append(_backing(measure.name, place, way))
+    return markers
+
+
+def _marker(kind: int, namespace: str, number: int, colour: ColorRGBA) -> Marker:
+    marker = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD, color=colour)
+    marker.header.frame_id = BASE_FRAME
+    marker.pose.orientation.w = 1.0
+    return marker
+
+
+def _path(name: str, x_m: FloatArray, y_m: FloatArray) -> Marker:
+    marker = _marker(Marker.LINE_STRIP, f"{name}_path", 0, _PATH_COLOUR)
+    marker.scale.x = _LINE_M
+    marker.points = [Point(x=float(x), y=float(y), z=0.0) for x, y in zip(x_m, y_m, strict=True)]
+    return marker
+
+
+def _backing(name: str, place_m: FloatArray, way: FloatArray) -> Marker:
+    marker = _marker(Marker.CUBE, f"{name}_backing", 0, _BACKING_COLOUR)
+    marker.pose.position.x, marker.pose.position.y = (float(value) for value in place_m)
+    # Its thin side, y, lies along the way of the tool.
+    half = 0.5 * (math.atan2(float(way[1]), float(way[0])) - math.pi / 2)
+    marker.pose.orientation.z, marker.pose.orientation.w = math.sin(half), math.cos(half)
+    marker.scale.x, marker.scale.y, marker.scale.z = _BACKING_M
+    return marker
