@@ -32,5 +32,8 @@ setup(
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": [f"{node} = {PACKAGE}.commands:{node}" for node in NODES]},
+    entry_points={
+        "console_scripts": [f"{node} = {PACKAGE}.commands:{node}" for node in NODES],
+        "textile_twin.status": [f"show = {PACKAGE}.status:show"],
+    },
 )

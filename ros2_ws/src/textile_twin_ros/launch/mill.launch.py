@@ -13,13 +13,15 @@ from launch_ros.substitutions import FindPackageShare
 def nodes(context: LaunchContext) -> list[Node]:
     """The nodes of all machines named."""
     mill, machines, recordings = (LaunchConfiguration(name).perform(context) for name in ("mill", "machines", "record"))
-    parameters = {"twin_node": {}} | ({"record_node": {"folder": recordings}} if recordings else {})
+    parameters = {"twin_node": LaunchConfiguration("params_file")}
+    if recordings:
+        parameters["record_node"] = {"folder": recordings}
     return [
         Node(
             package="textile_twin_ros",
             executable=node,
             namespace=f"/{mill}/{machine}",
-            parameters=[LaunchConfiguration("params_file"), own],
+            parameters=[own],
             output="screen",
         )
         for machine in machines.split()
