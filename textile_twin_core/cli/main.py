@@ -21,7 +21,8 @@ COMMANDS = {
     "status": "a running suite in the terminal: rates, estimator, residual, alarms",
     "view": "show a recording in the viewer",
     "bench": "speed against error on this computer",
-    "synthesize": "link lengths from what a mechanism must do",
+    "synthesize": "linkages from what they must do, and machines balanced",
+    "explore": "the design page in the browser: parameters in, moving machine and curves out",
 }
 """Sub-commands and what they do; each is a module of this package, imported when it is asked for."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from inspect import signature
 from typing import Any
 
@@ -93,7 +94,8 @@ class PublishedFamily:
             if self.base.missing_for_torque and not made.missing_for_torque:
                 kept.pop("scene")
             kept |= {"linkages": self.base.linkages}
-        return replace(made, **kept)
+        changed = {name: value for name, value in kept.items() if getattr(made, name) != value}
+        return replace(made, **changed) if changed else made
 
     @property
     def searchable(self) -> tuple[str, ...]:
@@ -110,9 +112,15 @@ class PublishedFamily:
         if not isinstance(self.base, Machine):
             raise SceneError(f"machine '{self.kind}' has a history, which no batch holds")
         given = {p.name: np.asarray(values.get(p.name, p.value or 0.0), dtype=np.float64) for p in self.parameters}
-        equal = {slot: given[name] for slot, name in self._equal_slots().items()}
-        return {slot: v for slot, v in (equal | _PLACED[self.kind](given)).items() if slot in read(self.base)}
+        equal = {slot: given[name] for slot, name in self._equal_slots.items()}
+        return {slot: v for slot, v in (equal | _PLACED[self.kind](given)).items() if slot in self._slots}
 
+    @cached_property
+    def _slots(self) -> dict[str, float]:
+        assert isinstance(self.base, Machine)
+        return read(self.base)
+
+    @cached_property
     def _equal_slots(self) -> dict[str, str]:
         """Slots that are one of the parameters as it stands, found by changing all of them a little."""
         assert isinstance(self.base, Machine)
@@ -120,7 +128,7 @@ class PublishedFamily:
         nudged = {name: v * (1.0 + _NUDGE * (k + 1) / len(values)) for k, (name, v) in enumerate(values.items())}
         if "axis_ratio" in nudged:
             nudged["axis_ratio"] = values["axis_ratio"]
-        before, after = read(self.base), read(self.machine(nudged))  # type: ignore[arg-type]
+        before, after = self._slots, read(self.machine(nudged))  # type: ignore[arg-type]
         by_value = {(values[name], v): name for name, v in nudged.items() if v != values[name]}
         return {slot: by_value[(v, after[slot])] for slot, v in before.items() if (v, after[slot]) in by_value}
 

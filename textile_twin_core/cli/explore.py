@@ -1,0 +1,55 @@
+"""textile-twin explore: the design page in the browser, on this computer alone."""
+
+from __future__ import annotations
+
+import argparse
+import webbrowser
+from pathlib import Path
+
+from textile_twin_core.cli.arguments import Parser, UsageError, load_machine
+
+_DEFAULT = "tufting"
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser(
+        "explore",
+        "The design page: every parameter as a slider, the moving linkage and its curves, goals and limits for an"
+        " optimiser, tolerances, balancing. It listens on this computer alone and prints its address, token included.",
+        "textile-twin explore elliptic_gear_beatup",
+    )
+    parser.add_argument("machine", metavar="MACHINE", nargs="?", default=_DEFAULT, help="a machine or machine file")
+    parser.add_argument("--port", type=int, default=0, metavar="P", help="port to listen on (default: a free one)")
+    parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
+    parser.add_argument(
+        "--recording", type=Path, metavar="BAG", help="a recording of this machine, laid over the curve of the torque"
+    )
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Serve the page until interrupted."""
+    if not 0 <= arguments.port < 65536:
+        raise UsageError(f"--port: must lie from 0 to 65535, not {arguments.port}")
+    machine = load_machine(arguments.machine, [])
+
+    from textile_twin_core.explore.design import Design
+    from textile_twin_core.explore.overlay import overlay
+    from textile_twin_core.explore.server import Page, serve
+    from textile_twin_core.explore.session import Session
+    from textile_twin_core.machines import Machine
+
+    recording = None
+    if arguments.recording:
+        if not isinstance(machine, Machine):
+            raise UsageError(f"--recording: machine '{machine.name}' has no torque to lay a recording over")
+        recording = overlay(arguments.recording, machine)
+    design = Design.of(machine)
+
+    def started(address: str) -> None:
+        print(address, flush=True)
+        if not arguments.no_browser:
+            webbrowser.open(address)
+
+    serve(Page(lambda: Session(design, recording)), arguments.port, started)

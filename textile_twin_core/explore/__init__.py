@@ -1,0 +1,1 @@
+"""The design page: parameters in, moving linkage and curves out, person and computer optimise together."""

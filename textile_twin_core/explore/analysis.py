@@ -1,0 +1,214 @@
+"""What the page shows of a design: curves over one turn, the moving linkage, marks and numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics.loads import Backing
+from textile_twin_core.explore.design import Design
+from textile_twin_core.explore.interference import Clash, clashes
+from textile_twin_core.machines import Machine
+from textile_twin_core.machines.model import pins
+from textile_twin_core.mechanism import Crank, EllipticGearPair, RRPDyad, RRRDyad
+from textile_twin_core.synthesis.balancing.shaking import shaking_expressions
+from textile_twin_core.synthesis.batch import TRANSMISSION
+from textile_twin_core.synthesis.numbers import DWELL_SHARE, MOTION, motion_number, shaking_numbers, torque_numbers
+from textile_twin_core.synthesis.turn import over_turn, shaft_angles
+
+_TORQUE = {
+    "balancing_torque_Nm": "balancing",
+    "torque_inertial_Nm": "inertia",
+    "torque_gravity_Nm": "gravity",
+    "torque_load_Nm": "loads",
+}
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Curves over the shaft angle that share an axis: (n,) values by label, in the unit that people read."""
+
+    title: str
+    unit: str
+    curves: dict[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A shaft angle [rad] at which something happens."""
+
+    name: str
+    angle_rad: float
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A link as it is drawn, from point to point; a gear has half axes [m] and is drawn about its middle."""
+
+    name: str
+    start: str
+    end: str
+    half_axes_m: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """One design over one turn of (n,) angles."""
+
+    theta_rad: FloatArray
+    points: dict[str, tuple[FloatArray, FloatArray]]
+    fixed: tuple[str, ...]
+    bars: tuple[Bar, ...]
+    charts: tuple[Chart, ...]
+    numbers: dict[str, float]
+    marks: tuple[Mark, ...] = ()
+    clashes: tuple[Clash, ...] = ()
+    guides: tuple[tuple[float, float, float, float], ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+
+def analyse(design: Design) -> Analysis:
+    """One turn of a design. Raises MachineError, with the shaft angle, where it cannot close."""
+    machine = design.machine()
+    if not isinstance(machine, Machine):
+        from textile_twin_core.explore.analysis_of_transfer import analyse_transfer
+
+        return analyse_transfer(machine)
+    theta = shaft_angles()
+    points = _points(machine, theta)
+    charts, numbers, curves = _motion(machine, design, theta)
+    numbers[TRANSMISSION] = min((c.transmission_angle_rad for c in machine.closeness), default=math.nan)
+    numbers |= _ratios(machine)
+    notes = []
+    if not machine.bodies:
+        notes.append("No link has a mass: there is no torque. Give masses to see it.")
+    elif machine.missing_for_torque:
+        notes.append(f"Torque needs masses that the paper does not give: {', '.join(machine.missing_for_torque)}.")
+    else:
+        more, forces = _forces(machine, design.speed_rad_s, theta)
+        charts += more
+        numbers |= forces
+    return Analysis(
+        theta,
+        points,
+        tuple(name for name, point in machine.linkage.solved.points.items() if point.is_fixed),
+        _bars(machine),
+        tuple(charts),
+        {name: float(value) for name, value in numbers.items()},
+        tuple(_marks(machine, curves, theta)),
+        clashes(machine, points, theta),
+        tuple((*g.guide_point_m, *g.axis) for g in machine.groups if isinstance(g, RRPDyad)),
+        tuple(notes),
+    )
+
+
+def _points(machine: Machine, theta: FloatArray) -> dict[str, tuple[FloatArray, FloatArray]]:
+    motion = machine.model.first.motion
+    places = [axis for point in motion.points.values() for axis in (point.position.x, point.position.y)]
+    found = over_turn(places, theta)
+    return {name: (found[2 * k], found[2 * k + 1]) for k, name in enumerate(motion.points)}
+
+
+def _motion(
+    machine: Machine, design: Design, theta: FloatArray
+) -> tuple[list[Chart], dict[str, float], dict[str, tuple[FloatArray, ...]]]:
+    speed = design.speed_rad_s
+    curves: dict[str, tuple[FloatArray, ...]] = {}
+    numbers: dict[str, float] = {}
+    for measure in machine.measures:
+        names = [f"{measure.name}_{what}" for what in ("position_m", "velocity_m_s", "acceleration_m_s2")]
+        position, velocity, acceleration = over_turn([machine.model.output(n) for n in names], theta, speed)
+        curves[measure.name] = position, velocity, acceleration
+        for what in MOTION:
+            found = motion_number(what, position, velocity, acceleration, design.dwell_within_m)
+            numbers[f"{measure.name}_{what}"] = float(found)
+    if not curves:
+        return [_swings(machine, theta)], numbers, curves
+    charts = [
+        Chart("Displacement", "mm", {name: 1e3 * (c[0] - c[0].min()) for name, c in curves.items()}),
+        Chart("Velocity", "m/s", {name: c[1] for name, c in curves.items()}),
+        Chart("Acceleration", "m/s²", {name: c[2] for name, c in curves.items()}),
+    ]
+    return charts, numbers, curves
+
+
+def _swings(machine: Machine, theta: FloatArray) -> Chart:
+    """Angles of the links that do not turn with the shaft, for a machine that measures nothing."""
+    motion = machine.model.first.motion
+    links = [link for name, link in motion.links.items() if link.angle is None and not link.direction.x.is_constant]
+    found = over_turn([part for link in links for part in (link.direction.x, link.direction.y)], theta)
+    angles = {
+        link.name: np.degrees(np.unwrap(np.arctan2(found[2 * k + 1], found[2 * k]))) for k, link in enumerate(links)
+    }
+    return Chart("Angle", "deg", angles)
+
+
+def _forces(machine: Machine, speed: float, theta: FloatArray) -> tuple[list[Chart], dict[str, float]]:
+    model, at = machine.model, pins(machine.groups)
+    guides = [name for name in model.outputs if name.startswith("reaction_guide")]
+    parts = [name for name in _TORQUE if name != "torque_load_Nm" or machine.loads]
+    names = [*parts, *(f"reaction_{pin}_{axis}_N" for pin in at for axis in "xy"), *guides]
+    expressions = [*(model.output(name) for name in names), *shaking_expressions(machine)]
+    found = over_turn(expressions, theta, speed)
+    by_name = dict(zip(names, found, strict=False))
+    x, y, moment = found[-3:]
+    reactions = {pin: np.hypot(by_name[f"reaction_{pin}_x_N"], by_name[f"reaction_{pin}_y_N"]) for pin in at}
+    reactions |= {"guide" if len(guides) == 1 else name[15:-2]: np.abs(by_name[name]) for name in guides}
+    charts = [
+        Chart("Torque on the shaft", "N m", {_TORQUE[name]: by_name[name] for name in parts}),
+        Chart("Reactions", "N", reactions),
+        Chart("Shaking force", "N", {"x": x, "y": y}),
+        Chart("Shaking moment", "N m", {"about the origin": moment}),
+    ]
+    numbers = torque_numbers(by_name["balancing_torque_Nm"]) | shaking_numbers(x, y)
+    largest = max(reactions, key=lambda pin: float(reactions[pin].max()))
+    more = {"largest_reaction_N": float(reactions[largest].max())}
+    return charts, {name: float(value) for name, value in numbers.items()} | more
+
+
+def _ratios(machine: Machine) -> dict[str, float]:
+    """Crank over coupler, or over rod, of the first dyad on a crank."""
+    cranks = {group.end: group.length_m for group in machine.groups if isinstance(group, Crank)}
+    for group in machine.groups:
+        if isinstance(group, (RRRDyad, RRPDyad)) and group.from_point in cranks:
+            return {"crank_over_coupler": cranks[group.from_point] / group.lengths_m[0]}
+    return {}
+
+
+def _bars(machine: Machine) -> tuple[Bar, ...]:
+    half_axes: dict[str, tuple[float, float]] = {}
+    for group in machine.groups:
+        if isinstance(group, EllipticGearPair):
+            (ox, oy), (ax, ay) = machine.points[group.at], machine.points[group.driven_at]
+            major = math.hypot(ax - ox, ay - oy) / 2.0
+            half_axes |= dict.fromkeys((group.driver, group.driven), (major, group.axis_ratio * major))
+    return tuple(Bar(link.name, link.start, link.end, half_axes.get(link.name)) for link in machine.links)
+
+
+def _marks(machine: Machine, curves: dict[str, tuple[FloatArray, ...]], theta: FloatArray) -> list[Mark]:
+    found = []
+    for name, (position, velocity, _) in curves.items():
+        found += [Mark(f"{name} front", angle) for angle in _crossings(theta, -velocity)]
+        found += [Mark(f"{name} rear", angle) for angle in _crossings(theta, velocity)]
+        for load in machine.loads:
+            if isinstance(load, Backing) and load.on == name:
+                found += [Mark("entry", angle) for angle in _crossings(theta, position - load.entry_plane_m)]
+                found += [Mark("exit", angle) for angle in _crossings(theta, load.exit_plane_m - position)]
+    return sorted(found, key=lambda mark: mark.angle_rad)
+
+
+def _crossings(theta: FloatArray, values: FloatArray) -> list[float]:
+    """Angles where values rise through zero, the samples joined by straight lines [rad]."""
+    after = np.roll(values, -1)
+    k = np.flatnonzero((values < 0.0) & (after >= 0.0))
+    share = values[k] / (values[k] - after[k])
+    angles = theta[k] + share * (theta[1] - theta[0])
+    return [float(angle) % (2.0 * math.pi) for angle in angles]
+
+
+def dwell_within(design: Design, stroke_m: float) -> float:
+    """How near the rear point the dwell of a design counts [m]."""
+    return DWELL_SHARE * stroke_m if design.dwell_within_m is None else design.dwell_within_m

@@ -1,0 +1,72 @@
+"""Balancing on the page: one way or another, what it does said before and after, and the machine that it makes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import SceneError
+from textile_twin_core.explore.design import Design
+from textile_twin_core.machines import Machine
+from textile_twin_core.synthesis.balancing import balancing_spring, counterweights, flywheel, opposed_linkages
+
+WAYS = ("counterweight", "force", "spring", "second-linkage", "flywheel")
+
+
+def balanced(design: Design, way: str, ripple: float = 0.02) -> tuple[Design, str]:
+    """The design balanced in one of `WAYS` and a sentence of what changed. Raises MachineError and SceneError."""
+    machine, speed = design.machine(), design.speed_rad_s
+    if not isinstance(machine, Machine):
+        raise SceneError(f"machine '{machine.name}' is no linkage; there is nothing to balance on its shaft")
+    made, said = _balanced(machine, speed, way, ripple)
+    return _as_design(design, made), said
+
+
+def _balanced(machine: Machine, speed: float, way: str, ripple: float) -> tuple[Machine, str]:
+    match way:
+        case "counterweight" | "force":
+            aim: Any = "gravity_torque" if way == "counterweight" else "shaking_force"
+            found = counterweights(machine, None, aim, speed_rad_s=speed)
+            weight, unit = found.weights[0], "N m" if way == "counterweight" else "N"
+            place = (
+                f"{weight.mass_kg:.4g} kg at {1e3 * weight.radius_m:.4g} mm, {math.degrees(weight.angle_rad):.2f} deg"
+            )
+            rms = f"{_rms(found.before):.4g} to {_rms(found.after):.4g} {unit}"
+            return (
+                found.machine,
+                f"Counterweight on {weight.link}: {place} from the link. RMS {aim.replace('_', ' ')} {rms}.",
+            )
+        case "spring":
+            sprung = balancing_spring(machine, speed)
+            spring = sprung.spring
+            what = f"{spring.stiffness_N_m:.4g} N/m, free length {1e3 * spring.free_length_m:.4g} mm"
+            rms = f"{_rms(sprung.before_Nm):.4g} to {_rms(sprung.after_Nm):.4g} N m at this speed"
+            return sprung.machine, f"Spring from {spring.from_point} to {spring.to_point}: {what}. RMS torque {rms}."
+        case "second-linkage":
+            phased = opposed_linkages(machine, None, speed)
+            rms = f"{_rms(phased.together_Nm):.4g} N m in step, {_rms(phased.apart_Nm):.4g} N m so"
+            return (
+                phased.machine,
+                f"Second linkage {math.degrees(phased.phase_rad):.2f} deg ahead. RMS inertial torque {rms}.",
+            )
+        case "flywheel":
+            wheel = flywheel(machine, ripple, speed)
+            change = f"{100.0 * wheel.ripple_before:.3g} % to {100.0 * wheel.ripple_after:.3g} %"
+            return (
+                wheel.machine,
+                f"Flywheel of {wheel.inertia_kgm2:.4g} kg m². Speed ripple {change} under a constant torque.",
+            )
+        case _:
+            raise SceneError(f"there is no way '{way}' of balancing; ways: {', '.join(WAYS)}")
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)) * (math.sqrt(2.0) if values.ndim == 2 else 1.0))
+
+
+def _as_design(design: Design, machine: Machine) -> Design:
+    fresh = Design.of(machine)
+    return Design(fresh.family, design.speed_rad_s, {}, design.dwell_within_m)

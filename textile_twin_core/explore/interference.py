@@ -1,0 +1,66 @@
+"""Interference: which links cross each other in the plane over a turn, where they would need planes of their own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.machines import Machine
+from textile_twin_core.mechanism import EllipticGearPair
+
+_EVERY = 4
+"""Of the samples looked at."""
+
+
+@dataclass(frozen=True)
+class Clash:
+    """Two links whose centre lines cross, over a range of the shaft angle [rad]; 0 and 2 pi for the whole turn."""
+
+    first: str
+    second: str
+    begin_rad: float
+    end_rad: float
+
+
+def clashes(
+    machine: Machine, points: Mapping[str, tuple[FloatArray, FloatArray]], theta: FloatArray
+) -> tuple[Clash, ...]:
+    """Pairs of links, gears apart, that share no joint and cross, with the widest range over which they do."""
+    places = {name: (x + 1j * y)[::_EVERY] for name, (x, y) in points.items()}
+    gears = {name for g in machine.groups if isinstance(g, EllipticGearPair) for name in (g.driver, g.driven)}
+    links = [link for link in machine.links if link.name not in gears]
+    found = []
+    for i, a in enumerate(links):
+        for b in links[i + 1 :]:
+            if {a.start, a.end} & {b.start, b.end}:
+                continue
+            crossed = _cross(places[a.start], places[a.end], places[b.start], places[b.end])
+            if crossed.any():
+                begin, end = _widest(crossed, theta[::_EVERY])
+                found.append(Clash(a.name, b.name, begin, end))
+    return tuple(found)
+
+
+def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolArray:
+    """(n,) whether the segments a-b and c-d cross."""
+
+    def side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
+        return np.asarray((np.conj(q - p) * (r - p)).imag)
+
+    return np.asarray((side(a, b, c) * side(a, b, d) < 0.0) & (side(c, d, a) * side(c, d, b) < 0.0))
+
+
+def _widest(crossed: BoolArray, theta: FloatArray) -> tuple[float, float]:
+    if crossed.all():
+        return 0.0, 2.0 * math.pi
+    start = int(np.argmin(crossed))  # a sample at which they do not cross
+    turned = np.roll(crossed, -start)
+    edges = np.flatnonzero(np.diff(turned.astype(int), prepend=0, append=0))
+    begins, ends = edges[::2], edges[1::2]
+    k = int(np.argmax(ends - begins))
+    size = theta.size
+    return float(theta[(start + begins[k]) % size]), float(theta[(start + ends[k] - 1) % size])

@@ -1,0 +1,73 @@
+"""What the page calls a number, in which unit people read it, and what the papers print of it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class Label(NamedTuple):
+    """Words, unit and factor from SI."""
+
+    text: str
+    unit: str
+    factor: float = 1.0
+
+
+_DEGREES = 180.0 / math.pi
+_OF_MEASURES = {
+    "stroke_m": Label("stroke", "mm", 1e3),
+    "dwell_rad": Label("dwell at the rear", "deg", _DEGREES),
+    "largest_speed_m_s": Label("largest speed", "m/s"),
+    "largest_acceleration_m_s2": Label("largest acceleration", "m/s²"),
+    "front_acceleration_m_s2": Label("acceleration at the front", "m/s²"),
+}
+_OTHERS = {
+    "smallest_transmission_angle_rad": Label("smallest transmission angle", "deg", _DEGREES),
+    "crank_over_coupler": Label("crank over coupler, r/l", ""),
+    "peak_torque_Nm": Label("peak torque", "N m"),
+    "rms_torque_Nm": Label("RMS torque", "N m"),
+    "torque_ripple_Nm": Label("torque ripple", "N m"),
+    "largest_shaking_force_N": Label("largest shaking force", "N"),
+    "rms_shaking_force_N": Label("RMS shaking force", "N"),
+    "largest_reaction_N": Label("largest reaction", "N"),
+    "element_2_largest_deceleration_m_s2": Label("largest deceleration of element 2", "m/s²"),
+    "element_2_largest_deceleration_s": Label("time of it", "ms", 1e3),
+    "pad_reached_s": Label("pad reached at", "ms", 1e3),
+    "element_2_off_the_pin_m": Label("element 2 leaves the pin by", "mm", 1e3),
+    "impacts": Label("impacts in a cycle", ""),
+    "energy_lost_J": Label("energy lost in them", "J"),
+}
+PRINTED: dict[str, dict[str, str]] = {
+    "tufting": {"needle_stroke_m": "about 33"},
+    "handloom_beatup": {
+        "beater_largest_acceleration_m_s2": "25",
+        "crank_over_coupler": "0.30",
+        "smallest_transmission_angle_rad": "67.24",
+    },
+    "elliptic_gear_beatup": {
+        "sley_stroke_m": "85",
+        "sley_dwell_rad": "close to 200",
+        "sley_front_acceleration_m_s2": "615.8434",
+    },
+    "needle_transfer": {"pad_reached_s": "15.75", "element_2_largest_deceleration_s": "16.10"},
+}
+"""By machine and number, in the unit shown; they belong to the paper's parameters and speed."""
+
+
+def label(number: str) -> Label:
+    """The label of a number."""
+    if number in _OTHERS:
+        return _OTHERS[number]
+    for ending, found in _OF_MEASURES.items():
+        if number.endswith(f"_{ending}"):
+            return found._replace(text=f"{number.removesuffix(ending).strip('_')} {found.text}")
+    return Label(number, "")
+
+
+_UNITS = {"m": ("mm", 1e3), "rad": ("deg", _DEGREES)}
+
+
+def shown_unit(unit: str) -> tuple[str, float]:
+    """The unit in which a parameter of this SI unit is shown, and its factor."""
+    return _UNITS.get(unit, (unit, 1.0))

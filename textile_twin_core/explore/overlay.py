@@ -1,0 +1,57 @@
+"""A recording laid over the page's torque: the measured torque by the angle of the shaft."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files import open_bag
+from textile_twin_core.files.prediction import beside, recompute, usable_angles
+from textile_twin_core.machines import Machine
+
+_BINS = 360
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """Measured torque over one turn: middle of each bin [rad] and the mean torque in it [N m]; NaN where none fell."""
+
+    name: str
+    theta_rad: FloatArray
+    torque_Nm: FloatArray
+
+
+def overlay(
+    path: str | Path,
+    machine: Machine,
+    angle_topic: str = "main_shaft/angle",
+    torque_topic: str = "balancing_torque/measured",
+    joint: str = "main_shaft",
+) -> Overlay:
+    """The measured torque of a recording by the angle that the machine's encoder gives, sensor delay, gain, offset out.
+
+    Raises RecordingError where the recording cannot be read or holds no torque while the shaft moves.
+    """
+    bag = open_bag(Path(path))
+    angles = usable_angles(bag, angle_topic, joint, True)
+    measured = bag.read_torques(beside(bag, angles.topic, torque_topic), joint)
+    shaft = recompute(angles, machine, "smooth", None)
+    sensor = machine.sensors.torque
+    begin = shaft.stamps_ns[0]
+    at = (measured.stamps - begin) * 1e-9 - sensor.delay_s
+    known = (shaft.stamps_ns - begin) * 1e-9
+    inside = (at >= known[0]) & (at <= known[-1]) & np.isfinite(measured.torque_Nm)
+    if not inside.any():
+        raise RecordingError(f"{path}: no torque was measured while the shaft's angle is known")
+    theta = np.mod(np.interp(at[inside], known, shaft.theta_rad), 2.0 * np.pi)
+    torque = (measured.torque_Nm[inside] - sensor.offset_Nm) / sensor.gain
+    bins = np.minimum((theta * (_BINS / (2.0 * np.pi))).astype(int), _BINS - 1)
+    count = np.bincount(bins, minlength=_BINS)
+    with np.errstate(invalid="ignore"):
+        mean = np.bincount(bins, torque, minlength=_BINS) / count
+    centres = (np.arange(_BINS, dtype=np.float64) + 0.5) * (2.0 * np.pi / _BINS)
+    return Overlay(Path(path).name, centres, mean)

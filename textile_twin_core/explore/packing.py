@@ -1,0 +1,106 @@
+"""Analyses as messages: a JSON head and the curves as 32-bit floats behind it, small enough to follow a slider."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.explore.analysis import Analysis
+from textile_twin_core.explore.design import Design
+from textile_twin_core.explore.labels import PRINTED, label, shown_unit
+
+
+class Arrays:
+    """Collects arrays; a message names them by their place."""
+
+    def __init__(self) -> None:
+        self._held: list[FloatArray] = []
+        self._size = 0
+
+    def add(self, values: FloatArray) -> list[int]:
+        """Where the array begins and how long it is, in floats."""
+        begin = self._size
+        self._held.append(values)
+        self._size += values.size
+        return [begin, values.size]
+
+    def packed(self, head: dict[str, Any]) -> bytes:
+        """The message: the head's length in bytes (4, little-endian), the head padded to 4 bytes, the floats."""
+        text = json.dumps(plain(head), allow_nan=False, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        floats = np.concatenate(self._held).astype("<f4") if self._held else np.empty(0, "<f4")
+        return len(text).to_bytes(4, "little") + text + floats.tobytes()
+
+
+def plain(value: Any) -> Any:
+    """Plain JSON values; NaN and infinities as null."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def analysis_head(analysis: Analysis, arrays: Arrays, printed: dict[str, str]) -> dict[str, Any]:
+    """An analysis for the page; its arrays go to `arrays`."""
+    return {
+        "points": {name: [arrays.add(x), arrays.add(y)] for name, (x, y) in analysis.points.items()},
+        "fixed": list(analysis.fixed),
+        "bars": [[b.name, b.start, b.end, b.half_axes_m] for b in analysis.bars],
+        "guides": [list(guide) for guide in analysis.guides],
+        "charts": [
+            {"title": c.title, "unit": c.unit, "curves": {n: arrays.add(v) for n, v in c.curves.items()}}
+            for c in analysis.charts
+        ],
+        "numbers": [_number(name, value, printed.get(name, "")) for name, value in analysis.numbers.items()],
+        "marks": [[mark.name, math.degrees(mark.angle_rad)] for mark in analysis.marks],
+        "clashes": [[c.first, c.second, math.degrees(c.begin_rad), math.degrees(c.end_rad)] for c in analysis.clashes],
+        "notes": list(analysis.notes),
+    }
+
+
+def _number(name: str, value: float, printed: str) -> dict[str, Any]:
+    words = label(name)
+    return {"name": name, "text": words.text, "unit": words.unit, "value": value * words.factor, "printed": printed}
+
+
+def design_head(design: Design) -> dict[str, Any]:
+    """A design for the page: its parameters in the units that people read, speed in rpm, dwell in mm."""
+    parameters = []
+    for p in design.family.parameters:
+        unit, factor = shown_unit(p.unit)
+        value = design.value(p.name)
+        parameters.append(
+            {
+                "name": p.name,
+                "unit": unit,
+                "factor": factor,
+                "value": None if value is None else value * factor,
+                "low": p.low * factor,
+                "high": p.high * factor,
+                "base": None if p.value is None else p.value * factor,
+                "searchable": p.name in design.family.searchable,
+            }
+        )
+    return {
+        "name": design.family.name,
+        "description": design.family.base.description,
+        "rpm": design.speed_rad_s * 30.0 / math.pi,
+        "dwell_mm": None if design.dwell_within_m is None else 1e3 * design.dwell_within_m,
+        "parameters": parameters,
+    }
+
+
+def printed_of(design: Design) -> dict[str, str]:
+    """What the paper prints, where the design stands as it does."""
+    fresh = Design.of(design.family.base)
+    if design.values or not math.isclose(design.speed_rad_s, fresh.speed_rad_s, rel_tol=1e-3):
+        return {}
+    kind = getattr(design.family, "kind", "")
+    return PRINTED.get(kind, {}) if design.family.base.name == kind else {}

@@ -1,0 +1,211 @@
+"""The search for designs: goals, limits and free parameters in, the Pareto front out, while people look on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.core.problem import Problem
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import SceneError, TwinError
+from textile_twin_core.explore.analysis import analyse
+from textile_twin_core.explore.design import Design
+from textile_twin_core.synthesis.batch import SAMPLES, Batch
+from textile_twin_core.synthesis.tolerance import Limit, batch_of
+
+_POPULATION, _SLOW_POPULATION = 160, 24
+_FINE = 720
+_WORST = 1e9
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A number to be made as large, or as small, as it can be."""
+
+    number: str
+    maximise: bool
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is searched for: free parameters with their ranges (SI), goals, limits, and the seed."""
+
+    free: Mapping[str, tuple[float, float]]
+    goals: tuple[Goal, ...]
+    limits: tuple[Limit, ...] = ()
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Found:
+    """A design of the front: its free parameters and its goals and limited numbers (SI)."""
+
+    values: Mapping[str, float]
+    numbers: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the search is: its front, designs looked at, designs a second of pure evaluation, share of the time."""
+
+    front: tuple[Found, ...]
+    designs: int
+    designs_per_second: float
+    share: float
+
+
+Report = Callable[[Progress], bool]
+
+
+def search(
+    design: Design, task: Task, report: Report | None = None, seconds: float = 60.0, generations: int = 400
+) -> Progress:
+    """The designs of which none is better in all goals, within the limits, from the present one and random others.
+
+    NSGA-II (Deb et al. 2002, in pymoo), a generation at a time through the batched closed forms, so that the same seed
+    and generations give the same front. It ends after `generations`, or `seconds`, or when `report` returns True; the
+    front is then evaluated anew on a finer grid. Machines without a batch form are looked at one by one.
+    Raises SceneError for unknown names, empty ranges, or no goal.
+    """
+    evaluate, numbers, slow = _evaluator(design, SAMPLES)
+    _check(design, task, numbers)
+    problem = _Problem(task, evaluate)
+    size = _SLOW_POPULATION if slow else _POPULATION
+    algorithm = NSGA2(pop_size=size, sampling=_start(design, task, size))
+    algorithm.setup(problem, termination=("n_gen", generations), seed=task.seed)
+    begin = time.monotonic()
+    progress = Progress((), 0, 0.0, 0.0)
+    while algorithm.has_next():
+        algorithm.next()
+        used = time.monotonic() - begin
+        share = max(used / seconds, algorithm.n_gen / generations)
+        progress = Progress(_front(algorithm, task), problem.designs, problem.rate, min(1.0, share))
+        if (report and report(progress)) or used > seconds:
+            break
+    if not slow:
+        fine, _, _ = _evaluator(design, _FINE)
+        progress = Progress(_again(progress.front, task, fine), progress.designs, progress.designs_per_second, 1.0)
+    return progress
+
+
+Evaluate = Callable[[Mapping[str, FloatArray], Sequence[str]], dict[str, FloatArray]]
+
+
+def _evaluator(design: Design, samples: int) -> tuple[Evaluate, tuple[str, ...], bool]:
+    """Numbers of many designs, their names, and whether it goes one by one."""
+    try:
+        batch = batch_of(design.family, design.values, design.speed_rad_s, design.dwell_within_m)
+    except SceneError:
+        return _one_by_one(design), tuple(analyse(design).numbers), True
+    batch = Batch(batch.machine, design.speed_rad_s, design.dwell_within_m, samples)
+    fixed = dict(design.values)
+
+    def evaluate(values: Mapping[str, FloatArray], names: Sequence[str]) -> dict[str, FloatArray]:
+        count = next(iter(values.values())).size
+        columns = {**{k: np.full(count, v) for k, v in fixed.items()}, **values}
+        return batch.evaluate(design.family.columns(columns), names)
+
+    return evaluate, batch.names, False
+
+
+def _one_by_one(design: Design) -> Evaluate:
+    def evaluate(values: Mapping[str, FloatArray], names: Sequence[str]) -> dict[str, FloatArray]:
+        rows = [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)]
+        out: dict[str, list[float]] = {name: [] for name in names}
+        for row in rows:
+            try:
+                numbers = analyse(design.changed({k: float(v) for k, v in row.items()})).numbers
+            except TwinError:
+                numbers = {}
+            for name in names:
+                out[name].append(numbers.get(name, np.nan))
+        return {name: np.array(column) for name, column in out.items()}
+
+    return evaluate
+
+
+def _check(design: Design, task: Task, numbers: Sequence[str]) -> None:
+    if not task.goals:
+        raise SceneError("no goal is given: say which number is to be made large or small")
+    if not task.free:
+        raise SceneError("no parameter is free: choose at least one that may change")
+    known = {p.name for p in design.family.parameters}
+    for name, (low, high) in task.free.items():
+        if name not in known:
+            raise SceneError(f"machine '{design.family.name}' has no parameter '{name}'")
+        if not (np.isfinite([low, high]).all() and low < high):
+            raise SceneError(f"range of '{name}': give two rising numbers")
+    for number in [goal.number for goal in task.goals] + [limit.number for limit in task.limits]:
+        if number not in numbers:
+            raise SceneError(f"'{number}' is no number of this machine that can be searched for")
+
+
+class _Problem(Problem):  # type: ignore[misc]
+    """The task as pymoo takes it: everything minimised, limits at most 0."""
+
+    def __init__(self, task: Task, evaluate: Evaluate) -> None:
+        self.task, self._evaluate_designs = task, evaluate
+        self.names = tuple(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
+        self.designs, self._seconds = 0, 0.0
+        bounds = np.array(list(task.free.values()), dtype=np.float64).T
+        super().__init__(
+            n_var=len(task.free), n_obj=len(task.goals), n_ieq_constr=len(task.limits) + 1, xl=bounds[0], xu=bounds[1]
+        )
+
+    @property
+    def rate(self) -> float:
+        """Designs a second of evaluation."""
+        return self.designs / self._seconds if self._seconds else 0.0
+
+    def _evaluate(self, x: FloatArray, out: dict[str, Any], *_: object, **__: object) -> None:
+        begin = time.perf_counter()
+        found = self._evaluate_designs({name: x[:, k] for k, name in enumerate(self.task.free)}, self.names)
+        self._seconds += time.perf_counter() - begin
+        self.designs += x.shape[0]
+        goals = [-found[g.number] if g.maximise else found[g.number] for g in self.task.goals]
+        lacks = []
+        for limit in self.task.limits:
+            way = limit.value - found[limit.number] if limit.at_least else found[limit.number] - limit.value
+            lacks.append(way / (abs(limit.value) or 1.0))
+        closes = np.isfinite(np.column_stack(goals)).all(axis=1)
+        lacks.append(np.where(closes, -1.0, 1e3))
+        out["F"] = np.nan_to_num(np.column_stack(goals), nan=_WORST)
+        out["G"] = np.nan_to_num(np.column_stack(lacks), nan=1e3)
+
+
+def _start(design: Design, task: Task, size: int) -> FloatArray:
+    """Random designs of the ranges; the first is the present one, as far as it lies in them."""
+    low, high = np.array(list(task.free.values()), dtype=np.float64).T
+    drawn = np.random.default_rng(task.seed).uniform(low, high, (size, low.size))
+    drawn[0] = np.clip([design.value(name) or 0.0 for name in task.free], low, high)
+    return drawn
+
+
+def _front(algorithm: Any, task: Task) -> tuple[Found, ...]:
+    """The best designs so far that keep all limits."""
+    best = algorithm.opt
+    if best is None or not len(best) or not best.get("feas").any():
+        return ()
+    x, f, g = (np.atleast_2d(best.get(key)) for key in ("X", "F", "G"))
+    found = []
+    for row, goals, lacks in zip(x, f, g, strict=True):
+        numbers = {goal.number: float(-v if goal.maximise else v) for goal, v in zip(task.goals, goals, strict=True)}
+        for limit, lack in zip(task.limits, lacks, strict=False):
+            way = float(lack) * (abs(limit.value) or 1.0)
+            numbers.setdefault(limit.number, limit.value - way if limit.at_least else limit.value + way)
+        found.append(Found(dict(zip(task.free, row.tolist(), strict=True)), numbers))
+    return tuple(sorted(found, key=lambda one: one.numbers[task.goals[0].number]))
+
+
+def _again(front: tuple[Found, ...], task: Task, evaluate: Evaluate) -> tuple[Found, ...]:
+    if not front:
+        return front
+    names = tuple(front[0].numbers)
+    columns = {name: np.array([one.values[name] for one in front]) for name in task.free}
+    found = evaluate(columns, names)
+    return tuple(Found(one.values, {name: float(found[name][k]) for name in names}) for k, one in enumerate(front))

@@ -1,0 +1,335 @@
+"""One tab of the page: its design and history, and an answer for every message."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from threading import Event
+from typing import Any
+
+from textile_twin_core import machines
+from textile_twin_core.errors import SceneError, TwinError
+from textile_twin_core.explore.analysis import Analysis, analyse
+from textile_twin_core.explore.balancing import balanced
+from textile_twin_core.explore.design import Design, check_number
+from textile_twin_core.explore.documents import design_text, machine_text, read_design
+from textile_twin_core.explore.exports import as_csv, as_dxf, as_picture
+from textile_twin_core.explore.history import History
+from textile_twin_core.explore.labels import label, shown_unit
+from textile_twin_core.explore.overlay import Overlay
+from textile_twin_core.explore.packing import Arrays, analysis_head, design_head, plain, printed_of
+from textile_twin_core.explore.search import Found, Goal, Progress, Task, search
+from textile_twin_core.synthesis.tolerance import Limit, batch_of, monte_carlo, sensitivities
+
+Message = Mapping[str, Any]
+_MOST_SECONDS = 600.0
+
+
+@dataclass(frozen=True)
+class File:
+    """A file that the page hands out."""
+
+    name: str
+    kind: str
+    content: bytes
+
+
+class Session:
+    """What one tab knows. Every public method answers with a message; a mistake of the user's is a TwinError."""
+
+    def __init__(self, design: Design, recording: Overlay | None = None) -> None:
+        self._history = History(design)
+        self._pinned: Design | None = None
+        self._task: dict[str, Any] = {}
+        self._recording = recording
+        self._front: tuple[Found, ...] = ()
+        self._stop = Event()
+        self._seen: tuple[Design, Analysis] | None = None
+
+    def copy(self) -> Session:
+        """Another session that begins where this one stands."""
+        return Session(self.design, self._recording)
+
+    @property
+    def design(self) -> Design:
+        """The present design."""
+        return self._history.present
+
+    def answer(self, message: Message) -> bytes:
+        """The answer to a message. Raises TwinError for one that cannot be followed."""
+        act = _ACTS.get(str(message.get("type")))
+        if act is None:
+            raise SceneError(f"the page does not know '{message.get('type')}'")
+        return act(self, message)
+
+    def state(self, said: str = "") -> bytes:
+        """The present design with its analysis, and the pinned one; a design that cannot be says why instead."""
+        begin, arrays = time.perf_counter(), Arrays()
+        head: dict[str, Any] = {
+            "type": "state",
+            "design": design_head(self.design),
+            "can_undo": self._history.can_undo,
+            "can_redo": self._history.can_redo,
+            "machines": machines.NAMES,
+            "task": self._task,
+            "said": said,
+            "analysis": None,
+            "pinned": None,
+            "problem": "",
+        }
+        try:
+            head["analysis"] = analysis_head(self.analysis(), arrays, printed_of(self.design))
+        except TwinError as error:
+            head["problem"] = str(error)
+        if self._pinned is not None:
+            head["pinned"] = analysis_head(analyse(self._pinned), arrays, {})
+        if self._recording is not None:
+            r = self._recording
+            head["recording"] = {"name": r.name, "theta": arrays.add(r.theta_rad), "torque": arrays.add(r.torque_Nm)}
+        head["took_ms"] = 1e3 * (time.perf_counter() - begin)
+        return arrays.packed(head)
+
+    def analysis(self) -> Analysis:
+        """The present design's analysis. Raises MachineError where it cannot close."""
+        if self._seen is None or self._seen[0] is not self.design:
+            self._seen = self.design, analyse(self.design)
+        return self._seen[1]
+
+    def _hello(self, message: Message) -> bytes:
+        return self.state()
+
+    def _change(self, message: Message) -> bytes:
+        given, factors = message.get("values"), {p.name: shown_unit(p.unit)[1] for p in self.design.family.parameters}
+        if not isinstance(given, dict):
+            raise SceneError("values: must be an object")
+        values = {}
+        for name, value in given.items():
+            check_number(value, name)
+            values[str(name)] = value / factors.get(name, 1.0)
+        self._history.put(self.design.changed(values), message.get("gesture"))
+        return self.state()
+
+    def _speed(self, message: Message) -> bytes:
+        check_number(message.get("rpm"), "speed")
+        self._history.put(self.design.at_speed(message["rpm"] * math.pi / 30.0), message.get("gesture"))
+        return self.state()
+
+    def _dwell(self, message: Message) -> bytes:
+        within = message.get("mm")
+        if within is not None:
+            check_number(within, "dwell within")
+            within = within / 1e3
+        self._history.put(self.design.dwelling_within(within))
+        return self.state()
+
+    def _undo(self, message: Message) -> bytes:
+        self._history.undo()
+        return self.state()
+
+    def _redo(self, message: Message) -> bytes:
+        self._history.redo()
+        return self.state()
+
+    def _reset(self, message: Message) -> bytes:
+        self._history.put(Design.of(self.design.family.base))
+        return self.state()
+
+    def _machine(self, message: Message) -> bytes:
+        self._history.put(Design.of(machines.create(str(message.get("name")))))
+        self._forget()
+        return self.state()
+
+    def _load(self, message: Message) -> bytes:
+        design, self._task = read_design(str(message.get("text", "")), str(message.get("name") or "the file"))
+        self._history.put(design)
+        self._forget()
+        return self.state(f"Loaded {message.get('name')}.")
+
+    def _forget(self) -> None:
+        """What belongs to another machine."""
+        self._front, self._recording = (), None
+
+    def _pin(self, message: Message) -> bytes:
+        if message.get("on"):
+            self.analysis()
+            self._pinned = self.design
+        else:
+            self._pinned = None
+        return self.state()
+
+    def _balance(self, message: Message) -> bytes:
+        design, said = balanced(self.design, str(message.get("way")), float(message.get("ripple") or 0.02))
+        self._history.put(design)
+        return self.state(said)
+
+    def _pick(self, message: Message) -> bytes:
+        place = message.get("index")
+        if not isinstance(place, int) or not 0 <= place < len(self._front):
+            raise SceneError("that design is no longer there; search again")
+        self._history.put(self.design.changed(self._front[place].values))
+        return self.state()
+
+    def _sensitivity(self, message: Message) -> bytes:
+        names, parameters = self._asked(message)
+        batch = batch_of(self.design.family, self.design.values, self.design.speed_rad_s, self.design.dwell_within_m)
+        known = [name for name in names if name in batch.names]
+        found = sensitivities(self.design.family, self.design.values, batch, known, parameters)
+        units = {p.name: p.unit for p in self.design.family.parameters}
+        rows = []
+        for parameter in parameters:
+            step, words = _small_step(units[parameter], self.design.value(parameter) or 0.0)
+            cells = [found[name][parameter] * step * label(name).factor for name in known]
+            rows.append({"parameter": parameter, "step": words, "changes": cells})
+        heads = [{"text": label(name).text, "unit": label(name).unit} for name in known]
+        return Arrays().packed({"type": "sensitivities", "numbers": heads, "rows": rows})
+
+    def _tolerance(self, message: Message) -> bytes:
+        _, parameters = self._asked(message)
+        task, width = self.task(message), _number(message.get("width"), "tolerance")
+        units = {p.name: p.unit for p in self.design.family.parameters}
+        tolerances = {p: width / shown_unit(units[p])[1] for p in parameters if units[p] in ("m", "rad")}
+        if not tolerances:
+            raise SceneError("choose at least one length or angle as free: those have tolerances")
+        batch = batch_of(self.design.family, self.design.values, self.design.speed_rad_s, self.design.dwell_within_m)
+        found = monte_carlo(
+            self.design.family, self.design.values, batch, batch.names, tolerances, task.limits, seed=task.seed
+        )
+        rows = []
+        for name, spread in found.spreads.items():
+            words = label(name)
+            rows.append(
+                {"text": words.text, "unit": words.unit, **{k: v * words.factor for k, v in vars(spread).items()}}
+            )
+        return Arrays().packed(
+            {
+                "type": "tolerances",
+                "rows": rows,
+                "scrap": found.scrap_rate,
+                "limits": [
+                    {"text": label(k.number).text, "scrap": s}
+                    for k, s in zip(task.limits, found.scrap_by_limit, strict=True)
+                ],
+                "samples": found.samples,
+                "parameters": list(tolerances),
+            }
+        )
+
+    def _asked(self, message: Message) -> tuple[list[str], list[str]]:
+        """Numbers of the present design, and the parameters that are free."""
+        searchable = self.design.family.searchable
+        free = [name for name in (message.get("free") or {}) if name in searchable]
+        lengths = [p.name for p in self.design.family.parameters if p.unit == "m" and p.name in searchable]
+        return list(self.analysis().numbers), free or lengths
+
+    def task(self, message: Message) -> Task:
+        """The task that a message describes, in the units of the page. Raises SceneError where it is none."""
+        self._task = {k: message.get(k) for k in ("free", "goals", "limits", "seed")}
+        factors = {p.name: shown_unit(p.unit)[1] for p in self.design.family.parameters}
+        free = {}
+        for name, ends in (message.get("free") or {}).items():
+            if not isinstance(ends, (list, tuple)) or len(ends) != 2:
+                raise SceneError(f"range of '{name}': give two numbers")
+            for end in ends:
+                check_number(end, f"range of '{name}'")
+            free[str(name)] = (ends[0] / factors.get(name, 1.0), ends[1] / factors.get(name, 1.0))
+        goals = tuple(Goal(str(g["number"]), g.get("sense") == "max") for g in message.get("goals") or [])
+        limits = []
+        for given in message.get("limits") or []:
+            check_number(given.get("value"), "limit")
+            number = str(given["number"])
+            limits.append(Limit(number, given.get("sense") == ">=", given["value"] / label(number).factor))
+        seed = message.get("seed") or 0
+        check_number(seed, "seed")
+        return Task(free, goals, tuple(limits), abs(int(seed)))
+
+    def search(self, message: Message, report: Callable[[bytes], None]) -> bytes:
+        """Search as the message asks; `report` gets a message now and then. The last message."""
+        task, design = self.task(message), self.design
+        seconds = message.get("seconds") or 60.0
+        check_number(seconds, "seconds")
+        self._stop.clear()
+        last = 0.0
+
+        def tell(progress: Progress) -> bool:
+            nonlocal last
+            if time.monotonic() - last > 0.3:
+                last = time.monotonic()
+                report(_progress(progress, task, running=True))
+            return self._stop.is_set()
+
+        begin = time.monotonic()
+        done = search(design, task, tell, min(float(seconds), _MOST_SECONDS))
+        self._front = done.front
+        return _progress(done, task, running=False, took=time.monotonic() - begin)
+
+    def stop(self) -> None:
+        """Stop a search after its generation."""
+        self._stop.set()
+
+    def file(self, kind: str, angle_rad: float) -> File:
+        """The design as a file of a kind. Raises SceneError for an unknown kind, MachineError for no machine."""
+        name = self.design.family.name
+        match kind:
+            case "yaml":
+                return File(f"{name}.yaml", "application/yaml", machine_text(self.design).encode())
+            case "json":
+                return File(f"{name}_design.json", "application/json", design_text(self.design, self._task).encode())
+            case "csv":
+                return File(f"{name}.csv", "text/csv", as_csv(self.analysis()).encode())
+            case "dxf":
+                return File(f"{name}.dxf", "image/vnd.dxf", as_dxf(self.analysis(), angle_rad).encode())
+            case "png" | "svg":
+                kinds = {"png": "image/png", "svg": "image/svg+xml"}
+                return File(f"{name}.{kind}", kinds[kind], as_picture(self.analysis(), name, angle_rad, kind))
+            case _:
+                raise SceneError(f"there is no file of kind '{kind}'")
+
+
+def _number(value: object, what: str) -> float:
+    check_number(value, what)
+    return float(value)  # type: ignore[arg-type]
+
+
+def _small_step(unit: str, value: float) -> tuple[float, str]:
+    """What counts as a small error of a parameter (SI), and its words."""
+    if unit == "m":
+        return 1e-4, "0.1 mm"
+    if unit == "rad":
+        return math.radians(0.1), "0.1 deg"
+    return 0.01 * abs(value), "1 %"
+
+
+def _progress(progress: Progress, task: Task, running: bool, took: float = 0.0) -> bytes:
+    shown = list(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
+    front = [[one.numbers[name] * label(name).factor for name in shown] for one in progress.front]
+    head = {
+        "type": "front",
+        "running": running,
+        "numbers": [{"text": label(name).text, "unit": label(name).unit} for name in shown],
+        "front": plain(front),
+        "designs": progress.designs,
+        "per_second": progress.designs_per_second,
+        "share": progress.share,
+        "took": took,
+    }
+    return Arrays().packed(head)
+
+
+_ACTS: dict[str, Callable[[Session, Message], bytes]] = {
+    "hello": Session._hello,
+    "change": Session._change,
+    "speed": Session._speed,
+    "dwell": Session._dwell,
+    "undo": Session._undo,
+    "redo": Session._redo,
+    "reset": Session._reset,
+    "machine": Session._machine,
+    "load": Session._load,
+    "pin": Session._pin,
+    "balance": Session._balance,
+    "pick": Session._pick,
+    "sensitivity": Session._sensitivity,
+    "tolerance": Session._tolerance,
+}

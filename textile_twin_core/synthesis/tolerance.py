@@ -1,0 +1,166 @@
+"""Tolerances: what small errors of the parameters do to the numbers of a design, one by one and all together."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.errors import SceneError
+from textile_twin_core.machines import Machine
+from textile_twin_core.synthesis.batch import Batch
+from textile_twin_core.synthesis.family import Family
+
+_MOST_CORNERS = 4096
+_STEPS = {"m": 1e-6, "rad": 1e-6}
+_RELATIVE = 1e-5
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A number must be at least, or at most, a value (SI)."""
+
+    number: str
+    at_least: bool
+    value: float
+
+    def broken(self, values: FloatArray) -> BoolArray:
+        """(n,) whether values lie beyond the limit; NaN does."""
+        with np.errstate(invalid="ignore"):
+            kept = values >= self.value if self.at_least else values <= self.value
+        return np.asarray(~kept)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How a number spreads: its nominal value, mean, standard deviation, 0.5 and 99.5 per cent, and worst case."""
+
+    nominal: float
+    mean: float
+    sigma: float
+    low: float
+    high: float
+    worst_low: float
+    worst_high: float
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Outcome of a tolerance analysis: spread by number, share of parts that break any limit, and each of them."""
+
+    spreads: Mapping[str, Spread]
+    scrap_rate: float
+    scrap_by_limit: tuple[float, ...]
+    samples: int
+
+
+def sensitivities(
+    family: Family, values: Mapping[str, float], batch: Batch, names: Sequence[str], parameters: Sequence[str]
+) -> dict[str, dict[str, float]]:
+    """Derivative of each number by each parameter (SI), by number and parameter: central differences in one batch."""
+    units = {p.name: p.unit for p in family.parameters}
+    base = _nominal(family, values)
+    steps = {p: _STEPS.get(units[p]) or _RELATIVE * (abs(base[p]) or 1.0) for p in parameters}
+    columns = {name: np.full(2 * len(parameters), value) for name, value in base.items()}
+    for k, p in enumerate(parameters):
+        columns[p][2 * k] += steps[p]
+        columns[p][2 * k + 1] -= steps[p]
+    found = batch.evaluate(family.columns(columns), names)
+    return {
+        name: {p: float((v[2 * k] - v[2 * k + 1]) / (2.0 * steps[p])) for k, p in enumerate(parameters)}
+        for name, v in found.items()
+    }
+
+
+def monte_carlo(
+    family: Family,
+    values: Mapping[str, float],
+    batch: Batch,
+    names: Sequence[str],
+    tolerances: Mapping[str, float],
+    limits: Sequence[Limit] = (),
+    samples: int = 20000,
+    seed: int = 0,
+) -> Tolerances:
+    """The spread of numbers where parameters lie within +- their tolerance, and how many parts break a limit.
+
+    Errors are normal with a standard deviation of a third of the tolerance, cut off at it. The worst case is the worst
+    of all corners of the tolerances, or of 4096 of them where there are more. Parts that cannot close are
+    scrap. The same seed gives the same numbers. Raises SceneError for a tolerance that is not positive.
+    """
+    for p, tolerance in tolerances.items():
+        if not tolerance > 0.0:
+            raise SceneError(f"tolerance of '{p}': must be positive, not {tolerance!r}")
+    asked = tuple(dict.fromkeys([*names, *(limit.number for limit in limits)]))
+    base, random = _nominal(family, values), np.random.default_rng(seed)
+    errors = {p: _cut_normal(random, samples) * tolerance for p, tolerance in tolerances.items()}
+    found = _evaluate(family, batch, base, errors, asked)
+    corners = _evaluate(family, batch, base, _corners(random, tolerances), asked)
+    nominal = _evaluate(family, batch, base, {p: np.zeros(1) for p in tolerances}, asked)
+    broken = [limit.broken(found[limit.number]) for limit in limits]
+    closes = np.isfinite(next(iter(found.values())))
+    scrap = ~closes if not broken else np.any(broken, axis=0) | ~closes
+    return Tolerances(
+        {name: _spread(float(nominal[name][0]), found[name], corners[name]) for name in names},
+        float(scrap.mean()),
+        tuple(float(one.mean()) for one in broken),
+        samples,
+    )
+
+
+def _nominal(family: Family, values: Mapping[str, float]) -> dict[str, float]:
+    return {p.name: float(values.get(p.name, p.value or 0.0)) for p in family.parameters if p.name in family.searchable}
+
+
+def _evaluate(
+    family: Family, batch: Batch, base: Mapping[str, float], errors: Mapping[str, FloatArray], names: Sequence[str]
+) -> dict[str, FloatArray]:
+    count = max(e.size for e in errors.values()) if errors else 1
+    columns = {name: np.full(count, value) for name, value in base.items()}
+    for p, error in errors.items():
+        columns[p] = columns[p] + error
+    return batch.evaluate(family.columns(columns), names)
+
+
+def _cut_normal(random: np.random.Generator, samples: int) -> FloatArray:
+    """Normal errors in parts of the tolerance, those beyond it drawn again."""
+    drawn = random.standard_normal(samples) / 3.0
+    while (beyond := np.abs(drawn) > 1.0).any():
+        drawn[beyond] = random.standard_normal(int(beyond.sum())) / 3.0
+    return drawn
+
+
+def _corners(random: np.random.Generator, tolerances: Mapping[str, float]) -> dict[str, FloatArray]:
+    if 2 ** len(tolerances) <= _MOST_CORNERS:
+        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(tolerances))))
+    else:
+        signs = random.choice([-1.0, 1.0], (_MOST_CORNERS, len(tolerances)))
+    return {p: signs[:, k] * tolerance for k, (p, tolerance) in enumerate(tolerances.items())}
+
+
+def _spread(nominal: float, found: FloatArray, corners: FloatArray) -> Spread:
+    sound, ends = found[np.isfinite(found)], corners[np.isfinite(corners)]
+    if not sound.size:
+        return Spread(nominal, *[float("nan")] * 6)
+    low, high = np.quantile(sound, [0.005, 0.995])
+    extremes = np.concatenate([sound, ends])
+    return Spread(
+        nominal,
+        float(sound.mean()),
+        float(sound.std()),
+        float(low),
+        float(high),
+        float(extremes.min()),
+        float(extremes.max()),
+    )
+
+
+def batch_of(family: Family, values: Mapping[str, float], speed_rad_s: float, within_m: float | None) -> Batch:
+    """The batch of a design's family. Raises SceneError where it has none."""
+    machine = family.machine(values)
+    if not isinstance(machine, Machine):
+        raise SceneError(f"machine '{machine.name}' has a history; its designs are looked at one by one")
+    return Batch(machine, speed_rad_s, within_m)
