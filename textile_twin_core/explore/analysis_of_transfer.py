@@ -8,6 +8,7 @@ import numpy as np
 
 from textile_twin_core.explore.analysis import Analysis, Bar, Chart, Mark
 from textile_twin_core.machines.needle_transfer import ELEMENTS, PAD, NeedleTransferMachine
+from textile_twin_core.machines.published_needle_transfer import ForwardStroke, forward_stroke
 from textile_twin_core.synthesis.turn import SAMPLES, shaft_angles
 
 _BESIDE_M = 0.012
@@ -36,15 +37,14 @@ def analyse_transfer(machine: NeedleTransferMachine) -> Analysis:
     }
     bars.append(Bar("rubber pad", "pad a", "pad b"))
     forward = fine < machine.parameters["return_start_rad"]
-    second = run.accelerations[rows[1]][forward]
-    slowest = int(np.argmin(second))
-    lead = run.positions[rows[0]] - run.positions[rows[1]]
-    pads = run.happened("touch", PAD)
+    second = run.accelerations[rows[1]]
+    stroke = _forward(machine)
     numbers = {
-        "element_2_largest_deceleration_m_s2": -float(second[slowest]),
-        "element_2_largest_deceleration_s": float(fine[slowest] / machine.speed_rad_s),
-        "pad_reached_s": pads[0].time_s if pads else math.nan,
-        "element_2_off_the_pin_m": float(np.max((lead - lead[0])[forward])),
+        "pad_reached_s": stroke.pad_s,
+        "element_2_largest_deceleration_s": stroke.deceleration_s,
+        "element_2_largest_deceleration_m_s2": -float(second[forward].min()),
+        "collets_meet_s": stroke.contact_s,
+        "element_2_off_the_pin_m": stroke.leaves_pin_m,
         "impacts": float(sum(event.kind == "impact" for event in run.events)),
         "energy_lost_J": float(sum(event.energy_lost_J for event in run.events)),
     }
@@ -69,3 +69,11 @@ def analyse_transfer(machine: NeedleTransferMachine) -> Analysis:
         tuple(Mark(name, angle) for name, angle in firsts.items()),
         notes=(note,),
     )
+
+
+def _forward(machine: NeedleTransferMachine) -> ForwardStroke:
+    """What the paper tells of the forward motion; NaN where element 2 meets neither pad nor element 3."""
+    try:
+        return forward_stroke(machine)
+    except IndexError:
+        return ForwardStroke(math.nan, math.nan, math.nan, math.nan)

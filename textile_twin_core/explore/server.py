@@ -74,7 +74,7 @@ class Page:
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         if "token" in request.query:  # so that the token does not stay in the history of the browser
-            response: web.StreamResponse = web.HTTPSeeOther("/")
+            response = web.Response(status=303, headers={"Location": "/"})
             response.set_cookie(_COOKIE, self.token, httponly=True, samesite="Strict", path="/")
             return response
         return _resource("index.html")

@@ -17,7 +17,24 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.machines import AnyMachine, Machine
 from textile_twin_core.synthesis.slots import read, write
 
-_UNITS = {"m": "m", "rad": "rad", "kg": "kg", "kgm2": "kg m²", "N": "N", "Nm": "N m", "s": "s"}
+_UNITS = {
+    "N_mm3": "N/mm³",
+    "N_mm2": "N/mm²",
+    "N_mm": "N/mm",
+    "Nm_rad": "N m/rad",
+    "Ns_m": "N s/m",
+    "N_m": "N/m",
+    "m_s2": "m/s²",
+    "kgm2": "kg m²",
+    "Nms": "N m s",
+    "rad": "rad",
+    "kg": "kg",
+    "Nm": "N m",
+    "N": "N",
+    "m": "m",
+    "s": "s",
+}
+"""By the ending of a name, longer endings first."""
 _NUDGE = 1e-6
 _SPAN = 0.5
 _ANGLE_SPAN = math.radians(45.0)

@@ -40,11 +40,14 @@ export class Charts {
     for (let degrees = 0; degrees <= 360; degrees += 60) {
       svg.append(draw("text", { x: x(degrees), y: HEIGHT - 4, "text-anchor": "middle" }, `${degrees}`));
     }
+    const ends = [-1, -1, -1]; // of the labels in three rows, so that none lies on another
     for (const [name, degrees] of this.analysis.marks) {
       svg.append(draw("line", { x1: x(degrees), x2: x(degrees), y1: TOP, y2: TOP + tall, stroke: "var(--muted)", "stroke-dasharray": "2 3" }));
-      if (number === 0) {
-        const late = degrees > 300;
-        svg.append(draw("text", { x: x(degrees) + (late ? -3 : 3), y: TOP + 10, "text-anchor": late ? "end" : "start" }, name));
+      const size = 6.2 * name.length, begin = x(degrees) + size + 6 > width - RIGHT ? x(degrees) - size - 3 : x(degrees) + 3;
+      const row = ends.findIndex((end) => end < begin);
+      if (number === 0 && row >= 0) {
+        ends[row] = begin + size + 4;
+        svg.append(draw("text", { x: begin, y: TOP + 10 + 12 * row }, name));
       }
     }
     svg.append(draw("text", { x: 2, y: 13, class: "title" }, `${chart.title}, ${chart.unit}`));

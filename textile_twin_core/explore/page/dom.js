@@ -24,8 +24,7 @@ function fill(element, attributes, children) {
 
 export function shown(value, digits = 5) {
   if (value == null || !Number.isFinite(value)) return "–";
-  const text = value.toPrecision(digits);
-  return text.includes("e") ? value.toExponential(digits - 2) : String(+text);
+  return Math.abs(value) < 1e-12 ? "0" : String(+value.toPrecision(digits));
 }
 
 // The number in a field; null and a mark on the field where there is none.

@@ -19,8 +19,8 @@ export class Linkage {
     if (renewed) this.view = null;
     this.analysis = analysis;
     this.pinned = pinned;
-    this.#fit();
     this.#paths();
+    this.#fit();
     this.draw();
   }
 
@@ -31,7 +31,8 @@ export class Linkage {
 
   #extent() {
     const box = [Infinity, Infinity, -Infinity, -Infinity];
-    for (const [xs, ys] of Object.values(this.analysis.points)) {
+    for (const name of [...this.moving, ...this.analysis.fixed]) {
+      const [xs, ys] = this.analysis.points[name];
       for (let k = 0; k < xs.length; k += 6) {
         if (xs[k] < box[0]) box[0] = xs[k];
         if (xs[k] > box[2]) box[2] = xs[k];
@@ -39,13 +40,11 @@ export class Linkage {
         if (ys[k] > box[3]) box[3] = ys[k];
       }
     }
-    for (const [, start, end, axes] of this.analysis.bars) {
+    for (const [, start, , axes] of this.analysis.bars) {
       if (!axes) continue;
-      for (const name of [start, end]) {
-        const [x, y] = [this.analysis.points[name][0][0], this.analysis.points[name][1][0]];
-        box[0] = Math.min(box[0], x - axes[0]); box[1] = Math.min(box[1], y - axes[0]);
-        box[2] = Math.max(box[2], x + axes[0]); box[3] = Math.max(box[3], y + axes[0]);
-      }
+      const [x, y] = [this.analysis.points[start][0][0], this.analysis.points[start][1][0]], reach = 1.6 * axes[0];
+      box[0] = Math.min(box[0], x - reach); box[1] = Math.min(box[1], y - reach);
+      box[2] = Math.max(box[2], x + reach); box[3] = Math.max(box[3], y + reach);
     }
     return box;
   }
@@ -69,7 +68,8 @@ export class Linkage {
   }
 
   #paths() {
-    this.moving = Object.keys(this.analysis.points).filter((name) => !this.analysis.fixed.includes(name));
+    const gears = this.analysis.bars.filter((bar) => bar[3]).map((bar) => bar[2]);
+    this.moving = Object.keys(this.analysis.points).filter((name) => !this.analysis.fixed.includes(name) && !gears.includes(name));
   }
 
   #line(xs, ys, s) {

@@ -56,6 +56,7 @@ function state(head, floats, asked) {
   }
   requestAnimationFrame(() => {
     if (asked) document.body.dataset.answered = (performance.now() - asked.began).toFixed(1);
+    document.body.dataset.took = head.took_ms.toFixed(1);
     document.body.dataset.states = +(document.body.dataset.states ?? 0) + 1;
   });
 }

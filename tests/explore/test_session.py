@@ -1,0 +1,222 @@
+"""One tab of the design page, message by message."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from pathlib import Path
+
+import ezdxf
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from tests.explore.unpack import numbers, unpack
+from textile_twin_core import machines
+from textile_twin_core.errors import TwinError
+from textile_twin_core.explore.design import Design
+from textile_twin_core.explore.overlay import overlay
+from textile_twin_core.explore.session import Session
+
+
+def state(session: Session, **message: object) -> dict:  # type: ignore[type-arg]
+    head, _ = unpack(session.answer(message))
+    assert head["type"] == "state"
+    return head
+
+
+@pytest.fixture
+def loom() -> Session:
+    return Session(Design.of(machines.elliptic_gear_beatup()))
+
+
+def test_paper_s_loom_gives_the_computed_values_with_the_printed_ones_beside(loom: Session) -> None:
+    head = state(loom, type="hello")
+    shown = {n["name"]: (n["value"], n["unit"], n["printed"]) for n in head["analysis"]["numbers"]}
+    stroke, unit, printed = shown["sley_stroke_m"]
+    assert stroke == pytest.approx(84.991, abs=5e-4) and (unit, printed) == ("mm", "85")
+    front, unit, printed = shown["sley_front_acceleration_m_s2"]
+    assert front == pytest.approx(610.82, abs=5e-3) and (unit, printed) == ("m/s²", "615.8434")
+    dwell, unit, printed = shown["sley_dwell_rad"]
+    assert dwell == pytest.approx(200.0, abs=0.5) and (unit, printed) == ("deg", "close to 200")
+    assert any("gear_1_kg" in note for note in head["analysis"]["notes"])
+    moved = state(loom, type="change", values={"crank_m": 41.0})
+    assert not any(n["printed"] for n in moved["analysis"]["numbers"])
+
+
+@pytest.mark.parametrize("name", machines.NAMES)
+def test_curves_are_those_of_the_twin(name: str) -> None:
+    machine = machines.create(name)
+    head, floats = unpack(Session(Design.of(machine)).answer({"type": "hello"}))
+    charts = {chart["title"]: chart for chart in head["analysis"]["charts"]}
+    begin, size = next(iter(charts["Acceleration"]["curves"].values()))
+    curve, theta = floats[begin : begin + size], np.arange(720) * (math.pi / 360.0)
+    if name == "needle_transfer":
+        run = machine.simulate(times=theta / machine.speed_rad_s)
+        expected = run.accelerations[run.model.index["element_1"]]
+    else:
+        output = f"{machine.measures[0].name}_acceleration_m_s2"
+        twin = ttc.compile(machine, [output], method="exact")
+        expected = twin.evaluate(theta, np.full(720, machine.nominal_speed_rad_s), np.zeros(720))[output]
+    assert curve == pytest.approx(expected, rel=1e-5, abs=1e-5 * np.abs(expected).max())
+
+
+def test_reactions_and_marks_of_the_tufting_machine() -> None:
+    head = state(Session(Design.of(machines.tufting())), type="hello")
+    found = numbers(head)
+    assert found["peak_torque_Nm"] == pytest.approx(17.2786, abs=1e-3)
+    assert found["largest_reaction_N"] == pytest.approx(2197, abs=1)
+    marks = dict(head["analysis"]["marks"])
+    assert marks["entry"] == pytest.approx(21.9512, abs=1e-3) and marks["exit"] == pytest.approx(193.9262, abs=1e-3)
+    assert marks["needle front"] == pytest.approx(106.9765, abs=1e-3)
+
+
+def test_undo_takes_back_a_whole_drag(loom: Session) -> None:
+    for crank in (40.5, 41.0, 41.5):
+        state(loom, type="change", values={"crank_m": crank}, gesture="crank_m 1")
+    head = state(loom, type="change", values={"coupler_m": 101.0}, gesture="coupler_m 2")
+    assert head["can_undo"] and not head["can_redo"]
+    values = [value_of(state(loom, type=kind), "crank_m") for kind in ("undo", "undo", "redo")]
+    assert values == pytest.approx([41.5, 40.0, 41.5])
+    assert value_of(state(loom, type="reset"), "crank_m") == pytest.approx(40.0)
+    assert value_of(state(loom, type="undo"), "crank_m") == pytest.approx(41.5)
+
+
+def value_of(head: dict, name: str) -> float:  # type: ignore[type-arg]
+    return next(p["value"] for p in head["design"]["parameters"] if p["name"] == name)
+
+
+def test_geometry_that_cannot_close_says_where_and_comes_back(loom: Session) -> None:
+    broken = state(loom, type="change", values={"rocker_m": 60.0})
+    assert broken["analysis"] is None and "it opens at a shaft angle of 4.8676 deg" in broken["problem"]
+    opens = state(Session(Design.of(machines.tufting())), type="change", values={"l2_m": 60.0})
+    assert "it opens at a shaft angle of" in opens["problem"]
+    again = state(loom, type="change", values={"rocker_m": 180.0})
+    assert again["problem"] == "" and numbers(again)["sley_stroke_m"] == pytest.approx(84.991, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("message", "says"),
+    [
+        ({"type": "nonsense"}, "does not know"),
+        ({}, "does not know"),
+        ({"type": "change", "values": {"crank_m": "long"}}, "must be a number"),
+        ({"type": "change", "values": {"crank_m": None}}, "must be a number"),
+        ({"type": "change", "values": {"crank_m": math.inf}}, "finite"),
+        ({"type": "change", "values": {"beauty": 1.0}}, "no parameter"),
+        ({"type": "change", "values": [1.0]}, "object"),
+        ({"type": "speed", "rpm": 0.0}, "must lie between"),
+        ({"type": "speed", "rpm": True}, "must be a number"),
+        ({"type": "dwell", "mm": -1.0}, "positive"),
+        ({"type": "machine", "name": "spinning_jenny"}, "no machine"),
+        ({"type": "load", "name": "x.yaml", "text": "groups: 7"}, "x.yaml"),
+        ({"type": "load", "name": "x.json", "text": "{"}, "no JSON"),
+        ({"type": "load", "name": "x.json", "text": '{"format": "other"}'}, "no shared design"),
+        ({"type": "pick", "index": 0}, "search again"),
+        ({"type": "balance", "way": "prayer"}, "lacks masses|no way"),
+        ({"type": "tolerance", "free": {}, "width": 0.0}, "must be positive"),
+    ],
+)
+def test_nonsense_is_refused_and_changes_nothing(loom: Session, message: dict, says: str) -> None:  # type: ignore[type-arg]
+    before = loom.design
+    with pytest.raises(TwinError, match=says):
+        loom.answer(message)
+    assert loom.design is before
+
+
+def test_two_designs_side_by_side(loom: Session) -> None:
+    state(loom, type="pin", on=True)
+    head = state(loom, type="change", values={"crank_m": 42.0})
+    stroke = {n["name"]: n["value"] for n in head["pinned"]["numbers"]}["sley_stroke_m"]
+    assert stroke == pytest.approx(84.991, abs=5e-4) and numbers(head)["sley_stroke_m"] > 87.0
+    assert state(loom, type="pin", on=False)["pinned"] is None
+
+
+def test_files_come_back_as_they_went(loom: Session, tmp_path: Path) -> None:
+    state(loom, type="change", values={"crank_m": 41.0, "axis_ratio": 0.9})
+    state(loom, type="speed", rpm=250.0)
+    wanted = numbers(state(loom, type="hello"))
+    saved = loom.file("yaml", 0.0)
+    path = tmp_path / saved.name
+    path.write_bytes(saved.content)
+    machine = ttc.load_machine(path)
+    assert machine.parameters["crank_m"] == pytest.approx(0.041)
+    for kind in ("yaml", "json"):
+        file = loom.file(kind, 0.0)
+        other = Session(Design.of(machines.tufting()))
+        head = state(other, type="load", name=file.name, text=file.content.decode())
+        if kind == "yaml":
+            head = state(other, type="speed", rpm=250.0)
+        assert numbers(head) == pytest.approx(wanted, rel=1e-12)
+    transfer = Session(Design.of(machines.needle_transfer()))
+    state(transfer, type="change", values={"stroke_m": 33.0})
+    again = state(loom, type="load", name="t.yaml", text=transfer.file("yaml", 0.0).content.decode())
+    assert value_of(again, "stroke_m") == pytest.approx(33.0)
+
+
+def test_exports_can_be_read_elsewhere(loom: Session) -> None:
+    rows = loom.file("csv", 0.0).content.decode().splitlines()
+    assert len(rows) == 721 and rows[0].startswith("shaft angle [deg],Displacement: sley [mm]")
+    assert loom.file("png", 1.0).content[:4] == b"\x89PNG"
+    assert b"<svg" in loom.file("svg", 1.0).content
+    drawing = ezdxf.read(io.StringIO(loom.file("dxf", 0.0).content.decode()))
+    links = list(drawing.modelspace().query("LINE[layer=='LINKS']"))
+    lengths = sorted(round((line.dxf.end - line.dxf.start).magnitude, 3) for line in links)
+    assert {40.0, 100.0, 180.0, 189.5} <= set(lengths)
+    assert drawing.units == 4 and len(drawing.modelspace().query("LWPOLYLINE")) >= 3
+
+
+def test_sensitivity_of_the_stroke_is_the_slope_of_the_stroke(loom: Session) -> None:
+    head, _ = unpack(loom.answer({"type": "sensitivity", "free": {"crank_m": [30, 50]}}))
+    (row,) = head["rows"]
+    place = [n["text"] for n in head["numbers"]].index("sley stroke")
+    before = numbers(state(loom, type="hello"))["sley_stroke_m"]
+    after = numbers(state(loom, type="change", values={"crank_m": 40.1}))["sley_stroke_m"]
+    assert row["step"] == "0.1 mm" and row["changes"][place] == pytest.approx(after - before, rel=2e-2)
+
+
+def test_tolerances_tell_scrap_and_spread(loom: Session) -> None:
+    limit = {"number": "sley_stroke_m", "sense": "<=", "value": 84.991}
+    message = {"type": "tolerance", "free": {"crank_m": [30, 50]}, "limits": [limit], "width": 0.1}
+    head, _ = unpack(loom.answer(message))
+    row = next(r for r in head["rows"] if r["text"] == "sley stroke")
+    assert head["scrap"] == pytest.approx(0.5, abs=0.02)  # half the cranks are longer, and the stroke grows with them
+    assert row["worst_low"] < row["low"] < row["mean"] < row["high"] < row["worst_high"]
+    assert row["worst_high"] - row["nominal"] == pytest.approx(0.1 * 3.0 * row["sigma"] / 0.1, rel=0.06)
+
+
+def test_balancing_makes_a_machine_of_its_own_and_undo_takes_it_back() -> None:
+    session = Session(Design.of(machines.tufting()))
+    head = state(session, type="balance", way="counterweight")
+    assert "0.3936 to 0.00461 N m" in head["said"]
+    assert any(p["name"] == "l1#2.mass_kg" for p in head["design"]["parameters"])
+    for way in ("force", "spring", "second-linkage", "flywheel"):
+        assert state(session, type="balance", way=way)["said"]
+    for _ in range(5):
+        head = state(session, type="undo")
+    assert value_of(head, "l1_m") == pytest.approx(15.0)
+
+
+def test_recording_lies_over_the_torque() -> None:
+    machine = machines.tufting()
+    measured = overlay("bags/tufting_160rpm_synthetic", machine)
+    known = np.isfinite(measured.torque_Nm)
+    assert known.mean() > 0.9
+    head, floats = unpack(Session(Design.of(machine), measured).answer({"type": "hello"}))
+    begin, size = head["recording"]["torque"]
+    assert floats[begin : begin + size][known] == pytest.approx(measured.torque_Nm[known], rel=1e-5, abs=1e-5)
+    torque = ttc.compile(machine, ["balancing_torque_Nm"], method="exact").evaluate(
+        measured.theta_rad, np.full(360, machine.nominal_speed_rad_s), np.zeros(360)
+    )["balancing_torque_Nm"]
+    assert np.corrcoef(torque[known], measured.torque_Nm[known])[0, 1] > 0.95
+
+
+def test_shared_design_holds_what_is_searched_for(loom: Session) -> None:
+    message = {"type": "search", "free": {"crank_m": [39, 41]}, "goals": [{"number": "sley_dwell_rad", "sense": "max"}]}
+    loom.task(message)
+    shared = json.loads(loom.file("json", 0.0).content)
+    assert shared["task"]["free"] == {"crank_m": [39, 41]}
+    assert state(Session(Design.of(machines.tufting())), type="load", name="d.json", text=json.dumps(shared))["task"][
+        "free"
+    ]
