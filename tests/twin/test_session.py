@@ -33,6 +33,25 @@ def test_blocks_of_any_size_give_the_same_numbers() -> None:
         assert np.allclose(np.concatenate([p[name] for p in parts]), whole[name], rtol=0, atol=1e-11)
 
 
+@pytest.mark.parametrize("shaft", ["causal", "lag"])
+@pytest.mark.parametrize("sigma", [False, True])
+def test_samples_one_by_one_are_those_of_a_block(shaft: str, sigma: bool) -> None:
+    twin = ttc.compile(ttc.machines.tufting(), OUTPUTS, method="exact")
+    stamps, theta = motion(120)
+    session, live = twin.session(shaft=shaft), []
+    for stamp, angle in zip(stamps.tolist(), theta.tolist(), strict=True):
+        live += session.step_one(stamp, angle, sigma=sigma)
+    live += session.finish().rows(sigma)
+    whole = twin.session(shaft=shaft)
+    rows = [*whole.step(stamps, theta).rows(sigma), *whole.finish().rows(sigma)]
+    assert len(live) == len(rows) == 118
+    for one, other in zip(live, rows, strict=True):
+        assert one.stamp == other.stamp
+        assert one[1:5] == pytest.approx(other[1:5], abs=1e-9, nan_ok=True)
+        assert math.isnan(one.torque_sigma_Nm) != sigma
+        assert one.outputs == pytest.approx(other.outputs, abs=1e-9)
+
+
 def test_each_sample_from_the_third_on_gets_its_own_stamp() -> None:
     twin = ttc.compile(ttc.machines.tufting(), OUTPUTS, method="exact")
     stamps, theta = motion()

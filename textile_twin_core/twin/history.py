@@ -120,6 +120,10 @@ class HistoryPredictor:
         seconds = elapsed * 1e-9 if np.issubdtype(elapsed.dtype, np.integer) else elapsed
         return self.motion.step(seconds, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
 
+    def predict_one(self, states: ShaftStates) -> dict[str, float]:
+        """Outputs at the one state there is."""
+        return {name: values.item() for name, values in self.predict(states).items()}
+
     def reset(self) -> None:
         """Begin anew."""
         self.motion.reset()

@@ -47,6 +47,13 @@ class InstantPredictor:
             outputs[name] += winding * states.turns
         return outputs
 
+    def predict_one(self, states: ShaftStates) -> dict[str, float]:
+        """Outputs at the one state there is."""
+        values = self._single((states.phase_rad.item(), states.omega_rad_s.item(), states.alpha_rad_s2.item()))
+        for name, winding in self._winding.items():
+            values[name] += winding * states.turns.item()
+        return values
+
     def _single(self, state: tuple[float, ...]) -> dict[str, float]:
         """One sample, as it would come out of a block: NaN where the machine's motion is not determined."""
         try:

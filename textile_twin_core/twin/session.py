@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from itertools import repeat
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,19 @@ from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 if TYPE_CHECKING:
     from textile_twin_core.twin.compiled import Twin
     from textile_twin_core.twin.history import HistoryTwin
+
+
+class Sample(NamedTuple):
+    """The prediction at one accepted sample, in plain numbers."""
+
+    stamp: Any
+    """as it came in: int [ns] or float [s]"""
+    theta_rad: float
+    omega_rad_s: float
+    alpha_rad_s2: float
+    torque_sigma_Nm: float
+    """NaN where it was not asked for"""
+    outputs: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -73,6 +87,17 @@ class Samples:
         """(n,) whether the estimator had settled."""
         return self.states.settled
 
+    def rows(self, sigma: bool = False) -> Iterator[Sample]:
+        """The samples one by one; `sigma`: with that of the torque."""
+        names = tuple(self.outputs)
+        columns = zip(*(self.outputs[name].tolist() for name in names), strict=True) if names else repeat(())
+        sigmas = self.torque_sigma_Nm.tolist() if sigma else repeat(math.nan)
+        states = (self.stamps, self.theta_rad, self.omega_rad_s, self.alpha_rad_s2)
+        for stamp, theta, omega, alpha, deviation, values in zip(
+            *(column.tolist() for column in states), sigmas, columns, strict=False
+        ):
+            yield Sample(stamp, theta, omega, alpha, deviation, dict(zip(names, values, strict=True)))
+
     @cached_property
     def torque_sigma_Nm(self) -> FloatArray:
         """(n,) standard deviation of the balancing torque that follows from the shaft state's [N m].
@@ -115,6 +140,24 @@ class Session:
         velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * factor
         return self._predict(self._estimator.step(stamps, angle, velocity))
 
+    def step_one(
+        self, stamp: int | float, angle: float, velocity: float | None = None, sigma: bool = False
+    ) -> Sequence[Sample]:
+        """What `step` gives for one sample, without arrays of results: what a live sample takes.
+
+        stamp: [ns], or [s] as a float; angle [rad]; velocity [rad/s] where the encoder gives one; `sigma`: with that
+        of the torque. The predictions that are known now, in their order.
+        """
+        e = self._encoder
+        factor = e.direction * e.ratio
+        velocities = None if velocity is None else np.array((velocity * factor,))
+        states = self._estimator.step(np.array((stamp,)), np.array(((angle - e.zero_rad) * factor,)), velocities)
+        if len(states) != 1 or sigma:
+            return tuple(self._predict(states).rows(sigma)) if len(states) else ()
+        motion = states.omega_rad_s.item(), states.alpha_rad_s2.item()
+        outputs = self._predictor.predict_one(states)
+        return (Sample(states.stamps.item(), states.theta_rad.item(), *motion, math.nan, outputs),)
+
     def use(self, twin: Twin | HistoryTwin) -> None:
         """Go on with another twin of the same machine: other outputs, the shaft's state is kept.
 
@@ -151,6 +194,10 @@ class Predictor(Protocol):
 
     def predict(self, states: ShaftStates) -> dict[str, FloatArray]:
         """Outputs at states, arrays (n,)."""
+        ...
+
+    def predict_one(self, states: ShaftStates) -> dict[str, float]:
+        """Outputs at the one state there is."""
         ...
 
     def reset(self) -> None:

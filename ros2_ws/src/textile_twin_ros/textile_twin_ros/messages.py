@@ -64,14 +64,23 @@ class FieldReader:
         Raises:
             MessageError: the bytes are no message of this type.
         """
-        if len(raw) >= self._size > 0 and all(raw[start:end] == fixed for start, end, fixed in self._fixed):
-            return False
+        if len(raw) >= self._size > 0:
+            for start, end, fixed in self._fixed:
+                if raw[start:end] != fixed:
+                    break
+            else:
+                return False
         try:
             self.layout = LAYOUT_READERS[self._msgtype](raw)
         except (ValueError, struct.error) as error:
             raise MessageError(f"is no {self._msgtype}: {error}") from error
         self._size = self.layout.size
-        self._fixed = [(start, start + len(fixed), fixed) for start, fixed in self.layout.fixed]
+        self._fixed = []
+        for start, fixed in self.layout.fixed:  # stretches that touch are compared as one
+            if self._fixed and self._fixed[-1][1] == start:
+                start, _, before = self._fixed.pop()
+                fixed = before + fixed
+            self._fixed.append((start, start + len(fixed), fixed))
         self._stamp = struct.Struct(f"{self.layout.order}iI")
         return True
 

@@ -10,6 +10,7 @@ import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual
 from textile_twin_core.machines import AnyMachine
 from textile_twin_core.mechanism import Arc, Travel
+from textile_twin_core.twin.session import Sample
 from textile_twin_ros.messages import (
     JOINT_STATE,
     POINT,
@@ -23,6 +24,7 @@ from textile_twin_ros.messages import (
 TORQUE = "balancing_torque_Nm"
 SHAFT_FRAME = "main_shaft"
 BASE_FRAME = "base"
+SIGMA_TOPIC = "balancing_torque/predicted_sigma"
 RESIDUAL_TOPIC = "balancing_torque/residual"
 
 
@@ -36,8 +38,8 @@ class Output(Protocol):
     msgtype: str
     needs: tuple[str, ...]
 
-    def messages(self, samples: Any) -> Iterable[bytes]:
-        """The messages of these samples."""
+    def message(self, sample: Sample) -> bytes | None:
+        """The message of this sample; None where its rate leaves the sample out."""
 
 
 @dataclass
@@ -45,16 +47,16 @@ class TorqueOutput:
     """The predicted balancing torque, or its standard deviation."""
 
     topic: str
-    values: Callable[[Any], Any]
+    value: Callable[[Sample], float]
     msgtype: str = WRENCH
     needs: tuple[str, ...] = (TORQUE,)
 
     def __post_init__(self) -> None:
         self._template = WrenchTemplate(SHAFT_FRAME)
 
-    def messages(self, samples: Any) -> Iterable[bytes]:
-        """One WrenchStamped for each sample."""
-        return map(self._template.message, samples.stamps.tolist(), self.values(samples).tolist())
+    def message(self, sample: Sample) -> bytes:
+        """A WrenchStamped."""
+        return self._template.message(sample.stamp, self.value(sample))
 
 
 @dataclass
@@ -69,10 +71,10 @@ class PointOutput:
         self.needs: tuple[str, ...] = (f"point_{self.point}_x_m", f"point_{self.point}_y_m")
         self._template = PointTemplate(BASE_FRAME)
 
-    def messages(self, samples: Any) -> Iterable[bytes]:
-        """One PointStamped for each sample."""
-        x, y = (samples[name].tolist() for name in self.needs)
-        return map(self._template.message, samples.stamps.tolist(), x, y)
+    def message(self, sample: Sample) -> bytes:
+        """A PointStamped."""
+        x, y = self.needs
+        return self._template.message(sample.stamp, sample.outputs[x], sample.outputs[y])
 
 
 class Thinning:
@@ -114,17 +116,15 @@ class JointOutput:
         self._thinning, self._compile = Thinning(rate_hz), compile_twin
         self._twin: Any = None
 
-    def messages(self, samples: Any) -> Iterable[bytes]:
-        """One JointState for each sample that is sent."""
+    def message(self, sample: Sample) -> bytes | None:
+        """A JointState."""
+        if not self._thinning.keeps(sample.stamp):
+            return None
         if self._twin is None:
             self._twin = self._compile((*self._positions, *self._velocities))
-        columns = (samples.stamps, samples.theta_rad, samples.omega_rad_s, samples.alpha_rad_s2)
-        for stamp, *state in zip(*(column.tolist() for column in columns), strict=True):
-            if self._thinning.keeps(stamp):
-                values = self._twin.evaluate(*state)
-                yield self._template.full_message(
-                    stamp, [values[name] for name in self._positions], [values[name] for name in self._velocities]
-                )
+        values = self._twin.evaluate(sample.theta_rad, sample.omega_rad_s, sample.alpha_rad_s2)
+        positions, velocities = ([values[name] for name in names] for names in (self._positions, self._velocities))
+        return self._template.full_message(sample.stamp, positions, velocities)
 
 
 class ElementOutput:
@@ -140,13 +140,14 @@ class ElementOutput:
         self.needs = (*self._positions, *self._velocities)
         self._thinning = Thinning(rate_hz)
 
-    def messages(self, samples: Any) -> Iterable[bytes]:
-        """One JointState for each sample that is sent."""
-        positions = zip(*(samples[name].tolist() for name in self._positions), strict=True)
-        velocities = zip(*(samples[name].tolist() for name in self._velocities), strict=True)
-        for stamp, position, velocity in zip(samples.stamps.tolist(), positions, velocities, strict=True):
-            if self._thinning.keeps(stamp):
-                yield self._template.full_message(stamp, position, velocity)
+    def message(self, sample: Sample) -> bytes | None:
+        """A JointState."""
+        if not self._thinning.keeps(sample.stamp):
+            return None
+        positions, velocities = (
+            [sample.outputs[name] for name in names] for names in (self._positions, self._velocities)
+        )
+        return self._template.full_message(sample.stamp, positions, velocities)
 
 
 class ResidualMessages:
@@ -172,8 +173,8 @@ def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float], compile_
     ends = {link.name: link.end for link in machine.links}
     outputs: list[Output] = []
     if has_torque(machine):
-        outputs.append(TorqueOutput("balancing_torque/predicted", lambda samples: samples[TORQUE]))
-        outputs.append(TorqueOutput("balancing_torque/predicted_sigma", lambda samples: samples.torque_sigma_Nm))
+        outputs.append(TorqueOutput("balancing_torque/predicted", lambda sample: sample.outputs[TORQUE]))
+        outputs.append(TorqueOutput(SIGMA_TOPIC, lambda sample: sample.torque_sigma_Nm))
     for measure in machine.measures:
         if isinstance(measure, Travel):
             outputs.append(PointOutput(f"{measure.name}/position", measure.point))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
 
 import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
@@ -12,6 +12,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_jumps
 from textile_twin_core.machines import AnyMachine
+from textile_twin_core.twin.session import Sample
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
 from textile_twin_ros.health import judged, residual_findings, state_level
@@ -19,6 +20,7 @@ from textile_twin_ros.messages import WRENCH, message_class
 from textile_twin_ros.restart import RestartWatch
 from textile_twin_ros.twin_outputs import (
     RESIDUAL_TOPIC,
+    SIGMA_TOPIC,
     TORQUE,
     Output,
     ResidualMessages,
@@ -65,7 +67,8 @@ class TwinStream:
         self._session = self._idle.session(shaft, **settings)
         self._restarts = RestartWatch()
         self._wanted: list[Output] = []
-        self._wants_residual = False
+        self._wants_residual = self._wants_sigma = False
+        self._calls: list[tuple[Callable[[Sample], bytes | None], Callable[[bytes], None]]] = []
         self._warm_up()
         topics = {output.topic: output.msgtype for output in self._outputs}
         if self._has_torque:
@@ -102,6 +105,8 @@ class TwinStream:
         if wanted == self._wanted and residual == self._wants_residual:
             return
         self._wanted, self._wants_residual = wanted, residual
+        self._wants_sigma = any(output.topic == SIGMA_TOPIC for output in wanted)
+        self._calls = [(output.message, self._sender(output.topic)) for output in wanted]
         if not self._has_history:
             needs = self._needs(wanted, (TORQUE,) if residual else ())
             self._session.use(self._compile(needs) if needs else self._idle)
@@ -131,12 +136,16 @@ class TwinStream:
         self._predict(block[begin:])
 
     def _predict(self, block: list[tuple[int, float, float]]) -> None:
-        if not block:
-            return
-        stamps, angles, speeds = zip(*block, strict=True)
-        velocities = np.array(speeds)
-        known = None if np.isnan(velocities).all() else velocities
-        self._publish(self._session.step(np.array(stamps, dtype=np.int64), np.array(angles), known))
+        if len(block) == 1:
+            ((stamp, angle, speed),) = block
+            known = None if math.isnan(speed) else speed
+            self._publish(self._session.step_one(stamp, angle, known, self._wants_sigma))
+        elif block:
+            stamps, angles, speeds = zip(*block, strict=True)
+            velocities = np.array(speeds)
+            measured = None if np.isnan(velocities).all() else velocities
+            samples = self._session.step(np.array(stamps, dtype=np.int64), np.array(angles), measured)
+            self._publish(samples.rows(self._wants_sigma))
 
     def take_torques(self, block: list[tuple[int, float]]) -> None:
         """Hold measured torques against the prediction: stamp [ns], torque [N m]."""
@@ -146,7 +155,7 @@ class TwinStream:
 
     def flush(self) -> None:
         """Publish what an estimator that looks ahead still holds."""
-        self._publish(self._session.finish())
+        self._publish(self._session.finish().rows(self._wants_sigma))
 
     def sample_counts(self) -> dict[str, float]:
         """What became of the angle samples."""
@@ -172,18 +181,20 @@ class TwinStream:
         status = Status(RESIDUAL_TOPIC, OK if residuals.given else WARN, text, values)
         return judged(status, residual_findings(residuals.rms_Nm, measured_rms_Nm, limit_Nm))
 
-    def _publish(self, samples: Any) -> None:
-        if not len(samples):
-            return
-        for output in self._wanted:
-            publish = self.publishers[output.topic].publish
-            for message in output.messages(samples):
-                publish(message)
-        if self._wants_residual:
-            known = self._residuals.predicted(
-                samples.stamps.tolist(), samples[TORQUE].tolist(), samples.theta_rad.tolist()
-            )
-            self._publish_residuals(known)
+    def _sender(self, topic: str) -> Callable[[bytes], None]:
+        """What sends a message of a topic: rclpy's own call, without the layers that ask for its type each time."""
+        send: Callable[[bytes], None] = self.publishers[topic].handle.publish_raw
+        return send
+
+    def _publish(self, samples: Iterable[Sample]) -> None:
+        for sample in samples:
+            for message_of, send in self._calls:
+                message = message_of(sample)
+                if message is not None:
+                    send(message)
+            if self._wants_residual:
+                known = self._residuals.predicted((sample.stamp,), (sample.outputs[TORQUE],), (sample.theta_rad,))
+                self._publish_residuals(known)
 
     def _publish_residuals(self, residuals: list[Residual]) -> None:
         if residuals and self.publishers[RESIDUAL_TOPIC].get_subscription_count():
@@ -196,7 +207,9 @@ class TwinStream:
         for first, count in ((0, 1), (1, 1), (2, 1), (3, 20)):
             number = np.arange(first, first + count)
             samples = self._session.step(number * 2_000_000, number * 0.03)
+        last = (*samples.rows(sigma=True), *self._session.step_one(50_000_000, 0.75))
         for output in self._outputs:
-            _ = list(output.messages(samples))
+            for sample in last:
+                output.message(sample)
         self._session.reset()
         self._session.use(self._idle)
