@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +20,7 @@ from textile_twin_core.cli.arguments import (
     shaft_settings,
 )
 from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.readings import read_samples, readings_of
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison import Comparison
@@ -85,23 +85,15 @@ def run(arguments: argparse.Namespace) -> None:
 
 def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded: bool = False) -> Comparison:
     """The comparison that the arguments of add_recording ask for; recorded: with the predictions in the recording."""
-    from textile_twin_core.comparison import Readings, assess, compare_torque
-    from textile_twin_core.files import open_bag
-    from textile_twin_core.files.prediction import beside, published, recompute, usable_angles
+    from textile_twin_core.comparison import assess, compare_torque
+    from textile_twin_core.files.prediction import published, recompute
 
-    bag = open_bag(arguments.bag)
-    for notice in bag.notices:
-        print(f"textile-twin: {notice}", file=sys.stderr)
-    angles = usable_angles(bag, arguments.angle_topic, arguments.joint, arguments.skip_bad_samples)
-    measured = bag.read_torques(beside(bag, angles.topic, arguments.torque_topic), arguments.joint)
+    bag, angles, measured = read_samples(arguments)
     with progress(len(angles), "predicting") as done:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
     if recorded:
         predicted = published(bag, predicted, angles.topic)
-    readings = Readings(
-        angles.stamps, angles.angles_rad, measured.stamps, measured.torque_Nm, velocities=angles.velocities
-    )
-    judged = assess(readings, machine)
+    judged = assess(readings_of(angles, measured), machine)
     comparison = compare_torque(
         measured.stamps,
         measured.torque_Nm,

@@ -17,6 +17,7 @@ COMMANDS = {
     "simulate": "outputs of a machine over a shaft motion, as a table or a recording",
     "replay": "a recording in, the same recording with the twin's predictions out",
     "compare": "measured against predicted torque: table, report, recording, plot",
+    "calibrate": "encoder and torque sensor settled from a recording, as a machine file",
     "recover": "a complete recording from one that a kill or a power loss cut off",
     "status": "a running suite in the terminal: rates, estimator, residual, alarms",
     "view": "show a recording in the viewer",

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from textile_twin_core.comparison.alignment import AlignmentError
 from textile_twin_core.comparison.assess import Assessment, assess
+from textile_twin_core.comparison.bootstrap import Estimate
 from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors, RunningAngleBins
+from textile_twin_core.comparison.calibrate import Calibration, calibrate
 from textile_twin_core.comparison.compare import compare_torque
 from textile_twin_core.comparison.delay import SensorFit
 from textile_twin_core.comparison.readings import Readings
@@ -17,16 +19,19 @@ __all__ = [
     "AlignmentError",
     "AngleBins",
     "Assessment",
+    "Calibration",
     "Cause",
     "Comparison",
     "ComparisonEvent",
     "ErrorStatistics",
+    "Estimate",
     "Readings",
     "RevolutionErrors",
     "RunningAngleBins",
     "SampleCount",
     "SensorFit",
     "assess",
+    "calibrate",
     "compare_torque",
     "summary_rows",
     "verdict_lines",

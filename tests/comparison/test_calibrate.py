@@ -1,0 +1,54 @@
+"""Sensors settled from recordings whose truth is known, and the intervals that come with them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from tests.generators.mill_recordings import healthy, record
+from tests.generators.told_machine import told_machine
+from textile_twin_core.comparison import Readings, assess, calibrate
+from textile_twin_core.errors import RecordingError
+
+
+def test_every_sensor_setting_of_a_loom_is_found_at_once() -> None:
+    case = healthy("loom", 951, duration_s=40.0)
+    encoder = replace(case.encoder, zero_rad=-2.0, direction=-1, ratio=0.5)
+    torque = replace(case.torque, gain=-100.0, delay_s=0.008, offset_Nm=-150.0)
+    case = replace(case, encoder=encoder, torque=torque)
+    made, machine = record(case), told_machine(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    found = calibrate(readings, machine)
+    assert (found.direction, found.ratio, found.sign, found.unit) == (-1, 0.5, -1, "N cm")
+    # Of a wrapped encoder that turns twice a turn only the half turn of its first reading is to be told.
+    apart = math.remainder(found.zero_rad.value + 2.0, 2.0 * math.pi) * 0.5
+    assert abs(apart) < min(5.0 * found.zero_rad.sigma, math.radians(0.4))
+    assert found.gain.value == pytest.approx(1.0, abs=0.01)
+    assert found.delay_s.value == pytest.approx(0.008, abs=min(5.0 * found.delay_s.sigma, 6e-4))
+    assert found.offset_Nm.value == pytest.approx(-150.0, abs=8.0)
+    assert any("begins anew" in each.text for each in found.ambiguous)
+    again = assess(readings, found.machine)
+    assert again.verdict == ()
+
+
+def test_what_one_speed_cannot_tell_is_named_with_the_recording_that_could() -> None:
+    case = healthy("tufting", 952, run_up=False, duration_s=12.0)
+    case = replace(case, torque=replace(case.torque, delay_s=0.005))
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    found = calibrate(readings, told_machine(case))
+    pairs = {each.between: each for each in found.ambiguous}
+    assert "run-up" in pairs["zero_rad", "torque.delay_s"].recording
+    assert "rest" in pairs["torque.offset_Nm", "shaft_coulomb_Nm"].recording
+    assert math.isfinite(found.zero_rad.sigma) != math.isfinite(found.delay_s.sigma)
+    assert found.to_json()["ambiguous"][0]["recording"]
+
+
+def test_a_recording_of_another_machine_gives_no_calibration() -> None:
+    case = replace(healthy("tufting", 953, duration_s=12.0), told_machine="loom")
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    with pytest.raises(RecordingError, match="not this machine"):
+        calibrate(readings, told_machine(case))

@@ -1,0 +1,206 @@
+"""Calibrate: encoder and torque sensor of a machine settled from one recording."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.comparison.assess import Assessment, assess
+from textile_twin_core.comparison.bootstrap import Estimate, estimates
+from textile_twin_core.comparison.explain import Explanation
+from textile_twin_core.comparison.readings import Readings
+from textile_twin_core.comparison.result import plain
+from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings
+from textile_twin_core.comparison.shaft_track import TURN
+from textile_twin_core.comparison.torque_units import nearest_gain
+from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.machines import Machine
+from textile_twin_core.machines.sensors import Encoder, Sensors, TorqueSensor
+
+_ALL_SAMPLES = 60_000
+
+
+@dataclass(frozen=True)
+class Ambiguity:
+    """What a recording cannot tell apart: the settings, in words, and the recording that could."""
+
+    between: tuple[str, ...]
+    text: str
+    recording: str
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Sensors as a recording shows them; shaft = (measured - zero) * direction * ratio, as in a machine file.
+
+    The torque sensor's gain in a machine file is sign * unit_factor * gain.
+
+    Attributes:
+        angle_unit: of the logged angle. direction, ratio, zero_rad: the encoder's.
+        sign, unit_factor, unit: of the torque. gain, offset_Nm, delay_s: of the torque sensor.
+        ambiguous: what this recording cannot tell.
+        assessment: the verdict on the settings as they were. machine: the machine with the sensors settled.
+    """
+
+    angle_unit: str
+    direction: int
+    ratio: float
+    zero_rad: Estimate
+    sign: int
+    unit_factor: float
+    unit: str
+    gain: Estimate
+    offset_Nm: Estimate
+    delay_s: Estimate
+    ambiguous: tuple[Ambiguity, ...]
+    rms_before_Nm: float
+    rms_after_Nm: float
+    assessment: Assessment
+    machine: Machine
+
+    def to_json(self) -> dict[str, Any]:
+        """One object of plain lists and numbers."""
+        out: dict[str, Any] = plain(
+            {
+                "angle_unit": self.angle_unit,
+                "direction": self.direction,
+                "ratio": self.ratio,
+                "zero_rad": dataclasses.asdict(self.zero_rad),
+                "torque": {
+                    "sign": self.sign,
+                    "unit_factor": self.unit_factor,
+                    "unit": self.unit,
+                    "gain": dataclasses.asdict(self.gain),
+                    "offset_Nm": dataclasses.asdict(self.offset_Nm),
+                    "delay_s": dataclasses.asdict(self.delay_s),
+                },
+                "ambiguous": [dataclasses.asdict(each) for each in self.ambiguous],
+                "rms_before_Nm": self.rms_before_Nm,
+                "rms_after_Nm": self.rms_after_Nm,
+                "explained": self.assessment.explained,
+                "verdict": [dataclasses.asdict(cause) for cause in self.assessment.verdict],
+                "notes": list(self.assessment.notes),
+            }
+        )
+        return out
+
+
+def calibrate(readings: Readings, machine: Machine) -> Calibration:
+    """Settle direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque sensor.
+
+    Discrete settings are those of the likeliest hypothesis (see `search`), continuous ones are fitted to all samples,
+    with what else departs (loads, friction) fitted beside them. Intervals are by `bootstrap_moves`.
+
+    Raises RecordingError when the recording tells nothing, or is of another machine.
+    """
+    assessment = assess(readings, machine)
+    found = assessment.explanation
+    if found is None:
+        raise RecordingError("; ".join(assessment.notes))
+    if 1.0 - found.explained > NOT_THIS_MACHINE and any(c.cause == "other_machine" for c in assessment.verdict):
+        text = next(cause.text for cause in assessment.verdict if cause.cause == "other_machine")
+        raise RecordingError(f"no calibration from this recording: {text}")
+    fit = _final_fit(found)
+    known = estimates(fit)
+    settings = fit.settings
+    turned = settings.direction * machine.sensors.encoder.ratio * settings.ratio / found.configured.ratio
+    near = nearest_gain(settings.gain, 1.0)
+    zero = known.get("zero_rad", Estimate(settings.zero_rad)).scaled(1.0 / turned)
+    zero = zero.scaled(1.0, _whole_turns(zero.value, machine.sensors.encoder.zero_rad, TURN / abs(turned)))
+    gain = known.get("gain", Estimate(settings.gain)).scaled(1.0 / near.gain)
+    offset = known.get("offset_Nm", Estimate(settings.offset_Nm))
+    delay = known.get("delay_s", Estimate(settings.delay_s))
+    encoder = Encoder(zero.value, settings.direction, abs(turned))
+    sensor = TorqueSensor(settings.gain, offset.value, delay.value)
+    return Calibration(
+        angle_unit=assessment.unit.name,
+        direction=settings.direction,
+        ratio=abs(turned),
+        zero_rad=zero,
+        sign=near.sign,
+        unit_factor=near.factor,
+        unit=near.unit or "N m",
+        gain=gain,
+        offset_Nm=offset,
+        delay_s=delay,
+        ambiguous=tuple(_ambiguous(assessment, found, fit, abs(turned))),
+        rms_before_Nm=_rms(found),
+        rms_after_Nm=fit.rms,
+        assessment=assessment,
+        machine=replace(machine, sensors=Sensors(encoder, sensor)),
+    )
+
+
+def _final_fit(found: Explanation) -> SettingsFit:
+    """All sensor settings that the record can tell, fitted to all of its samples."""
+    free = {*found.departing, "zero_rad", "gain"}
+    if found.one_speed:
+        free -= {"zero_rad"} if "delay_s" in found.departing else {"delay_s"}
+    else:
+        free |= {"delay_s"}
+    if "offset_Nm" in found.departing or found.evidence.turns_both_ways():
+        free |= {"offset_Nm"}
+    elif found.rest_tells or "viscous_Nms" in free:
+        free |= {"constant_Nm"}  # friction, then: at rest the sensor shows none of it
+    elif "constant_Nm" not in free:
+        free |= {"offset_Nm"}
+    return fit_settings(found.evidence.thinned(_ALL_SAMPLES), found.settings, free)
+
+
+def _ambiguous(assessment: Assessment, found: Explanation, fit: SettingsFit, ratio: float) -> list[Ambiguity]:
+    ambiguous = []
+    if found.one_speed:
+        kept = "delay" if "delay_s" in fit.free else "zero"
+        ambiguous.append(
+            Ambiguity(
+                ("zero_rad", "torque.delay_s"),
+                f"at one speed a zero is a delay; all of it was taken as {kept}",
+                "a run-up, a coast-down or two speeds that differ by a fifth",
+            )
+        )
+    if not found.rest_tells and not found.evidence.turns_both_ways():
+        ambiguous.append(
+            Ambiguity(
+                ("torque.offset_Nm", "shaft_coulomb_Nm"),
+                "while the shaft turns one way, an offset of the torque sensor looks like dry friction",
+                "a few seconds with the shaft at rest, the machine unclamped",
+            )
+        )
+    if assessment.unit.wrapped and ratio < 0.75:
+        parts = round(1.0 / ratio)
+        ambiguous.append(
+            Ambiguity(
+                ("zero_rad",),
+                f"the encoder turns {parts} times in a turn of the shaft and begins anew each time: this zero holds"
+                " until it is switched off",
+                "none; use an encoder on the shaft itself, or one that counts its turns",
+            )
+        )
+    for other in found.others:
+        s = other.fit.settings
+        ambiguous.append(
+            Ambiguity(
+                ("direction", "torque.sign"),
+                f"direction {s.direction:+d} with a torque gain of {s.gain:+.3g} explains the recording as well",
+                "a run-up, whose acceleration has a direction",
+            )
+        )
+    return ambiguous
+
+
+def _whole_turns(value: float, near: float, turn: float) -> float:
+    """Whole turns that bring a value nearest to another."""
+    return turn * float(np.rint((near - value) / turn))
+
+
+def _rms(found: Explanation) -> float:
+    """RMS with the configured settings."""
+    evidence = found.evidence.thinned()
+    states = evidence.states(found.configured)
+    left = (evidence.torque_Nm - evidence.expected(found.configured, states))[states.good]
+    return float(np.sqrt(np.mean(left**2))) if left.size else math.nan
