@@ -18,6 +18,7 @@ COMMANDS = {
     "replay": "a recording in, the same recording with the twin's predictions out",
     "compare": "measured against predicted torque: table, report, recording, plot",
     "calibrate": "encoder and torque sensor settled from a recording, as a machine file",
+    "identify": "forces, friction, event angles and inertia from a recording, with intervals",
     "recover": "a complete recording from one that a kill or a power loss cut off",
     "status": "a running suite in the terminal: rates, estimator, residual, alarms",
     "view": "show a recording in the viewer",

@@ -9,6 +9,8 @@ from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors, R
 from textile_twin_core.comparison.calibrate import Calibration, calibrate
 from textile_twin_core.comparison.compare import compare_torque
 from textile_twin_core.comparison.delay import SensorFit
+from textile_twin_core.comparison.identified_machine import with_table
+from textile_twin_core.comparison.identify import Identification, identify
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
 from textile_twin_core.comparison.statistics import ErrorStatistics
@@ -25,6 +27,7 @@ __all__ = [
     "ComparisonEvent",
     "ErrorStatistics",
     "Estimate",
+    "Identification",
     "Readings",
     "RevolutionErrors",
     "RunningAngleBins",
@@ -33,6 +36,8 @@ __all__ = [
     "assess",
     "calibrate",
     "compare_torque",
+    "identify",
     "summary_rows",
     "verdict_lines",
+    "with_table",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.settings_fit import SettingsFit, huber_weights
 
 DRAWS = 1000
@@ -28,7 +28,7 @@ class Estimate:
         return Estimate(factor * self.value + shift, abs(factor) * self.sigma, (ends[0], ends[1]))
 
 
-def bootstrap_moves(jacobian: FloatArray, residual: FloatArray, turn: FloatArray, draws: int = DRAWS) -> FloatArray:
+def bootstrap_moves(jacobian: FloatArray, residual: FloatArray, turn: IntArray, draws: int = DRAWS) -> FloatArray:
     """By how much each estimate moves when the turns of the record are drawn again with replacement: (draws, k).
 
     One Gauss-Newton step from the estimate for each draw, with Huber weights (the one-step bootstrap of Shao and Tu
@@ -61,12 +61,25 @@ def bootstrap_moves(jacobian: FloatArray, residual: FloatArray, turn: FloatArray
     return np.asarray(moves * math.sqrt(turns.size / max(turns.size - 1.0, 1.0)))
 
 
+def moves_of(jacobian: FloatArray, residual: FloatArray, turn: IntArray) -> FloatArray:
+    """The moves of `bootstrap_moves`, widened where samples on their own would scatter more.
+
+    Turns of a run-up weigh much and are few; a bootstrap over them alone is then too narrow.
+    """
+    moves = bootstrap_moves(jacobian, residual, turn)
+    sizes = np.sqrt(np.mean(jacobian**2, axis=0)) + 1e-300
+    scaled = jacobian / sizes
+    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True)
+    alone = np.sqrt(np.diag(inverse) * float(np.mean(residual**2))) / sizes
+    return np.asarray(moves * np.maximum(1.0, alone / (np.std(moves, axis=0) + 1e-300)))
+
+
 def estimates(fit: SettingsFit) -> dict[str, Estimate]:
-    """Every freed setting with its uncertainty by `bootstrap_moves`."""
+    """Every freed setting with its uncertainty by `moves_of`."""
     good = fit.good
     if not fit.free:
         return {}
-    moves = bootstrap_moves(fit.jacobian[good], fit.residual[good], fit.turn[good])
+    moves = moves_of(fit.jacobian[good], fit.residual[good], fit.turn[good])
     return {name: estimate(getattr(fit.settings, name), moves[:, k]) for k, name in enumerate(fit.free)}
 
 

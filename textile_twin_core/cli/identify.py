@@ -1,0 +1,93 @@
+"""textile-twin identify: forces, friction, inertia, event angles and sensors of a machine from a recording."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording, load_linkage
+from textile_twin_core.cli.readings import read_samples, readings_of
+
+if TYPE_CHECKING:
+    from textile_twin_core.comparison import Identification
+
+_SHOWN = {"_rad": ("deg", 180.0 / math.pi), "_s": ("ms", 1e3), "_N": ("N", 1.0), "_Nm": ("N m", 1.0)}
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser(
+        "identify",
+        "Fits what the recording can tell of a machine: force in the backing and above it, friction of the shaft,\n"
+        "angles of entry and exit, inertia, and the torque sensor; each with the interval that holds it in 95 of 100\n"
+        "recordings. What the recording cannot tell is named before anything is solved. Settle the sensors first with\n"
+        "textile-twin calibrate.",
+        "textile-twin identify bags/tufting_160rpm_synthetic --machine my_machine.yaml --json identified.json",
+    )
+    add_recording(parser)
+    add_machine(parser, option=True)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers; is replaced when it is there")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the machine with what was found (.yaml)")
+    parser.add_argument("--force", action="store_true", help="replace the machine file when it is there")
+    parser.add_argument(
+        "--table",
+        action="store_true",
+        help="with --out: also write the torque by shaft angle that nobody modelled, as a load",
+    )
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Identify, write, tell."""
+    machine = load_linkage(arguments.machine, arguments.set)
+
+    from textile_twin_core.comparison import identify, with_table
+    from textile_twin_core.files import save_machine_file, staged
+
+    if arguments.table and arguments.out is None:
+        raise UsageError("--table writes into the machine file: give --out too")
+    if arguments.out is not None:
+        if arguments.out.suffix not in (".yaml", ".yml"):
+            raise UsageError(f"--out {arguments.out}: must end in .yaml")
+        if arguments.out.exists() and not arguments.force:
+            raise UsageError(f"--out {arguments.out}: is there already; choose another, or replace it with --force")
+    _, angles, measured = read_samples(arguments)
+    found = identify(readings_of(angles, measured), machine)
+    if arguments.json is not None:
+        about = {"bag": str(arguments.bag), "machine": machine.name}
+        text = json.dumps({**about, **found.to_json()}, indent=1, allow_nan=False)
+        with staged(arguments.json) as partial:
+            partial.write_text(text + "\n", encoding="utf-8")
+    if arguments.out is not None:
+        written = with_table(found.machine, found.unmodelled) if arguments.table else found.machine
+        save_machine_file(written, arguments.out)
+    _print(found)
+
+
+def _print(found: Identification) -> None:
+    rows = []
+    for name, each in found.parameters.items():
+        unit, factor = next((shown for end, shown in _SHOWN.items() if name.endswith(end)), ("", 1.0))
+        low, high = (end * factor for end in each.interval95)
+        value = f"{each.value * factor:.5g} +- {each.sigma * factor:.2g} {unit}"
+        rows.append((name, f"{value:34}  95 %: {low:.5g} .. {high:.5g}"))
+    rows += [
+        ("RMS error before", f"{found.rms_before_Nm:.4g} N m"),
+        ("RMS error after", f"{found.rms_after_Nm:.4g} N m"),
+    ]
+    left = found.unmodelled
+    if left.significant:
+        rows.append(
+            (
+                "not modelled",
+                f"a torque by shaft angle of up to {float(abs(left.torque_Nm).max()):.3g} N m,"
+                f" {left.share * 100.0:.0f} % of what is left",
+            )
+        )
+    rows += [("not identifiable", each.text) for each in found.not_identifiable]
+    width = max(len(name) for name, _ in rows)
+    for name, value in rows:
+        print(f"{name:{width}}  {value}")

@@ -1,0 +1,55 @@
+"""What a record can tell before anything is fitted to it: parameters whose effects are the same are found out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+
+MOST_INFLATION = 2e4
+"""Variance inflation factor (Belsley, Kuh and Welsch 1980) from which two effects count as the same."""
+_NO_EFFECT = 1e-9
+
+
+@dataclass(frozen=True)
+class NotIdentifiable:
+    """A parameter that this record cannot tell; `with_parameters` are those whose effects look the same."""
+
+    name: str
+    with_parameters: tuple[str, ...]
+    text: str
+
+
+def identifiable(
+    jacobian: FloatArray, names: Sequence[str], given_up_first: Sequence[str]
+) -> tuple[list[str], list[NotIdentifiable]]:
+    """The parameters that can be told together, and those given up so that they can.
+
+    Args:
+        jacobian: (n, k) effects of the parameters on the measured torque. names: of its columns.
+        given_up_first: the order in which parameters are given up when their effects cannot be told apart.
+    """
+    kept, lost = list(names), list[NotIdentifiable]()
+    sizes = dict(zip(names, np.sqrt(np.mean(jacobian**2, axis=0)).tolist(), strict=True))
+    for name in names:
+        if not sizes[name] > _NO_EFFECT * max(sizes.values()) * 1e-3:
+            kept.remove(name)
+            lost.append(NotIdentifiable(name, (), f"{name} has no effect in this recording"))
+    order = [*given_up_first, *(name for name in reversed(names) if name not in given_up_first)]
+    while kept:
+        columns = np.stack([jacobian[:, list(names).index(name)] / sizes[name] for name in kept], axis=1)
+        normal = columns.T @ columns / columns.shape[0]
+        values, vectors = np.linalg.eigh(normal)
+        inflation = np.einsum("kj,j->k", vectors**2, 1.0 / np.maximum(values, 1e-300)) * np.diag(normal)
+        if float(inflation.max()) < MOST_INFLATION:
+            break
+        tangled = [kept[k] for k in np.flatnonzero(np.abs(vectors[:, 0]) > 0.1)]
+        gone = next(name for name in order if name in tangled)
+        partners = tuple(name for name in tangled if name != gone)
+        kept.remove(gone)
+        text = f"{gone} cannot be told from {' and '.join(partners)} in this recording; it stays as configured"
+        lost.append(NotIdentifiable(gone, partners, text))
+    return kept, lost
