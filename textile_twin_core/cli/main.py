@@ -19,6 +19,7 @@ COMMANDS = {
     "compare": "measured against predicted torque: table, report, recording, plot",
     "calibrate": "encoder and torque sensor settled from a recording, as a machine file",
     "identify": "forces, friction, event angles and inertia from a recording, with intervals",
+    "import": "a recording from any logger's table: CSV, Parquet, MATLAB",
     "recover": "a complete recording from one that a kill or a power loss cut off",
     "status": "a running suite in the terminal: rates, estimator, residual, alarms",
     "view": "show a recording in the viewer",
@@ -27,6 +28,9 @@ COMMANDS = {
     "explore": "the design page in the browser: parameters in, moving machine and curves out",
 }
 """Sub-commands and what they do; each is a module of this package, imported when it is asked for."""
+
+_MODULES = {"import": "import_log"}
+"""Modules that cannot be called as their command is, a word of the language."""
 
 _TRACE = "TEXTILE_TWIN_TRACEBACK"
 
@@ -98,7 +102,7 @@ def _run(given: list[str]) -> int:
     name = given[0]
     if name not in COMMANDS:
         raise TwinError(f"no command '{name}'; {nearest(name, COMMANDS)}")
-    command = import_module(f"textile_twin_core.cli.{name}")
+    command = import_module(f"textile_twin_core.cli.{_MODULES.get(name, name)}")
     command.run(command.parser().parse_args(given[1:]))
     return 0
 

@@ -1,0 +1,128 @@
+"""Logs in the dialects of many loggers become the same recording."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pyarrow
+import pytest
+from pyarrow import parquet
+from rosbags.highlevel import AnyReader
+from scipy.io import savemat
+
+from textile_twin_core.cli.main import main
+from textile_twin_core.files import open_bag
+
+N = 2000
+TIME = np.arange(N) * 0.002
+ANGLE = np.mod(16.0 * TIME + 0.3, 2.0 * math.pi)
+TORQUE = 3.0 * np.sin(2.0 * ANGLE) + 1.0
+
+
+def text(*columns: np.ndarray, separator: str = ",", decimal: str = ".", head: str = "") -> str:
+    rows = [separator.join(f"{value:.9g}".replace(".", decimal) for value in row) for row in zip(*columns, strict=True)]
+    return head + "\n".join(rows) + "\n"
+
+
+DIALECTS = {
+    "comma": (text(TIME, ANGLE, TORQUE, head="time_s,angle_rad,torque_Nm\n"), []),
+    "german": (
+        text(
+            TIME * 1e3,
+            np.degrees(ANGLE),
+            TORQUE * 100.0,
+            separator=";",
+            decimal=",",
+            head="Messung 17;Halle 3\nDatum: heute\nZeit [ms];Winkel [deg];Drehmoment [Ncm]\n",
+        ),
+        [],
+    ),
+    "units in a line of their own": (
+        text(TIME, ANGLE / (2.0 * math.pi) * 4096.0, TORQUE, separator="\t", head="t\tEncoder\tTorque\ns\t\tNm\n"),
+        ["--angle-unit", "4096"],
+    ),
+    "no header, decimal comma, tabs": (
+        text(TIME, TORQUE, np.degrees(ANGLE), separator="\t", decimal=","),
+        ["--angle", "column_3", "--torque", "column_2"],
+    ),
+    "spaces, no time": (
+        text(ANGLE, TORQUE, separator="   "),
+        ["--rate", "500", "--angle", "column_1", "--torque", "column_2", "--torque-unit", "Nm"],
+    ),
+    "volts": (
+        text(TIME, ANGLE, TORQUE / 5.0 - 0.0, head="time,angle,torque [V]\n"),
+        ["--torque-scale", "5"],
+    ),
+    "trailing separators and CRLF": (
+        "time;theta;moment;\r\n" + text(TIME, ANGLE, TORQUE, separator=";").replace("\n", ";\r\n"),
+        [],
+    ),
+}
+
+
+def check(bag: Path) -> None:
+    angles, torques = open_bag(bag).read_angles(), open_bag(bag).read_torques()
+    assert len(angles) == len(torques) == N
+    np.testing.assert_allclose(angles.angles_rad, ANGLE, atol=2e-8)
+    np.testing.assert_allclose(torques.torque_Nm, TORQUE, atol=2e-7)
+    np.testing.assert_allclose((angles.stamps - angles.stamps[0]) * 1e-9, TIME, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_text_of_any_dialect(name: str, tmp_path: Path) -> None:
+    content, options = DIALECTS[name]
+    log = tmp_path / "log.txt"
+    log.write_text(content, encoding="utf-8", newline="")
+    assert main(["import", str(log), "--out", str(tmp_path / "bag"), *options]) == 0
+    check(tmp_path / "bag")
+    with AnyReader([tmp_path / "bag"]) as reader:  # another's reader opens it
+        assert reader.message_count == 2 * N
+
+
+def test_parquet_and_matlab(tmp_path: Path) -> None:
+    columns = {"time_s": TIME, "shaft_angle_deg": np.degrees(ANGLE), "torque_Nm": TORQUE}
+    parquet.write_table(pyarrow.table(columns), tmp_path / "log.parquet")
+    assert main(["import", str(tmp_path / "log.parquet"), "--out", str(tmp_path / "a")]) == 0
+    check(tmp_path / "a")
+    savemat(tmp_path / "log.mat", {"time": TIME, "theta": ANGLE, "torque": TORQUE, "fs": 500.0})
+    assert main(["import", str(tmp_path / "log.mat"), "--out", str(tmp_path / "b")]) == 0
+    check(tmp_path / "b")
+    savemat(tmp_path / "matrix.mat", {"data": np.stack([TIME, ANGLE, TORQUE], axis=1)})
+    options = ["--time", "column_1", "--angle", "column_2", "--torque", "column_3"]
+    assert main(["import", str(tmp_path / "matrix.mat"), "--out", str(tmp_path / "c"), *options]) == 0
+    check(tmp_path / "c")
+
+
+def test_dates_keep_the_time_of_day_and_empty_cells_are_left_out(tmp_path: Path) -> None:
+    rows = [f"2026-03-01T10:00:0{k // 10}.{k % 10}00,{0.1 * k:.3f},{'' if k == 3 else 1.5}" for k in range(40)]
+    log = tmp_path / "log.csv"
+    log.write_text("timestamp,angle_rad,torque\n" + "\n".join(rows) + "\n")
+    assert main(["import", str(log), "--out", str(tmp_path / "bag"), "--torque-unit", "Nm"]) == 0
+    angles, torques = open_bag(tmp_path / "bag").read_angles(), open_bag(tmp_path / "bag").read_torques()
+    assert angles.stamps[0] == np.datetime64("2026-03-01T10:00:00", "ns").astype(np.int64)
+    assert (len(angles), len(torques)) == (40, 39)
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "says"),
+    [
+        ("", [], "is empty"),
+        ("hello\nworld\n", [], "no table of numbers"),
+        (text(TIME, TIME * 16.0, TORQUE, head="time,angle,torque\n"), [], "--angle-unit"),
+        (text(TIME, ANGLE, ANGLE, head="time,angle_1,angle_2\n"), [], "which column is the angle"),
+        (text(TIME, ANGLE, head="time,angle\n"), ["--torque", "moment"], "no column 'moment'"),
+        (text(TIME, ANGLE, TORQUE, head="time,angle,torque [V]\n"), [], "--torque-scale"),
+        (text(ANGLE, TORQUE, head="angle,torque\n"), [], "--rate"),
+    ],
+)
+def test_what_cannot_be_told_is_asked_for_in_one_line(
+    content: str, options: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(content)
+    assert main(["import", str(log), "--out", str(tmp_path / "bag"), *options]) == 2
+    error = capsys.readouterr().err
+    assert says in error and error.count("\n") == 1
+    assert not (tmp_path / "bag").exists()

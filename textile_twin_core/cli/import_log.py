@@ -1,0 +1,89 @@
+"""textile-twin import: a recording from any logger's table."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from textile_twin_core.cli.arguments import Parser, positive
+
+_KINDS = {
+    "time": "s, ms, us, ns, min",
+    "angle": "deg, rad, rev, gon, or the counts of a turn",
+    "torque": "N m, N cm, N mm, kN m, lbf ft, ..",
+    "speed": "rpm, rad/s, deg/s, rev/s",
+}
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser(
+        "import",
+        "Makes a recording from a log: CSV with any separator, decimal comma, with or without a header; Parquet;\n"
+        "MATLAB. Columns are found by their names, units by their names or by how a wrapped angle begins anew; what\n"
+        "is not found is asked for, or told with the options.",
+        "textile-twin import log.csv --out bag --angle 'Winkel [deg]' --torque 'Md' --torque-unit Ncm",
+    )
+    parser.add_argument("log", metavar="LOG", type=Path, help="the table; .parquet and .mat by their names, else text")
+    parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="folder to make, or an .mcap file")
+    for kind, units in _KINDS.items():
+        parser.add_argument(f"--{kind}", metavar="COLUMN", help=f"column of the {kind}")
+        parser.add_argument(f"--{kind}-unit", metavar="UNIT", help=units)
+    parser.add_argument("--rate", type=positive, metavar="HZ", help="rows a second, for a log without times")
+    parser.add_argument("--torque-scale", type=_scale, metavar="X", help="N m per unit of the torque, as for volts")
+    parser.add_argument("--separator", metavar="C", help="of a text table, where it is not found out; 'tab' for tabs")
+    parser.add_argument("--decimal", choices=[".", ","], help="of a text table, where it is not found out")
+    parser.add_argument("--table", metavar="NAME", help="variable of a .mat file that holds the matrix")
+    parser.add_argument("--force", action="store_true", help="replace the output when it is there")
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Read, choose, write, tell."""
+    from textile_twin_core.files import BagWriter
+    from textile_twin_core.files.log_import import Wishes, import_log
+    from textile_twin_core.files.log_read import read_log
+
+    separator = "\t" if arguments.separator == "tab" else arguments.separator
+    columns = read_log(arguments.log, separator, arguments.decimal, arguments.table)
+    wishes = Wishes(
+        columns={kind: name for kind in _KINDS if (name := getattr(arguments, kind)) is not None},
+        units={kind: unit for kind in _KINDS if (unit := getattr(arguments, f"{kind}_unit")) is not None},
+        rate_hz=arguments.rate,
+        torque_scale=arguments.torque_scale,
+    )
+    ask = _ask if sys.stdin.isatty() and sys.stdout.isatty() else None
+    with BagWriter(arguments.out, {"imported_from": arguments.log.name}, overwrite=arguments.force) as out:
+        taken = import_log(columns, out, wishes, ask)
+        counts = out.counts
+    for kind, text in taken.items():
+        print(f"{kind:7} {text}")
+    if "torque" not in taken:
+        print("torque  none in this log; name its column with --torque if there is one")
+    for topic, count in counts.items():
+        print(f"{topic}  {count} messages")
+
+
+def _ask(kind: str, names: list[str]) -> str:
+    """Ask which column is meant; an empty answer is none."""
+    print(f"Which column is the {kind}?")
+    for k, name in enumerate(names, 1):
+        print(f"  {k}  {name}")
+    while True:
+        answer = input("number or name (empty: none): ").strip()
+        if not answer or answer in names:
+            return answer
+        if answer.isdecimal() and 1 <= int(answer) <= len(names):
+            return names[int(answer) - 1]
+
+
+def _scale(text: str) -> float:
+    """A finite number that is not zero, as a type of an argument."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if value == 0.0 or not abs(value) < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a number other than zero, not '{text}'")
+    return value

@@ -1,0 +1,144 @@
+"""Which column of a log is what, and in which unit: told by the user, by its name, or by its values."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.readings import angle_unit
+from textile_twin_core.comparison.torque_units import UNITS_PER_NM
+from textile_twin_core.errors import RecordingError
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+ANGLE_TURNS = {"rad": 2.0 * math.pi, "deg": 360.0, "rev": 1.0, "gon": 400.0}
+"""What a turn counts in each unit."""
+SPEED_UNITS = {"rad/s": 1.0, "rpm": math.pi / 30.0, "deg/s": math.pi / 180.0, "rev/s": 2.0 * math.pi}
+TORQUE_UNITS = {
+    "N m": 1.0,
+    **{name: 1.0 / count for name, count in UNITS_PER_NM.items() if " or " not in name},
+    "kgf m": 9.80665,
+    "daN m": 10.0,
+}
+"""N m per unit."""
+
+_WORDS = {
+    "time": r"\b(time|zeit|t|stamp|timestamp|temps|seconds|date)\b",
+    "angle": r"(angle|winkel|theta|encoder|position|phi|angolo|\bpos\b|drehgeber)",
+    "torque": r"(torque|moment|drehmoment|couple|\bmd\b|\btq\b|coppia)",
+    "speed": r"(speed|velocity|drehzahl|omega|rpm|\bn\b)",
+}
+_SPELLINGS = {
+    "nm": "N m", "n*m": "N m", "n·m": "N m", "n.m": "N m", "ncm": "N cm", "nmm": "N mm", "knm": "kN m",
+    "danm": "daN m", "lbft": "lbf ft", "ft-lb": "lbf ft", "ftlb": "lbf ft", "lbin": "lbf in", "in-lb": "lbf in",
+    "kgfcm": "kgf cm", "kgcm": "kgf cm", "kgfm": "kgf m", "kgm": "kgf m", "degree": "deg", "degrees": "deg",
+    "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad", "revolutions": "rev", "u": "rev", "turns": "rev",
+    "sec": "s", "seconds": "s", "second": "s", "msec": "ms", "µs": "us", "μs": "us", "usec": "us", "1/min": "rpm",
+    "u/min": "rpm", "min-1": "rpm", "r/min": "rpm",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column that was chosen: its name, its unit ('' unknown), and how the unit came to be known."""
+
+    name: str
+    unit: str
+    why: str
+
+
+def spelled(unit: str) -> str:
+    """A unit as the tables here write it."""
+    plain = unit.strip()
+    known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS}
+    squeezed = {name.replace(" ", "").lower(): name for name in known}
+    lower = plain.lower()
+    return _SPELLINGS.get(lower) or squeezed.get(lower.replace(" ", "")) or plain
+
+
+def unit_in_name(name: str) -> str:
+    """The unit in a column's name: 'Torque [Ncm]', 'angle (deg)', 'theta_rad', 'time_s'; '' when there is none."""
+    bracket = re.search(r"[\[(]([^\])]*)[\])]", name)
+    if bracket:
+        return spelled(bracket[1])
+    last = re.split(r"[_/ ]", name)[-1]
+    found = spelled(last)
+    known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS}
+    return found if found in known and found != name else ""
+
+
+def choose(kind: str, names: Iterable[str]) -> list[str]:
+    """Columns whose names speak of a kind: time, angle, torque or speed."""
+    return [name for name in names if re.search(_WORDS[kind], re.sub(r"[_\[\]()./-]", " ", name).lower())]
+
+
+def time_seconds(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
+    """Seconds, and the unit taken: as told, as named, or as the size of the numbers suggests (epochs)."""
+    unit = column.unit
+    if not unit:
+        size = float(np.nanmedian(np.abs(values)))
+        unit = "ns" if size > 1e17 else "us" if size > 1e14 else "ms" if size > 1e11 else "s"
+    if unit not in TIME_UNITS:
+        raise RecordingError(f"column '{column.name}': time in '{unit}'? there are: {', '.join(TIME_UNITS)}")
+    return values * TIME_UNITS[unit], unit
+
+
+def angle_radians(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
+    """Radians, and the unit taken: as told, as named, or as the leaps of a wrapped angle show.
+
+    A unit may be a number, the counts of one turn. Raises RecordingError when nothing tells it.
+    """
+    unit = column.unit
+    if unit in ANGLE_TURNS:
+        return values * (2.0 * math.pi / ANGLE_TURNS[unit]), unit
+    if unit:
+        try:
+            turn = float(unit)
+        except ValueError:
+            turn = 0.0
+        if not turn > 0.0:
+            known = f"{', '.join(ANGLE_TURNS)}, or the counts of a turn"
+            raise RecordingError(f"column '{column.name}': angle in '{unit}'? there are: {known}")
+        return values * (2.0 * math.pi / turn), f"{turn:g} a turn"
+    seen = angle_unit(values)
+    if not seen.wrapped:
+        raise RecordingError(
+            f"column '{column.name}' never begins anew, so its unit cannot be seen; tell it: --angle-unit "
+            f"{', '.join(ANGLE_TURNS)} or the counts of a turn"
+        )
+    return values * seen.to_radians, f"{seen.name}, as seen: {seen.turn:g} a turn"
+
+
+def torque_newton_metres(column: Column, values: FloatArray, scale: float | None) -> tuple[FloatArray, str]:
+    """N m, and the unit taken; `scale` is N m per unit, for volts and other units of one's own."""
+    if scale is not None:
+        return values * scale, f"{scale:g} N m per {column.unit or 'unit'}"
+    unit = column.unit or "N m"
+    if unit not in TORQUE_UNITS:
+        raise RecordingError(
+            f"column '{column.name}': torque in '{unit}'? there are: {', '.join(TORQUE_UNITS)}; for any other give"
+            " --torque-scale, N m per unit"
+        )
+    taken = unit if column.unit else "N m (taken for granted)"
+    return values * TORQUE_UNITS[unit], taken
+
+
+def looks_like_time(values: FloatArray) -> bool:
+    """Whether a column rises throughout in nearly equal steps."""
+    finite = values[np.isfinite(values)]
+    step = np.diff(finite[:10_000])
+    return finite.size > 2 and bool((step > 0.0).all()) and float(np.median(step)) > 0.2 * float(step.max(initial=0.0))
+
+
+def describe(columns: Mapping[str, FloatArray]) -> str:
+    """The columns with their ranges, for a person who is to choose."""
+    rows = []
+    for name, values in columns.items():
+        finite = values[np.isfinite(values)]
+        span = f"{finite.min():.6g} .. {finite.max():.6g}" if finite.size else "empty"
+        rows.append(f"{name} ({span})")
+    return ", ".join(rows)

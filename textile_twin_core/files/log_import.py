@@ -1,0 +1,118 @@
+"""A log becomes a recording: columns chosen, converted to SI and written as messages with their stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files.bag_write import BagWriter
+from textile_twin_core.files.log_columns import (
+    SPEED_UNITS,
+    Column,
+    angle_radians,
+    choose,
+    describe,
+    looks_like_time,
+    spelled,
+    time_seconds,
+    torque_newton_metres,
+    unit_in_name,
+)
+
+_FIRST_NS = 1_000_000_000
+"""Stamp of the first row of a log whose time is none of the day: 0 means in ROS that there is no stamp."""
+_EPOCH_S = 1e8
+Ask = Callable[[str, list[str]], str]
+"""Asks a person which of several columns is meant: (kind, names) -> name."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user tells of a log; what is empty is found out.
+
+    columns, units: by kind (time, angle, torque, speed). rate_hz: rows a second, for a log without times.
+    torque_scale: N m per unit of the torque column.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    rate_hz: float | None = None
+    torque_scale: float | None = None
+
+
+def import_log(
+    columns: Mapping[str, FloatArray], out: BagWriter, wishes: Wishes, ask: Ask | None = None
+) -> dict[str, str]:
+    """Write angle, and torque and speed where there are any, into a recording; what was taken for what, in words.
+
+    Raises RecordingError when a column cannot be told or its unit is not known.
+    """
+    taken: dict[str, str] = {}
+    stamps = _stamps(columns, wishes, ask, taken)
+    angle = _column("angle", columns, wishes, ask, needed=True)
+    assert angle is not None
+    theta, unit = angle_radians(angle, columns[angle.name])
+    taken["angle"] = f"column '{angle.name}', {unit}"
+    speed = _column("speed", columns, wishes, None, needed=False)
+    omega = None
+    if speed is not None and speed.unit in SPEED_UNITS:
+        omega = columns[speed.name] * SPEED_UNITS[speed.unit]
+        taken["speed"] = f"column '{speed.name}', {speed.unit}"
+    here = np.isfinite(theta)
+    out.write_joint_states(
+        "main_shaft/angle", stamps[here], ["main_shaft"], theta[here], None if omega is None else omega[here]
+    )
+    torque = _column("torque", columns, wishes, ask, needed=False)
+    if torque is not None:
+        values, unit = torque_newton_metres(torque, columns[torque.name], wishes.torque_scale)
+        here = np.isfinite(values)
+        out.write_wrenches("balancing_torque/measured", stamps[here], values[here])
+        taken["torque"] = f"column '{torque.name}', {unit}"
+    return taken
+
+
+def _stamps(columns: Mapping[str, FloatArray], wishes: Wishes, ask: Ask | None, taken: dict[str, str]) -> IntArray:
+    """Stamp of each row [ns]."""
+    rows = len(next(iter(columns.values())))
+    if wishes.rate_hz is not None:
+        taken["time"] = f"{wishes.rate_hz:g} rows a second"
+        return np.asarray(_FIRST_NS + np.rint(np.arange(rows) * (1e9 / wishes.rate_hz)), dtype=np.int64)
+    column = _column("time", columns, wishes, ask, needed=False)
+    if column is None:
+        rising = [name for name, values in columns.items() if looks_like_time(values)]
+        if len(rising) != 1:
+            raise RecordingError(f"no column of times; give --time or --rate. Columns: {describe(columns)}")
+        column = Column(rising[0], unit_in_name(rising[0]), "it rises evenly")
+    seconds, unit = time_seconds(column, columns[column.name])
+    if not np.isfinite(seconds).all():
+        raise RecordingError(f"column '{column.name}': {np.count_nonzero(~np.isfinite(seconds))} times are no numbers")
+    taken["time"] = f"column '{column.name}', {unit}"
+    first = _FIRST_NS if abs(float(seconds[0])) < _EPOCH_S else round(float(seconds[0]) * 1e9)
+    since_first = np.rint((seconds - seconds[0]) * 1e9).astype(np.int64)
+    return np.asarray(first + since_first, dtype=np.int64)
+
+
+def _column(
+    kind: str, columns: Mapping[str, FloatArray], wishes: Wishes, ask: Ask | None, needed: bool
+) -> Column | None:
+    """The column of a kind: as told, the only one whose name speaks of it, or as a person answers."""
+    unit = spelled(wishes.units.get(kind, ""))
+    name = wishes.columns.get(kind, "")
+    if name:
+        if name not in columns:
+            raise RecordingError(f"no column '{name}'; there are: {describe(columns)}")
+        return Column(name, unit or unit_in_name(name), "as told")
+    others = set(wishes.columns.values())
+    found = [each for each in choose(kind, columns) if each not in others]
+    if len(found) != 1 and ask is not None and (found or needed):
+        answer = ask(kind, found or list(columns))
+        found = [answer] if answer else []
+    if len(found) == 1:
+        return Column(found[0], unit or unit_in_name(found[0]), "by its name")
+    if found or needed:
+        raise RecordingError(f"which column is the {kind}? tell it with --{kind}. Columns: {describe(columns)}")
+    return None

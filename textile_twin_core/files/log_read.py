@@ -1,0 +1,220 @@
+"""Tables from any logger as columns of numbers: CSV of any dialect, Parquet, MATLAB files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import RecordingError
+
+_HEAD_BYTES = 65536
+_SEPARATORS = (";", "\t", ",", "|")
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
+_EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?$")
+_LOOKED_AT = 40
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a text table is written. decimal: point or comma. skipped: lines before the first row of data.
+
+    names: of the columns, with their units where the file has them; made up (column_1 ..) when it has none.
+    """
+
+    separator: str
+    decimal: str
+    skipped: int
+    names: tuple[str, ...]
+
+
+def read_log(
+    path: Path, separator: str | None = None, decimal: str | None = None, table: str | None = None
+) -> dict[str, FloatArray]:
+    """Columns of a log by name, float64 (n,), NaN where a cell is empty; dates become seconds since 1970.
+
+    Args:
+        path: .parquet, .mat, or text of any other name.
+        separator, decimal: of a text table, where they are not to be found out.
+        table: variable of a .mat file that holds the matrix, when it has several.
+
+    Raises RecordingError, one line, for a file that is missing, empty, or no table.
+    """
+    if not path.is_file():
+        raise RecordingError(f"{path}: no such file")
+    if path.stat().st_size == 0:
+        raise RecordingError(f"{path}: the file is empty")
+    if path.suffix.lower() == ".parquet":
+        columns = _parquet(path)
+    elif path.suffix.lower() == ".mat":
+        columns = _matlab(path, table)
+    else:
+        columns = _text(path, separator, decimal)
+    if not columns:
+        raise RecordingError(f"{path}: no column of numbers in it")
+    return columns
+
+
+def sniff(path: Path, separator: str | None = None, decimal: str | None = None) -> Dialect:
+    """The dialect under which most of the file's beginning is rows of as many numbers. Raises RecordingError."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    text = head.decode("utf-8-sig", errors="replace")
+    lines = text.splitlines()
+    if len(head) == _HEAD_BYTES:
+        lines = lines[:-1]  # it may be cut
+    best: tuple[int, int, Dialect] | None = None
+    for point in (decimal,) if decimal else (".", ","):
+        for mark in (separator,) if separator else (*_SEPARATORS, " "):
+            if mark == point:
+                continue
+            found = _try(lines, mark, point)
+            if found is not None and (best is None or found[:2] > best[:2]):
+                best = found
+    if best is None:
+        raise RecordingError(
+            f"{path}: no table of numbers found at its beginning; tell --separator and --decimal, or convert it to CSV"
+        )
+    return best[2]
+
+
+def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dialect] | None:
+    """Rows and columns that a dialect finds, and the dialect with the header that goes with it."""
+    rows = [_cells(line, separator) for line in lines]
+    width = max((len(row) for row in rows[-_LOOKED_AT:] if _is_data(row, decimal)), default=0)
+    data = [k for k, row in enumerate(rows) if len(row) == width and _is_data(row, decimal)]
+    if width == 0 or not data:
+        return None
+    first = data[0]
+    above = [row for row in rows[:first] if len(row) == width and any(cell for cell in row)]
+    names = [f"column_{k + 1}" for k in range(width)]
+    if above:
+        names = [cell or name for cell, name in zip(above[-1], names, strict=True)]
+        if len(above) > 1 and _are_units(above[-1]):
+            names = [f"{name} [{unit}]" if unit else name for name, unit in zip(above[-2], above[-1], strict=True)]
+    return len(data), width, Dialect(separator, decimal, first, tuple(_distinct(names)))
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    parts = line.split() if separator == " " else line.split(separator)
+    if separator != " " and parts and not parts[-1].strip() and len(parts) > 1:
+        parts = parts[:-1]  # a separator at the line's end
+    return [part.strip().strip('"').strip() for part in parts]
+
+
+def _is_data(row: list[str], decimal: str) -> bool:
+    """Whether every cell is a number of this decimal sign, a date or empty, and at least one is a number."""
+    other = "," if decimal == "." else "."
+    numbers = [cell for cell in row if _NUMBER.match(cell) and other not in cell]
+    rest = [cell for cell in row if cell not in _EMPTY and not _DATE.match(cell)]
+    return bool(numbers) and len(numbers) == len(rest)
+
+
+def _are_units(row: list[str]) -> bool:
+    return all(len(cell) <= 8 for cell in row)
+
+
+def _distinct(names: list[str]) -> list[str]:
+    seen: dict[str, int] = {}
+    out = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        out.append(name if seen[name] == 1 else f"{name}_{seen[name]}")
+    return out
+
+
+def _text(path: Path, separator: str | None, decimal: str | None) -> dict[str, FloatArray]:
+    dialect = sniff(path, separator, decimal)
+    from pyarrow import ArrowInvalid, csv
+
+    if dialect.separator == " ":
+        return _spaced(path, dialect)
+    try:
+        table = csv.read_csv(
+            path,
+            read_options=csv.ReadOptions(
+                skip_rows=dialect.skipped, autogenerate_column_names=True, encoding="utf-8", block_size=1 << 24
+            ),
+            parse_options=csv.ParseOptions(delimiter=dialect.separator, invalid_row_handler=lambda _: "skip"),
+            convert_options=csv.ConvertOptions(
+                decimal_point=dialect.decimal, null_values=sorted(_EMPTY), strings_can_be_null=True
+            ),
+        )
+    except ArrowInvalid as error:
+        raise RecordingError(f"{path}: {str(error).splitlines()[0]}") from error
+    names = [*dialect.names, *(f"column_{k + 1}" for k in range(len(dialect.names), table.num_columns))]
+    return _numeric(dict(zip(names, table.columns, strict=False)))
+
+
+def _spaced(path: Path, dialect: Dialect) -> dict[str, FloatArray]:
+    """Columns parted by any number of spaces."""
+    from itertools import islice
+
+    with path.open(encoding="utf-8-sig", errors="replace") as lines:
+        rows = (
+            line.replace(",", ".") if dialect.decimal == "," else line for line in islice(lines, dialect.skipped, None)
+        )
+        try:
+            values = np.loadtxt(rows, dtype=np.float64, ndmin=2)
+        except ValueError as error:
+            raise RecordingError(f"{path}: {error}") from error
+    return {name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(dialect.names)}
+
+
+def _parquet(path: Path) -> dict[str, FloatArray]:
+    from pyarrow import ArrowInvalid, parquet
+
+    try:
+        table = parquet.read_table(path)
+    except (ArrowInvalid, OSError) as error:
+        raise RecordingError(f"{path}: not a Parquet file ({str(error).splitlines()[0]})") from error
+    return _numeric(dict(zip(table.column_names, table.columns, strict=True)))
+
+
+def _numeric(columns: Mapping[str, Any]) -> dict[str, FloatArray]:
+    """Arrow columns as float64; dates as seconds since 1970; text is left out."""
+    import pyarrow
+
+    out: dict[str, FloatArray] = {}
+    for name, column in columns.items():
+        kind = column.type
+        if pyarrow.types.is_timestamp(kind):
+            stamps = column.cast(pyarrow.timestamp("ns")).combine_chunks().cast(pyarrow.int64())
+            out[name] = np.asarray(stamps.to_numpy(zero_copy_only=False), dtype=np.float64) * 1e-9
+        elif pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind):
+            out[name] = np.asarray(column.cast(pyarrow.float64()).to_numpy(), dtype=np.float64)
+    return out
+
+
+def _matlab(path: Path, table: str | None) -> dict[str, FloatArray]:
+    """Vectors by name, or the columns of the one matrix."""
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path, squeeze_me=True)
+    except NotImplementedError as error:
+        raise RecordingError(f"{path}: a MATLAB file of version 7.3; save it with -v7") from error
+    except (ValueError, OSError) as error:
+        raise RecordingError(f"{path}: not a MATLAB file ({error})") from error
+    arrays = {k: v for k, v in content.items() if isinstance(v, np.ndarray) and np.issubdtype(v.dtype, np.number)}
+    if table is not None:
+        if table not in arrays:
+            raise RecordingError(f"{path}: no variable '{table}'; there are: {', '.join(arrays) or 'none'}")
+        arrays = {table: arrays[table]}
+    vectors = {k: np.asarray(v, dtype=np.float64) for k, v in arrays.items() if v.ndim == 1 and v.size > 1}
+    if vectors:
+        longest = max(v.size for v in vectors.values())
+        return {k: v for k, v in vectors.items() if v.size == longest}
+    matrices = {k: v for k, v in arrays.items() if v.ndim == 2 and min(v.shape) > 1}
+    if len(matrices) != 1:
+        names = ", ".join(matrices) or "none"
+        raise RecordingError(f"{path}: which matrix holds the log? there are: {names}; name one with --table")
+    matrix = np.asarray(next(iter(matrices.values())), dtype=np.float64)
+    matrix = matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T
+    return {f"column_{k + 1}": np.ascontiguousarray(matrix[:, k]) for k in range(matrix.shape[1])}
