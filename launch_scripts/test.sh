@@ -4,12 +4,19 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
-# The viewer draws without a screen or a graphics card where Mesa's software Vulkan is; its tests skip elsewhere.
-if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null && ! compgen -G '/usr/share/vulkan/icd.d/lvp_icd*' > /dev/null; then
-    echo "Installing mesa-vulkan-drivers, to draw without a screen ..." >&2
-    install_vulkan() { apt-get install -y -qq --no-install-recommends mesa-vulkan-drivers libvulkan1 > /dev/null 2>&1; }
-    install_vulkan || { apt-get update -qq > /dev/null 2>&1 && install_vulkan; } ||
-        echo "it could not be installed: the tests of the drawn viewer will skip" >&2
+# What some tests draw with, where we may install it; they skip elsewhere, with the reason. The viewer draws without a
+# screen or a graphics card where Mesa's software Vulkan is, the design page is used in a real Chromium.
+offer() { # WHAT-FOR PACKAGE..
+    echo "Installing ${*:2}, $1 ..." >&2
+    install() { apt-get install -y -qq --no-install-recommends "$@" > /dev/null 2>&1; }
+    install "${@:2}" || { apt-get update -qq > /dev/null 2>&1 && install "${@:2}"; } ||
+        echo "it could not be installed: the tests that need it will skip" >&2
+}
+if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null; then
+    compgen -G '/usr/share/vulkan/icd.d/lvp_icd*' > /dev/null ||
+        offer "to draw without a screen" mesa-vulkan-drivers libvulkan1
+    { command -v chromium && command -v chromedriver; } > /dev/null ||
+        offer "to use the design page in a browser" chromium chromium-driver
 fi
 
 # Nothing of the person's own settings reaches the tests, and nothing of the tests reaches the network.

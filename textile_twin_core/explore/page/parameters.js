@@ -77,7 +77,7 @@ export class Parameters {
       slider.value = p.value ?? low;
     }
     if (document.activeElement !== field || !field.matches("[aria-invalid=true]")) {
-      field.value = p.value === null ? "" : shown(p.value, 7);
+      field.value = p.value === null ? "" : shown(p.value, 6);
       field.setAttribute("aria-invalid", "false");
     }
     row.box.classList.toggle("changed", p.value !== p.base);

@@ -11,7 +11,7 @@ export class Search {
     byId("stop").onclick = () => send({ type: "stop" });
   }
 
-  // A machine's numbers have come; its first goals are a long dwell and a small acceleration.
+  // A machine's numbers have come; its first goals are a long dwell and a small acceleration, at its stroke.
   show(analysis, design, task) {
     const names = analysis.numbers.map((n) => n.name).join();
     this.numbers = analysis.numbers;
@@ -33,6 +33,8 @@ export class Search {
       if (!this.goals.length && this.numbers.length) this.goals.push({ number: this.numbers[0].name, sense: "max" });
       const angle = this.numbers.find((n) => n.name === "smallest_transmission_angle_rad");
       if (angle) this.limits.push({ number: angle.name, sense: ">=", value: 50 });
+      const stroke = this.numbers.find((n) => n.name.endsWith("stroke_m"));
+      if (stroke) this.limits.push({ number: stroke.name, sense: ">=", value: +(0.999 * stroke.value).toPrecision(4) });
     }
     this.#rows();
     this.free();
@@ -134,7 +136,7 @@ export class Search {
         dot.classList.add("chosen");
         this.send({ type: "pick", index: k });
       };
-      const dot = draw("circle", { cx: x(row[0]), cy: y(two ? row[1] : k), r: 5, tabindex: head.running ? -1 : 0, role: "button", "aria-label": says, onclick: pick, onkeydown: (event) => { if (event.key === "Enter") pick(); } }, draw("title", {}, says));
+      const dot = draw("circle", { cx: x(row[0]), cy: y(two ? row[1] : k), r: 4, tabindex: head.running ? -1 : 0, role: "button", "aria-label": says, onclick: pick, onkeydown: (event) => { if (event.key === "Enter") pick(); } }, draw("title", {}, says));
       parts.push(dot);
     });
     svg.replaceChildren(...parts);

@@ -1,0 +1,115 @@
+"""A real headless Chromium on the design page, and the command that serves it."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+from selenium.webdriver.remote.webelement import WebElement
+
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--force-prefers-reduced-motion",
+)
+
+
+@contextmanager
+def served(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """textile-twin explore as a process, and the address that it prints."""
+    command = [str(Path(sys.executable).with_name("textile-twin")), "explore", *arguments, "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.terminate()
+            process.wait(20)
+
+
+class Page:
+    """The page in a browser, as a person uses it."""
+
+    def __init__(self, size: str = "1500,1400", downloads: Path | None = None) -> None:
+        self._profile = tempfile.TemporaryDirectory(prefix="chromium-")
+        options = webdriver.ChromeOptions()
+        for flag in (*FLAGS, f"--user-data-dir={self._profile.name}", f"--window-size={size}"):
+            options.add_argument(flag)
+        options.binary_location = CHROMIUM or ""
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        if downloads is not None:
+            options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})
+        self.driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+
+    def close(self) -> None:
+        self.driver.quit()
+        self._profile.cleanup()
+
+    def open(self, address: str) -> None:
+        self.driver.get(address)
+        self.until(lambda: self.states > 0)
+
+    @property
+    def states(self) -> int:
+        """How many answers have been shown."""
+        return int(self.driver.find_element(By.TAG_NAME, "body").get_attribute("data-states") or 0)
+
+    @property
+    def latency_ms(self) -> float:
+        """From the last change to its curves on the page."""
+        return float(self.driver.find_element(By.TAG_NAME, "body").get_attribute("data-answered") or "nan")
+
+    def find(self, selector: str) -> WebElement:
+        return self.driver.find_element(By.CSS_SELECTOR, selector)
+
+    def text(self, selector: str) -> str:
+        return self.find(selector).text
+
+    def until(self, holds: Callable[[], object], seconds: float = 40.0) -> None:
+        end = time.monotonic() + seconds
+        while not holds():
+            assert time.monotonic() < end, "the page did not come to what was waited for"
+            time.sleep(0.03)
+
+    def answered(self, act: Callable[[], object]) -> None:
+        """Act, and wait for the page to show an answer."""
+        before = self.states
+        act()
+        self.until(lambda: self.states > before)
+
+    def number(self, name: str) -> float:
+        return float(self.text(f"[data-number='{name}'] .value"))
+
+    def curve(self, title: str) -> str:
+        return self.find(f"[data-curve^='{title}/']").get_attribute("d") or ""
+
+    def type(self, identity: str, text: str) -> None:
+        """Write into a number field and leave it."""
+        field = self.find(f"[id='{identity}']")
+        field.clear()
+        field.send_keys(text + "\t")
+
+    def tick(self, parameter: str) -> None:
+        box = self.find(f"[id='p_{parameter}']").find_element(By.XPATH, "..")
+        box.find_element(By.CSS_SELECTOR, "input[type=checkbox]").click()
+
+    @property
+    def complaints(self) -> list[str]:
+        """What the browser's console holds of errors."""
+        return [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]

@@ -1,0 +1,171 @@
+"""The design page in a real headless Chromium: what a person does, from opening it to the end of the server."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.select import Select
+
+import textile_twin_core as ttc
+from tests.explore.browser import CHROMIUM, DRIVER, Page, served
+
+pytestmark = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER), reason="no chromium with chromium-driver here (apt-get install chromium chromium-driver)"
+)
+
+
+@pytest.fixture(scope="module")
+def downloads(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("downloads")
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with served("elliptic_gear_beatup") as (_, address):
+        yield address
+
+
+@pytest.fixture(scope="module")
+def browser(downloads: Path) -> Iterator[Page]:
+    page = Page(downloads=downloads)
+    yield page
+    page.close()
+
+
+@pytest.fixture
+def page(browser: Page, address: str) -> Iterator[Page]:
+    """The page, fresh; nothing has gone wrong in the browser when the test is over."""
+    browser.open(address)
+    browser.driver.execute_script("sessionStorage.clear()")
+    browser.open(address)
+    yield browser
+    assert browser.complaints == []
+
+
+def test_opens_with_the_paper_s_numbers_and_printed_values_beside(page: Page) -> None:
+    assert "token" not in page.driver.current_url and "elliptic gear" in page.driver.title
+    assert page.number("sley_stroke_m") == pytest.approx(84.991, abs=1e-3)
+    assert page.number("sley_front_acceleration_m_s2") == pytest.approx(610.82, abs=0.01)
+    assert page.number("sley_dwell_rad") == pytest.approx(200.0, abs=0.5)
+    assert page.text("[data-number='sley_front_acceleration_m_s2'] .printed") == "615.8434"
+    assert page.text("[data-number='sley_stroke_m'] .printed") == "85"
+
+
+def test_slider_moves_curve_and_numbers_and_undo_takes_the_drag_back(page: Page) -> None:
+    slider, taken = page.find("#s_coupler_m"), []
+    before, stroke = page.curve("Acceleration"), page.number("sley_stroke_m")
+    for _ in range(8):
+        page.answered(lambda: slider.send_keys(Keys.ARROW_RIGHT))
+        taken.append(page.latency_ms)
+    print(f"from slider to curves: {statistics.median(taken):.0f} ms (median of {len(taken)})")
+    assert page.curve("Acceleration") != before and page.number("sley_stroke_m") != stroke
+    assert not page.find("[data-number='sley_stroke_m']").find_elements(By.CSS_SELECTOR, ".printed")
+    while page.find("#undo").is_enabled():
+        page.answered(lambda: page.find("#undo").click())
+    assert page.number("sley_stroke_m") == stroke and page.curve("Acceleration") == before
+
+
+def test_geometry_that_cannot_close_and_nonsense_leave_the_page_alive(page: Page) -> None:
+    page.answered(lambda: page.type("p_rocker_m", "60"))
+    assert "opens at a shaft angle of 4.8676 deg" in page.text("#problem")
+    page.answered(lambda: page.type("p_rocker_m", "180"))
+    assert not page.find("#problem").is_displayed()
+    states = page.states
+    page.type("p_rocker_m", "1e")
+    assert page.find("#p_rocker_m").get_attribute("aria-invalid") == "true"
+    assert "no number" in page.text("#banner") and page.states == states
+    page.type("rpm", "-3")
+    page.until(lambda: "must lie between" in page.text("#banner"))
+    page.answered(lambda: page.type("p_rocker_m", "181"))
+    assert page.find("#p_rocker_m").get_attribute("aria-invalid") == "false"
+    page.answered(lambda: page.find("#undo").click())
+
+
+def test_saved_machine_is_read_by_the_package_and_loaded_again(page: Page, downloads: Path) -> None:
+    page.answered(lambda: page.type("p_crank_m", "41"))
+    stroke = page.number("sley_stroke_m")
+    page.find(".menu summary").click()
+    page.find("[data-file=yaml]").click()
+    saved = downloads / "elliptic_gear_beatup.yaml"
+    page.until(saved.exists)
+    assert ttc.load_machine(saved).parameters["crank_m"] == pytest.approx(0.041)
+    for kind in ("json", "csv", "svg", "png", "dxf"):
+        page.find(".menu summary").click()
+        page.find(f"[data-file={kind}]").click()
+        page.until(lambda kind=kind: [*downloads.glob(f"*.{kind}")])
+    page.answered(lambda: page.find("#reset").click())
+    assert page.number("sley_stroke_m") != stroke
+    page.answered(lambda: page.find("#loaded").send_keys(str(saved)))
+    assert page.number("sley_stroke_m") == stroke
+
+
+def test_search_shows_its_front_stops_and_a_point_becomes_the_design(page: Page) -> None:
+    for parameter in ("crank_m", "coupler_m", "axis_ratio", "past_largest_ratio_rad"):
+        page.tick(parameter)
+    page.find("#start").click()
+    page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#front circle"))
+    page.until(lambda: page.find("#stop").is_enabled())
+    page.find("#stop").click()
+    page.until(lambda: "done in" in page.text("#search_says"))
+    assert "designs looked at" in page.text("#search_says") and page.find("#start").is_enabled()
+    before = page.number("sley_dwell_rad")
+    points = page.driver.find_elements(By.CSS_SELECTOR, "#front circle")
+    page.answered(lambda: points[-1].send_keys(Keys.ENTER))
+    assert page.number("sley_dwell_rad") > before
+    page.find("#tab_tolerance").click()
+    page.find("#tolerate").click()
+    page.until(lambda: page.driver.find_elements(By.ID, "scrap"))
+    assert "Scrap rate" in page.text("#scrap")
+
+
+def test_two_tabs_hold_two_designs(page: Page, address: str) -> None:
+    first = page.driver.current_window_handle
+    page.answered(lambda: page.type("p_crank_m", "42"))
+    stroke = page.number("sley_stroke_m")
+    page.driver.switch_to.new_window("tab")
+    page.open(address)
+    assert page.number("sley_stroke_m") == pytest.approx(84.991, abs=1e-3)
+    page.answered(lambda: page.type("p_crank_m", "38"))
+    page.driver.close()
+    page.driver.switch_to.window(first)
+    assert page.number("sley_stroke_m") == stroke
+
+
+@pytest.mark.parametrize("name", ["tufting", "handloom_beatup", "needle_transfer", "elliptic_gear_beatup"])
+def test_every_machine_moves_and_fits_a_phone(page: Page, name: str) -> None:
+    if name != "elliptic_gear_beatup":
+        page.answered(lambda: Select(page.find("#machine")).select_by_value(name))
+    page.until(lambda: name.replace("_", " ") in page.driver.title)
+    lines = page.driver.find_elements(By.CSS_SELECTOR, "#linkage [data-link]")
+    before = [line.get_attribute("x2") for line in lines]
+    assert len(lines) >= 3 and page.driver.find_elements(By.CSS_SELECTOR, ".chart")
+    page.find("#linkage").send_keys(Keys.SHIFT + Keys.ARROW_RIGHT * 4)
+    assert float(page.find("#linkage").get_attribute("aria-valuenow") or 0) == pytest.approx(40.0)
+    after = [line.get_attribute("x2") for line in page.driver.find_elements(By.CSS_SELECTOR, "#linkage [data-link]")]
+    assert after != before or name == "needle_transfer"  # its elements move straight down
+    size = page.driver.get_window_size()
+    page.driver.set_window_size(500, 900)  # as narrow as Chromium's window gets
+    wide = page.driver.execute_script(
+        "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    )
+    page.driver.set_window_size(size["width"], size["height"])
+    assert wide <= 0
+
+
+def test_without_the_token_there_is_nothing_and_the_end_of_the_server_is_said() -> None:
+    page = Page()
+    try:
+        with served("handloom_beatup") as (_, address):
+            page.driver.get(address.split("?")[0])
+            assert "needs the address with its token" in page.text("body")
+            page.open(address)
+        page.until(lambda: "trying again" in page.text("#banner"))
+        page.find("#play").click()
+        page.until(lambda: float(page.find("#linkage").get_attribute("aria-valuenow") or 0) > 1.0)
+    finally:
+        page.close()
