@@ -15,7 +15,7 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Channel, Metadata, Schema, Statistics
 
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError
@@ -25,6 +25,8 @@ from textile_twin_core.files.schemas import MessageSchema
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
+_LEAST_MESSAGE = 22
+"""Bytes of a message record before its CDR."""
 _LOOSE_BYTES = 1 << 20
 """Unchunked messages are handed on in blocks of about this many bytes."""
 
@@ -40,7 +42,7 @@ def _decompress(compression: str, data: bytes, size: int) -> bytes:
         unpacked: bytes = lz4.frame.decompress(data)
         return unpacked
     if compression:
-        raise ValueError(f"compression '{compression}' is not known")
+        raise ValueError(f"compression {compression[:16]!r} is not known")
     return data
 
 
@@ -89,6 +91,7 @@ class McapFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.parts: list[Part] = []
         self.truncated = True
+        self._told: int | None = None
         try:
             with path.open("rb") as file:
                 head = file.read(len(MAGIC))
@@ -135,6 +138,8 @@ class McapFile:
         elif opcode == Opcode.CHANNEL:
             channel = Channel.read(stream)
             self.channels[channel.id] = channel
+        elif opcode == Opcode.STATISTICS:
+            self._told = Statistics.read(stream).message_count
         elif opcode == Opcode.METADATA:
             metadata = Metadata.read(stream)
             self.metadata[metadata.name] = metadata.metadata
@@ -152,8 +157,9 @@ class McapFile:
 
     def _scan(self) -> None:
         loose: Part | None = None
+        indexed: Part | None = None  # the chunk whose index follows
         for opcode, start, end in self._walk(self._map, len(MAGIC), len(self._map)):
-            if opcode == Opcode.MESSAGE:
+            if opcode == Opcode.MESSAGE and end - start >= 9 + _LEAST_MESSAGE:
                 (time,) = struct.unpack_from("<Q", self._map, start + 15)
                 if loose is None or start - loose.start > _LOOSE_BYTES:
                     loose = Part(start, end, time, time, chunked=False)
@@ -166,18 +172,36 @@ class McapFile:
             elif opcode == Opcode.CHUNK:
                 first, last = struct.unpack_from("<QQ", self._map, start + 9)
                 self.parts.append(Part(start, end, first, last, chunked=True))
-            elif opcode == Opcode.MESSAGE_INDEX and self.parts:
-                channel, length = struct.unpack_from("<HI", self._map, start + 9)
-                rows = np.frombuffer(self._map, "<u8", length // 8, start + 15).astype(np.int64)
-                self.parts[-1].index[channel] = rows.reshape(-1, 2)
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
+            elif opcode == Opcode.MESSAGE_INDEX and indexed is not None:
+                self._index(indexed, self._map[start + 9 : end])
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.STATISTICS):
                 self._record(opcode, self._map[start + 9 : end])
             elif opcode == Opcode.FOOTER:
                 self.truncated = self._map[end : end + len(MAGIC)] != MAGIC
                 break
+            if opcode != Opcode.MESSAGE_INDEX:
+                indexed = self.parts[-1] if opcode == Opcode.CHUNK else None
         if self.truncated and self.parts:
             # The index of the last chunk may be cut off between two channels: find its messages by walking.
             self.parts[-1].index.clear()
+
+    @staticmethod
+    def _index(part: Part, body: bytes) -> None:
+        """Take in the index of one channel; without it, as when it is damaged, messages are found by walking."""
+        if len(body) >= 6:
+            channel, length = struct.unpack_from("<HI", body)
+            if length == len(body) - 6 and length % 16 == 0:
+                part.index[channel] = np.frombuffer(body, "<u8", offset=6).astype(np.int64).reshape(-1, 2)
+
+    @property
+    def notices(self) -> list[str]:
+        """What the user should know of the file, one line each."""
+        if self.truncated:
+            return [f"{self.path}: the recording was cut off; what was written before that is read"]
+        found = sum(self.counts.values())
+        if self._told is not None and found != self._told:
+            return [f"{self.path}: damaged: {found} of {self._told} messages are found"]
+        return []
 
     def _count(self) -> dict[int, int]:
         counts: dict[int, int] = {}
@@ -185,6 +209,7 @@ class McapFile:
             found = {channel: len(rows) for channel, rows in part.index.items()}
             if not found or not all(channel in self.channels for channel in found):
                 # No index, or no summary: the channels are declared inside the chunks alone.
+                part.index.clear()
                 ids, numbers = np.unique(self.messages(part).channels(), return_counts=True)
                 found = {int(channel): int(number) for channel, number in zip(ids, numbers, strict=True)}
             for channel, number in found.items():
@@ -217,9 +242,8 @@ class McapFile:
     def messages(self, part: Part) -> Messages:
         """Messages of a part, found by its index where that is complete, by walking where it is not."""
         if not part.chunked:
-            found = [
-                start for opcode, start, _ in self._walk(self._map, part.start, part.end) if opcode == Opcode.MESSAGE
-            ]
+            records = self._walk(self._map, part.start, part.end)
+            found = [s for opcode, s, end in records if opcode == Opcode.MESSAGE and end - s >= 9 + _LEAST_MESSAGE]
             return Messages(self._bytes, np.array(found, np.int64))
         unpacked = self._unpack(part)
         buffer: Bytes = np.frombuffer(unpacked, np.uint8)
@@ -230,10 +254,13 @@ class McapFile:
         extra: list[int] = []
         for gap_start, gap_end in gaps:
             for opcode, start, end in self._walk(unpacked, gap_start, gap_end):
-                if opcode == Opcode.MESSAGE:
+                if opcode == Opcode.MESSAGE and end - start >= 9 + _LEAST_MESSAGE:
                     extra.append(start)
                 elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     self._record(opcode, unpacked[start + 9 : end])
+        told = sum(map(len, part.index.values()))
+        if len(heads) + len(extra) < told:
+            raise self._damaged(part, f"{len(heads) + len(extra)} of its {told} messages are found")
         if extra:
             heads = np.sort(np.concatenate([heads, np.array(extra, np.int64)]))
         return Messages(buffer, heads)
@@ -260,9 +287,12 @@ def _gaps(buffer: Bytes, heads: IntArray) -> list[tuple[int, int]] | None:
     """Stretches of the chunk that its indexed messages leave; None when the index does not fit the chunk."""
     if len(heads) == 0:
         return [(0, len(buffer))]
-    if heads[0] < 0 or heads[-1] + 31 > len(buffer) or not (buffer[heads] == Opcode.MESSAGE).all():
+    if heads[0] < 0 or heads[-1] > len(buffer) - 31 or not (buffer[heads] == Opcode.MESSAGE).all():
         return None
-    ends = heads + 9 + gather(buffer, heads + 1, "<u8").astype(np.int64)
+    lengths = gather(buffer, heads + 1, "<u8")
+    if (lengths > len(buffer)).any() or (lengths < _LEAST_MESSAGE).any():
+        return None
+    ends = heads + 9 + lengths.astype(np.int64)
     starts_of_gaps = np.concatenate([[0], ends])
     ends_of_gaps = np.concatenate([heads, [len(buffer)]])
     if (ends_of_gaps < starts_of_gaps).any():

@@ -34,6 +34,11 @@ class OtherFile:
             filled = reader.message_count > 0
             self._span = (reader.start_time, reader.end_time - 1) if filled else None
 
+    @property
+    def notices(self) -> list[str]:
+        """Nothing that rosbags would not have raised."""
+        return []
+
     def span_ns(self) -> tuple[int, int] | None:
         """Log times of the first and last message; None without messages."""
         return self._span

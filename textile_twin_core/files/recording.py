@@ -24,6 +24,10 @@ class RecordedFile(Protocol):
     truncated: bool
 
     @property
+    def notices(self) -> list[str]:
+        """What the user should know of the file, one line each."""
+
+    @property
     def topics(self) -> dict[int, TopicInfo]:
         """The topic of each channel."""
 
@@ -46,7 +50,7 @@ class Recording:
         self.path = path
         self.metadata = metadata
         self.truncated = any(file.truncated for file in files)
-        self.notices: list[str] = []
+        self.notices = [notice for file in files for notice in file.notices]
         self._files = files
         self._channels: dict[str, list[set[int]]] = {}
         self.topics: dict[str, TopicInfo] = {}
@@ -63,9 +67,6 @@ class Recording:
                 self._channels.setdefault(name, [set() for _ in files])[number].add(channel)
         self.start_ns = min((first for first, _ in spans), default=0)
         self.end_ns = max((last for _, last in spans), default=0)
-        if self.truncated:
-            cut = next(file.path for file in files if file.truncated)
-            self.notices.append(f"{cut}: the recording was cut off; what was written before that is read")
 
     @property
     def message_count(self) -> int:
