@@ -15,7 +15,7 @@ import pickle
 import sys
 import time
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -37,18 +37,38 @@ _OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "fastmath": {"contrac
 """Divisions by zero as in IEEE 754; a product and a sum may become one operation; threads may run beside the loop."""
 
 
-def compiled(function: _Function) -> _Function:
+def compiled(function: _Function, *, inlined: bool = False, apart: bool = False) -> _Function:
     """The function compiled when first called, for the types it is called with; it may call other compiled ones.
 
-    Values of module-level names are read once. Do not hand functions over as arguments: such calls are not kept.
+    `inlined` puts it into the functions that call it; `apart` promises that no two of its arrays share memory, which
+    lets loops over many of them run on several samples at once. Values of module-level names are read once. Do not
+    hand functions over as arguments: such calls are not kept.
     """
     if numba is None:
         say_once("numba is missing: loops run uncompiled, some hundred times slower; install numba")
         return function
-    dispatcher = numba.njit(**_OPTIONS)(function)
-    dispatcher._cache = _ContentCache(function)
+    dispatcher = numba.njit(**_OPTIONS, forceinline=inlined)(function)
+    if apart:
+        dispatcher._compiler._customize_flags = _without_aliases
+    dispatcher._cache = _ContentCache(function, inlined, apart)
     result: _Function = dispatcher
     return result
+
+
+def is_available() -> bool:
+    """Whether there is a compiler."""
+    return numba is not None
+
+
+def compile_for(function: Any, examples: Sequence[Any]) -> None:
+    """Compile what `compiled` gave, now, for arguments of the examples' types and what converts to them, alone."""
+    function.compile(tuple(numba.typeof(example) for example in examples))
+    function.disable_compile()
+
+
+def _without_aliases(flags: Any) -> Any:
+    flags.noalias = True
+    return flags
 
 
 @cache
@@ -68,8 +88,8 @@ def cache_directory() -> Path:
 class _ContentCache:
     """One file for each function and signature, written whole or not at all (the interface of numba's own caches)."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
+    def __init__(self, function: Callable[..., Any], *options: bool) -> None:
+        self._function, self._options = function, options
 
     @property
     def cache_path(self) -> str:
@@ -109,7 +129,7 @@ class _ContentCache:
             )
 
     def _path(self, sig: Any, codegen: Any) -> Path:
-        digest = sha256(repr((_VERSIONS, str(sig), codegen.magic_tuple())).encode())
+        digest = sha256(repr((_VERSIONS, self._options, str(sig), codegen.magic_tuple())).encode())
         for part in _content(self._function, set()):
             digest.update(part)
         return cache_directory() / f"{self._function.__name__}-{digest.hexdigest()[:32]}"

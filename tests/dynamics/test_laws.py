@@ -14,7 +14,7 @@ import textile_twin_core as ttc
 from tests.dynamics.random_machines import machines, motions, nearly_stretched
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import Expr, interpret
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
 from textile_twin_core.machines import Machine, ShaftPlace
 
 Motion = tuple[FloatArray, FloatArray, FloatArray]
@@ -152,7 +152,7 @@ def derivative_pairs(machine: Machine) -> list[tuple[str, Expr, Expr]]:
 
 def check_derivatives(machine: Machine, thetas: FloatArray) -> None:
     pairs = derivative_pairs(machine)
-    declared_slopes = BlockProgram([d for _, _, d in pairs], ["theta"])
+    declared_slopes = Loop([d for _, _, d in pairs], ["theta"])
     declared = [np.empty_like(thetas) for _ in pairs]
     declared_slopes([thetas], declared)
     turn = np.linspace(0.0, 2.0 * math.pi, 181)

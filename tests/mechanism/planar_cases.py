@@ -13,7 +13,7 @@ import numpy as np
 
 from tests.generators.planar_truth import four_bar, slider_crank
 from textile_twin_core.expression import Expr
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
 from textile_twin_core.expression.scalar import ScalarFunction, compile_scalar
 from textile_twin_core.mechanism import Crank, Linkage, RRPDyad, RRRDyad
 
@@ -22,17 +22,21 @@ NUDGE = mp.mpf(2) ** -53
 """What rounding may do to an angle near 1 rad."""
 
 
-def by_both_back_ends(expressions: Sequence[Expr], theta: float) -> list[tuple[float, ...]]:
-    """Values at an angle: as plain floats, and from an array."""
-    scalar, program = _back_ends(tuple(expressions))
+def by_every_back_end(expressions: Sequence[Expr], theta: float) -> list[tuple[float, ...]]:
+    """Values at an angle: as plain floats, from an array, and by the code of the loop that long arrays go through."""
+    scalar, loop, one = _back_ends(tuple(expressions))
     blocks = [np.empty(9) for _ in expressions]
-    program([np.full(9, theta)], blocks)
-    return [scalar(theta), tuple(float(b[4]) for b in blocks)]
+    loop([np.full(9, theta)], blocks)
+    with np.errstate(all="ignore"):
+        *values, far = one(np.float64(theta))
+    assert not far
+    return [scalar(theta), tuple(float(b[4]) for b in blocks), tuple(map(float, values))]
 
 
 @lru_cache(maxsize=64)
-def _back_ends(expressions: tuple[Expr, ...]) -> tuple[ScalarFunction, BlockProgram]:
-    return compile_scalar(list(expressions), ["theta"]), BlockProgram(list(expressions), ["theta"])
+def _back_ends(expressions: tuple[Expr, ...]) -> tuple[ScalarFunction, Loop, Any]:
+    loop = Loop(list(expressions), ["theta"])
+    return compile_scalar(list(expressions), ["theta"]), loop, loop.functions()[0]
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ class FourBarCase:
             return found | {"u2": mp.expj(found["th2"]), "u3": mp.expj(found["th3"])}
 
     def errors(self, branch: str | None = None) -> list[tuple[str, float, float]]:
-        """(what, error, change by rounding of the angle) of directions, speeds and accelerations, both back ends.
+        """(what, error, change by rounding of the angle) of directions, speeds and accelerations, every back end.
 
         Speeds and accelerations are relative to the larger of the two links'.
         """
@@ -73,7 +77,7 @@ class FourBarCase:
         speed = abs(truth["p2"]) + abs(truth["p3"])
         scales = {"p": speed, "q": abs(truth["q2"]) + abs(truth["q3"]) + speed**2, "u": 1}
         out = []
-        for values in by_both_back_ends(expressions, self.theta):
+        for values in by_every_back_end(expressions, self.theta):
             p2, p3, q2, q3, *u = values
             ours = {"p2": p2, "p3": p3, "q2": q2, "q3": q3, "u2": complex(*u[:2]), "u3": complex(*u[2:])}
             for name, value in ours.items():
@@ -113,7 +117,7 @@ class SliderCase:
         expressions = [ax * v.x + ay * v.y for v in (end.position, end.first, end.second)]
         truth, nudged = self.truth(), self.truth(NUDGE)
         out = []
-        for values in by_both_back_ends(expressions, self.theta):
+        for values in by_every_back_end(expressions, self.theta):
             for name, value in zip(("x", "dx", "d2x"), values, strict=True):
                 scale = abs(truth[name]) + self.crank
                 out.append(

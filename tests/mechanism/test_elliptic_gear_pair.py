@@ -11,7 +11,7 @@ import pytest
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, interpret
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
 from textile_twin_core.mechanism import Crank, Linkage, RRRDyad, check_assembly
 from textile_twin_core.mechanism.elliptic_gear_pair import EllipticGearPair
 
@@ -29,7 +29,7 @@ def gears(
 
 def values(expressions: list[Expr], theta: np.ndarray) -> list[np.ndarray]:
     out = [np.empty_like(theta) for _ in expressions]
-    BlockProgram(expressions, ["theta"])([theta], out)
+    Loop(expressions, ["theta"])([theta], out)
     return out
 
 

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from tests.generators.planar_truth import four_bar
-from tests.mechanism.planar_cases import FourBarCase, SliderCase, by_both_back_ends
-from textile_twin_core.expression.blocks import BlockProgram
-from textile_twin_core.mechanism import Crank, EllipticGearPair, Linkage, RRRDyad, check_assembly
+from tests.mechanism.planar_cases import FourBarCase, SliderCase, by_every_back_end
+from textile_twin_core.expression import substitute, variable
+from textile_twin_core.expression.loop import Loop
+from textile_twin_core.mechanism import THETA, Crank, EllipticGearPair, Linkage, RRRDyad, check_assembly
 
 CASES = json.loads((Path(__file__).parents[1] / "data" / "hard_cases.json").read_text())
 EPS = 2.0**-53
@@ -49,7 +50,7 @@ def test_given_four_bars(case: dict[str, Any]) -> None:
         assert closeness.grashof == "triple-rocker"
         assert 0.0 < closeness.distance_m < 1e-8
         allowed = 4.0 * EPS * ours.theta * ours.l1 / closeness.distance_m
-    for values in by_both_back_ends(list(quantities.values()), ours.theta):
+    for values in by_every_back_end(list(quantities.values()), ours.theta):
         for name, value in zip(quantities, values, strict=True):
             expected = mp.mpf(case["expected"][name])
             assert abs(value - expected) < allowed * abs(expected), name
@@ -61,11 +62,30 @@ def test_given_four_bars(case: dict[str, Any]) -> None:
 def test_given_slider_cranks(case: dict[str, Any]) -> None:
     ours = SliderCase(float(case["r"]), float(case["l"]), (0.0, float(case["e"])), (1.0, 0.0), float(case["theta1"]))
     end = ours.linkage().solved.points["B"]
-    for values in by_both_back_ends([end.position.x, end.first.x, end.second.x], ours.theta):
+    for values in by_every_back_end([end.position.x, end.first.x, end.second.x], ours.theta):
         for name, value in zip(("x", "dx", "d2x"), values, strict=True):
             expected = mp.mpf(case["expected"][name])
             by_angle = 0.0 if name == "dx" else 4.0 * EPS * ours.crank  # of x and d2x, which vanish at the toggle
             assert abs(value - expected) < 2e-15 * abs(expected) + by_angle, name
+
+
+def test_compiled_they_hold_too() -> None:
+    """All slider-cranks in one compiled loop, each with an angle of its own."""
+    cases = [case for case in CASES if case["kind"] == "slider_crank"]
+    sizes = [[float(case[name]) for name in ("r", "l", "e", "theta1")] for case in cases]
+    expressions = []
+    for k, (r, l, e, theta) in enumerate(sizes):
+        end = SliderCase(r, l, (0.0, e), (1.0, 0.0), theta).linkage().solved.points["B"]
+        expressions += substitute([end.position.x, end.first.x, end.second.x], {THETA: variable(f"theta{k}")})
+    loop, found = Loop(expressions, [f"theta{k}" for k in range(len(cases))]), np.empty((len(expressions), 9))
+    loop.prepare()
+    loop([np.full(9, theta) for *_, theta in sizes], list(found))
+    assert loop.is_compiled
+    for k, (case, (r, *_)) in enumerate(zip(cases, sizes, strict=True)):
+        for name, value in zip(("x", "dx", "d2x"), found[3 * k :, 4], strict=False):
+            expected = mp.mpf(case["expected"][name])
+            by_angle = 0.0 if name == "dx" else 4.0 * EPS * r
+            assert abs(mp.mpf(float(value)) - expected) < 2e-15 * abs(expected) + by_angle, name
 
 
 # crank, coupler, rocker, ground
@@ -153,7 +173,7 @@ def test_passing_change_points_keeps_every_digit(
         ground = (g * math.cos(ground_angle), g * math.sin(ground_angle))
         turned = FourBarCase(l1, l2, l3, ground, theta + ground_angle, left)
         links = turned.linkage(branch).solved.links
-        for p2, p3, q2, q3 in by_both_back_ends(
+        for p2, p3, q2, q3 in by_every_back_end(
             [links["l2"].first, links["l3"].first, links["l2"].second, links["l3"].second], turned.theta
         ):
             assert abs(p2 - truth["p2"]) + abs(p3 - truth["p3"]) < 4e-15 * 3.0
@@ -163,7 +183,7 @@ def test_passing_change_points_keeps_every_digit(
 def test_a_passing_branch_is_smooth_at_the_change_point_itself() -> None:
     for branch, speed in (("left_passing", 1.0), ("right_passing", -3.0)):
         links = FourBarCase(1.0, 2.0, 1.0, (2.0, 0.0), 0.0, True).linkage(branch).solved.links
-        for p3, q3 in by_both_back_ends([links["l3"].first, links["l3"].second], 0.0):
+        for p3, q3 in by_every_back_end([links["l3"].first, links["l3"].second], 0.0):
             assert (p3, q3) == (speed, 0.0)
 
 
@@ -223,7 +243,7 @@ def test_cranks_on_gears() -> None:
             rates = four_bar(1.0, 2.0, 2.0, 3.0, angle, left=True, digits=60)
             speed = rates["p3"] * first
             bend = rates["q3"] * first**2 + rates["p3"] * second
-            for p, q in by_both_back_ends(expressions, theta):
+            for p, q in by_every_back_end(expressions, theta):
                 assert abs(p - speed) < 1e-13 * (abs(speed) + 1)
                 assert abs(q - bend) < 1e-12 * (abs(bend) + 1)
 
@@ -233,7 +253,9 @@ def test_arrays_across_a_change_point_hold_every_digit() -> None:
     case = FourBarCase(1.0, 2.5, 1.5, (3.0, 0.0), 0.0, True)
     theta = math.pi - np.logspace(-12, 0.3, 10_000)
     values = np.empty_like(theta)
-    BlockProgram([case.linkage().solved.links["l3"].first], ["theta"])([theta], [values])
+    loop = Loop([case.linkage().solved.links["l3"].first], ["theta"])
+    loop.prepare()
+    loop([theta], [values])
     for i in range(0, theta.size, 500):
         exact = FourBarCase(1.0, 2.5, 1.5, (3.0, 0.0), float(theta[i]), True).truth()["p3"]
         assert abs(values[i] - exact) < 1e-14 * abs(exact)

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
-from textile_twin_core.dynamics import INPUTS, Body, loads
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.dynamics import Body, loads
 from textile_twin_core.machines import Scene
 from textile_twin_core.mechanism import Crank, RRRDyad
 
@@ -177,9 +176,3 @@ def test_compiled_anew_it_gives_the_same_to_the_last_digit() -> None:
     there = subprocess.run([sys.executable, "-c", code], input=motion.tobytes(), capture_output=True, check=True)
     for found in here:
         assert found["balancing_torque_Nm"].tobytes() == there.stdout
-
-
-def test_the_order_of_operations_halves_the_buffers() -> None:
-    torque = ttc.machines.tufting().model.output("balancing_torque_Nm")
-    defined, arranged = (BlockProgram([torque], INPUTS, arranged=a).buffer_count for a in (False, True))
-    assert 2 * arranged <= defined + 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import shutil
 import subprocess
 import tempfile
@@ -20,11 +21,14 @@ _HEAD = """#include <math.h>
 #include <stddef.h>
 """
 
-# Cody-Waite reduction by pi/2 and minimax polynomials (Muller 2016, ch. 11): no branch, so it vectorises
+# Cody-Waite reduction by pi/2 and minimax polynomials (Muller 2016, ch. 11), for angles up to 1e9; no branch, and the
+# quadrant from the bits of the rounded quotient: conversions to integers have no vector form before AVX-512
 _SINCOS = """static inline __attribute__((always_inline)) void both(double x, double *s, double *c) {
-    double k = __builtin_rint(x * 0.63661977236758134308);
-    double r = __builtin_fma(-k, 1.57079632679489655800e+00, x);
-    r = __builtin_fma(-k, 6.12323399573676603587e-17, r);
+    double shifted = __builtin_fma(x, 0.63661977236758134308, 6755399441055744.0);
+    double k = shifted - 6755399441055744.0;
+    double r = __builtin_fma(-k, 1.570796251296997, x);
+    r = __builtin_fma(-k, 7.549789415861596e-08, r);
+    r = __builtin_fma(-k, 5.390302858158119e-15, r);
     double z = r * r;
     double p = 1.58962301576546568060e-10;
     p = __builtin_fma(p, z, -2.50507477628578072866e-8);
@@ -40,7 +44,8 @@ _SINCOS = """static inline __attribute__((always_inline)) void both(double x, do
     q = __builtin_fma(q, z, -1.38888888888730564116e-3);
     q = __builtin_fma(q, z, 4.16666666666665929218e-2);
     double cosine = 1.0 - __builtin_fma(-q * z, z, 0.5 * z);
-    long long n = (long long)k;
+    union { double d; long long i; } bits = { shifted };
+    long long n = bits.i;
     double a = (n & 1) ? cosine : sine, b = (n & 1) ? sine : cosine;
     *s = (n & 2) ? -a : a;
     *c = ((n + 1) & 2) ? -b : b;
@@ -48,11 +53,13 @@ _SINCOS = """static inline __attribute__((always_inline)) void both(double x, do
 """
 _PLAIN = """static inline void both(double x, double *s, double *c) { *s = sin(x); *c = cos(x); }
 """
+_PACKED = re.compile(r"\bv?mulpd\b|\bvfn?m(add|sub)\d+pd\b|\bfml[as]\s+v\d+\.2d|\bfmul\s+v\d+\.2d|\bfml[as]\s+z\d+\.d")
+"""Products of several doubles at once in the assembly of x86-64 and of AArch64."""
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 
 
 def c_source(outputs: Sequence[Expr], vectorised: bool) -> str:
-    """A C function `run(n, theta, omega, alpha, out)` of the outputs; out holds them one after the other."""
+    """A C function `run(n, theta, omega, alpha, out0, out1, ..)` of the outputs."""
     order = topological_order(outputs)
     name: dict[Expr, str] = {}
     lines = []
@@ -64,11 +71,10 @@ def c_source(outputs: Sequence[Expr], vectorised: bool) -> str:
         else:
             name[node] = f"v{len(name)}"
             lines.append(_line(node, name))
-    stores = [f"        out[{k} * n + i] = {name[e]};" for k, e in enumerate(outputs)]
-    signature = (
-        "void run(size_t n, const double *restrict theta, const double *restrict omega,\n"
-        "         const double *restrict alpha, double *restrict out)"
-    )
+    stores = [f"        out{k}[i] = {name[e]};" for k, e in enumerate(outputs)]
+    arrays = [f"const double *restrict {name}" for name in ("theta", "omega", "alpha")]
+    arrays += [f"double *restrict out{k}" for k in range(len(outputs))]
+    signature = f"void run(size_t n, {', '.join(arrays)})"
     body = "\n".join(["    for (size_t i = 0; i < n; ++i) {", *lines, *stores, "    }"])
     return f"{_HEAD}{_SINCOS if vectorised else _PLAIN}{signature} {{\n{body}\n}}\n"
 
@@ -114,33 +120,37 @@ def c_candidates(scene: Scene) -> Iterator[Candidate]:
         ("vectorised", True, [*fast, "-ffp-contract=fast"]),
         ("libm loop", False, ["-O2"]),
     ):
-        function = _compile(compiler, c_source(outputs, vectorised), flags)
-        if function is not None:
-            yield _candidate(scene, function, method)
+        made = _compile(compiler, c_source(outputs, vectorised), flags)
+        if made is not None:
+            function, packed = made
+            yield _candidate(scene, function, method, "" if packed or not vectorised else "the compiler left it scalar")
 
 
-def _compile(compiler: str, source: str, flags: Sequence[str]) -> ctypes._NamedFuncPointer | None:
+def _compile(compiler: str, source: str, flags: Sequence[str]) -> tuple[ctypes._NamedFuncPointer, bool] | None:
+    """The function `run`, and whether its assembly multiplies several doubles at once."""
     folder = Path(tempfile.mkdtemp(prefix="textile_twin_bench_"))
     try:
         (folder / "twin.c").write_text(source)
-        library = folder / "twin.so"
-        command = [compiler, *flags, "-fPIC", "-shared", "-o", str(library), str(folder / "twin.c"), "-lm"]
-        done = subprocess.run(command, capture_output=True, check=False)
-        if done.returncode != 0 and "-mprefer-vector-width=512" in flags:
-            return _compile(compiler, source, [f for f in flags if not f.startswith("-mprefer")])
-        return ctypes.CDLL(str(library)).run if done.returncode == 0 else None
+        library, assembly = folder / "twin.so", folder / "twin.s"
+        command = [compiler, *flags, "-fPIC", str(folder / "twin.c")]
+        for result in (["-S", "-o", str(assembly)], ["-shared", "-o", str(library), "-lm"]):
+            if subprocess.run([*command, *result], capture_output=True, check=False).returncode != 0:
+                preferring = [f for f in flags if f.startswith("-mprefer")]
+                return _compile(compiler, source, [f for f in flags if f not in preferring]) if preferring else None
+        packed = _PACKED.search(assembly.read_text()) is not None
+        return ctypes.CDLL(str(library)).run, packed
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _candidate(scene: Scene, function: ctypes._NamedFuncPointer, method: str) -> Candidate:
+def _candidate(scene: Scene, function: ctypes._NamedFuncPointer, method: str, note: str) -> Candidate:
     pointer = ctypes.POINTER(ctypes.c_double)
-    function.argtypes = [ctypes.c_size_t, *[pointer] * 4]
+    function.argtypes = [ctypes.c_size_t, *[pointer] * (3 + len(scene.outputs))]
     function.restype = None
     out = np.empty((len(scene.outputs), scene.samples))
-    arguments = [a.ctypes.data_as(pointer) for a in (*scene.motion, out)]
-    few = np.empty(len(scene.outputs))
-    one = [*arguments[:3], few.ctypes.data_as(pointer)]
+    arguments = [a.ctypes.data_as(pointer) for a in (*scene.motion, *out)]
+    few = np.empty((len(scene.outputs), 1))
+    one = [*arguments[:3], *(a.ctypes.data_as(pointer) for a in few)]
 
     def result() -> dict[str, FloatArray]:
         return dict(zip(scene.outputs, out, strict=True))
@@ -152,4 +162,5 @@ def _candidate(scene: Scene, function: ctypes._NamedFuncPointer, method: str) ->
         samples=scene.samples,
         single=lambda: function(1, *one),
         result=result,
+        note=note,
     )

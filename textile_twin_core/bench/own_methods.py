@@ -26,7 +26,7 @@ def own_candidates(scene: Scene) -> Iterator[Candidate]:
 
 
 def _candidate(scene: Scene, twin: Twin, method: str) -> Candidate:
-    out = {name: np.empty(scene.samples) for name in scene.outputs}
+    out = dict(zip(scene.outputs, np.empty((len(scene.outputs), scene.samples)), strict=True))
     theta, omega, alpha = scene.motion
     one = (1.234, float(omega[0]), float(alpha[0]))
     return Candidate(

@@ -9,8 +9,8 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import interpret
+from textile_twin_core.expression.loop import Numpy
 from textile_twin_core.machines import Machine
-from textile_twin_core.twin.accuracy import LongDouble
 
 Motion = tuple[FloatArray, FloatArray, FloatArray]
 _CHECKED = 20_000
@@ -41,7 +41,7 @@ class Scene:
         names = ("theta", "omega", "alpha")
         inputs = {n: a[: self.checked].astype(np.longdouble) for n, a in zip(names, self.motion, strict=True)}
         expressions = [self.machine.model.output(name) for name in self.outputs]
-        values = interpret(expressions, inputs, LongDouble)
+        values = interpret(expressions, inputs, Numpy)
         return {name: np.asarray(v) + np.zeros(self.checked) for name, v in zip(self.outputs, values, strict=True)}
 
     @property

@@ -13,7 +13,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.shaft_signal import KNOCKS, MANY_ORDERS, STEADY, EncoderSignal, encoder_signal
 from textile_twin_core.bench.timing import clock, one_core
 from textile_twin_core.dynamics import INPUTS
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
 from textile_twin_core.machines import Machine
 from textile_twin_core.machines.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import ShaftStates, create_estimator
@@ -78,7 +78,7 @@ class SmoothTorque:
 
     def __init__(self, machine: Machine) -> None:
         torque = machine.model.output("torque_inertial_Nm") + machine.model.output("torque_gravity_Nm")
-        self._program = BlockProgram([torque], INPUTS)
+        self._program = Loop([torque], INPUTS)
         self._sensitivity = TorqueSensitivity(torque)
 
     def __call__(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.expression import Expr, derivative, sign, substitute, topological_order, variable
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
 from textile_twin_core.expression.scalar import compile_scalar
 
 TURN = 2.0 * math.pi
@@ -142,7 +142,7 @@ def _level(leap: Expr) -> Expr:
 
 def _looks(expressions: Sequence[Expr], omega: float) -> Callable[[FloatArray], FloatArray]:
     """The expressions (rows) at shaft angles (columns); NaN where the chain is open."""
-    program = BlockProgram(expressions, list(_STATE))
+    program = Loop(expressions, list(_STATE))
 
     def look(theta: FloatArray) -> FloatArray:
         found = np.empty((len(expressions), theta.size))

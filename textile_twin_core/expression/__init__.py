@@ -1,14 +1,14 @@
 """Scalar expressions of the shaft state: written once by the mechanics, evaluated by several back ends.
 
-The groups of a mechanism write their closed forms with these expressions. One graph then serves plain
-floats (`scalar`), numpy blocks (`blocks`), any other number type such as mpmath's (`interpret`),
-and exact partial derivatives (`derivative`). What an output does not need is never reached.
+The groups of a mechanism write their closed forms with these expressions. One graph then serves plain floats
+(`scalar`), long arrays (`loop`, compiled), any other number type such as mpmath's (`interpret`), and exact partial
+derivatives (`derivative`). What an output does not need is never reached.
 """
 
 from textile_twin_core.expression.derivative import derivative
-from textile_twin_core.expression.functions import at_least, atan2, cos, select, sin, sqrt, square
-from textile_twin_core.expression.graph import Expr, absolute, const, sign, variable
+from textile_twin_core.expression.graph import Expr, const, variable
 from textile_twin_core.expression.interpret import interpret
+from textile_twin_core.expression.operations import absolute, at_least, atan2, cos, select, sign, sin, sqrt, square
 from textile_twin_core.expression.traversal import substitute, topological_order
 
 __all__ = [

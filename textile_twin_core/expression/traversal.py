@@ -1,13 +1,11 @@
-"""Walks through expressions: their order, and replacing parts of them."""
+"""Walks through expressions: their order, what they cost, and replacing parts of them."""
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Callable, Iterable, Mapping
-from typing import Final
+from collections import Counter
+from collections.abc import Iterable, Mapping
 
-from textile_twin_core.expression.functions import at_least, atan2, cos, select, sin, sqrt, square
-from textile_twin_core.expression.graph import Expr, absolute, sign
+from textile_twin_core.expression.graph import OPERATIONS, Expr, make
 
 
 def topological_order(outputs: Iterable[Expr]) -> list[Expr]:
@@ -26,22 +24,14 @@ def topological_order(outputs: Iterable[Expr]) -> list[Expr]:
     return order
 
 
-_REBUILD: Final[Mapping[str, Callable[..., Expr]]] = {
-    "add": operator.add,
-    "sub": operator.sub,
-    "mul": operator.mul,
-    "div": operator.truediv,
-    "neg": operator.neg,
-    "sqrt": sqrt,
-    "sin": sin,
-    "cos": cos,
-    "abs": absolute,
-    "sign": sign,
-    "square": square,
-    "atan2": atan2,
-    "at_least": at_least,
-    "select": select,
-}
+def operation_counts(outputs: Iterable[Expr]) -> Counter[str]:
+    """How often each operation stands in what the outputs need."""
+    return Counter(node.op for node in topological_order(outputs) if node.args)
+
+
+def operation_cost(outputs: Iterable[Expr]) -> float:
+    """The sum of the operations' costs."""
+    return sum(OPERATIONS[op].cost * count for op, count in operation_counts(outputs).items())
 
 
 def substitute(outputs: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> list[Expr]:
@@ -49,11 +39,7 @@ def substitute(outputs: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> li
     outputs = list(outputs)
     new: dict[Expr, Expr] = dict(replacements)
     for node in topological_order(outputs):
-        if node in new:
-            continue
-        args = tuple(new[a] for a in node.args)
-        if args == node.args:
-            new[node] = node
-        else:
-            new[node] = _REBUILD[node.op](*args)
+        if node not in new:
+            args = tuple(new[a] for a in node.args)
+            new[node] = node if args == node.args else make(node.op, *args)
     return [new[e] for e in outputs]

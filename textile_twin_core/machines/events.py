@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from textile_twin_core.expression import Expr, derivative, variable
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
 from textile_twin_core.expression.scalar import compile_scalar
 from textile_twin_core.mechanism.motion import FULL_TURN
 
@@ -58,7 +58,7 @@ def crossings(level: Expr, range_rad: tuple[float, float] = FULL_TURN) -> tuple[
     theta = np.linspace(low, high, _SAMPLES + 1)
     slope = derivative([level], variable("theta"))[0]
     values, slopes = np.empty_like(theta), np.empty_like(theta)
-    BlockProgram([level, slope], ["theta"])([theta], [values, slopes])
+    Loop([level, slope], ["theta"])([theta], [values, slopes])
     at, along = (compile_scalar([e], ["theta"]) for e in (level, slope))
     nearing = (values[:-1] * slopes[:-1] < 0.0) & (values[1:] * slopes[1:] > 0.0)
     between = [_root(lambda t: along(t)[0], *theta[i : i + 2].tolist()) for i in np.flatnonzero(nearing)]

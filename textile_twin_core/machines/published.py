@@ -10,7 +10,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import INPUTS
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
 from textile_twin_core.machines.machine import Machine
 
 
@@ -97,6 +97,6 @@ def over_a_turn(machine: Machine, names: Sequence[str], omega_rad_s: float, samp
 def at_angles(machine: Machine, names: Sequence[str], omega_rad_s: float, theta: FloatArray) -> dict[str, FloatArray]:
     """Outputs by name at shaft angles [rad] and constant speed."""
     found = {name: np.empty_like(theta) for name in names}
-    program = BlockProgram([machine.model.output(name) for name in names], INPUTS)
+    program = Loop([machine.model.output(name) for name in names], INPUTS)
     program([theta, np.full_like(theta, omega_rad_s), np.zeros_like(theta)], list(found.values()))
     return found

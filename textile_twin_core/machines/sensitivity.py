@@ -9,7 +9,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import INPUTS
 from textile_twin_core.expression import Expr, derivative, variable
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
 from textile_twin_core.expression.scalar import compile_scalar
 
 _FEW = 16
@@ -21,7 +21,7 @@ class TorqueSensitivity:
     def __init__(self, torque: Expr) -> None:
         slopes = [derivative([torque], variable(name))[0] for name in INPUTS]
         self._scalar = compile_scalar(slopes, INPUTS)
-        self._program = BlockProgram(slopes, INPUTS)
+        self._program = Loop(slopes, INPUTS)
 
     def gradient(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:
         """(n, 3) gradient [N m/rad, N m s/rad, N m s^2/rad] at (n,) states; NaN where the torque is not determined."""

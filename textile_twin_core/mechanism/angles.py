@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from textile_twin_core.expression import Expr, atan2, interpret
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
 from textile_twin_core.mechanism.group import MAIN_SHAFT
 from textile_twin_core.mechanism.linkage import THETA
 from textile_twin_core.mechanism.motion import LinkMotion, Motion
@@ -28,7 +28,7 @@ def link_angle(link: LinkMotion, motion: Motion, near_rad: float = 0.0) -> Expr:
     phase: float = math.atan2(*interpret([shaft_direction.y, shaft_direction.x], {"theta": 0.0}, math))
     theta = np.linspace(*motion.range_rad, _SAMPLES)
     x, y = np.empty_like(theta), np.empty_like(theta)
-    BlockProgram([link.direction.x, link.direction.y], ["theta"])([theta], [x, y])
+    Loop([link.direction.x, link.direction.y], ["theta"])([theta], [x, y])
     sampled = np.unwrap(np.arctan2(y, x))
     turns: int = round((sampled[-1] - sampled[0]) / (theta[-1] - theta[0])) if motion.turns_fully else 0
     periodic = sampled - turns * (theta + phase)

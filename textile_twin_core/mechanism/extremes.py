@@ -8,7 +8,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import Expr
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
 
 _SAMPLES = 2049
 _ROUNDS = 6
@@ -18,7 +18,7 @@ def values_over(value: Expr, theta: FloatArray) -> FloatArray:
     """The values (n,) of an expression of theta at (n,) angles [rad]; NaN where it has none."""
     out = np.empty_like(theta)
     with np.errstate(invalid="ignore", divide="ignore"):
-        BlockProgram([value], ["theta"])([theta], [out])
+        Loop([value], ["theta"])([theta], [out])
     return out
 
 

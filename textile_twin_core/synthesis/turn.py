@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from types import SimpleNamespace
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import Expr, interpret
+from textile_twin_core.expression.loop import Numpy
 
 SAMPLES = 720
-_FUNCTIONS = SimpleNamespace(sqrt=np.sqrt, sin=np.sin, cos=np.cos, atan2=np.arctan2)
 
 
 def shaft_angles(samples: int = SAMPLES) -> FloatArray:
@@ -26,5 +25,5 @@ def over_turn(
     """Values (n,) of expressions of the shaft's state at angles (n,) [rad]; NaN where a machine cannot close."""
     inputs = {"theta": theta, "omega": speed_rad_s, "alpha": acceleration_rad_s2}
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        found = interpret(expressions, inputs, _FUNCTIONS)
+        found = interpret(expressions, inputs, Numpy)
     return [np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), theta.shape)) for value in found]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import Expr, interpret
+from textile_twin_core.expression.loop import Numpy
 from textile_twin_core.machines.machine import Machine
 
 _ANGLES = 20_000
@@ -20,7 +21,7 @@ _DOUBLE_ROUNDING = float(np.finfo(np.float64).eps)
 class Evaluator(Protocol):
     """A method of evaluation."""
 
-    def fill(self, inputs: tuple[FloatArray, FloatArray, FloatArray], out: Mapping[str, FloatArray]) -> None:
+    def fill(self, inputs: Sequence[FloatArray], out: Mapping[str, FloatArray]) -> None:
         """Evaluate one-dimensional inputs into `out`."""
         ...
 
@@ -42,7 +43,7 @@ def reached_errors(machine: Machine, outputs: Mapping[str, Expr], evaluator: Eva
         evaluator.fill((theta, omega, alpha), found)
     wide = {"theta": theta, "omega": omega, "alpha": alpha}
     inputs = {name: values.astype(np.longdouble) for name, values in wide.items()}
-    reference = interpret(outputs.values(), inputs, LongDouble)
+    reference = interpret(outputs.values(), inputs, Numpy)
     errors = {}
     for name, exact in zip(outputs, reference, strict=True):
         peak = float(np.abs(exact).max())
@@ -50,9 +51,3 @@ def reached_errors(machine: Machine, outputs: Mapping[str, Expr], evaluator: Eva
         relative = error / peak if peak > 0.0 else 0.0
         errors[name] = _MARGIN * max(relative, 0.5 * _DOUBLE_ROUNDING) if math.isfinite(relative) else math.inf
     return errors
-
-
-class LongDouble:
-    """Functions of numpy's widest floats."""
-
-    sqrt, sin, cos, atan2 = np.sqrt, np.sin, np.cos, np.arctan2

@@ -8,8 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-import numpy as np
-
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machines.machine import Machine
@@ -27,6 +25,7 @@ if TYPE_CHECKING:
 
 METHODS = ("exact", "table", "auto")
 _TABLE_PAYS_FROM = 200_000
+"""Samples from which on a table is worth making."""
 
 
 class Twin:
@@ -95,18 +94,20 @@ class Twin:
         alpha: float | FloatArray = 0.0,
         *,
         out: Mapping[str, FloatArray] | None = None,
+        cores: int = 1,
     ) -> dict[str, Any]:
         """The outputs by name, for shaft angle [rad], speed [rad/s] and acceleration [rad/s^2].
 
         Floats give floats. Arrays are broadcast against each other and give arrays of the common
-        shape; `out` may hold arrays of that shape, float64 and contiguous, to write into.
+        shape; `out` may hold arrays of that shape, float64 and contiguous, to write into. Long blocks are shared by as
+        many `cores`.
         NaN in gives NaN out; so does, among arrays, an angle at which the machine cannot close or its motion is not
         determined. Raises MotionError for such an angle or an infinite one given as a float, for shapes that do not
         fit, and for arrays of `out` that are not separate.
         """
         if type(theta) is float and type(omega) is float and type(alpha) is float and out is None:
             try:
-                return self._evaluator.scalar(theta, omega, alpha)
+                return self._evaluator.single(theta, omega, alpha)
             except ValueError:
                 raise self._cannot_close(theta) from None
             except ZeroDivisionError:
@@ -121,8 +122,7 @@ class Twin:
         evaluator = self._evaluator
         if self.method == "auto" and size >= _TABLE_PAYS_FROM:
             evaluator = self._table_or_exact
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            evaluator.fill((columns[0], columns[1], columns[2]), {name: a.reshape(-1) for name, a in result.items()})
+        evaluator.fill(columns, {name: a.reshape(-1) for name, a in result.items()}, cores)
         return result
 
     def _cannot_close(self, theta: float) -> MotionError:

@@ -9,11 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from textile_twin_core.dynamics import ShaftState
 from textile_twin_core.expression import Expr, const, derivative, substitute, topological_order, variable
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.scalar import compile_scalar
 from textile_twin_core.machines.machine import Machine
 from textile_twin_core.machines.model import MachineModel
 from textile_twin_core.mechanism import THETA
@@ -71,7 +69,6 @@ def _smooth_in_theta(expression: Expr) -> bool:
 
 
 def _winding(expression: Expr) -> float:
-    ends = np.array([0.0, 2.0 * math.pi])
-    out = np.empty(2)
-    BlockProgram([expression], ["theta"])([ends], [out])
-    return float(round((out[1] - out[0]) / (2.0 * math.pi)))
+    (winds,) = compile_scalar([expression], ["theta"])(2.0 * math.pi)
+    (begins,) = compile_scalar([expression], ["theta"])(0.0)
+    return float(round((winds - begins) / (2.0 * math.pi)))

@@ -13,6 +13,9 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError
 
 _SHORT = 16_384
+_LINE = 8
+"""Doubles of one cache line."""
+_APART = 5 * _LINE
 
 
 def flat_columns(motion: Mapping[str, npt.ArrayLike]) -> tuple[tuple[int, ...], list[FloatArray]]:
@@ -56,7 +59,7 @@ def arrays_for(
     with the motion's `columns`, which are still read while outputs are written.
     """
     if out is None:
-        return {name: np.empty(shape) for name in outputs}
+        return _new_arrays(list(outputs), shape)
     chosen: dict[str, FloatArray] = {}
     for name in outputs:
         a = out.get(name)
@@ -70,6 +73,20 @@ def arrays_for(
         if following < begin + chosen[one].nbytes:
             raise MotionError(f"out['{one}'] and out['{other}'] share memory; give each output an array of its own")
     return chosen
+
+
+def _new_arrays(names: list[str], shape: tuple[int, ...]) -> dict[str, FloatArray]:
+    """Arrays in one block, each from a cache line's beginning and none at the same place in a page as its neighbours.
+
+    Separate arrays of this size all begin at the same place in a page: written side by side they push each other out
+    of the cache.
+    """
+    size = math.prod(shape)
+    pitch = -(-size // _LINE) * _LINE + _APART
+    block = np.empty(len(names) * pitch + _LINE)
+    first = (-block.__array_interface__["data"][0] // block.itemsize) % _LINE
+    rows = (block[first + k * pitch : first + k * pitch + size] for k in range(len(names)))
+    return {name: row.reshape(shape) for name, row in zip(names, rows, strict=True)}
 
 
 def _floats(name: str, value: npt.ArrayLike) -> FloatArray:

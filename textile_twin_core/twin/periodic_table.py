@@ -7,16 +7,17 @@ in powers of the angle from the node; where a function leaps, one for each piece
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import Expr
-from textile_twin_core.expression.angle_grid import AngleGrid
-from textile_twin_core.expression.blocks import BlockProgram
+from textile_twin_core.expression.loop import Loop
+from textile_twin_core.twin.angle_grid import AngleGrid
 from textile_twin_core.twin.phase_steps import DIRECTION, PHASE
 from textile_twin_core.twin.pieces import Pieces
 
@@ -25,8 +26,8 @@ _FEWEST_NODES = 32
 _DEGREES = (1, 2, 3, 4, 5, 7)
 _CACHED_BYTES = 500_000
 """A table of this size stays in a processor core's cache."""
-_NEAR, _FAR = 2.5, 3.0
-"""A gather from the cache and from beyond it, as multiples of an addition."""
+_REDUCTION, _NEAR, _FAR = 10.0, 10.0, 15.0
+"""Times of the angle's reduction and of a gather from the cache and from beyond it, as multiples of an addition's."""
 _ROUNDING = 4e-16
 _MARGIN = 2.0
 """For the angles between those that are looked at; the reached error has the same (see `accuracy`)."""
@@ -56,24 +57,28 @@ class PeriodicTable:
 
     @property
     def cost(self) -> float:
-        """Array operations per sample of `read`, those of turning forward."""
+        """Time per sample of `reading`, as a multiple of an addition's."""
         functions, points = int(self.coefficients.shape[0]), self.degree + 1
         near = 8 * functions * points * self.pieces.block <= _CACHED_BYTES
-        return functions * ((_NEAR if near else _FAR) * points + 2.0 * self.degree)
+        gathers = functions * points + 2 * min(self.pieces.angles.size, 1)
+        return _REDUCTION + gathers * (_NEAR if near else _FAR) + functions * self.degree
 
-    def rows(self) -> list[tuple[float, ...]]:
-        """Per row the coefficients, function by function, lowest power first."""
-        table = self.coefficients.reshape(-1, self.coefficients.shape[2])
-        return list(zip(*table.tolist(), strict=True))
+    def tables(self) -> dict[str, Any]:
+        """The arrays that `reading` needs."""
+        together = np.ascontiguousarray(self.coefficients.transpose(2, 0, 1)).reshape(-1)
+        return {"coefficients": together, "ends": self.pieces.ends, "to_next": self.pieces.to_next}
 
-    def read(self, index: IntArray, rest: FloatArray, values: Iterable[FloatArray], work: FloatArray) -> None:
-        """Write the functions' values, (n,) each, at (n,) rows and angles from their nodes; `work` is (n,)."""
-        for (*lower, highest), value in zip(self.coefficients, values, strict=True):
-            highest.take(index, out=value, mode="clip")
-            for level in reversed(lower):
-                np.multiply(value, rest, value)
-                level.take(index, out=work, mode="clip")
-                np.add(value, work, value)
+    def reading(self) -> list[str]:
+        """Lines of Python: from `theta` and `omega` the functions' values f0, f1, .."""
+        functions, points, _ = self.coefficients.shape
+        lines = [*self.grid.reduction(), *self.pieces.choice(), f"at = row * {functions * points}"]
+        for f in range(functions):
+            powers = [f"coefficients[at + {f * points + power}]" for power in range(points)]
+            horner = powers.pop()
+            for coefficient in reversed(powers):
+                horner = f"({coefficient} + rest * {horner})"
+            lines.append(f"f{f} = {horner}")
+        return lines
 
 
 def tabulate(functions: Sequence[Expr], weights: FloatArray, tolerance: float) -> PeriodicTable | None:
@@ -82,13 +87,13 @@ def tabulate(functions: Sequence[Expr], weights: FloatArray, tolerance: float) -
     `weights` (outputs, functions) is what an error of a function does to an output, over the output's peak. None
     when rounding or `MOST_NODES` forbid it.
     """
-    program = BlockProgram(functions, ["theta", str(PHASE.payload), str(DIRECTION.payload)])
+    program = Loop(functions, ["theta", str(PHASE.payload), str(DIRECTION.payload)])
     found = [_coarsest(program, functions, weights, tolerance, degree) for degree in _DEGREES]
     return min((table for table in found if table is not None), key=lambda table: table.cost, default=None)
 
 
 def _coarsest(
-    program: BlockProgram, functions: Sequence[Expr], weights: FloatArray, tolerance: float, degree: int
+    program: Loop, functions: Sequence[Expr], weights: FloatArray, tolerance: float, degree: int
 ) -> PeriodicTable | None:
     """The table of a degree with the fewest nodes."""
     nodes = _FEWEST_NODES
@@ -102,7 +107,7 @@ def _coarsest(
     return None
 
 
-def _fit(program: BlockProgram, pieces: Pieces, weights: FloatArray, degree: int) -> PeriodicTable:
+def _fit(program: Loop, pieces: Pieces, weights: FloatArray, degree: int) -> PeriodicTable:
     step, points, count = pieces.grid.step, degree + 1, weights.shape[1]
     angles = (np.arange(points) + 0.5) * math.pi / points
     values = _evaluate(program, count, pieces, 0.5 * np.cos(angles) * step)
@@ -123,7 +128,7 @@ def _fit(program: BlockProgram, pieces: Pieces, weights: FloatArray, degree: int
     return PeriodicTable(pieces, np.ascontiguousarray(coefficients), float((weights @ errors).max(initial=0.0)))
 
 
-def _evaluate(program: BlockProgram, count: int, pieces: Pieces, off: FloatArray) -> FloatArray:
+def _evaluate(program: Loop, count: int, pieces: Pieces, off: FloatArray) -> FloatArray:
     """(functions, rows, points), each row's piece continued over the whole interval."""
     theta = pieces.centres[:, None] + off
     phase, direction = (np.broadcast_to(a[:, None], theta.shape) for a in (pieces.phases, pieces.directions))

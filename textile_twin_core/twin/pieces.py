@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.expression import Expr, topological_order
-from textile_twin_core.expression.angle_grid import AngleGrid
+from textile_twin_core.twin.angle_grid import AngleGrid
 from textile_twin_core.twin.phase_steps import DIRECTION, PHASE
 
 _DIRECTIONS: Final = (1.0, -1.0, 0.0, math.nan)
@@ -85,52 +85,25 @@ class Pieces:
         """(rows,) direction of turning of each row: 1, -1, 0, or NaN for none known."""
         return np.repeat(self._blocks, self.block)
 
-    def choose(self, index: IntArray, rest: FloatArray, omega: FloatArray, met: BoolArray) -> None:
-        """Replace in `index` (n,) the node by the row, for angles `rest` from the node and speeds `omega`.
-
-        `met` is working space (n,).
-        """
-        if self.angles.size:
-            self._leaping.take(index, out=met, mode="clip")
-            (places,) = met.nonzero()
-            if places.size:
-                index[places] = self._after_leaps(index[places], rest[places])
-        if self.directed and not omega.min() > 0.0:
-            if omega.max() < 0.0:
-                index += self.block
-            else:
-                index += self.block * np.select([omega > 0.0, omega < 0.0, omega == 0.0], [0, 1, 2], 3)
-
-    def row(self, node: int, rest: float, omega: float) -> int:
-        """The row for an angle `rest` from a node and a speed."""
-        index = np.array([node])
-        self.choose(index, np.array([rest]), np.array([omega]), np.empty(1, dtype=np.bool_))
-        return int(index[0])
-
-    def _after_leaps(self, row: IntArray, rest: FloatArray) -> IntArray:
-        for _ in range(self._most_in_one_interval):
-            row = row + (rest >= self._next_leap[row]) * self._to_next_row[row]
-        return row
+    def choice(self) -> list[str]:
+        """Lines of Python: from `node`, the angle `rest` from it and the speed `omega` the `row`."""
+        most = int(np.unique(self.nodes, return_counts=True)[1].max(initial=0))
+        lines = ["row = node", *["row = row + (to_next[row] if rest >= ends[row] else 0)"] * most]
+        if self.directed:
+            block = "0 if omega > 0.0 else 1 if omega < 0.0 else 2 if omega == 0.0 else 3"
+            lines.append(f"row = row + {self.block} * ({block})")
+        return lines
 
     @cached_property
-    def _leaping(self) -> BoolArray:
-        leaping = np.zeros(self.grid.nodes, dtype=np.bool_)
-        leaping[self.nodes] = True
-        return leaping
-
-    @cached_property
-    def _most_in_one_interval(self) -> int:
-        return int(np.unique(self.nodes, return_counts=True)[1].max(initial=0))
-
-    @cached_property
-    def _next_leap(self) -> FloatArray:
+    def ends(self) -> FloatArray:
         """(block,) angle from the row's node at which its piece ends by a leap, inf where by none."""
         ends = np.full(self.block, math.inf)
         ends[self._rows_before_leaps] = self.angles - self.nodes * self.grid.step
         return ends
 
     @cached_property
-    def _to_next_row(self) -> IntArray:
+    def to_next(self) -> IntArray:
+        """(block,) how many rows further the piece after such a leap stands."""
         steps = np.zeros(self.block, dtype=np.int64)
         before = self._rows_before_leaps
         steps[before] = self.grid.nodes + np.arange(self.angles.size) - before

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from textile_twin_core.expression import Expr, topological_order
-from textile_twin_core.expression.cost import operation_counts
 from textile_twin_core.expression.graph import scaled
+from textile_twin_core.expression.traversal import operation_counts
 from textile_twin_core.machines.drive import load_names
 from textile_twin_core.machines.machine import Machine
 from textile_twin_core.machines.model import MachineModel

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -13,12 +12,9 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import INPUTS
 from textile_twin_core.errors import SceneError
 from textile_twin_core.expression import Expr, const, derivative, interpret, square, variable
-from textile_twin_core.expression.aligned import aligned_rows
-from textile_twin_core.expression.angle_grid import LARGEST_ANGLE
-from textile_twin_core.expression.blocks import BlockProgram
-from textile_twin_core.expression.cost import operation_cost
 from textile_twin_core.expression.graph import scaled
-from textile_twin_core.expression.scalar import compile_scalar_mapping
+from textile_twin_core.expression.loop import Loop
+from textile_twin_core.expression.traversal import operation_cost
 from textile_twin_core.machines.machine import Machine
 from textile_twin_core.mechanism import THETA
 from textile_twin_core.twin.exact import ExactEvaluator
@@ -30,7 +26,6 @@ FINEST_TABLE = 1e-13
 """A tolerance that tables of smooth mechanisms reach; below it, rounding of their coefficients counts."""
 _SPEED_SHARES = (0.1, 1.0, 10.0)
 """The tolerance holds from a tenth to ten times the nominal speed."""
-_REDUCTION = 12.0
 _ONE = const(1.0)
 _OMEGA = variable("omega")
 
@@ -56,7 +51,6 @@ class TableEvaluator:
         self.combined = {name: combined.get(name, outputs[name]) for name in outputs}
         self.functions = tuple(held * function for function, (_, held) in self._names.items())
         self.table = self._tabulate(machine, tolerance)
-        self._local = threading.local()
 
     def _combine(self, forms: LinearForms, name: str) -> Expr | None:
         """The output as an expression of tabulated values, speed and acceleration."""
@@ -111,89 +105,29 @@ class TableEvaluator:
                 rows.append(_slopes(expression, len(self.functions), state) / (peak or 1.0))
         return np.array(rows)
 
-    @property
-    def _inputs(self) -> tuple[str, ...]:
-        return (*INPUTS, *(f"f{i}" for i in range(len(self.functions))))
-
     @cached_property
-    def program(self) -> BlockProgram:
-        """What remains to be done with the tabulated values."""
-        return BlockProgram(list(self.combined.values()), self._inputs, arranged=True, beside=len(self.functions) + 3)
+    def loop(self) -> Loop:
+        """Reading the table, and what remains to be done with its values."""
+        if self.table is None:
+            return self.exact.loop
+        outputs, plain = list(self.combined.values()), list(self.exact.expressions.values())
+        return Loop(outputs, INPUTS, self.table.reading(), self.table.tables(), plain)
 
     @property
     def cost(self) -> float:
-        """Array operations per sample: the reduction of the angle, gathers, polynomials and what remains."""
-        remaining = operation_cost(list(self.combined.values()))
-        if self.table is None:
-            return remaining
-        return remaining + _REDUCTION + self.table.cost
+        """Operations per sample, weighed against additions."""
+        return operation_cost(list(self.combined.values())) + (0.0 if self.table is None else self.table.cost)
 
-    @cached_property
-    def scalar(self) -> Callable[[float, float, float], dict[str, float]]:
-        """Function of (theta, omega, alpha), floats, to a dict by output."""
-        if self.table is None:
-            return self.exact.scalar
-        grid, pieces, degree = self.table.grid, self.table.pieces, self.table.degree
-        first, second, third = grid.parts
-        names = [f"c{i}_{d}" for i in range(len(self.functions)) for d in range(degree + 1)]
-        whole = "plain[k] if omega > 0.0 else None" if pieces.directed else "plain[k]"
-        prologue = [
-            f"    if not -{LARGEST_ANGLE!r} < theta < {LARGEST_ANGLE!r}: return beyond(theta, omega, alpha)",
-            f"    k = floor(theta * {grid.inverse!r} + 0.5)",
-            f"    r = ((theta - k * {first!r}) - k * {second!r}) - k * {third!r}",
-            f"    k &= {grid.nodes - 1}",
-            f"    {', '.join(names)}, = ({whole}) or rows[piece(k, r, omega)]",
-        ]
-        for i in range(len(self.functions)):
-            horner = f"c{i}_{degree}"
-            for d in reversed(range(degree)):
-                horner = f"(c{i}_{d} + r * {horner})"
-            prologue.append(f"    f{i} = {horner}")
-        rows, leaping = self.table.rows(), set(pieces.nodes.tolist())
-        plain = [None if node in leaping else row for node, row in enumerate(rows[: grid.nodes])]
-        scope = {"rows": rows, "plain": plain, "piece": pieces.row, "beyond": self.exact.scalar, "floor": math.floor}
-        return compile_scalar_mapping(self.combined, INPUTS, prologue, scope)
+    def single(self, theta: float, omega: float, alpha: float) -> dict[str, float]:
+        """The outputs at one sample, from the closed forms."""
+        return self.exact.single(theta, omega, alpha)
 
-    def fill(self, inputs: tuple[FloatArray, FloatArray, FloatArray], out: Mapping[str, FloatArray]) -> None:
-        """Evaluate one-dimensional inputs into the arrays of `out`."""
-        if self.table is None:
-            self.exact.fill(inputs, out)
-            return
-        arrays, step = [out[name] for name in self.combined], self.program.chunk
-        for start in range(0, inputs[0].shape[0], step):
-            part = slice(start, start + step)
-            self._fill_chunk([a[part] for a in inputs], [a[part] for a in arrays])
-
-    def _fill_chunk(self, inputs: list[FloatArray], outputs: list[FloatArray]) -> None:
-        assert self.table is not None
-        theta = inputs[0]
-        n, work = theta.shape[0], self._buffers()
-        index, rest, scratch = work.index[:n], work.rest[:n], work.scratch[:n]
-        values = [value[:n] for value in work.values]
-        if not self.table.grid.reduce(theta, index, rest, scratch):  # NaN, or angles too large
-            self.exact.program(inputs, outputs)
-            return
-        self.table.pieces.choose(index, rest, inputs[1], work.met[:n])
-        self.table.read(index, rest, values, scratch)
-        self.program.run_chunk([*inputs, *values], outputs)
-
-    def _buffers(self) -> _Buffers:
-        held: _Buffers | None = getattr(self._local, "buffers", None)
-        if held is None:
-            held = self._local.buffers = _Buffers(len(self.functions), self.program.chunk)
-        return held
+    def fill(self, inputs: Sequence[FloatArray], out: Mapping[str, FloatArray], cores: int = 1) -> None:
+        """Evaluate one-dimensional inputs into the arrays of `out`; short blocks by the closed forms."""
+        self.loop(inputs, [out[name] for name in self.combined], cores)
 
 
 def _slopes(expression: Expr, count: int, state: Mapping[str, float | FloatArray]) -> FloatArray:
     """How strongly, at most, an output follows each of its tabulated values f0, f1, .. at states."""
     slopes = [derivative([expression], variable(f"f{i}"))[0] for i in range(count)]
     return np.array([np.abs(slope).max() for slope in interpret(slopes, state, np)], dtype=np.float64)
-
-
-class _Buffers:
-    """Chunk-sized working arrays of one thread."""
-
-    def __init__(self, functions: int, chunk: int) -> None:
-        self.index = np.empty(chunk, dtype=np.int64)
-        self.met = np.empty(chunk, dtype=np.bool_)
-        self.rest, self.scratch, *self.values = aligned_rows(2 + functions, chunk)

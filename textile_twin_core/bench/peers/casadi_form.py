@@ -25,7 +25,7 @@ _FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fPIC", "-shared")
 
 
 class _Functions:
-    sqrt, sin, cos, atan2 = casadi.sqrt, casadi.sin, casadi.cos, casadi.atan2
+    sqrt, sin, cos, atan2, where = casadi.sqrt, casadi.sin, casadi.cos, casadi.atan2, casadi.if_else
 
 
 def candidates(scene: Scene) -> Iterator[Candidate]:

@@ -17,7 +17,8 @@ from textile_twin_core.expression import interpret
 
 
 class _Functions:
-    sqrt, sin, cos, atan2 = jax.numpy.sqrt, jax.numpy.sin, jax.numpy.cos, jax.numpy.arctan2
+    sqrt, sin, cos = jax.numpy.sqrt, jax.numpy.sin, jax.numpy.cos
+    atan2, where = jax.numpy.arctan2, jax.numpy.where
 
 
 def candidates(scene: Scene) -> Iterator[Candidate]:

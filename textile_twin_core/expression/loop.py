@@ -1,0 +1,157 @@
+"""Expressions over arrays: a compiled loop for long blocks, numpy for what is too short to be worth compiling."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from hashlib import blake2b
+from typing import Any, Final
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.expression.graph import Expr
+from textile_twin_core.expression.interpret import interpret
+from textile_twin_core.expression.source import statements
+from textile_twin_core.expression.traversal import topological_order
+
+_LONG: Final = 4096
+"""Samples of a block that counts; a live machine's blocks are shorter, so that none of them waits for a compiler."""
+_WORTH: Final = 65_536
+"""Samples in long blocks from which on compiling pays, since what was compiled is kept for other processes too."""
+_NODES: Final = 500
+"""Larger graphs take longer to compile, and so many more samples until that pays."""
+_CHUNK: Final = 8192
+"""Samples that are interpreted at a time, so that their intermediate results stay in the cache."""
+
+
+class Loop:
+    """Outputs as functions of input arrays.
+
+    `prologue` is source that stands before the expressions, in terms of the inputs and of the arrays in `tables`, and
+    defines further variables of theirs; without a compiled loop the outputs of `plain` are evaluated instead.
+    """
+
+    def __init__(
+        self,
+        outputs: Sequence[Expr],
+        inputs: Sequence[str],
+        prologue: Sequence[str] = (),
+        tables: Mapping[str, Any] | None = None,
+        plain: Sequence[Expr] | None = None,
+    ) -> None:
+        self._outputs, self._inputs = tuple(outputs), tuple(inputs)
+        self._prologue, self._tables = prologue, dict(tables or {})
+        self._plain = self._outputs if plain is None else tuple(plain)
+        self._met = 0
+
+    def __call__(self, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray], cores: int = 1) -> None:
+        """Evaluate one-dimensional inputs of equal length (broadcast views allowed) into contiguous outputs of float64.
+
+        Raises ValueError for other outputs. NaN goes through. `cores` threads share the samples.
+        """
+        if not all(a.flags.c_contiguous and a.dtype == np.float64 for a in outputs):
+            raise ValueError("outputs of a loop must be contiguous arrays of float64")
+        n = inputs[0].shape[0]
+        self._met += n if n >= _LONG else 0
+        if cores == 1 or n < _LONG * cores or not self.is_compiled:
+            self._fill(inputs, outputs)
+            return
+        parts = [([a[p] for a in inputs], [a[p] for a in outputs]) for p in _slices(n, -(-n // cores))]
+        with ThreadPoolExecutor(cores) as pool:
+            list(pool.map(lambda part: self._fill(*part), parts))
+
+    def prepare(self) -> None:
+        """Compile now, however short the blocks will be."""
+        self._met += max(_WORTH, math.ceil(self._worth))
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether blocks go through the compiled loop; compiles it when enough samples were met."""
+        return self._met >= _WORTH and self._met >= self._worth and self._compiled is not None
+
+    @cached_property
+    def _worth(self) -> float:
+        return _WORTH * max(1.0, len(topological_order(self._outputs)) / _NODES)
+
+    def single(self) -> Any:
+        """The compiled function of one sample, floats: the outputs and how many angles were too large, as a tuple."""
+        return self._compiled[0] if self.is_compiled and self._compiled else None
+
+    @cached_property
+    def _compiled(self) -> tuple[Any, Any] | None:
+        """The function of one sample and the loop over arrays; None where there is no compiler."""
+        from textile_twin_core.compiling import compile_for, compiled, is_available  # numba, whose import takes a while
+
+        if not is_available():
+            return None
+        one, run = self.functions()
+        one = run.__globals__["one"] = compiled(one, inlined=True)
+        run = compiled(run, apart=True)
+        read, written = np.empty(1), np.empty(1)
+        read.flags.writeable = False
+        compile_for(run, [read] * len(self._inputs) + [*self._tables.values()] + [written] * len(self._outputs))
+        return one, run
+
+    def functions(self) -> tuple[Any, Any]:
+        """What is compiled, as Python: of one sample to the outputs and how many angles were too large; over arrays."""
+        from textile_twin_core.expression import inline
+
+        source = self._source()
+        scope: dict[str, Any] = {"float64": np.float64, "int64": np.int64, "sqrt": math.sqrt, "__name__": __name__}
+        scope |= {"sincos": inline.sincos, "atan2": inline.atan2, "FARTHEST": inline.FARTHEST}
+        exec(compile(source, "<twin loop>", "exec"), scope)
+        for name in ("one", "run"):  # the compiler knows functions by name: a name of its own for each code
+            scope[name].__qualname__ = f"{name}_{blake2b(source.encode(), digest_size=12).hexdigest()}"
+        return scope["one"], scope["run"]
+
+    def _source(self) -> str:
+        lines, values = statements(self._outputs, deepest=0, paired=True)
+        one = [
+            f"def one({', '.join([*self._inputs, *self._tables])}):",
+            "far = 0",
+            *self._prologue,
+            *lines,
+            f"return {', '.join(values)}, far",
+        ]
+        outs, found = [f"out{k}" for k in range(len(values))], [f"value{k}" for k in range(len(values))]
+        run = [
+            f"def run({', '.join([*self._inputs, *self._tables, *outs])}):",
+            "total = 0",
+            f"for i in range({self._inputs[0]}.shape[0]):",
+            f"    {', '.join(found)}, far = one({', '.join([*(f'{x}[i]' for x in self._inputs), *self._tables])})",
+            "    total += far",
+            *(f"    {out}[i] = {value}" for out, value in zip(outs, found, strict=True)),
+        ]
+        return "\n    ".join(one) + "\n\n" + "\n    ".join(run) + "\n    return total\n"
+
+    def _fill(self, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> None:
+        if not self.is_compiled or self._compiled is None:
+            self._interpret(inputs, outputs)
+            return
+        parts: Iterable[Any] = [(inputs, outputs)]
+        if not all(a.flags.c_contiguous and a.flags.aligned for a in inputs):
+            chunks = _slices(inputs[0].shape[0], _CHUNK)
+            parts = (([np.require(a[p], float, ["C", "A"]) for a in inputs], [a[p] for a in outputs]) for p in chunks)
+        for read, written in parts:
+            if self._compiled[1](*read, *self._tables.values(), *written):  # angles too large
+                self._interpret(read, written)
+
+    def _interpret(self, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> None:
+        with np.errstate(all="ignore"):
+            for p in _slices(inputs[0].shape[0], _CHUNK):
+                read = {name: a[p] for name, a in zip(self._inputs, inputs, strict=True)}
+                for a, values in zip(outputs, interpret(self._plain, read, Numpy), strict=True):
+                    a[p] = values
+
+
+class Numpy:
+    """Functions of numpy's arrays, of any of its number types."""
+
+    sqrt, sin, cos, atan2, where = np.sqrt, np.sin, np.cos, np.arctan2, np.where
+
+
+def _slices(n: int, step: int) -> Iterator[slice]:
+    return (slice(start, min(start + step, n)) for start in range(0, n, max(step, 1)))

@@ -1,0 +1,191 @@
+"""Rules of algebra: the simpler node that serves in the place of an operation on expressions not all constant.
+
+Only identities that hold for all real numbers are applied; constants so large or small that their products leave the
+range of a double are no machine's. Constant factors gather in front of sums and products.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+from textile_twin_core.expression.graph import Expr, const, make, node, scaled
+
+_ROUNDING_OF_ONE: Final = 4e-16
+
+
+def _joined(factor: float) -> float:
+    """A product or quotient of constants, 1 where only its rounding keeps it from that."""
+    return math.copysign(1.0, factor) if abs(abs(factor) - 1.0) < _ROUNDING_OF_ONE else factor
+
+
+def add(a: Expr, b: Expr) -> Expr:
+    """a + b."""
+    if a.is_constant:
+        return _shift(a.value, b)
+    if b.is_constant:
+        return _shift(b.value, a)
+    if b.op == "neg":
+        return a - b.args[0]
+    if a.op == "neg":
+        return b - a.args[0]
+    (ka, ra), (kb, rb) = scaled(a), scaled(b)
+    if ra is rb:
+        return (ka + kb) * ra
+    return _of_multiples("add", a, b)
+
+
+def subtract(a: Expr, b: Expr) -> Expr:
+    """a - b."""
+    if b.is_constant:
+        return _shift(-b.value, a)
+    if b.op == "neg":
+        return a + b.args[0]
+    if a.is_constant:
+        return -_shift(-a.value, b)
+    (ka, ra), (kb, rb) = scaled(a), scaled(b)
+    if ra is rb:
+        return (ka - kb) * ra
+    return _of_multiples("sub", a, b)
+
+
+def _of_multiples(op: str, a: Expr, b: Expr) -> Expr:
+    """The sum or difference of two multiples, with the larger factor in front where both have one."""
+    (ka, ra), (kb, rb) = scaled(a), scaled(b)
+    if ka == 1.0 or kb == 1.0:
+        return node(op, (a, b))
+    if abs(ka) >= abs(kb):
+        return ka * _plus_multiple(op, ra, _joined(kb / ka), rb)
+    return (kb if op == "add" else -kb) * _plus_multiple(op, rb, _joined(ka / kb), ra)
+
+
+def _plus_multiple(op: str, a: Expr, factor: float, b: Expr) -> Expr:
+    if factor == -1.0:
+        op, factor = ("sub" if op == "add" else "add"), 1.0
+    return make(op, a, b) if factor == 1.0 else node(op, (a, factor * b))
+
+
+def _shift(offset: float, e: Expr) -> Expr:
+    """offset + e, with the constants of nested sums joined."""
+    if offset == 0.0:
+        return e
+    if e.op == "add" and e.args[0].is_constant:
+        return _shift(offset + e.args[0].value, e.args[1])
+    if e.op == "sub" and e.args[0].is_constant:
+        return (offset + e.args[0].value) - e.args[1]
+    factor, rest = scaled(e)
+    if factor != 1.0:
+        return factor * _shift(offset / factor, rest)
+    return node("add", (const(offset), e))
+
+
+def negate(a: Expr) -> Expr:
+    """-a."""
+    if a.op == "sub" and scaled(a.args[1])[0] == 1.0:
+        return a.args[1] - a.args[0]
+    if a.op == "add" and a.args[0].is_constant:
+        return node("sub", (const(-a.args[0].value), a.args[1]))
+    factor, rest = scaled(a)
+    return node("neg", (a,)) if factor == 1.0 else -factor * rest
+
+
+def multiply(a: Expr, b: Expr) -> Expr:
+    """a b."""
+    if b.is_constant:
+        a, b = b, a
+    if a.is_constant:
+        return _scale(a.value, b)
+    (ka, ra), (kb, rb) = scaled(a), scaled(b)
+    if ka != 1.0 or kb != 1.0:
+        return _joined(ka * kb) * (ra * rb)
+    if a is b:
+        return node("square", (a,))
+    for x, product in ((a, b), (b, a)):
+        unsigned = _less_sign(product, x) if product.signed else None
+        if unsigned is not None:
+            return make("abs", x) * unsigned
+    return node("mul", (a, b))
+
+
+def _scale(factor: float, e: Expr) -> Expr:
+    if factor == 0.0:
+        return const(0.0)
+    if factor == 1.0:
+        return e
+    if factor == -1.0:
+        return -e
+    own, rest = scaled(e)
+    return node("mul", (const(factor), e)) if own == 1.0 else _joined(factor * own) * rest
+
+
+def _less_sign(product: Expr, x: Expr) -> Expr | None:
+    """A product with its factor sign(x y) replaced by sign(y), None where it has none: x sign(x y) = |x| sign(y)."""
+    if product.op == "sign":
+        rest = _less_factor(product.args[0], x)
+        return None if rest is None else make("sign", rest)
+    return _in_one_factor(product, lambda factor: _less_sign(factor, x) if factor.signed else None)
+
+
+def _less_factor(product: Expr, x: Expr) -> Expr | None:
+    """A product without its factor x, None where it has none."""
+    return const(1.0) if product is x else _in_one_factor(product, lambda factor: _less_factor(factor, x))
+
+
+def _in_one_factor(product: Expr, change: Callable[[Expr], Expr | None]) -> Expr | None:
+    """A product with one factor changed, the first that the change gives something for; None if there is none."""
+    for i in (0, 1) if product.op == "mul" else ():
+        changed = change(product.args[i])
+        if changed is not None:
+            return changed * product.args[1 - i]
+    return None
+
+
+def divide(a: Expr, b: Expr) -> Expr:
+    """a / b."""
+    if b.is_constant:
+        return (1.0 / b.value) * a
+    if a.is_constant and a.value != 1.0:
+        return a * (1.0 / b)
+    (ka, ra), (kb, rb) = scaled(a), scaled(b)
+    if ka != 1.0 or kb != 1.0:
+        return (ka / kb) * (ra / rb)
+    return node("div", (a, b))
+
+
+def sign(a: Expr) -> Expr:
+    """sign a."""
+    factor, rest = scaled(a)
+    return math.copysign(1.0, factor) * node("sign", (rest,))
+
+
+def square_root(a: Expr) -> Expr:
+    """The root of a, with the root of its factor in front."""
+    factor, rest = scaled(a)
+    if factor < 0.0:
+        factor, rest = -factor, _opposite(rest)
+    return math.sqrt(factor) * node("sqrt", (rest,))
+
+
+def _opposite(e: Expr) -> Expr:
+    """-e, in one of its factors if it is a product."""
+    changed = _in_one_factor(e, lambda factor: _opposite(factor) if factor.op == "add" else None)
+    return -e if changed is None else changed
+
+
+def at_least(a: Expr, b: Expr) -> Expr:
+    """Whether a >= b, without what can be taken to the side of a constant b."""
+    if b.is_constant:
+        if a.op == "add" and a.args[0].is_constant:
+            return make("at_least", a.args[1], b.value - a.args[0].value)
+        factor, rest = scaled(a)
+        if factor > 0.0 and factor != 1.0:
+            return make("at_least", rest, b.value / factor)
+    return node("at_least", (a, b))
+
+
+def select(condition: Expr, yes: Expr, no: Expr) -> Expr:
+    """Yes or no, where that is known."""
+    if condition.is_constant or yes is no:
+        return yes if yes is no or condition.value else no
+    return node("select", (condition, yes, no))
