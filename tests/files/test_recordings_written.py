@@ -332,3 +332,49 @@ def test_a_live_recording_is_completed_after_an_exception(tmp_path: Path) -> Non
     opened = open_bag(tmp_path / "b")
     assert not opened.truncated
     assert opened.topics["/x"].count == 1
+
+
+def test_a_split_recording_is_one_recording(tmp_path: Path) -> None:
+    """Several files by size and by time: the same messages for us and for another reader, none lost at a seam."""
+    count, words = 3000, np.random.default_rng(5).bytes(3000 * 40)
+    with BagWriter(tmp_path / "b", live=True, split_bytes=20_000, split_s=2.0) as out:
+        out.add_topic("words", "std_msgs/msg/String")
+        out.add_topic("x", "std_msgs/msg/Float64")
+        for k in range(count):
+            text = words[40 * k : 40 * k + 40].hex().encode()
+            raw = b"\x00\x01\x00\x00" + (len(text) + 1).to_bytes(4, "little") + text + b"\x00"
+            out.write("words", EPOCH + k * 2_000_000, raw)
+            if k % 100 == 0:
+                out.flush()
+        assert out.counts == {"/words": count, "/x": 0}
+    files = sorted((tmp_path / "b").glob("*.mcap"))
+    assert len(files) > 5
+    bag = open_bag(tmp_path / "b")
+    times = [time for _, time, _ in bag.raw_messages()]
+    assert times == [EPOCH + k * 2_000_000 for k in range(count)]
+    assert not bag.notices and bag.topics["/x"].count == 0
+    with AnyReader([tmp_path / "b"]) as reader:
+        assert reader.message_count == count
+        assert [time for _, time, _ in reader.messages()] == times
+    for file in files:
+        assert open_bag(file).topics["/words"].msgtype == "std_msgs/msg/String"
+    (tmp_path / "b" / "metadata.yaml").unlink()  # as after a kill, with files enough that names do not sort by number
+    assert [time for _, time, _ in open_bag(tmp_path / "b").raw_messages()] == times
+
+
+def test_a_recording_splits_by_time_and_forgets_its_oldest_file(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "b", live=True, split_s=1.0) as out:
+        out.add_topic("x", "std_msgs/msg/Float64")
+        for k in range(35):
+            out.write("x", EPOCH + k * 100_000_000, b"\x00\x01\x00\x00" + bytes(8))
+        before = out.bytes_kept
+        assert out.drop_oldest_file() and out.drop_oldest_file()
+        assert out.bytes_kept < before and out.counts == {"/x": 15}
+    bag = open_bag(tmp_path / "b")
+    assert (bag.message_count, bag.start_ns) == (15, EPOCH + 2_000_000_000)
+    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == ["b_2.mcap", "b_3.mcap", "metadata.yaml"]
+
+
+def test_a_single_file_cannot_be_split(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "b.mcap") as out, pytest.raises(RecordingError, match="a single file cannot be split"):
+        out.split()

@@ -188,6 +188,11 @@ def _place(layout: Layout, joint: str, field: str) -> int | None:
     return place if place < layout.fields[field][1] else None
 
 
+def _files_by_number(folder: Path) -> list[str]:
+    """Names of the .mcap files of a folder in the order in which they were written: _2 before _10."""
+    return sorted((entry.name for entry in folder.glob("*.mcap")), key=lambda name: (len(name), name))
+
+
 def open_bag(path: str | Path) -> Bag:
     """Open a rosbag2 folder or a single .mcap file, also one cut off by a kill or a power loss.
 
@@ -201,7 +206,7 @@ def open_bag(path: str | Path) -> Bag:
         embedded = file.metadata.get("rosbag2", {}).get("serialized_metadata", "")
         return Bag(path, [file], rosbag2_metadata.custom_data(rosbag2_metadata.read_embedded(embedded, path)))
     info = rosbag2_metadata.read(path)
-    names = info.get("relative_file_paths") or sorted(entry.name for entry in path.glob("*.mcap"))
+    names = info.get("relative_file_paths") or _files_by_number(path)
     if not names:
         raise RecordingError(f"{path}: not a bag, neither metadata.yaml nor an .mcap file is in this folder")
     files = [path / Path(str(name)).name for name in names]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -19,11 +19,20 @@ from textile_twin_core.files.bag import FLOAT64, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.files.cdr_decode import Bytes, MessageBlock, gather
 from textile_twin_core.files.mcap_write import McapFileWriter
 from textile_twin_core.files.recording import Progress, Recording
-from textile_twin_core.files.rosbag2_metadata import OfferedQos, TopicInfo
+from textile_twin_core.files.rosbag2_metadata import FileInfo, OfferedQos, TopicInfo
 from textile_twin_core.files.schemas import MessageSchema, message_schema
 
 _FLUSH_SECONDS = 1.0
 _OF_A_RECORDING = (".yaml", ".mcap", ".db3", ".zstd")
+
+
+@dataclass(frozen=True)
+class _CompleteFile:
+    """A file of the recording that is complete."""
+
+    info: FileInfo
+    counts: dict[str, int]
+    bytes: int
 
 
 class BagWriter:
@@ -36,6 +45,7 @@ class BagWriter:
     exception ends the recording properly.
 
     custom_data: the user's own entries of metadata.yaml. overwrite: replace what is there.
+    split_bytes, split_s: begin a new file of the folder when one has grown to this size or spans this time; 0 never.
     Raises OutputError when the place cannot be written or, without overwrite, is taken.
     """
 
@@ -46,6 +56,8 @@ class BagWriter:
         *,
         live: bool = False,
         overwrite: bool = False,
+        split_bytes: int = 0,
+        split_s: float = 0.0,
     ) -> None:
         self.path = Path(path)
         self._custom_data = {key: str(value) for key, value in (custom_data or {}).items()}
@@ -59,11 +71,23 @@ class BagWriter:
             remove(self._place)
         if not self._single:
             self._place.mkdir(exist_ok=live)
-        self._file_name = self.path.name if self._single else f"{self.path.name}_0.mcap"
-        self._file = McapFileWriter(self._place if self._single else self._place / self._file_name, self.path)
+        self._split_bytes, self._split_ns = split_bytes, round(split_s * 1e9)
+        self._complete: list[_CompleteFile] = []
+        self._started = 0
         self._topics: dict[str, TopicInfo] = {}
         self._channels: dict[str, int] = {}
+        self._begin_file()
         self._flushed = time.monotonic()
+
+    def _begin_file(self) -> None:
+        """Open the next file and declare all topics in it."""
+        self._file_name = self.path.name if self._single else f"{self.path.name}_{self._started}.mcap"
+        self._started += 1
+        self._file = McapFileWriter(self._place if self._single else self._place / self._file_name, self.path)
+        self._first_ns: int | None = None
+        self._channels.clear()
+        for topic in self._topics.values():
+            self._declare(topic)
 
     def add_topic(
         self, topic: str, msgtype: str, qos: OfferedQos | None = None, schema: MessageSchema | None = None
@@ -80,13 +104,16 @@ class BagWriter:
                 raise RecordingError(f"topic {name}: is {self._topics[name].msgtype} already, cannot be {msgtype} too")
             return
         schema = schema or message_schema(msgtype)
-        qos = qos or OfferedQos()
+        self._topics[name] = TopicInfo(name, msgtype, 0, qos or OfferedQos(), schema)
+        self._declare(self._topics[name])
+
+    def _declare(self, topic: TopicInfo) -> None:
+        assert topic.schema is not None
         metadata = {
-            "offered_qos_profiles": rosbag2_metadata.dump(qos.profiles()),
-            "topic_type_hash": schema.type_hash,
+            "offered_qos_profiles": rosbag2_metadata.dump(topic.qos.profiles()),
+            "topic_type_hash": topic.schema.type_hash,
         }
-        self._channels[name] = self._file.add_channel(name, msgtype, schema, metadata)
-        self._topics[name] = TopicInfo(name, msgtype, 0, qos, schema)
+        self._channels[topic.name] = self._file.add_channel(topic.name, topic.msgtype, topic.schema, metadata)
 
     def copy_topic(self, bag: Recording, name: str, progress: Progress | None = None) -> None:
         """Declare a topic as another recording has it and append all its messages."""
@@ -97,6 +124,9 @@ class BagWriter:
 
     def write(self, topic: str, log_time_ns: int, cdr: bytes) -> None:
         """Append one serialised message to a declared topic."""
+        if self._is_full(log_time_ns):
+            self.split()
+            self._first_ns = log_time_ns
         self._file.write(self._channel(topic), log_time_ns, cdr)
         self._flush_when_due()
 
@@ -180,18 +210,65 @@ class BagWriter:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages written so far, by absolute topic name."""
-        return {name: self._file.counts[channel] for name, channel in self._channels.items()}
+        """Messages written so far and kept, by absolute topic name."""
+        counts = {name: self._file.counts[channel] for name, channel in self._channels.items()}
+        for file in self._complete:
+            for name, count in file.counts.items():
+                counts[name] += count
+        return counts
+
+    @property
+    def bytes_kept(self) -> int:
+        """Bytes of the files that are kept, without what waits for the next flush."""
+        return self._file.bytes_written + sum(file.bytes for file in self._complete)
+
+    def _is_full(self, log_time_ns: int) -> bool:
+        if not self._split_bytes and not self._split_ns:
+            return False
+        if self._first_ns is None:
+            self._first_ns = log_time_ns
+        grown = self._split_bytes and self._file.bytes_written >= self._split_bytes
+        return bool(grown or (self._split_ns and log_time_ns - self._first_ns >= self._split_ns))
+
+    def split(self) -> None:
+        """Complete this file and go on in the next one of the folder."""
+        if self._single:
+            raise RecordingError(f"{self.path}: a single file cannot be split; give a folder")
+        self._end_file()
+        self._begin_file()
+
+    def drop_oldest_file(self) -> bool:
+        """Remove the oldest complete file; False when there is none."""
+        if not self._complete:
+            return False
+        (self._place / self._complete.pop(0).info.name).unlink(missing_ok=True)
+        return True
+
+    def _end_file(self) -> None:
+        """Complete the current file, with a copy of its own metadata in it."""
+        self._file.flush()
+        counts = {name: self._file.counts[channel] for name, channel in self._channels.items()}
+        info = FileInfo(self._file_name, self._file.span_ns, sum(counts.values()))
+        topics = [replace(self._topics[name], count=count) for name, count in counts.items()]
+        own = rosbag2_metadata.information([info], topics, self._custom_data)
+        self._file.add_metadata("rosbag2", {"serialized_metadata": rosbag2_metadata.dump(own)})
+        self._file.close()
+        self._complete.append(_CompleteFile(info, counts, self._file.bytes_written))
+
+    def _information(self) -> dict[str, Any]:
+        """The rosbag2 information of all complete files."""
+        totals = dict.fromkeys(self._topics, 0)
+        for file in self._complete:
+            for name, count in file.counts.items():
+                totals[name] += count
+        topics = [replace(self._topics[name], count=count) for name, count in totals.items()]
+        return rosbag2_metadata.information([file.info for file in self._complete], topics, self._custom_data)
 
     def close(self) -> None:
         """Complete the recording and give it its name."""
-        self._file.flush()
-        topics = [replace(self._topics[name], count=count) for name, count in self.counts.items()]
-        info = rosbag2_metadata.information(self._file_name, topics, self._file.span_ns, self._custom_data)
-        self._file.add_metadata("rosbag2", {"serialized_metadata": rosbag2_metadata.dump(info)})
-        self._file.close()
+        self._end_file()
         if not self._single:
-            rosbag2_metadata.write(self._place, info)
+            rosbag2_metadata.write(self._place, self._information())
         if not self._live:
             put_in_place(self._place, self.path)
 

@@ -46,6 +46,7 @@ class McapFileWriter:
 
     def __init__(self, path: Path, named: Path | None = None) -> None:
         self._named = named or path
+        self.bytes_written = 0
         self._file = path.open("xb")
         self._builder = RecordBuilder()
         self._schemas: dict[str, records.Schema] = {}
@@ -74,6 +75,7 @@ class McapFileWriter:
     def _put(self, data: bytes) -> None:
         with self._naming():
             self._file.write(data)
+        self.bytes_written += len(data)
 
     @contextmanager
     def _naming(self) -> Iterator[None]:

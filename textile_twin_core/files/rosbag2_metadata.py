@@ -86,23 +86,35 @@ def dump(value: object) -> str:
     return text
 
 
+@dataclass(frozen=True)
+class FileInfo:
+    """One file of a recording: its name, log times of its first and last messages, and how many there are."""
+
+    name: str
+    span_ns: tuple[int, int] | None
+    message_count: int
+
+    def entries(self) -> dict[str, Any]:
+        """Start, duration and count as rosbag2 writes them."""
+        first, last = self.span_ns or (0, 0)
+        return {
+            "starting_time": {"nanoseconds_since_epoch": int(first)},
+            "duration": {"nanoseconds": int(last - first)},
+            "message_count": self.message_count,
+        }
+
+
 def information(
-    file_name: str,
-    topics: Sequence[TopicInfo],
-    span_ns: tuple[int, int] | None,
-    custom_data: Mapping[str, str],
+    files: Sequence[FileInfo], topics: Sequence[TopicInfo], custom_data: Mapping[str, str]
 ) -> dict[str, Any]:
-    """The rosbag2 information of one file; span_ns: log times of its first and last messages."""
-    first, last = span_ns or (0, 0)
-    start = {"nanoseconds_since_epoch": int(first)}
-    duration = {"nanoseconds": int(last - first)}
-    count = sum(topic.count for topic in topics)
+    """The rosbag2 information of a recording in one or several files."""
+    spans = [file.span_ns for file in files if file.span_ns is not None]
+    span = (min(first for first, _ in spans), max(last for _, last in spans)) if spans else None
+    whole = FileInfo("", span, sum(topic.count for topic in topics)).entries()
     return {
         "version": 9,
         "storage_identifier": "mcap",
-        "duration": dict(duration),
-        "starting_time": dict(start),
-        "message_count": count,
+        **whole,
         "topics_with_message_count": [
             {
                 "topic_metadata": {
@@ -118,8 +130,8 @@ def information(
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file_name],
-        "files": [{"path": file_name, "starting_time": start, "duration": duration, "message_count": count}],
+        "relative_file_paths": [file.name for file in files],
+        "files": [{"path": file.name, **file.entries()} for file in files],
         "custom_data": dict(custom_data) or None,
         "ros_distro": "jazzy",
     }

@@ -38,6 +38,7 @@ _NEVER_SILENT = (_DIAGNOSTICS, "/clock")
 _LOOK_S = 0.1
 _HOUSEKEEPING_S = 0.25
 _AFTERMATH_S = 1.5
+_RETENTION_S = 1.0
 
 
 @dataclass
@@ -58,6 +59,13 @@ class RecordParameters:
         1000.0, "messages a second of the fastest topic: queues hold some seconds", between=(1.0, 1e5)
     )
     queue_s: float = parameter(5.0, "how many seconds of messages the queues hold", between=(0.01, 1e4))
+    split_MB: float = parameter(500.0, "begin a new file of the recording at this size; 0 never", between=(0.0, 1e6))
+    split_minutes: float = parameter(60.0, "begin a new file after so long; 0 never", between=(0.0, 1e5))
+    keep_GB: float = parameter(
+        0.0,
+        "remove the oldest files of the recording, with folder the oldest recordings, beyond this; 0 keeps all",
+        between=(0.0, 1e6),
+    )
     stop_when_idle_s: float = parameter(
         0.0, "end after so long without a message, once there was one; 0 is never", between=(0.0, 1e6)
     )
@@ -88,7 +96,7 @@ class RecordNode(Node):
         self._writer: BagWriter | None = None
         self._open_files = ExitStack()
         self.counts: Counter[str] = Counter()
-        self._last = time.monotonic()
+        self._last = self._retained = time.monotonic()
         self._anything = self._told_silent = False
         for topic in self._wanted & set(self._types):
             self._subscribe(topic, self._types[topic])
@@ -133,7 +141,15 @@ class RecordNode(Node):
         from textile_twin_core.files import BagWriter
 
         path = self._place.next()
-        self._writer = self._open_files.enter_context(BagWriter(path, live=True, overwrite=self.settings.overwrite))
+        settings = self.settings
+        writer = BagWriter(
+            path,
+            live=True,
+            overwrite=settings.overwrite,
+            split_bytes=round(settings.split_MB * 1e6),
+            split_s=settings.split_minutes * 60.0,
+        )
+        self._writer = self._open_files.enter_context(writer)
         self.counts.clear()
         self._anything = False
         self._last = time.monotonic()
@@ -200,6 +216,9 @@ class RecordNode(Node):
             self._give_up(self._writer.path, error)
             return
         now = time.monotonic()
+        if self.settings.keep_GB and now - self._retained > _RETENTION_S:
+            self._retained = now
+            self._place.retain(self._writer, round(self.settings.keep_GB * 1e9))
         idle = self.settings.stop_when_idle_s
         quiet_s = now - self._last
         ended = idle and self._anything and quiet_s > idle

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import re
 import time
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from textile_twin_core.errors import RecordingError
+
+if TYPE_CHECKING:
+    from textile_twin_core.files import BagWriter
+
+_TIME_PATTERN = r"\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d"
 
 
 class RecordingPlace:
@@ -52,6 +59,29 @@ class RecordingPlace:
         except OSError as error:
             raise RecordingError(f"{path}: cannot be made ({error.strerror}); choose another place") from error
         raise AssertionError("there is always a free number")
+
+    def retain(self, writer: BagWriter, most_bytes: int) -> None:
+        """Keep at most so many bytes: the oldest recordings of the folder go first, then this one's oldest files.
+
+        Recordings of other machines in the folder count for themselves; what has no metadata.yaml is being written.
+        """
+        kept = writer.bytes_kept
+        for path in self._earlier(writer.path) if self.by_time else []:
+            size = sum(entry.stat().st_size for entry in path.iterdir())
+            if kept + size > most_bytes:
+                for entry in (*path.glob("*.mcap"), path / "metadata.yaml"):
+                    entry.unlink(missing_ok=True)
+                with suppress(OSError):  # what somebody else has put there stays
+                    path.rmdir()
+            kept += size
+        while writer.bytes_kept > most_bytes and writer.drop_oldest_file():
+            pass
+
+    def _earlier(self, current: Path) -> list[Path]:
+        """Complete recordings of this machine in the folder, the newest first."""
+        own = re.compile(_TIME_PATTERN + (f"_{re.escape(self._machine)}" if self._machine else "") + r"(_\d+)?")
+        found = [path for path in self._folder.iterdir() if own.fullmatch(path.name) and path != current]
+        return sorted((path for path in found if (path / "metadata.yaml").exists()), reverse=True)
 
     def _named_by_time(self) -> Path:
         name = time.strftime("%Y-%m-%d_%H-%M-%S")

@@ -1,0 +1,59 @@
+"""Where recordings go, and which of them are kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files import BagWriter
+from textile_twin_ros.recording_place import RecordingPlace
+
+
+def write(path: Path, count: int = 1000) -> BagWriter:
+    writer = BagWriter(path, live=True, split_bytes=2_000)
+    writer.add_topic("x", "std_msgs/msg/Float64")
+    for k in range(count):
+        writer.write("x", 10**18 + k, b"\x00\x01\x00\x00" + k.to_bytes(8, "little"))
+        if k % 50 == 0:
+            writer.flush()
+    return writer
+
+
+def test_names_by_number_and_by_time(tmp_path: Path) -> None:
+    place = RecordingPlace(str(tmp_path / "run"), "", "/")
+    assert [place.next().name for _ in range(3)] == ["run", "run_2", "run_3"]
+    places = [RecordingPlace("", str(tmp_path / "all"), "/mill/m7") for _ in range(20)]
+    names = [place.next().name for place in places]
+    assert len(set(names)) == 20 and all("_mill_m7" in name for name in names)
+    with pytest.raises(RecordingError, match="'bag' is not set"):
+        RecordingPlace("", "", "/")
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(RecordingError, match="cannot be made"):
+        RecordingPlace("", str(tmp_path / "file"), "/").next()
+
+
+def test_the_oldest_go_first(tmp_path: Path) -> None:
+    """Three of this machine, one of another, one without metadata.yaml, and what is no recording at all."""
+    for name in ("2026-01-01_00-00-00_m3", "2026-01-02_00-00-00_m3", "2026-01-03_00-00-00_m3_2", "2026-01-01_00-00-00"):
+        write(tmp_path / name).close()
+    (tmp_path / "2026-01-01_00-00-01_m3").mkdir()
+    (tmp_path / "2026-01-01_00-00-02_m3 notes").mkdir()
+    place = RecordingPlace("", str(tmp_path), "/m3")
+    current = write(place.next())
+    size = current.bytes_kept
+    place.retain(current, most_bytes=int(2.6 * size))
+    left = {path.name for path in tmp_path.iterdir()} - {current.path.name}
+    assert left == {
+        "2026-01-03_00-00-00_m3_2",
+        "2026-01-01_00-00-00",
+        "2026-01-01_00-00-01_m3",
+        "2026-01-01_00-00-02_m3 notes",
+    }
+    place.retain(current, most_bytes=size // 2)
+    assert "2026-01-03_00-00-00_m3_2" not in {path.name for path in tmp_path.iterdir()}
+    assert 0 < current.bytes_kept <= size // 2
+    current.close()
