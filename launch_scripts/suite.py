@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import difflib
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from textile_twin_ros.machine import load_machine  # noqa: E402
 
 NODES = ("twin_node", "record_node", "view_node", "shaft_node")
 PROGRAM = "suite.sh"
+_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 DESCRIPTION = """\
 Starts twin_node, record_node and view_node for MACHINE (a name or the path of a machine file; tufting when not
 given), until Ctrl-C. They listen on main_shaft/angle and balancing_torque/measured; recordings go to out/recordings.
@@ -99,18 +101,18 @@ def commands(arguments: Sequence[str]) -> list[list[str]]:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
+    parser.add_argument("--check", action="store_true", help="only look for mistakes in what is asked for")
     parser.add_argument(
         "--shaft", choices=("machine", "simulated"), default="machine", help="simulated: a dry run without a machine"
     )
-    first = arguments[:1] if arguments and not arguments[0].startswith("-") else []
-    options, words = parser.parse_known_args(arguments[len(first) :])
-    machine = first[0] if first else "tufting"
+    options, words = parser.parse_known_args(arguments)
+    machine = words.pop(0) if words and not words[0].startswith("-") else "tufting"
     load_machine(machine)  # a mistake ends it here, before anything runs or is recorded
     nodes = NODES if options.shaft == "simulated" else NODES[:3]
     told = Arguments(nodes, words)
     defaults = {node: {"machine": machine} for node in nodes} | {"record_node": {"folder": "out/recordings"}}
     folder = Path(sys.executable).parent
-    return [[str(folder / node), *told.of(node, **defaults[node])] for node in nodes]
+    return [] if options.check else [[str(folder / node), *told.of(node, **defaults[node])] for node in nodes]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -120,6 +122,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except TwinError as error:
         print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
+    if not programs:
+        return 0
+    if os.environ.setdefault(_RANGE, "LOCALHOST") == "LOCALHOST":
+        print(f"{PROGRAM}: nodes on this computer hear each other; {_RANGE}=SUBNET lets other computers in")
     return bring_up(programs, essential="twin_node")
 
 

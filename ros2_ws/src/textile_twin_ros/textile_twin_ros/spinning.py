@@ -87,9 +87,13 @@ def run(command: str, create: Callable[[], SuiteNode], declaration: type, argume
         summary = " ".join((sys.modules[create.__module__].__doc__ or "").split())
         text = read_words(command, summary, declaration, arguments)
         if text is not None:
-            print(text)
+            sys.stdout.write(f"{text}\n")
+            sys.stdout.flush()
             return 0
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except BrokenPipeError:  # who reads the help has enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except Exception as error:  # rclpy's argument errors have no common base
         return _tell(command, error)
     nodes: list[SuiteNode] = []
