@@ -24,6 +24,8 @@ scratch="$(mktemp -d)"
 trap 'rm -rf "$scratch"' EXIT
 export HOME="$scratch" ROS_LOG_DIR="$scratch/ros_log" ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1
 export PATH="$venv/bin:$PATH" MPLBACKEND=agg
+# Loops that one test has compiled are ready for the next, and for the next run.
+export TEXTILE_TWIN_CACHE_DIR="${TEXTILE_TWIN_CACHE_DIR:-$root/out/compiled}"
 
 check() {
     local output

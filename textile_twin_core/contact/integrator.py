@@ -15,7 +15,7 @@ from textile_twin_core.contact.log import Log
 from textile_twin_core.contact.model import ContactError, ContactModel
 from textile_twin_core.contact.plant import plant_of
 from textile_twin_core.contact.result import ContactEvent, Segment, events_of, segments_of
-from textile_twin_core.contact.state import LENGTH_NOISE, ContactState, PadState, gap, pad_compression, pad_force
+from textile_twin_core.contact.state import LENGTH_NOISE, ContactState, PadState
 
 _BEYOND = 1e3
 _SLOW = 1e-6
@@ -54,6 +54,10 @@ class ContactIntegrator:
         self.tolerance = float(tolerance)
         self.events_largest = events_largest
 
+    def check(self, positions_m: Sequence[float]) -> None:
+        """Raise ContactError when bodies cannot start at these positions (bodies,), the driven element at 0."""
+        self._check_stops(np.append(positions_m, 0.0))
+
     def start(
         self,
         positions_m: Sequence[float] | FloatArray,
@@ -76,30 +80,38 @@ class ContactIntegrator:
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all() and np.isfinite(drive_m).all()):
             raise ContactError("the start has a value that is not finite")
         plant = self.plant
-        speeds = np.append(velocities, drive_m[1])
+        places, speeds = np.append(positions, drive_m[0]), np.append(velocities, drive_m[1])
+        self._check_stops(places)
         state = ContactState(
             clock=np.array([time_s, max(float(np.abs(speeds).max()), _SLOW * plant.length_m * plant.rate_s)]),
-            positions=np.append(positions, drive_m[0]),
+            positions=places,
             velocities=speeds,
             closed=np.zeros(len(self.model.stops), dtype=bool),
-            pads=np.zeros(len(self.model.pads), dtype=np.int64),
+            pads=np.array(self._pad_states(places, speeds), dtype=np.int64),
         )
-        for number, stop in enumerate(self.model.stops):
-            beyond = -gap(plant, state, number)
-            if beyond > _BEYOND * LENGTH_NOISE * plant.length_m:
-                raise ContactError(
-                    f"the start lies {beyond:.3e} m beyond stop {stop.name} between {stop.lower} and {stop.upper}; "
-                    "move the bodies or the stop"
-                )
-        for number, pad in enumerate(self.model.pads):
-            depth, _ = pad_compression(plant, state, number)
-            if depth > 0.0:
-                state.pads[number] = PadState.PUSHING
-                if pad_force(plant, state, number) < 0.0 and not pad.pulls:
-                    state.pads[number] = PadState.SLACK
         here = DrivePiece(time_s, time_s, IDENTITY, (drive_m[0], drive_m[1], 0.5 * drive_m[2]))
         self._advance(state, here, begins=True)
         return state
+
+    def _check_stops(self, positions: FloatArray) -> None:
+        """Raise ContactError when positions (movers,) lie beyond a stop."""
+        gaps = self.plant.stops @ positions + self.plant.limits
+        for stop, gap in zip(self.model.stops, gaps.tolist(), strict=True):
+            if gap < -_BEYOND * LENGTH_NOISE * self.plant.length_m:
+                raise ContactError(
+                    f"the start lies {-gap:.3e} m beyond stop {stop.name} between {stop.lower} and {stop.upper}; "
+                    "move the bodies or the stop"
+                )
+
+    def _pad_states(self, positions: FloatArray, velocities: FloatArray) -> list[PadState]:
+        """What the pads do where everything begins."""
+        depths = (self.plant.pads @ positions - self.plant.pad_places).tolist()
+        rates = (self.plant.pads @ velocities).tolist()
+        states = []
+        for pad, depth, rate in zip(self.model.pads, depths, rates, strict=True):
+            pushes = pad.pulls or pad.force(depth) + pad.damping_Ns_m * rate >= 0.0
+            states.append(PadState.OFF if depth <= 0.0 else PadState.PUSHING if pushes else PadState.SLACK)
+        return states
 
     def advance(self, state: ContactState, piece: DrivePiece) -> Progress:
         """Carry the state, which it changes, to the end of one piece of the drive; pieces follow without a gap."""

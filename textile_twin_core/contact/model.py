@@ -116,13 +116,6 @@ class Pad:
             total = (total + coefficient) * compression
         return total
 
-    def tangent(self, compression: float) -> float:
-        """Derivative of the elastic force [N/m] at a compression [m]."""
-        total = 0.0
-        for power, coefficient in reversed(list(enumerate(self.stiffness, start=1))):
-            total = total * compression + power * coefficient
-        return total
-
     def energy(self, compression: FloatArray) -> FloatArray:
         """Elastic energy [J] at compressions [m] that are not negative."""
         total = np.zeros_like(compression)

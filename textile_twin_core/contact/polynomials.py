@@ -105,6 +105,11 @@ def first_crossing(coefficients: FloatArray, noise: float) -> float:
         return math.inf
     if coefficients[order] < 0.0:
         return 0.0
+    swing = 0.0
+    for k in range(order + 1, coefficients.size):
+        swing += abs(coefficients[k])
+    if swing < coefficients[order]:
+        return math.inf
     rest = coefficients[order:].copy()
     local = bernstein(rest)
     if _smallest(local) > 0.0:

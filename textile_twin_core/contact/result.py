@@ -78,7 +78,9 @@ class Segment:
 
 def events_of(model: ContactModel, log: Log, origin_s: float = 0.0) -> list[ContactEvent]:
     """The events written down in a log whose time counts from an origin."""
-    events = []
+    events: list[ContactEvent] = []
+    if not log.counts[0]:
+        return events
     for time_s, kind, number, booked_s, *amounts in log.events[: log.counts[0]].tolist():
         part = (model.stops if kind <= RELEASE else model.pads)[int(number)]
         ends = (part.lower, part.upper)

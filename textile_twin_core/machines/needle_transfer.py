@@ -221,7 +221,7 @@ def needle_transfer(
         speed_rad_s=speed,
         parameters={name: float(value) for name, value in given.items()},
     )
-    machine.integrator().start(machine.start_m)
+    machine.integrator().check(machine.start_m)
     return machine
 
 

@@ -49,7 +49,7 @@ class NeedleTransferMotion:
         self._integrator = machine.integrator(tolerance)
         self._wants_drive = any(name in DRIVE for name in self.outputs)
         self._state: ContactState | None = None
-        self._last: FloatArray | None = None
+        self._last: list[float] | None = None
         self._origin_s = 0.0
         self._count = 0
 
@@ -72,8 +72,8 @@ class NeedleTransferMotion:
             raise MotionError(
                 f"time, theta, omega and alpha have shapes {', '.join(str(c.shape) for c in columns)}; give one length"
             )
-        self._check(columns)
         times, angles, omega, alpha = columns
+        self._check(np.array(columns))
         samples = np.array([times, phase(angles), omega, alpha, angles])
         with reckonable(f"machine '{self.machine.name}', or its motion"):
             found, drive = self._along(samples)
@@ -87,35 +87,38 @@ class NeedleTransferMotion:
         first = 0
         while first < samples.shape[1]:
             last = self._last
-            way = 0.0 if last is None else _way(last, samples[:, first])
+            sample = samples[:, first].tolist()
+            way = 0.0 if last is None else _way(last, sample)
             if last is None or abs(way) > math.pi:
                 self.restarts += last is not None
-                logs = [self._begin(*samples[:4, first].tolist())]
+                logs = [self._begin(*sample[:4])]
                 end = first + 1
             else:
                 end = first + _straight(last, samples[:, first:])
-                logs = self._advance(last, samples[:, end - 1])
-            self._last = samples[:, end - 1].copy()
+                sample = samples[:, end - 1].tolist()
+                logs = self._advance(last, sample)
+            self._last = sample
             at = samples[0, first:end] - self._origin_s
             found[:, :, first:end], drive[first:end] = self._read(logs, at)
             first = end
         return found, drive
 
-    def _check(self, columns: list[FloatArray]) -> None:
-        bad = np.flatnonzero(~np.isfinite(np.array(columns)).all(axis=0))
-        if bad.size:
+    def _check(self, columns: FloatArray) -> None:
+        finite = np.isfinite(columns)
+        if not finite.all():
+            bad = int(np.argmin(finite.all(axis=0)))
             raise MotionError(
-                f"sample {self._count + int(bad[0])}: time, angle, speed or acceleration is not finite; leave it out"
+                f"sample {self._count + bad}: time, angle, speed or acceleration is not finite; leave it out"
             )
-        before = columns[0][:1] - 1.0 if self._last is None else self._last[:1]
-        late = np.flatnonzero(np.diff(columns[0], prepend=before) <= 0.0)
-        if late.size:
-            raise MotionError(
-                f"sample {self._count + int(late[0])}: its time {columns[0][late[0]]:.9g} s does not follow the one "
-                "before; sort the samples"
-            )
+        before = -math.inf if self._last is None else self._last[0]
+        for number, time_s in enumerate(columns[0].tolist(), start=self._count):
+            if time_s <= before:
+                raise MotionError(
+                    f"sample {number}: its time {time_s:.9g} s does not follow the one before; sort the samples"
+                )
+            before = time_s
 
-    def _advance(self, last: FloatArray, sample: FloatArray) -> list[Log]:
+    def _advance(self, last: list[float], sample: list[float]) -> list[Log]:
         """Carry the machine on to a sample: at constant speed where that leads there, else along a quintic.
 
         Time counts from the last sample, and the angle ends at the phase from which the next advance begins: neither
@@ -123,13 +126,13 @@ class NeedleTransferMotion:
         """
         assert self._state is not None
         self._state.clock[0] = 0.0
-        self._origin_s = float(last[0])
-        span, way = float(sample[0] - last[0]), _way(last, sample)
-        start, omega = float(last[1]), float(last[2])
+        self._origin_s = last[0]
+        span, way = sample[0] - last[0], _way(last, sample)
+        start, omega = last[1], last[2]
         if last[3] == sample[3] == 0.0 and omega == sample[2] and abs(way - omega * span) <= _SAME_ANGLE:
             return self._follow((start, omega), 0.0, span)
-        end = (start + way, *sample[2:4].tolist())
-        return self._follow(quintic(span, (start, *last[2:4].tolist()), end), 0.0, span)
+        end = (start + way, sample[2], sample[3])
+        return self._follow(quintic(span, (start, omega, last[3]), end), 0.0, span)
 
     def _follow(self, theta_series: tuple[float, ...], start_s: float, end_s: float) -> list[Log]:
         """Advance over one polynomial of the shaft angle; events go to the list, on the samples' clock."""
@@ -199,14 +202,14 @@ def phase(angle: FloatArray) -> FloatArray:
     return np.asarray(rest - turns * _TURN_TAIL)
 
 
-def _way(last: FloatArray, sample: FloatArray) -> float:
+def _way(last: list[float], sample: list[float]) -> float:
     """Angle that the shaft made between two samples, from phase to phase, of the turns that their speeds say."""
     expected = 0.5 * (last[2] + sample[2]) * (sample[0] - last[0])
     way = sample[1] - last[1]
-    return float(way + TURN * round((expected - way) / TURN))
+    return way + TURN * round((expected - way) / TURN)
 
 
-def _straight(last: FloatArray, samples: FloatArray) -> int:
+def _straight(last: list[float], samples: FloatArray) -> int:
     """How many of the samples (at least 1, at most a turn of them) continue the last one at one constant speed."""
     if last[3] != 0.0 or samples[3, 0] != 0.0 or samples[2, 0] != last[2]:
         return 1
