@@ -35,9 +35,9 @@ def check(loop: Loop, x: np.ndarray, y: np.ndarray, cores: int = 1) -> None:
 
 def test_long_blocks_are_compiled_and_short_ones_never_wait_for_it() -> None:
     made = Loop([sin(X) * Y, X, Y], ["x", "y"])
-    x, y = np.linspace(0.0, 9.0, 4000), np.ones(4000)
+    x, y = np.linspace(0.0, 9.0, 1000), np.ones(1000)
     for _ in range(100):
-        made([x, y], [np.empty(4000) for _ in range(3)])
+        made([x, y], [np.empty(1000) for _ in range(3)])
     assert not made.is_compiled
     assert made.single() is None
     made([np.zeros(70_000), np.ones(70_000)], [np.empty(70_000) for _ in range(3)])

@@ -10,6 +10,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 
 ORDERS = 24
 SPEED_BINS = 8
+_CHUNK = 65_536
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +43,23 @@ def by_order(theta_rad: FloatArray, residual_Nm: FloatArray) -> OrderSpectrum:
     """
     most = min(ORDERS, max(0, (theta_rad.size - 1) // 4))
     orders = np.arange(most + 1)
-    angle = np.outer(theta_rad, orders)
-    columns = np.concatenate([np.cos(angle), np.sin(angle[:, 1:])], axis=1)
-    normal = columns.T @ columns
-    found = np.linalg.lstsq(normal, columns.T @ residual_Nm, rcond=1e-9)[0]
+    # sums of exp(i k theta), alone and with the residual, give the normal equations of any number of samples
+    alone, weighted = np.zeros(2 * most + 1, dtype=complex), np.zeros(most + 1, dtype=complex)
+    for start in range(0, theta_rad.size, _CHUNK):
+        turned = np.exp(1j * theta_rad[start : start + _CHUNK])
+        power, residual = np.ones_like(turned), residual_Nm[start : start + _CHUNK]
+        for k in range(2 * most + 1):
+            alone[k] += power.sum()
+            if k <= most:
+                weighted[k] += power @ residual
+            power *= turned
+    plus, minus = orders[:, None] + orders, orders[:, None] - orders
+    even = alone[np.abs(minus)].real, alone[plus].real
+    odd = np.sign(minus) * alone[np.abs(minus)].imag, alone[plus].imag
+    cosines, sines, mixed = (even[0] + even[1]) / 2, (even[0] - even[1]) / 2, (odd[1] - odd[0]) / 2
+    normal = np.block([[cosines, mixed[:, 1:]], [mixed[:, 1:].T, sines[1:, 1:]]])
+    sides = np.concatenate([weighted.real, weighted.imag[1:]])
+    found = np.linalg.lstsq(normal, sides, rcond=1e-9)[0]
     cosine, sine = found[: most + 1], np.concatenate([[0.0], found[most + 1 :]])
     return OrderSpectrum(orders, np.hypot(cosine, sine), np.arctan2(sine, cosine))
 

@@ -17,7 +17,7 @@ from textile_twin_core.expression.interpret import interpret
 from textile_twin_core.expression.source import statements
 from textile_twin_core.expression.traversal import topological_order
 
-_LONG: Final = 4096
+_LONG: Final = 1024
 """Samples of a block that counts; a live machine's blocks are shorter, so that none of them waits for a compiler."""
 _WORTH: Final = 65_536
 """Samples in long blocks from which on compiling pays, since what was compiled is kept for other processes too."""
