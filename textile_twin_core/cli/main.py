@@ -19,6 +19,7 @@ COMMANDS = {
     "compare": "measured against predicted torque: table, report, recording, plot",
     "calibrate": "encoder and torque sensor settled from a recording, as a machine file",
     "identify": "forces, friction, event angles and inertia from a recording, with intervals",
+    "drive": "the motion of a machine under a drive torque: run-up, coast-down, speed ripple",
     "import": "a recording from any logger's table: CSV, Parquet, MATLAB",
     "recover": "a complete recording from one that a kill or a power loss cut off",
     "status": "a running suite in the terminal: rates, estimator, residual, alarms",

@@ -1,0 +1,46 @@
+"""textile-twin drive: motion under a torque, by number and by table, and back through simulate."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from textile_twin_core.cli.main import main
+from textile_twin_core.files import read_motion_table
+from textile_twin_core.files.log_read import read_log
+
+
+def test_the_torque_that_drove_it_comes_back_from_simulate(tmp_path: Path) -> None:
+    motion, torque = tmp_path / "motion.csv", tmp_path / "torque.csv"
+    arguments = ["tufting", "--set", "backing_force_N=0", "--torque", "2.5", "--time", "1.5", "--rpm", "100"]
+    assert main(["drive", *arguments, "--out", str(motion)]) == 0
+    table = read_motion_table(motion)
+    assert table.omega_rad_s[0] == pytest.approx(100.0 * math.pi / 30.0)
+    assert main(["simulate", *arguments[:3], "--input", str(motion), "--out", str(torque)]) == 0
+    np.testing.assert_allclose(read_log(torque)["balancing_torque_Nm"], 2.5, atol=1e-6)
+
+
+@pytest.mark.parametrize("over", ["time_s", "theta_rad"])
+def test_a_torque_from_a_table(over: str, tmp_path: Path) -> None:
+    place = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+    rows = "\n".join(f"{x:.9g},{3.0 + math.sin(x):.9g}" for x in place)
+    (tmp_path / "torque.csv").write_text(f"{over},torque_Nm\n{rows}\n")
+    out = tmp_path / "motion.parquet"
+    arguments = ["drive", "handloom_beatup", "--torque", str(tmp_path / "torque.csv"), "--time", "0.5"]
+    assert main([*arguments, "--out", str(out)]) == 0
+    columns = read_log(out)
+    given = np.interp(columns["time_s"], place, 3.0 + np.sin(place)) if over == "time_s" else None
+    expected = 3.0 + np.sin(columns["theta_rad"]) if given is None else given
+    np.testing.assert_allclose(columns["drive_torque_Nm"], expected, atol=2e-3)
+
+
+def test_mistakes_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "odd.csv").write_text("a,b\n1,2\n3,4\n")
+    out = str(tmp_path / "motion.csv")
+    for torque, says in ((str(tmp_path / "odd.csv"), "time_s"), ("nan", "finite"), ("none.csv", "no such file")):
+        assert main(["drive", "tufting", "--torque", torque, "--time", "1", "--out", out]) == 2
+        error = capsys.readouterr().err
+        assert says in error and error.count("\n") == 1

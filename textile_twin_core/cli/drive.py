@@ -1,0 +1,102 @@
+"""textile-twin drive: the motion of a machine under a drive torque: run-up, coast-down, speed ripple."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, count, load_linkage, number, positive
+
+if TYPE_CHECKING:
+    from textile_twin_core.dynamics.drive_torque import DriveTorque
+
+_SUFFIXES = (".csv", ".parquet")
+_OVER_TIME, _OVER_ANGLE = ("time_s", "torque_Nm"), ("theta_rad", "torque_Nm")
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser(
+        "drive",
+        "Torque in, motion out: how a machine runs up, coasts down or ripples under a drive torque, a number or a\n"
+        "table over time (time_s, torque_Nm) or over the shaft angle (theta_rad, torque_Nm, one turn). The table that\n"
+        "comes out is one that simulate takes.",
+        "textile-twin drive tufting --torque 0 --rpm 160 --time 5 --out coast_down.csv",
+    )
+    add_machine(parser, option=False)
+    parser.add_argument(
+        "--torque", required=True, metavar="FILE|NUMBER", help="N m, or a .csv or .parquet table (see above)"
+    )
+    parser.add_argument("--time", type=positive, required=True, metavar="T", help="seconds to follow")
+    parser.add_argument("--rpm", type=number, default=0.0, metavar="R", help="speed at the start (default %(default)s)")
+    parser.add_argument("--start", type=number, default=0.0, metavar="DEG", help="angle at the start (default 0)")
+    parser.add_argument("--samples", type=count, default=1001, metavar="N", help="rows, evenly in time (default 1001)")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help=".csv or .parquet; is replaced when it is there"
+    )
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Integrate, write the motion, tell what happened on the way."""
+    if arguments.out.suffix not in _SUFFIXES:
+        raise UsageError(f"--out {arguments.out}: must end in {' or '.join(_SUFFIXES)}")
+    if arguments.samples < 2:
+        raise UsageError("--samples: a motion has two or more")
+    machine = load_linkage(arguments.machine, arguments.set)
+
+    import numpy as np
+
+    from textile_twin_core.files import check_folder, write_table
+    from textile_twin_core.machines.drive import drive
+
+    check_folder(arguments.out)
+    times = np.linspace(0.0, arguments.time, arguments.samples)
+    omega = arguments.rpm * 2.0 * math.pi / 60.0
+    found = drive(machine, _torque(arguments.torque), math.radians(arguments.start), omega, times)
+    columns = {
+        "theta_rad": found.theta_rad,
+        "omega_rad_s": found.omega_rad_s,
+        "alpha_rad_s2": found.alpha_rad_s2,
+        "time_s": found.time_s,
+        "drive_torque_Nm": found.drive_torque_Nm,
+        "kinetic_energy_J": found.kinetic_energy_J,
+        "potential_energy_J": found.potential_energy_J,
+        "drive_work_J": found.drive_work_J,
+    }
+    write_table(arguments.out, columns)
+    rpm = found.omega_rad_s * 30.0 / math.pi
+    turns = (found.theta_rad[-1] - found.theta_rad[0]) / (2.0 * math.pi)
+    print(f"{arguments.out}: {len(times)} rows, {turns:.1f} turns, {rpm[0]:.4g} -> {rpm[-1]:.4g} rpm")
+    last = rpm[found.theta_rad >= found.theta_rad[-1] - 2.0 * math.pi]
+    if abs(turns) > 1.0 and last.mean() != 0.0:
+        print(f"last turn: {last.min():.5g} .. {last.max():.5g} rpm, ripple {np.ptp(last) / abs(last.mean()):.2%}")
+    for event in found.events:
+        if event.kind != "leaps":
+            print(f"{event.time_s:10.4f} s  the shaft {event.kind} at {math.degrees(event.theta_rad):.2f} deg")
+
+
+def _torque(text: str) -> DriveTorque | float:
+    """A number, or a table over time or angle."""
+    try:
+        value = float(text)
+    except ValueError:
+        return _table(Path(text))
+    if not math.isfinite(value):
+        raise UsageError(f"--torque {text}: must be a finite number, or a table")
+    return value
+
+
+def _table(path: Path) -> DriveTorque:
+    from textile_twin_core.dynamics.drive_torque import TorqueOverAngle, TorqueOverTime
+    from textile_twin_core.files.log_read import read_log
+
+    columns = read_log(path)
+    for names, kind in ((_OVER_TIME, TorqueOverTime), (_OVER_ANGLE, TorqueOverAngle)):
+        if all(name in columns for name in names):
+            first, torque = (tuple(columns[name].tolist()) for name in names)
+            return kind(first, torque)
+    there = ", ".join(columns)
+    raise UsageError(f"{path}: needs the columns time_s and torque_Nm, or theta_rad and torque_Nm; there are: {there}")
