@@ -73,9 +73,7 @@ def add_machine(parser: argparse.ArgumentParser, option: bool, required: bool = 
 def add_recording(parser: argparse.ArgumentParser, shaft: str | None = None, also: str = "") -> None:
     """BAG, its topics, and with a default for `shaft` how the shaft's motion is estimated."""
     parser.add_argument("bag", metavar="BAG", type=Path, help=f"a rosbag2 folder or an .mcap file{also}")
-    parser.add_argument("--angle-topic", default="main_shaft/angle", help="default %(default)s")
-    parser.add_argument("--torque-topic", default="balancing_torque/measured", help="default %(default)s")
-    parser.add_argument("--joint", default="main_shaft", help="joint of a JointState topic (default %(default)s)")
+    add_recording_topics(parser)
     if shaft is not None:
         parser.add_argument(
             "--shaft",
@@ -85,6 +83,13 @@ def add_recording(parser: argparse.ArgumentParser, shaft: str | None = None, als
             " recording); default %(default)s",
         )
         parser.add_argument("--shaft-lag", type=positive, metavar="S", help="lag of --shaft lag in seconds")
+
+
+def add_recording_topics(parser: argparse.ArgumentParser) -> None:
+    """Topics of a recording, and what to do with bad samples."""
+    parser.add_argument("--angle-topic", default="main_shaft/angle", help="default %(default)s")
+    parser.add_argument("--torque-topic", default="balancing_torque/measured", help="default %(default)s")
+    parser.add_argument("--joint", default="main_shaft", help="joint of a JointState topic (default %(default)s)")
     parser.add_argument(
         "--skip-bad-samples", action="store_true", help="leave out angles that are NaN or infinite instead of stopping"
     )

@@ -59,10 +59,10 @@ class TorqueTerms:
         friction = self.viscous_Nms * omega + self.coulomb_Nm * direction
         return Terms(out["torque_inertial_Nm"] + out["torque_gravity_Nm"], out["torque_load_Nm"], friction, direction)
 
-    def near_jump(self, theta: FloatArray, omega: FloatArray, guard_s: float) -> BoolArray:
-        """Where a jump of the load is nearer than `guard_s` at the present speed."""
+    def near_jump(self, theta: FloatArray, omega: FloatArray, guard_s: float, guard_rad: float = 0.0) -> BoolArray:
+        """Where a jump of the load is nearer than `guard_s` at the present speed, or nearer than `guard_rad`."""
         near = np.zeros(theta.size, dtype=np.bool_)
         for angle in self._jumps:
             apart = np.abs(np.remainder(theta - angle + np.pi, TURN) - np.pi)
-            near |= apart <= np.abs(omega) * guard_s
+            near |= apart <= np.maximum(np.abs(omega) * guard_s, guard_rad)
         return near

@@ -1,0 +1,50 @@
+"""textile-twin monitor: a folder of recordings, in processes, with trends and alarms written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from pyarrow import parquet
+
+from tests.generators.faults import faulty
+from textile_twin_core.cli.main import main
+from textile_twin_core.files import BagWriter
+
+
+def write(path: Path, kind: str, size: float, seed: int) -> None:
+    made = faulty(kind, size, seed, duration_s=26.0, onset_s=18.0, rate=200.0).recording
+    with BagWriter(path) as out:
+        out.write_joint_states("main_shaft/angle", made.angle_stamps_ns, ["main_shaft"], made.angle)
+        out.write_wrenches("balancing_torque/measured", made.torque_stamps_ns, made.torque)
+
+
+def test_a_folder_is_watched_alike_by_one_process_and_by_two(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    write(folder / "b_healthy", "", 0.0, 991)
+    write(folder / "a_friction.mcap", "friction", 1.2, 992)
+    tables, told = [], []
+    for workers in ("1", "2"):
+        table, alarms = tmp_path / f"{workers}.parquet", tmp_path / f"{workers}.json"
+        options = ["--machine", "tufting", "--learn", "40", "--workers", workers]
+        code = main(["monitor", str(folder), *options, "--parquet", str(table), "--json", str(alarms)])
+        assert code == 3
+        tables.append(parquet.read_table(table))
+        told.append(json.loads(alarms.read_text()))
+    assert tables[0].equals(tables[1]) and told[0] == told[1]
+    assert [len(each["alarms"]) for each in told[0]] == [1, 0]
+    assert told[0][0]["alarms"][0]["kind"] == "constant_torque"
+    assert {"bag", "turn", "stamp_ns", "rms_Nm", "load_force_size"} <= set(tables[0].column_names)
+    assert "friction changed" in capsys.readouterr().out
+
+
+def test_what_cannot_be_watched_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "notes.txt").write_text("no recording")
+    assert main(["monitor", str(tmp_path), "--machine", "tufting"]) == 2
+    assert "no recording in this folder" in capsys.readouterr().err
+    assert main(["monitor", str(tmp_path / "none"), "--machine", "tufting"]) == 2
+    assert "no such file" in capsys.readouterr().err

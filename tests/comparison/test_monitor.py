@@ -1,0 +1,55 @@
+"""Faults that set in while the machine runs: found, named by their evidence, and nothing said of a healthy machine."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tests.generators.faults import EXPECTED, SIZES, faulty
+from tests.generators.told_machine import told_machine
+from textile_twin_core.comparison.fault_watch import WatchSettings
+from textile_twin_core.comparison.monitor import Monitor, Trend, monitor_recording
+from textile_twin_core.comparison.readings import Readings
+
+_SETTINGS = WatchSettings(learn_turns=60)
+
+
+def watched(kind: str, size: float, seed: int) -> tuple[Trend, int]:
+    made = faulty(kind, size, seed, duration_s=38.0, onset_s=28.0, rate=250.0)
+    r = made.recording
+    readings = Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, r.torque)
+    onset = int(r.torque_stamps_ns[0] + made.onset_s * 1e9)
+    return monitor_recording(readings, told_machine(made.case), _SETTINGS), onset
+
+
+@pytest.mark.parametrize("kind", SIZES)
+def test_a_fault_is_found_and_named(kind: str) -> None:
+    trend, onset = watched(kind, SIZES[kind][-1], 981)
+    assert [alarm.kind for alarm in trend.alarms] == [EXPECTED[kind]]
+    turn_ns = 2.0 * np.pi / 16.755 * 1e9
+    assert 0.0 <= (trend.alarms[0].stamp_ns - onset) / turn_ns < 20.0
+
+
+def test_nothing_is_said_of_a_healthy_machine() -> None:
+    trend, _ = watched("", 0.0, 982)
+    assert trend.alarms == ()
+    assert len(trend.columns["turn"]) > 95
+
+
+def test_live_in_small_blocks_finds_the_same_fault() -> None:
+    made = faulty("needle_force", 0.2, 983, duration_s=38.0, onset_s=28.0, rate=250.0)
+    r = made.recording
+    monitor = Monitor(told_machine(made.case), _SETTINGS)
+    alarms = []
+    edges = np.arange(r.angle_stamps_ns[0], r.angle_stamps_ns[-1], 500_000_000)
+    for begin, end in pairwise(edges.tolist()):
+        angle = (r.angle_stamps_ns >= begin) & (r.angle_stamps_ns < end)
+        torque = (r.torque_stamps_ns >= begin) & (r.torque_stamps_ns < end)
+        monitor.add_angles(r.angle_stamps_ns[angle], r.angle[angle])
+        monitor.add_torques(r.torque_stamps_ns[torque], r.torque[torque])
+        alarms += monitor.advance().alarms
+    assert [alarm.kind for alarm in alarms] == ["load_force"]
+    assert monitor.turns > 90
+    assert monitor.watch.active == ("load_force",)

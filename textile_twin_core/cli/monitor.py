@@ -1,0 +1,121 @@
+"""textile-twin monitor: recordings watched for faults, turn by turn."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording_topics, count, load_linkage
+from textile_twin_core.cli.progress import progress
+
+if TYPE_CHECKING:
+    from textile_twin_core.files.monitored import Watched
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    parser = Parser(
+        "monitor",
+        "Learns the torque of a machine over its first turns, and watches the rest: needle side, drive side and\n"
+        "sensor faults, told apart by what they do to the torque. A folder stands for all recordings in it. Exit code\n"
+        "3 when there was an alarm.",
+        "textile-twin monitor bags/* --machine my_machine.yaml --parquet trends.parquet",
+    )
+    parser.add_argument(
+        "bags", metavar="BAG", type=Path, nargs="+", help="rosbag2 folders, .mcap files, or folders of them"
+    )
+    add_recording_topics(parser)
+    add_machine(parser, option=True)
+    parser.add_argument("--learn", type=count, default=100, metavar="TURNS", help="turns to learn from (default 100)")
+    parser.add_argument("--parquet", type=Path, metavar="FILE", help="write the trend of every turn")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the alarms")
+    parser.add_argument(
+        "--workers", type=count, default=os.cpu_count() or 1, metavar="N", help="processes (default: one per core)"
+    )
+    parser.add_argument(
+        "--dask", metavar="ADDRESS", help="scheduler of a Dask cluster that does it, such as tcp://host:8786"
+    )
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Watch, tell, write."""
+    machine = load_linkage(arguments.machine, arguments.set)
+
+    from textile_twin_core.cli.arguments import BeyondLimitError
+    from textile_twin_core.comparison.fault_watch import WatchSettings
+    from textile_twin_core.files.monitored import Job, watch_bags
+
+    bags = _recordings(arguments.bags)
+    settings = WatchSettings(learn_turns=arguments.learn)
+    topics = (arguments.angle_topic, arguments.torque_topic, arguments.joint, arguments.skip_bad_samples)
+    jobs = [Job(bag.resolve(), machine, settings, *topics) for bag in bags]
+    watched = []
+    with progress(len(jobs), "watching", " recordings", long=2) as done:
+        for each in watch_bags(jobs, arguments.workers, arguments.dask):
+            watched.append(each)
+            if done is not None:
+                done(1)
+    watched.sort(key=lambda each: str(each.bag))
+    for each in watched:
+        _tell(each)
+    _write(arguments, watched)
+    unread = sum(bool(each.error) for each in watched)
+    if unread == len(watched):
+        raise UsageError(f"none of {len(watched)} recordings could be watched" if unread > 1 else watched[0].error)
+    alarms = sum(len(each.alarms) for each in watched)
+    if alarms:
+        raise BeyondLimitError(f"{alarms} alarms in {sum(bool(each.alarms) for each in watched)} recordings")
+
+
+def _recordings(given: list[Path]) -> list[Path]:
+    """The recordings that paths stand for."""
+    found: list[Path] = []
+    for path in given:
+        inside = sorted(path.iterdir()) if path.is_dir() and not (path / "metadata.yaml").exists() else []
+        folders = [entry for entry in inside if (entry / "metadata.yaml").exists()]
+        files = [entry for entry in inside if entry.suffix == ".mcap"]
+        if inside and not folders and not files:
+            raise UsageError(f"{path}: no recording in this folder")
+        # A folder of files alone is one recording that has lost its metadata.
+        found += sorted(folders + files) if folders else [path]
+    return found
+
+
+def _tell(watched: Watched) -> None:
+    name = watched.bag.name
+    if watched.error:
+        print(f"{name}: {watched.error}")
+        return
+    turns = len(watched.columns.get("turn", ()))
+    print(f"{name}: {turns} turns, {len(watched.alarms)} alarms")
+    for alarm in watched.alarms:
+        print(f"  turn {alarm.turn}: {alarm.text}")
+
+
+def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
+    from textile_twin_core.files import staged
+    from textile_twin_core.files.monitored import trend_table
+
+    if arguments.parquet is not None:
+        import pyarrow
+        from pyarrow import parquet
+
+        with staged(arguments.parquet) as partial:
+            parquet.write_table(pyarrow.table(trend_table(watched)), partial)
+    if arguments.json is not None:
+        told = [
+            {
+                "bag": each.bag.name,
+                "turns": len(each.columns.get("turn", ())),
+                "alarms": [dataclasses.asdict(alarm) for alarm in each.alarms],
+                "error": each.error,
+            }
+            for each in watched
+        ]
+        with staged(arguments.json) as partial:
+            partial.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,121 @@
+"""What faults do to the residual: one column of torque per kind of fault, and their sizes turn by turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison.evidence import Settings
+from textile_twin_core.comparison.shaft_track import TURN
+from textile_twin_core.comparison.torque_terms import TorqueTerms
+
+BINS = 36
+FEWEST_PER_TURN = 12
+_PHASE_STEP = 1e-3
+_JUMP_GUARD_RAD = 0.15
+"""Samples this near to a leap of the load are left out: a slip of the angle would show as nothing but the leap."""
+
+KINDS = ("load_force", "constant_torque", "sensor_gain", "phase")
+"""Signatures in the order of their columns: the declared loads, a torque that never changes, the whole torque, and its
+slope by the shaft angle (an encoder that slipped, or a delay)."""
+
+
+@dataclass(frozen=True)
+class TurnFeatures:
+    """Turns of the shaft, (t,) each, and what their residuals show.
+
+    Attributes:
+        number: the turn. start_ns: stamp of its first sample. count: samples in it. speed_rad_s: its mean speed.
+        sizes: (t, 4) size of each signature of `KINDS`, as share of the load, N m, share of the torque, rad.
+        noise_Nm: (t,) scatter of what no signature takes. profile_Nm: (t, BINS) its mean by shaft angle, nan if none.
+        rms_Nm: of the whole residual. stuck: share of the torque samples equal to the one before.
+        normal, right: (t, 4, 4) and (t, 4) of the least squares that gives the sizes, per sample.
+    """
+
+    number: IntArray
+    start_ns: IntArray
+    count: IntArray
+    speed_rad_s: FloatArray
+    sizes: FloatArray
+    noise_Nm: FloatArray
+    profile_Nm: FloatArray
+    rms_Nm: FloatArray
+    stuck: FloatArray
+    normal: FloatArray
+    right: FloatArray
+
+
+def turn_features(
+    terms: TorqueTerms,
+    settings: Settings,
+    stamps_ns: IntArray,
+    torque_Nm: FloatArray,
+    states: tuple[FloatArray, FloatArray, FloatArray],
+) -> TurnFeatures:
+    """Features of every turn that measured samples (n,) belong to.
+
+    Args:
+        terms: parts of the machine's torque.
+        settings: sensors as the machine declares them.
+        stamps_ns, torque_Nm: measured torque.
+        states: the shaft's angle, speed and acceleration, direction and zero applied, where each sample speaks of.
+    """
+    theta, omega, alpha = states
+    rest = 0.05 * float(np.percentile(np.abs(omega), 95.0))
+    parts = terms.at(theta, omega, alpha, rest)
+    torque = parts.total
+    shifted = terms.at(theta + _PHASE_STEP, omega, alpha, rest).total
+    slope = (shifted - torque) / _PHASE_STEP
+    # Where the load leaps, a side cannot be told and a slope means nothing.
+    good = np.isfinite(torque) & np.isfinite(torque_Nm) & ~terms.near_jump(theta, omega, 0.002, _JUMP_GUARD_RAD)
+    good &= np.abs(omega) > rest
+    columns = settings.gain * np.stack([parts.load, parts.direction, torque, slope], axis=1)
+    residual = torque_Nm - settings.gain * torque - settings.offset_Nm
+    turns, place = np.unique(np.floor(theta[good] / TURN).astype(np.int64), return_inverse=True)
+    columns, left = columns[good], residual[good]
+    count = np.bincount(place)
+    normal, right = _normal_by_turn(columns, left, place, count)
+    sizes = _solved(normal, right)
+    rest_of = left - np.einsum("nk,nk->n", columns, sizes[place])
+    bins = np.minimum((np.mod(theta[good], TURN) * (BINS / TURN)).astype(np.int64), BINS - 1)
+    cell = place * BINS + bins
+    filled = np.bincount(cell, minlength=turns.size * BINS)
+    profile = np.bincount(cell, weights=rest_of, minlength=turns.size * BINS) / np.where(filled > 0, filled, np.nan)
+    same = np.concatenate([[False], np.diff(torque_Nm) == 0.0])[good]
+    first = np.searchsorted(place, np.arange(turns.size))
+    return TurnFeatures(
+        number=turns,
+        start_ns=stamps_ns[good][first],
+        count=count.astype(np.int64),
+        speed_rad_s=np.bincount(place, weights=omega[good]) / count,
+        sizes=sizes,
+        noise_Nm=np.sqrt(np.bincount(place, weights=rest_of**2) / count),
+        profile_Nm=profile.reshape(turns.size, BINS),
+        rms_Nm=np.sqrt(np.bincount(place, weights=left**2) / count),
+        stuck=np.bincount(place, weights=same) / count,
+        normal=normal,
+        right=right,
+    )
+
+
+def _normal_by_turn(
+    columns: FloatArray, residual: FloatArray, place: IntArray, count: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Normal matrices and right sides of each turn, per sample."""
+    kinds = columns.shape[1]
+    normal, right = np.empty((count.size, kinds, kinds)), np.empty((count.size, kinds))
+    for row in range(kinds):
+        right[:, row] = np.bincount(place, weights=columns[:, row] * residual) / count
+        for column in range(kinds):
+            normal[:, row, column] = np.bincount(place, weights=columns[:, row] * columns[:, column]) / count
+    return normal, right
+
+
+def _solved(normal: FloatArray, right: FloatArray) -> FloatArray:
+    """Sizes of the signatures of each turn; one without effect gets 0."""
+    scale = np.sqrt(np.mean(np.diagonal(normal, axis1=1, axis2=2), axis=0))
+    scale[scale == 0.0] = 1.0
+    scaled = normal / (scale[:, None] * scale[None, :]) + 1e-6 * np.eye(scale.size)
+    return np.asarray(np.linalg.solve(scaled, (right / scale)[..., None])[..., 0] / scale)

@@ -1,0 +1,160 @@
+"""Monitor a machine: angles and torque in, as they come or from a file; turns, alarms and trends out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison.assess import configured_settings
+from textile_twin_core.comparison.fault_signatures import FEWEST_PER_TURN, KINDS, TurnFeatures, turn_features
+from textile_twin_core.comparison.fault_watch import SERIES, Alarm, FaultWatch, WatchSettings
+from textile_twin_core.comparison.readings import Readings
+from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
+from textile_twin_core.comparison.torque_terms import TorqueTerms
+from textile_twin_core.machines import Machine
+from textile_twin_core.shaft import create_estimator
+
+_KEPT_S = 60.0
+_PEAK_SAMPLES = 720
+
+
+@dataclass(frozen=True)
+class Trend:
+    """Turns that were watched, by column, (t,) each, and the alarms they raised."""
+
+    columns: Mapping[str, FloatArray | IntArray]
+    alarms: tuple[Alarm, ...]
+
+
+class Monitor:
+    """Watches a machine while samples come; the same from a live topic and from a recording.
+
+    Args:
+        machine: with its sensors settled (see `calibrate`).
+        settings: how the watch is set.
+        shaft: estimator of the shaft's motion, causal or lag; smooth for a recording, all at once.
+    """
+
+    def __init__(self, machine: Machine, settings: WatchSettings | None = None, shaft: str = "causal") -> None:
+        self._terms = TorqueTerms(machine)
+        self._settings = configured_settings(machine)
+        encoder = machine.sensors.encoder
+        self._ratio, self._direction = encoder.ratio, encoder.direction
+        self._estimator = create_estimator(shaft, period_rad=TURN * encoder.ratio)
+        self.watch = FaultWatch(self._torque_size(machine), settings or WatchSettings())
+        self._states: list[FloatArray] = []
+        self._torque: list[tuple[IntArray, FloatArray]] = []
+        self._origin_ns: int | None = None
+        self.turns = 0
+
+    def add_angles(
+        self, stamps_ns: npt.ArrayLike, angles_rad: npt.ArrayLike, velocities: npt.ArrayLike | None = None
+    ) -> None:
+        """Take encoder angles (n,) as messages hold them."""
+        speeds = None if velocities is None else np.asarray(velocities, np.float64) * self._ratio
+        angles = np.asarray(angles_rad, np.float64) * self._ratio
+        self._take_states(self._estimator.step(np.asarray(stamps_ns, np.int64), angles, speeds))
+
+    def add_torques(self, stamps_ns: npt.ArrayLike, torque_Nm: npt.ArrayLike) -> None:
+        """Take measured torque (n,)."""
+        self._torque.append((np.asarray(stamps_ns, np.int64), np.asarray(torque_Nm, np.float64)))
+
+    def finish(self) -> Trend:
+        """The turns that are left once no more samples come."""
+        self._take_states(self._estimator.finish())
+        return self.advance(last=True)
+
+    def advance(self, last: bool = False) -> Trend:
+        """Watch the turns that are complete by now: their trend and their alarms."""
+        if self._origin_ns is None or not self._torque or not self._states:
+            return _trend(None, np.zeros((0, len(SERIES))), [])
+        rows = np.concatenate(self._states)
+        stamps = np.concatenate([stamps for stamps, _ in self._torque])
+        torque = np.concatenate([values for _, values in self._torque])
+        order = np.argsort(stamps, kind="stable")
+        stamps, torque = stamps[order], torque[order]
+        track = ShaftTrack(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], 5.0 * float(np.median(np.diff(rows[:, 0]))))
+        time = (stamps - self._origin_ns) * 1e-9 - self._settings.delay_s
+        theta, omega, alpha, good = track.at(time)
+        s = self._settings
+        states = s.direction * theta - s.zero_rad, s.direction * omega, s.direction * alpha
+        end = math.inf if last else float(np.floor((s.direction * rows[-1, 1] - s.zero_rad) / TURN))
+        ready = good & (np.floor(states[0] / TURN) < end if s.direction > 0 else np.floor(states[0] / TURN) > end)
+        if np.count_nonzero(ready) < FEWEST_PER_TURN:
+            return _trend(None, np.zeros((0, len(SERIES))), [])
+        found = turn_features(
+            self._terms, s, stamps[ready], torque[ready], (states[0][ready], states[1][ready], states[2][ready])
+        )
+        kept = _whole(found)
+        alarms, away = self.watch.take(kept)
+        self.turns += kept.number.size
+        self._forget(float(time[ready].max()), stamps, torque)
+        return _trend(kept, away, alarms)
+
+    def _take_states(self, states: Any) -> None:
+        if not len(states):
+            return
+        stamps = np.asarray(states.stamps, np.int64)
+        if self._origin_ns is None:
+            self._origin_ns = int(stamps[0])
+        rows = np.stack(
+            [(stamps - self._origin_ns) * 1e-9, states.theta_rad, states.omega_rad_s, states.alpha_rad_s2], axis=1
+        )
+        usable = states.settled & np.isfinite(rows).all(axis=1)
+        if usable.any():
+            self._states.append(rows[usable])
+
+    def _forget(self, until_s: float, stamps: IntArray, torque: FloatArray) -> None:
+        """Drop what belongs to turns that were watched."""
+        assert self._origin_ns is not None
+        rows = np.concatenate(self._states)
+        keep = rows[:, 0] > until_s - 1.0
+        self._states = [rows[keep]] if keep.any() else [rows[-1:]]
+        late = (stamps - self._origin_ns) * 1e-9 - self._settings.delay_s > until_s
+        self._torque = [(stamps[late], torque[late])]
+
+    def _torque_size(self, machine: Machine) -> float:
+        theta = TURN * np.arange(_PEAK_SAMPLES) / _PEAK_SAMPLES
+        speed = np.full(_PEAK_SAMPLES, machine.nominal_speed_rad_s)
+        return float(np.max(np.abs(self._terms.at(theta, speed, np.zeros(_PEAK_SAMPLES), 0.0).total)))
+
+
+def monitor_recording(
+    readings: Readings, machine: Machine, settings: WatchSettings | None = None, shaft: str = "smooth"
+) -> Trend:
+    """Watch a whole recording: learn from its first turns, watch the rest."""
+    monitor = Monitor(machine, settings, shaft)
+    monitor.add_torques(readings.torque_stamps_ns, readings.torque)
+    monitor.add_angles(readings.angle_stamps_ns, readings.angle, readings.velocities)
+    return monitor.finish()
+
+
+def _whole(found: TurnFeatures) -> TurnFeatures:
+    """Without turns that hold too few samples to be one."""
+    usual = float(np.median(found.count))
+    kept = found.count >= max(FEWEST_PER_TURN, 0.2 * usual)
+    kept[0] &= found.count[0] > 0.8 * usual
+    kept[-1] &= found.count[-1] > 0.8 * usual
+    return TurnFeatures(**{name: getattr(found, name)[kept] for name in TurnFeatures.__dataclass_fields__})
+
+
+def _trend(turns: TurnFeatures | None, away: FloatArray, alarms: list[Alarm]) -> Trend:
+    if turns is None:
+        return Trend({}, ())
+    columns: dict[str, FloatArray | IntArray] = {
+        "turn": turns.number,
+        "stamp_ns": turns.start_ns,
+        "samples": turns.count,
+        "speed_rad_s": turns.speed_rad_s,
+        "rms_Nm": turns.rms_Nm,
+        "noise_Nm": turns.noise_Nm,
+    }
+    columns |= {f"{kind}_size": turns.sizes[:, k] for k, kind in enumerate(KINDS)}
+    columns |= {f"{name}_sigmas": away[:, k] for k, name in enumerate(SERIES)}
+    return Trend(columns, tuple(alarms))

@@ -1,0 +1,102 @@
+"""Recordings watched for faults: one after the other, in parallel on this machine, or on a Dask cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison import Readings
+from textile_twin_core.comparison.fault_watch import Alarm, WatchSettings
+from textile_twin_core.comparison.monitor import monitor_recording
+from textile_twin_core.errors import RecordingError, TwinError
+from textile_twin_core.files.bag import open_bag
+from textile_twin_core.files.prediction import ANGLE_TOPIC, MEASURED_TOPIC, beside, usable_angles
+from textile_twin_core.machines import Machine
+
+
+@dataclass(frozen=True)
+class Job:
+    """One recording to watch, and how."""
+
+    bag: Path
+    machine: Machine
+    settings: WatchSettings
+    angle_topic: str = ANGLE_TOPIC
+    torque_topic: str = MEASURED_TOPIC
+    joint: str = "main_shaft"
+    skip_bad: bool = False
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What was seen of a recording: trends by column, (turns,) each, and alarms; error: why it could not be watched."""
+
+    bag: Path
+    columns: Mapping[str, FloatArray | IntArray]
+    alarms: tuple[Alarm, ...]
+    error: str = ""
+
+
+def watch_bag(job: Job) -> Watched:
+    """Watch one recording; a recording that cannot be read gives its error."""
+    try:
+        bag = open_bag(job.bag)
+        angles = usable_angles(bag, job.angle_topic, job.joint, job.skip_bad)
+        torque = bag.read_torques(beside(bag, angles.topic, job.torque_topic), job.joint)
+        readings = Readings(angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, angles.velocities)
+        found = monitor_recording(readings, job.machine, job.settings)
+    except TwinError as error:
+        return Watched(job.bag, {}, (), str(error))
+    return Watched(job.bag, found.columns, found.alarms)
+
+
+def watch_bags(jobs: Sequence[Job], workers: int = 1, scheduler: str | None = None) -> Iterator[Watched]:
+    """Watch recordings, those first that are ready first.
+
+    Args:
+        jobs: the recordings. workers: processes on this machine.
+        scheduler: address of a Dask cluster, which then does it.
+
+    Raises RecordingError when the cluster cannot be reached or its package is missing.
+    """
+    if scheduler is not None:
+        yield from _on_cluster(jobs, scheduler)
+    elif workers < 2 or len(jobs) < 2:
+        yield from map(watch_bag, jobs)
+    else:
+        # Spawned, not forked: the readers and compiled loops hold threads.
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            for done in as_completed([pool.submit(watch_bag, job) for job in jobs]):
+                yield done.result()
+
+
+def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Iterator[Watched]:
+    try:
+        from dask.distributed import Client, as_completed
+    except ModuleNotFoundError as error:
+        raise RecordingError("--dask needs the package distributed; pip install 'distributed'") from error
+    try:
+        client = Client(scheduler, timeout=10)
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"--dask {scheduler}: no scheduler answers there ({error})") from error
+    with client:
+        for future in as_completed(client.map(watch_bag, jobs, pure=False)):
+            yield future.result()
+
+
+def trend_table(watched: Sequence[Watched]) -> dict[str, FloatArray | IntArray | list[str]]:
+    """All turns of all recordings in one table, in the order of the recordings; column `bag` names each."""
+    some = sorted((each for each in watched if each.columns), key=lambda each: str(each.bag))
+    if not some:
+        return {}
+    names: list[str] = []
+    for each in some:
+        names += [each.bag.name] * len(each.columns["turn"])
+    columns = {name: np.concatenate([each.columns[name] for each in some]) for name in some[0].columns}
+    return {"bag": names, **columns}
