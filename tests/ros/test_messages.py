@@ -80,7 +80,7 @@ def test_torque_is_read(stamp: int, torque: float) -> None:
     message = WrenchStamped()
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, SECOND_NS)
     message.wrench.torque.z = torque
-    assert messages.TorqueReader().read(serialize_message(message)) == (stamp, torque)
+    assert messages.TorqueReader().read(serialize_message(message)) == (stamp, [torque])
     assert messages.read_float64(serialize_message(Float64(data=torque))) == torque
 
 

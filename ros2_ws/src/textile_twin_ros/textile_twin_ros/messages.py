@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import importlib
 import struct
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -45,103 +46,85 @@ def message_class(name: str) -> Any:
 
 
 class FieldReader:
-    """Reads the stamp and single float64 fields of messages of one type.
+    """Reads the stamp and single float64 fields of messages of one type, all in one look at the bytes.
 
     Args:
-        msgtype: JOINT_STATE, WRENCH, POINT or FLOAT64.
+        msgtype: JOINT_STATE, WRENCH or POINT.
+        places: tells field and number of each value to be read, in their order in the message, or raises MessageError.
     """
 
-    def __init__(self, msgtype: str) -> None:
-        self._msgtype = msgtype
-        self._size = -1
+    def __init__(self, msgtype: str, places: Callable[[Layout], Sequence[tuple[str, int]]]) -> None:
+        self._msgtype, self._places = msgtype, places
+        self._size = sys.maxsize
         self._fixed: list[tuple[int, int, bytes]] = []
-        self._stamp = _STAMP
-        self.layout = Layout()
+        self._filled: list[bool] = []
+        self._values = _STAMP
 
-    def follow(self, raw: bytes) -> bool:
-        """Make the layout that of this message; True when it is another one than before.
+    def read(self, raw: bytes) -> tuple[int, list[float | None]]:
+        """Stamp [ns] and the values asked for, None for each that the message does not have.
 
         Raises:
-            MessageError: the bytes are no message of this type.
+            MessageError: the bytes are no message of this type, or lack what is to be read.
         """
-        if len(raw) >= self._size > 0:
-            for start, end, fixed in self._fixed:
-                if raw[start:end] != fixed:
-                    break
-            else:
-                return False
+        if len(raw) < self._size:
+            self._learn(raw)
+        for start, end, fixed in self._fixed:
+            if raw[start:end] != fixed:
+                self._learn(raw)
+                break
+        seconds, nanoseconds, *values = self._values.unpack_from(raw)
+        if self._filled:
+            found = iter(values)
+            values = [next(found) if filled else None for filled in self._filled]
+        return seconds * SECOND_NS + nanoseconds, values
+
+    def _learn(self, raw: bytes) -> None:
+        """Take over the layout of a message that differs from those before."""
+        self._size = sys.maxsize
         try:
-            self.layout = LAYOUT_READERS[self._msgtype](raw)
+            layout = LAYOUT_READERS[self._msgtype](raw)
         except (ValueError, struct.error) as error:
             raise MessageError(f"is no {self._msgtype}: {error}") from error
-        self._size = self.layout.size
+        text, at, filled = f"{layout.order}4xiI", 12, []
+        for name, number in self._places(layout):
+            start, count = layout.fields[name]
+            filled.append(number < count)
+            if number < count:
+                text += f"{start + 8 * number - at}xd"
+                at = start + 8 * number + 8
+        self._values = struct.Struct(text)
+        self._filled = [] if all(filled) else filled
         self._fixed = []
-        for start, fixed in self.layout.fixed:  # stretches that touch are compared as one
+        for start, fixed in layout.fixed:  # stretches that touch are compared as one
             if self._fixed and self._fixed[-1][1] == start:
                 start, _, before = self._fixed.pop()
                 fixed = before + fixed
             self._fixed.append((start, start + len(fixed), fixed))
-        self._stamp = struct.Struct(f"{self.layout.order}iI")
-        return True
-
-    def stamp_ns(self, raw: bytes) -> int:
-        """The header's stamp [ns] of the message followed last."""
-        seconds, nanoseconds = self._stamp.unpack_from(raw, 4)
-        return int(seconds * SECOND_NS + nanoseconds)
-
-    def field(self, name: str, number: int) -> struct.Struct | None:
-        """How to unpack value `number` of a field from a whole message; None where the message has no such value."""
-        start, count = self.layout.fields[name]
-        return struct.Struct(f"{self.layout.order}{start + 8 * number}xd") if number < count else None
+        self._size = layout.size
 
 
-class JointReader:
+class JointReader(FieldReader):
     """Reads one joint of JointState messages.
 
     Args:
         joint: the joint's name.
-        fields: what to read of it, of "position", "velocity" and "effort".
+        fields: what to read of it, of "position", "velocity" and "effort" in this order.
     """
 
     def __init__(self, joint: str, fields: Sequence[str]) -> None:
-        self._joint, self._names = joint, tuple(fields)
-        self._reader = FieldReader(JOINT_STATE)
-        self._fields: list[struct.Struct | None] = []
+        def places(layout: Layout) -> list[tuple[str, int]]:
+            if joint not in layout.names:
+                raise MessageError(f"has no joint '{joint}', only: {', '.join(layout.names) or 'none at all'}")
+            return [(name, layout.names.index(joint)) for name in fields]
 
-    def read(self, raw: bytes) -> tuple[int, list[float | None]]:
-        """Stamp [ns] and the fields asked for, None for each that the message does not fill.
-
-        Raises:
-            MessageError: no JointState, or one without this joint.
-        """
-        if self._reader.follow(raw) or not self._fields:
-            joints = self._reader.layout.names
-            if self._joint not in joints:
-                self._fields = []
-                raise MessageError(f"has no joint '{self._joint}', only: {', '.join(joints) or 'none at all'}")
-            number = joints.index(self._joint)
-            self._fields = [self._reader.field(name, number) for name in self._names]
-        values = [None if field is None else field.unpack_from(raw)[0] for field in self._fields]
-        return self._reader.stamp_ns(raw), values
+        super().__init__(JOINT_STATE, places)
 
 
-class TorqueReader:
-    """Reads torque.z of WrenchStamped messages."""
+class TorqueReader(FieldReader):
+    """Reads torque.z [N m] of WrenchStamped messages."""
 
     def __init__(self) -> None:
-        self._reader = FieldReader(WRENCH)
-        self._torque: struct.Struct | None = None
-
-    def read(self, raw: bytes) -> tuple[int, float]:
-        """Stamp [ns] and torque about z [N m].
-
-        Raises:
-            MessageError: no WrenchStamped.
-        """
-        if self._reader.follow(raw) or self._torque is None:
-            self._torque = self._reader.field("wrench", TORQUE_Z)
-        assert self._torque is not None
-        return self._reader.stamp_ns(raw), self._torque.unpack_from(raw)[0]
+        super().__init__(WRENCH, lambda _: [("wrench", TORQUE_Z)])
 
 
 def read_float64(raw: bytes) -> float:

@@ -63,7 +63,12 @@ def _joint_effort(joint: str) -> Reader:
 
 def _wrench_torque(_joint: str) -> Reader:
     wrenches = TorqueReader()
-    return lambda raw: (*wrenches.read(raw), _NAN)
+
+    def read(raw: bytes) -> Reading:
+        stamp, (torque,) = wrenches.read(raw)
+        return stamp, _NAN if torque is None else torque, _NAN
+
+    return read
 
 
 def _plain_number(_joint: str) -> Reader:

@@ -111,8 +111,8 @@ class JointOutput:
     def __init__(self, machine: ttc.Machine, rate_hz: Callable[[], float], compile_twin: CompileTwin) -> None:
         names = [joint.name for joint in machine.joints if joint.kind != "fixed"]
         self._template = JointTemplate(names)
-        self._positions = [f"joint_{name}_position" for name in names]
-        self._velocities = [f"joint_{name}_velocity" for name in names]
+        self._count = len(names)
+        self._values = *(f"joint_{name}_position" for name in names), *(f"joint_{name}_velocity" for name in names)
         self._thinning, self._compile = Thinning(rate_hz), compile_twin
         self._twin: Any = None
 
@@ -121,10 +121,9 @@ class JointOutput:
         if not self._thinning.keeps(sample.stamp):
             return None
         if self._twin is None:
-            self._twin = self._compile((*self._positions, *self._velocities))
-        values = self._twin.evaluate(sample.theta_rad, sample.omega_rad_s, sample.alpha_rad_s2)
-        positions, velocities = ([values[name] for name in names] for names in (self._positions, self._velocities))
-        return self._template.full_message(sample.stamp, positions, velocities)
+            self._twin = self._compile(self._values)
+        values = (*self._twin.evaluate(sample.theta_rad, sample.omega_rad_s, sample.alpha_rad_s2).values(),)
+        return self._template.full_message(sample.stamp, values[: self._count], values[self._count :])
 
 
 class ElementOutput:
