@@ -1,0 +1,100 @@
+"""Values in the registers of a PLC (Modbus): where each lies, as what type, and all of them in one request."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from textile_twin_core.errors import SceneError
+
+TYPES = ("int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
+_MOST_REGISTERS = 125
+"""Of one request, by the Modbus specification."""
+
+
+@dataclass(frozen=True)
+class Register:
+    """One value: its first register and its type."""
+
+    address: int
+    kind: str
+
+    @classmethod
+    def parse(cls, name: str, text: str) -> Register | None:
+        """A register written as ADDRESS:TYPE, such as 4:float32; None for an empty text.
+
+        Raises:
+            SceneError: it is written otherwise.
+        """
+        if not text:
+            return None
+        address, _, kind = text.partition(":")
+        if not address.isdecimal() or int(address) > 65535 or kind not in TYPES:
+            raise SceneError(
+                f"parameter '{name}' is '{text}': write ADDRESS:TYPE, such as 4:float32, with an address up to 65535"
+                f" and one of the types {', '.join(TYPES)}"
+            )
+        return cls(int(address), kind)
+
+    @property
+    def length(self) -> int:
+        """How many registers of 16 bits it takes."""
+        return int(self.kind.lstrip("uintfloa")) // 16
+
+
+class Registers:
+    """Named values read in one request.
+
+    Args:
+        client: pymodbus's client.
+        table: "holding" or "input".
+        values: by name; None for those that the PLC does not have.
+        device: the device's number on its line.
+        word_order: "big" or "little": which half of a value comes first.
+
+    Raises:
+        SceneError: the values lie too far apart for one request.
+    """
+
+    def __init__(
+        self, client: Any, table: str, values: dict[str, Register | None], device: int, word_order: str
+    ) -> None:
+        self._client, self._device, self._word_order = client, device, word_order
+        self._request = client.read_holding_registers if table == "holding" else client.read_input_registers
+        self._values = {name: value for name, value in values.items() if value is not None}
+        self._first = min(value.address for value in self._values.values())
+        self._count = max(value.address + value.length for value in self._values.values()) - self._first
+        if self._count > _MOST_REGISTERS:
+            raise SceneError(
+                f"the registers span {self._count}, more than the {_MOST_REGISTERS} of one Modbus request: let the PLC"
+                " put them side by side, so that they are of one moment"
+            )
+
+    def read(self) -> dict[str, float]:
+        """All values.
+
+        Raises:
+            OSError: the PLC does not answer, or answers with a Modbus exception.
+        """
+        answer = self._request(self._first, count=self._count, device_id=self._device)
+        if answer.isError():
+            raise OSError(f"the PLC answers {answer}")
+        return {name: self._decode(answer.registers, value) for name, value in self._values.items()}
+
+    def write(self, register: Register, value: float) -> None:
+        """Write one value into holding registers.
+
+        Raises:
+            OSError: the PLC does not take it.
+        """
+        kind = self._client.DATATYPE[register.kind.upper()]
+        words = self._client.convert_to_registers(value, kind, self._word_order)
+        answer = self._client.write_registers(register.address, words, device_id=self._device)
+        if answer.isError():
+            raise OSError(f"the PLC does not take register {register.address}: {answer}")
+
+    def _decode(self, words: list[int], register: Register) -> float:
+        start = register.address - self._first
+        kind = self._client.DATATYPE[register.kind.upper()]
+        value = self._client.convert_from_registers(words[start : start + register.length], kind, self._word_order)
+        return value if isinstance(value, int) else float(value)

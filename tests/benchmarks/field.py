@@ -1,0 +1,205 @@
+"""The suite through long and rough runs, as it meets them beside a machine; each ends with what was seen.
+
+Run from the root of the repository: python -m tests.benchmarks.field WHAT [NUMBER]
+  side-by-side [SECONDS]   three suites on one computer, two of them in namespaces, started in the same second
+  kills [TIMES]            a recorder killed at random moments at 1 kHz, and what is on the disk
+  restarts [TIMES]         nodes killed and started again in any order, and how long until predictions are back
+  endurance [MINUTES]      1 kHz with recorder and view: samples lost and doubled, latency, CPU and memory of each node
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from sensor_msgs.msg import JointState
+
+from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, running_suite
+from textile_twin_core.files import Bag, open_bag
+
+ROOT = Path(__file__).parents[2]
+PREDICTED = "balancing_torque/predicted"
+# What is printed for people: a log line of a node, or the recorder's last word.
+FOR_PEOPLE = re.compile(
+    r"^\[(INFO|WARN)\] \[[\d.]+\] \[[\w.]+\]: |^recorded \d+ messages|^suite\.sh: nodes on this computer"
+)
+
+
+def side_by_side(suite: Suite, seconds: float) -> None:
+    """Three suites: each recording of its own machine alone, and not a line that is not meant for people."""
+    machines = {"": "tufting", "/loom_3": "handloom_beatup", "/m7": "elliptic_gear_beatup"}
+    programs = []
+    for space, machine in machines.items():
+        words = [machine, "--shaft", "simulated", *(("-r", f"__ns:={space}") if space else ())]
+        command = [sys.executable, str(ROOT / "launch_scripts" / "suite.py"), *words]
+        log = suite.folder / f"{machine}.log"
+        with log.open("wb") as stream:
+            process = subprocess.Popen(command, cwd=suite.folder, stdout=stream, stderr=stream, env=suite.environment)
+        programs.append((process, log))
+    time.sleep(seconds)
+    for process, _ in programs:
+        process.send_signal(signal.SIGINT)
+    codes = [process.wait(60.0) for process, _ in programs]
+    strange = [line for _, log in programs for line in log.read_text().splitlines() if not FOR_PEOPLE.match(line)]
+    print(f"exit codes {codes}; lines not meant for people: {strange or 'none'}")
+    for path in sorted((suite.folder / "out" / "recordings").iterdir()):
+        bag = open_bag(path)
+        spaces = {topic.split("/main_shaft/angle")[0] for topic in bag.topics if topic.endswith("/main_shaft/angle")}
+        others = sorted(
+            topic for topic in bag.topics if topic != "/diagnostics" and not topic.startswith(f"{min(spaces)}/")
+        )
+        others += [topic for topic in bag.topics if not min(spaces) and topic.startswith(("/loom_3/", "/m7/"))]
+        counts = {topic: info.count for topic, info in sorted(bag.topics.items()) if "torque/" in topic}
+        print(f"{path.name}: of {spaces}, of others {others or 'nothing'}; {counts}")
+
+
+def feed(suite: Suite, rate_hz: float) -> Program:
+    """A simulated machine at this rate."""
+    machine = suite.start("shaft_node", f"rate_hz:={rate_hz}")
+    machine.wait_for_words("samples a second")
+    return machine
+
+
+def kills(suite: Suite, times: int) -> None:
+    """What was published more than half a second before the kill is on the disk, without a hole."""
+    node, sent, choice = suite.node(), [], random.Random(1)
+    node.create_subscription(
+        JointState, "main_shaft/angle", lambda message: sent.append((_stamp(message), time.monotonic())), RELIABLE
+    )
+    feed(suite, 1000.0)
+    suite.spin_until(lambda: len(sent) > 100, "angles")
+    latest, holes = [], 0
+    for number in range(times):
+        bag = suite.folder / f"killed_{number}"
+        recorder = suite.start("record_node", f"bag:={bag}", "topics:=[main_shaft/angle]")
+        suite.spin_until(lambda bag=bag: bag.exists() and node.count_subscribers("main_shaft/angle") > 1, "recorder")
+        suite.spin_for(choice.uniform(1.0, 3.0))
+        killed = time.monotonic()
+        recorder.end(signal.SIGKILL)
+        stamps = set(open_bag(bag).read_angles().stamps.tolist())
+        heard = [stamp for stamp, _ in sent]
+        kept = [k for k, stamp in enumerate(heard) if stamp in stamps]
+        holes += kept[-1] - kept[0] + 1 - len(kept)
+        latest.append(killed - sent[kept[-1]][1])
+        suite.spin_until(lambda: node.count_subscribers("main_shaft/angle") < 2, "the end of the killed recorder")
+    print(f"{times} kills at 1 kHz: the last sample on the disk {np.median(latest):.2f} s (median) and at most"
+          f" {max(latest):.2f} s before the kill; {holes} holes")  # fmt: skip
+
+
+def restarts(suite: Suite, times: int) -> None:
+    """Any node killed and started again: predictions come back, and none of them is an old one."""
+    node, heard, choice = suite.node(), [], random.Random(2)
+    node.create_subscription(WrenchStamped, PREDICTED, lambda message: heard.append(_stamp(message)), RELIABLE)
+    nodes = {name: suite.start(name) for name in ("shaft_node", "twin_node")}
+    suite.spin_until(lambda: len(heard) > 10, "the first predictions")
+    healed, stale = [], 0
+    for _ in range(times):
+        name = choice.choice(list(nodes))
+        nodes[name].end(signal.SIGKILL)
+        suite.spin_for(choice.uniform(0.0, 0.5))
+        newest = max(heard)
+        nodes[name] = suite.start(name)
+        began = time.monotonic()
+        heard.clear()
+        suite.spin_until(
+            lambda newest=newest: any(stamp > newest + SECOND_NS // 100 for stamp in heard), f"after {name}"
+        )
+        healed.append(time.monotonic() - began)
+        stale += sum(stamp < newest - SECOND_NS for stamp in heard)
+    print(f"{times} restarts: predictions back after {np.median(healed):.1f} s (median), {max(healed):.1f} s at most;"
+          f" {stale} old ones")  # fmt: skip
+
+
+def endurance(suite: Suite, minutes: float) -> None:
+    """1 kHz into twin, recorder and view."""
+    bag = suite.folder / "endurance"
+    processes = {
+        "record_node": suite.start("record_node", f"bag:={bag}", "rate_hz:=1000.0"),
+        "twin_node": suite.start("twin_node"),
+        "view_node": suite.start("view_node", "memory_limit:=16MB"),
+    }
+    for name, words in (("record_node", "recording to"), ("twin_node", "predicting from"), ("view_node", "look at it")):
+        processes[name].wait_for_words(words)
+    time.sleep(2.0)
+    processes["shaft_node"] = suite.start("shaft_node", "rate_hz:=1000.0", f"duration_s:={60.0 * minutes}")
+    began, memory, cpu = time.monotonic(), {}, {}
+    while processes["shaft_node"].process.poll() is None:
+        time.sleep(5.0)
+        for name, program in processes.items():
+            if program.process.poll() is None:
+                memory.setdefault(name, []).append((time.monotonic() - began, _resident_MB(program.process.pid)))
+                cpu[name] = _cpu_s(program.process.pid)
+    time.sleep(2.0)
+    for name in ("record_node", "twin_node", "view_node"):
+        processes[name].end(signal.SIGINT)
+    recorded = open_bag(bag)
+    angles = recorded.read_angles().stamps
+    predicted = recorded.read_torques(PREDICTED).stamps
+    counts = Counter(predicted.tolist())
+    arrived = {topic: _log_times(recorded, topic) for topic in ("main_shaft/angle", PREDICTED)}
+    late = np.array(
+        [arrived[PREDICTED][s] - arrived["main_shaft/angle"][s] for s in counts if s in arrived["main_shaft/angle"]]
+    )
+    p50, p99, largest = (np.percentile(late, share) * 1e-6 for share in (50, 99, 100))
+    expected = round(60_000 * minutes) + 1
+    print(f"{len(angles)} of {expected} angles recorded, {len(counts)} of {len(angles) - 2} predictions,"
+          f" {sum(counts.values()) - len(counts)} doubled; angle to prediction as recorded: p50 {p50:.2f} ms,"
+          f" p99 {p99:.2f} ms, largest {largest:.1f} ms")  # fmt: skip
+    for name, samples in memory.items():
+        seconds, megabytes = np.array(samples).T
+        later = seconds > seconds[-1] / 3
+        slope = 60.0 * np.polyfit(seconds[later], megabytes[later], 1)[0] if later.sum() > 3 else float("nan")
+        print(f"{name:12} {100.0 * cpu[name] / seconds[-1]:5.1f} % CPU, {megabytes[-1]:6.1f} MB,"
+              f" {slope:+.2f} MB a minute over the last two thirds")  # fmt: skip
+
+
+def _log_times(bag: Bag, topic: str) -> dict[int, int]:
+    """When a message of each stamp was recorded [ns]."""
+    times = {}
+    for _, log_ns, raw in bag.raw_messages([topic]):
+        seconds, nanoseconds = np.frombuffer(raw, "<i4,<u4", 1, 4)[0]
+        times[int(seconds) * SECOND_NS + int(nanoseconds)] = log_ns
+    return times
+
+
+def _stamp(message: WrenchStamped | JointState) -> int:
+    return int(message.header.stamp.sec * SECOND_NS + message.header.stamp.nanosec)
+
+
+def _resident_MB(pid: int) -> float:
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def _cpu_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def main() -> None:
+    """Run one of them."""
+    runs = {
+        "side-by-side": (side_by_side, 60.0),
+        "kills": (kills, 20),
+        "restarts": (restarts, 20),
+        "endurance": (endurance, 10.0),
+    }
+    if len(sys.argv) < 2 or sys.argv[1] not in runs:
+        sys.exit(__doc__)
+    run, usual = runs[sys.argv[1]]
+    number = type(usual)(float(sys.argv[2])) if len(sys.argv) > 2 else usual
+    with tempfile.TemporaryDirectory() as folder, running_suite(Path(folder)) as suite:
+        run(suite, number)
+
+
+if __name__ == "__main__":
+    main()
