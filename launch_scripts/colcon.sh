@@ -21,7 +21,7 @@ if ! [ -x "$venv/bin/python" ]; then
     "$python" -m venv --system-site-packages "$venv" || fail "no environment; on Ubuntu and Debian: apt-get install python3-venv"
 fi
 touch "$venv/COLCON_IGNORE"
-packages=("$root[files,view]")
+packages=("$root[files,view,plc]")
 "$venv/bin/python" -c 'import colcon_core' 2> /dev/null || packages+=(colcon-common-extensions 'setuptools<80')
 echo "Installing what ROS does not bring into $venv ..." >&2
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "${packages[@]}"

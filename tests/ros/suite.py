@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -23,7 +24,18 @@ from textile_twin_core.files import BagWriter
 from textile_twin_ros.spinning import create_executor
 
 PATIENCE_S = 30.0
-_DOMAINS = itertools.count(1 + os.getpid() % 60)
+
+
+def free_domain() -> tuple[int, socket.socket]:
+    """A ROS domain that no other test on this computer uses, and what claims it until it is closed."""
+    for number in itertools.chain(range(1 + os.getpid() % 60, 101), range(1, 101)):
+        claim = socket.socket(socket.AF_UNIX)
+        try:
+            claim.bind(f"\0textile-twin-test-domain-{number}")
+            return number, claim
+        except OSError:
+            claim.close()
+    raise RuntimeError("a hundred tests are running on this computer")
 
 
 def node_environment(folder: Path, domain: int) -> dict[str, str]:
@@ -44,7 +56,7 @@ class Suite:
     def __init__(self, folder: Path, executor: str = "single") -> None:
         self.folder = folder
         self._executor_name = executor
-        self.domain = next(_DOMAINS) % 100
+        self.domain, self._claim = free_domain()
         self.environment = os.environ | node_environment(folder, self.domain)
         self.processes: list[Program] = []
         self._context: Context | None = None
@@ -103,6 +115,7 @@ class Suite:
         if self._context is not None:
             self._executor.shutdown()
             rclpy.shutdown(context=self._context)
+        self._claim.close()
 
 
 class Program:

@@ -92,6 +92,7 @@ def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
         lambda message: told.extend(status for status in message.status if status.name == "plc_node: plc"),
         RELIABLE,
     )
+    plc.set(14, [65_299])
     bridge = suite.start(
         "plc_node",
         "host:=127.0.0.1",

@@ -94,7 +94,7 @@ class PlcNode(Node):
             reader = TorqueReader()
 
             def keep(raw: bytes) -> None:
-                _, self._latest = reader.read(raw)
+                _, (self._latest,) = reader.read(raw)
 
             self.create_subscription(WrenchStamped, "balancing_torque/predicted", keep, qos, raw=True)
 

@@ -107,7 +107,7 @@ def run(command: str, create: Callable[[], SuiteNode], declaration: type, argume
         if error.name is None or error.name.startswith("textile_twin"):
             raise
         package = error.name.partition(".")[0]
-        code = _tell(command, f"this node needs the package {package}: pip install 'textile-twin-core[files,view]'")
+        code = _tell(command, f"this node needs the package {package}: pip install 'textile-twin-core[files,view,plc]'")
     finally:
         code = max(code, _end(command, nodes))
     return code
