@@ -23,6 +23,13 @@ def test_designs_as_json_and_table(tmp_path: Path, capsys: pytest.CaptureFixture
     assert row == ["48", "0.1991", "0.6691", "0.7694", "0.298", "67.24", "best"]
 
 
+def test_rotation_follows_from_the_criteria(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["synthesize", "crank-rocker", "--swing", "30"]) == 0
+    shown = capsys.readouterr().out
+    assert "rotation 180 deg" in shown
+    assert "48.2299   0.1998   0.6661   0.7721   0.300       67.14  best of any beta" in shown
+
+
 def test_lengths_for_a_ground_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "designs.json"
     task = ["synthesize", "crank-rocker", "--swing", "30", "--rotation", "180", "--ground", "0.3"]
@@ -50,7 +57,6 @@ def test_no_design_is_good_enough(capsys: pytest.CaptureFixture[str]) -> None:
         (["--swing", "-3", "--rotation", "180"], "swing -3 deg"),
         (["--swing", "30", "--rotation", "100"], "from 105 to 285 deg"),
         (["--swing", "30", "--rotation", "nan"], "must be a number"),
-        (["--swing", "30"], "--rotation"),
         (["--swing", "30", "--rotation", "180", "--ground", "0"], "positive number"),
         (["--swing", "30", "--rotation", "180", "--json", "/proc/designs.json"], "/proc"),
     ],

@@ -36,7 +36,7 @@ def test_poor_start_leads_beyond_the_paper_s_loom(seed: int) -> None:
     paper = analyse(Design.of(machines.elliptic_gear_beatup())).numbers
     start = Design.of(machines.elliptic_gear_beatup(**POOR))
     assert analyse(start).numbers["sley_dwell_rad"] < math.radians(135.0)
-    found = search(start, Task(RANGES, GOALS, LIMITS, seed), seconds=60.0, generations=120)
+    found = search(start, Task(RANGES, GOALS, LIMITS, seed), generations=120)
     better = [
         one
         for one in found.front
@@ -68,15 +68,19 @@ def test_same_seed_gives_the_same_front() -> None:
 
 def test_progress_is_told_and_stop_is_heard() -> None:
     seen: list[Progress] = []
+    asked = 0
 
-    def report(progress: Progress) -> bool:
-        seen.append(progress)
-        return len(seen) == 3
+    def stopped() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked == 3
 
-    goals = (Goal("beater_stroke_m", True),)
-    found = search(Design.of(machines.handloom_beatup()), Task({"crank_m": (0.04, 0.08)}, goals), report)
-    assert [p.designs for p in seen] == [160, 320, 480] and found.designs == 480
-    assert seen[-1].designs_per_second > 0.0 and 0.0 < seen[-1].share < 1.0
+    design, goals = Design.of(machines.handloom_beatup()), (Goal("beater_stroke_m", True),)
+    found = search(design, Task({"crank_m": (0.04, 0.08)}, goals), seen.append, stopped)
+    assert found.designs == 480 and found.share == 1.0
+    search(design, Task({"crank_m": (0.04, 0.08)}, goals), seen.append, lambda: len(seen) > 2, 120.0)
+    assert 0 < seen[0].designs < seen[1].designs < seen[2].designs
+    assert seen[2].designs_per_second > 0.0 and 0.0 < seen[0].share < 1.0
 
 
 def test_machine_with_a_history_is_searched_one_by_one() -> None:

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core import machines
+from textile_twin_core.dynamics.loads import (
+    JointDamping,
+    JointFriction,
+    PointDamping,
+    SliderFriction,
+    TorqueTable,
+    TorsionSpring,
+)
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machines import Machine
-from textile_twin_core.synthesis import Batch, family_of
+from textile_twin_core.synthesis import Batch, family_of, offset_slider
 from textile_twin_core.synthesis.balancing import shaking
 from textile_twin_core.synthesis.batch import TRANSMISSION
 from textile_twin_core.synthesis.numbers import MOTION, dwell, largest, motion_number, shaking_numbers, torque_numbers
@@ -27,7 +36,22 @@ MACHINES = [
     machines.handloom_beatup(),
     machines.elliptic_gear_beatup(**GEAR_MASSES),
     ttc.load_machine("examples/tufting_two_linkages.yaml"),
+    offset_slider(0.05, 3.3).machine(),
 ]
+
+
+def loaded() -> Machine:
+    """A six-bar with every load that has a batch form."""
+    machine = ttc.load_machine("examples/six_bar_loom.yaml")
+    assert isinstance(machine, Machine)
+    more = (
+        JointFriction("l2", 0.3, "l3"),
+        JointDamping("l5", 0.02, "l4"),
+        PointDamping("E", 3.0),
+        TorsionSpring("l6", 4.0, 2.0, 0.5),
+        TorsionSpring("l5", 2.0, 0.1, 0.0, "l6"),
+    )
+    return replace(machine, loads=(*machine.loads, *more))
 
 
 def exact_numbers(machine: Machine, speed: float) -> dict[str, float]:
@@ -41,7 +65,7 @@ def exact_numbers(machine: Machine, speed: float) -> dict[str, float]:
     return {k: float(v) for k, v in (found | torque_numbers(torque) | shaking_numbers(felt.x_N, felt.y_N)).items()}
 
 
-@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
+@pytest.mark.parametrize("machine", [*MACHINES, loaded()], ids=lambda m: m.name)
 def test_batch_agrees_with_the_exact_machine(machine: Machine) -> None:
     random = np.random.default_rng(7)
     family, speed = family_of(machine), 1.1 * machine.nominal_speed_rad_s
@@ -94,7 +118,18 @@ def test_blocks_do_not_show() -> None:
         assert one["rms_torque_Nm"][0] == pytest.approx(whole["rms_torque_Nm"][k], rel=1e-12)
 
 
-def test_unknown_names_and_loads_are_refused() -> None:
+def test_slider_with_friction_agrees_and_a_table_leaves_no_torque() -> None:
+    machine = offset_slider(0.05, 3.3).machine()
+    rubbing = replace(machine, loads=(SliderFriction("l3", 12.0),))
+    found = Batch(rubbing, 20.0, samples=720).evaluate({}, ["peak_torque_Nm", "rms_torque_Nm"])
+    exact = exact_numbers(rubbing, 20.0)
+    assert {k: v[0] for k, v in found.items()} == pytest.approx({k: exact[k] for k in found}, rel=1e-10)
+    table = TorqueTable((0.0, 2.0, 4.0), (0.0, 1.0, 0.0), harmonics=1)
+    names = Batch(replace(machine, loads=(table,))).names
+    assert "peak_torque_Nm" not in names and "rms_shaking_force_N" in names
+
+
+def test_unknown_names_are_refused() -> None:
     batch = Batch(machines.handloom_beatup())
     with pytest.raises(SceneError, match=r"no number 'l9\.length_m'"):
         batch.evaluate({"l9.length_m": np.ones(2)}, batch.names)

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from textile_twin_core.errors import SceneError, TwinError
-from textile_twin_core.synthesis import CrankRockerFamily, crank_rocker
+from textile_twin_core.synthesis import CrankRockerFamily, best_rotation, crank_rocker
+from textile_twin_core.synthesis.published import TABLE_1, table_1_designs
 
 SWING = np.radians(30.0)
 
@@ -209,6 +210,28 @@ def test_best_designs_of_the_carpet_loom() -> None:
         0.2007,
         0.2308,
     ]
+
+
+def test_criteria_lead_to_half_a_turn_and_the_best_row_of_the_table() -> None:
+    """psi = 30 deg: of all rotations 180 deg transmits best at r/l = 0.3, of all rows of Table 1 beta = 48 is best."""
+    assert best_rotation(SWING) == np.pi
+    for swing in (10.0, 30.0, 45.0):
+        chosen = best_rotation(np.radians(swing)) - np.pi
+        mu = float(CrankRockerFamily(np.radians(swing), chosen).at_ratio(0.3).mu_min_rad[0])
+        for imbalance in np.linspace(-0.9, 0.9, 181):
+            family = CrankRockerFamily(np.radians(swing), float(imbalance))
+            if family.smallest_ratio < 0.3:
+                assert family.at_ratio(0.3).mu_min_rad[0] <= mu + 1e-12
+    good = [
+        (row, design)
+        for row, design in zip(TABLE_1, table_1_designs(), strict=True)
+        if design.deviation_rad < np.radians(40.0)
+    ]
+    best = min(good, key=lambda pair: abs(pair[1].crank_over_coupler - 0.3))
+    assert best[0][:2] == (180, 48)
+    beyond = crank_rocker(SWING, np.pi).best_continuous
+    assert beyond is not None and np.degrees(beyond.beta_rad) == pytest.approx(48.2299, abs=5e-5)
+    assert np.degrees(beyond.mu_min_rad) == pytest.approx(67.14, abs=5e-3)
 
 
 def test_nearest_ratio_stands_on_the_limit_of_the_transmission_angle() -> None:

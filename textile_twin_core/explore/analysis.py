@@ -86,7 +86,8 @@ def analyse(design: Design) -> Analysis:
     if not machine.bodies:
         notes.append("No link has a mass: there is no torque. Give masses to see it.")
     elif machine.missing_for_torque:
-        notes.append(f"Torque needs masses that the paper does not give: {', '.join(machine.missing_for_torque)}.")
+        missing = len(machine.missing_for_torque)
+        notes.append(f"The paper gives no masses: fill in the {missing} fields that say 'give' and there is torque.")
     else:
         more, forces = _forces(machine, design.speed_rad_s, theta)
         charts += more

@@ -41,8 +41,8 @@ def analyse_transfer(machine: NeedleTransferMachine) -> Analysis:
     stroke = _forward(machine)
     numbers = {
         "pad_reached_s": stroke.pad_s,
-        "element_2_largest_deceleration_s": stroke.deceleration_s,
         "element_2_largest_deceleration_m_s2": -float(second[forward].min()),
+        "element_2_largest_deceleration_s": stroke.deceleration_s,
         "collets_meet_s": stroke.contact_s,
         "element_2_off_the_pin_m": stroke.leaves_pin_m,
         "impacts": float(sum(event.kind == "impact" for event in run.events)),

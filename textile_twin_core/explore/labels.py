@@ -32,7 +32,7 @@ _OTHERS = {
     "rms_shaking_force_N": Label("RMS shaking force", "N"),
     "largest_reaction_N": Label("largest reaction", "N"),
     "element_2_largest_deceleration_m_s2": Label("largest deceleration of element 2", "m/s²"),
-    "element_2_largest_deceleration_s": Label("time of it", "ms", 1e3),
+    "element_2_largest_deceleration_s": Label("it comes at", "ms", 1e3),
     "pad_reached_s": Label("pad reached at", "ms", 1e3),
     "collets_meet_s": Label("elements 2 and 3 meet at", "ms", 1e3),
     "element_2_off_the_pin_m": Label("element 2 leaves the pin by", "mm", 1e3),

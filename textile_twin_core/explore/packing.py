@@ -12,6 +12,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.explore.analysis import Analysis
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.labels import PRINTED, label, shown_unit
+from textile_twin_core.machines import Machine
 
 
 class Arrays:
@@ -71,7 +72,10 @@ def _number(name: str, value: float, printed: str) -> dict[str, Any]:
 
 
 def design_head(design: Design) -> dict[str, Any]:
-    """A design for the page: its parameters in the units that people read, speed in rpm, dwell in mm."""
+    """A design for the page: its parameters in the units that people read, speed in rpm, dwell in mm.
+
+    The speed of the needle transfer is a parameter of its own, the cycles per minute.
+    """
     parameters = []
     for p in design.family.parameters:
         unit, factor = shown_unit(p.unit)
@@ -91,7 +95,7 @@ def design_head(design: Design) -> dict[str, Any]:
     return {
         "name": design.family.name,
         "description": design.family.base.description,
-        "rpm": design.speed_rad_s * 30.0 / math.pi,
+        "rpm": design.speed_rad_s * 30.0 / math.pi if isinstance(design.family.base, Machine) else None,
         "dwell_mm": None if design.dwell_within_m is None else 1e3 * design.dwell_within_m,
         "parameters": parameters,
     }

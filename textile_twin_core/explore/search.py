@@ -21,6 +21,7 @@ from textile_twin_core.synthesis.tolerance import Limit, batch_of
 _POPULATION, _SLOW_POPULATION = 160, 24
 _FINE = 720
 _WORST = 1e9
+_TELL_S = 0.25
 
 
 @dataclass(frozen=True)
@@ -59,17 +60,22 @@ class Progress:
     share: float
 
 
-Report = Callable[[Progress], bool]
+Report = Callable[[Progress], None]
 
 
 def search(
-    design: Design, task: Task, report: Report | None = None, seconds: float = 60.0, generations: int = 400
+    design: Design,
+    task: Task,
+    report: Report | None = None,
+    stopped: Callable[[], bool] | None = None,
+    seconds: float = 60.0,
+    generations: int = 400,
 ) -> Progress:
     """The designs of which none is better in all goals, within the limits, from the present one and random others.
 
     NSGA-II (Deb et al. 2002, in pymoo), a generation at a time through the batched closed forms, so that the same seed
-    and generations give the same front. It ends after `generations`, or `seconds`, or when `report` returns True; the
-    front is then evaluated anew on a finer grid. Machines without a batch form are looked at one by one.
+    and generations give the same front. It ends after `generations`, or `seconds`, or when `stopped` says so after one;
+    the front is then evaluated anew on a finer grid. `report` is told of it a few times a second. Machines without a batch form are looked at one by one.
     Raises SceneError for unknown names, empty ranges, or no goal.
     """
     evaluate, numbers, slow = _evaluator(design, SAMPLES)
@@ -78,19 +84,20 @@ def search(
     size = _SLOW_POPULATION if slow else _POPULATION
     algorithm = NSGA2(pop_size=size, sampling=_start(design, task, size))
     algorithm.setup(problem, termination=("n_gen", generations), seed=task.seed)
-    begin = time.monotonic()
-    progress = Progress((), 0, 0.0, 0.0)
+    begin = told = time.monotonic()
     while algorithm.has_next():
         algorithm.next()
-        used = time.monotonic() - begin
-        share = max(used / seconds, algorithm.n_gen / generations)
-        progress = Progress(_front(algorithm, task), problem.designs, problem.rate, min(1.0, share))
-        if (report and report(progress)) or used > seconds:
+        now = time.monotonic()
+        if report and now - told > _TELL_S:
+            told = now
+            share = max((now - begin) / seconds, algorithm.n_gen / generations)
+            report(Progress(_front(algorithm, task), problem.designs, problem.rate, min(1.0, share)))
+        if now - begin > seconds or (stopped and stopped()):
             break
+    front = _front(algorithm, task)
     if not slow:
-        fine, _, _ = _evaluator(design, _FINE)
-        progress = Progress(_again(progress.front, task, fine), progress.designs, progress.designs_per_second, 1.0)
-    return progress
+        front = _again(front, task, _evaluator(design, _FINE)[0])
+    return Progress(front, problem.designs, problem.rate, 1.0)
 
 
 Evaluate = Callable[[Mapping[str, FloatArray], Sequence[str]], dict[str, FloatArray]]

@@ -64,7 +64,7 @@ class Session:
             raise SceneError(f"the page does not know '{message.get('type')}'")
         return act(self, message)
 
-    def state(self, said: str = "") -> bytes:
+    def state(self, said: str = "", loaded: bool = False) -> bytes:
         """The present design with its analysis, and the pinned one; a design that cannot be says why instead."""
         begin, arrays = time.perf_counter(), Arrays()
         head: dict[str, Any] = {
@@ -73,7 +73,7 @@ class Session:
             "can_undo": self._history.can_undo,
             "can_redo": self._history.can_redo,
             "machines": machines.NAMES,
-            "task": self._task,
+            "task": self._task if loaded else None,
             "said": said,
             "analysis": None,
             "pinned": None,
@@ -145,7 +145,7 @@ class Session:
         design, self._task = read_design(str(message.get("text", "")), str(message.get("name") or "the file"))
         self._history.put(design)
         self._forget()
-        return self.state(f"Loaded {message.get('name')}.")
+        return self.state(f"Loaded {message.get('name')}.", loaded=True)
 
     def _forget(self) -> None:
         """What belongs to another machine."""
@@ -160,8 +160,10 @@ class Session:
         return self.state()
 
     def _balance(self, message: Message) -> bytes:
-        design, said = balanced(self.design, str(message.get("way")), float(message.get("ripple") or 0.02))
+        before = self.design
+        design, said = balanced(before, str(message.get("way")), float(message.get("ripple") or 0.02))
         self._history.put(design)
+        self._pinned = before
         return self.state(said)
 
     def _pick(self, message: Message) -> bytes:
@@ -250,17 +252,14 @@ class Session:
         seconds = message.get("seconds") or 60.0
         check_number(seconds, "seconds")
         self._stop.clear()
-        last = 0.0
-
-        def tell(progress: Progress) -> bool:
-            nonlocal last
-            if time.monotonic() - last > 0.3:
-                last = time.monotonic()
-                report(_progress(progress, task, running=True))
-            return self._stop.is_set()
-
         begin = time.monotonic()
-        done = search(design, task, tell, min(float(seconds), _MOST_SECONDS))
+        done = search(
+            design,
+            task,
+            lambda progress: report(_progress(progress, task, running=True)),
+            self._stop.is_set,
+            min(float(seconds), _MOST_SECONDS),
+        )
         self._front = done.front
         return _progress(done, task, running=False, took=time.monotonic() - begin)
 

@@ -6,6 +6,7 @@ from textile_twin_core.synthesis.crank_rocker import (
     CrankRockerDesign,
     CrankRockerSynthesis,
     LinkLengths,
+    best_rotation,
     crank_rocker,
 )
 from textile_twin_core.synthesis.crank_rocker_family import CrankRockerFamily, LinkRatios
@@ -36,6 +37,7 @@ __all__ = [
     "SliderCrankDesign",
     "SliderCrankFamily",
     "Tool",
+    "best_rotation",
     "crank_rocker",
     "crank_rocker_machine",
     "family_of",

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.dynamics.loads import Backing, ShaftFriction, Spring
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machines.drive import load_names
 from textile_twin_core.machines.machine import Machine
-from textile_twin_core.mechanism import MAIN_SHAFT, Arc, Travel
+from textile_twin_core.mechanism import MAIN_SHAFT
+from textile_twin_core.synthesis.batch_loads import Turn, displacement, is_known, load_torque
 from textile_twin_core.synthesis.batch_motion import Chain, Columns, Point, solve
 from textile_twin_core.synthesis.numbers import MOTION, largest, motion_number, shaking_numbers, torque_numbers
 from textile_twin_core.synthesis.slots import read
@@ -31,7 +29,8 @@ TRANSMISSION = "smallest_transmission_angle_rad"
 class Batch:
     """The numbers of many designs that differ from one machine in the values of some slots (see `slots`).
 
-    Raises SceneError for a machine of which some group or load has no batch form.
+    Where some load has no batch form there are no numbers of the torque. Raises SceneError for a machine of which some
+    group has none.
     """
 
     def __init__(
@@ -45,18 +44,16 @@ class Batch:
         self.speed_rad_s = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
         self.base = read(machine)
         self._theta = shaft_angles(samples)
-        self._has_torque = bool(machine.bodies) and not machine.missing_for_torque
-        unknown = [type(load).__name__ for load in machine.loads if not _is_known(load)]
-        if unknown and self._has_torque:
-            raise SceneError(f"no batch form is known for a load of type {unknown[0]}")
+        self._has_masses = bool(machine.bodies) and not machine.missing_for_torque
+        self._knows_loads = all(is_known(load) for load in machine.loads)
         self.evaluate({}, self.names)
 
     @property
     def names(self) -> tuple[str, ...]:
         """The numbers that can be asked for."""
         of_measures = [f"{measure.name}_{what}" for measure in self.machine.measures for what in MOTION]
-        of_masses = [*TORQUE, *SHAKING] if self._has_torque else []
-        return (*of_measures, TRANSMISSION, *of_masses)
+        of_torque = TORQUE if self._has_masses and self._knows_loads else ()
+        return (*of_measures, TRANSMISSION, *of_torque, *(SHAKING if self._has_masses else ()))
 
     def evaluate(self, values: Mapping[str, FloatArray], names: Iterable[str]) -> dict[str, FloatArray]:
         """Numbers by name, each (n,), for the values (n,) by slot; NaN for a design that cannot close.
@@ -91,7 +88,7 @@ class Batch:
         for measure in self.machine.measures:
             asked = [what for what in MOTION if f"{measure.name}_{what}" in names]
             if asked:
-                h, h1, h2 = _displacement(measure, first)
+                h, h1, h2 = displacement(measure, first)
                 w = self.speed_rad_s
                 x, v, a = (np.broadcast_to(c, shape) for c in (h, h1 * w, h2 * w * w))
                 for what in asked:
@@ -101,7 +98,7 @@ class Batch:
             worst = np.minimum(worst, 1.0 - np.maximum(largest(cosine), largest(-cosine)))
         found[TRANSMISSION] = np.arccos(1.0 - worst)
         closes = np.isfinite(worst)
-        if self._has_torque and any(name in TORQUE or name in SHAKING for name in names):
+        if self._has_masses and any(name in TORQUE or name in SHAKING for name in names):
             torque, shaking = self._forces(columns, first)
             found |= torque_numbers(np.broadcast_to(torque, shape))
             found |= shaking_numbers(*(np.broadcast_to(part, shape) for part in (shaking.real, shaking.imag)))
@@ -138,76 +135,14 @@ class Batch:
                 push = inertial - mass * pull
                 torque = torque + (np.conj(centre.first) * push).real + (w2 * inertia) * (link.first * link.second)
                 shaking = shaking - inertial
+            turn = Turn(chain, self.machine.measures, self.speed_rad_s, number == 0)
             for name, load in zip(load_names(self.machine.loads), self.machine.loads, strict=True):
-                torque = torque + load_torque(load, name.replace(" ", "_"), chain, self, number)
+                if not self._knows_loads:
+                    break  # nobody can ask for the torque
+                torque = torque + load_torque(load, name.replace(" ", "_"), turn)
         return torque, shaking
-
-    def displacement(self, name: str, chain: Chain) -> tuple[Any, Any]:
-        """A measure's displacement [m] and its derivative by the shaft angle."""
-        (measure,) = [m for m in self.machine.measures if m.name == name]
-        return _displacement(measure, chain)[:2]
 
 
 def _ground(columns: Columns, name: str) -> Point:
     zero = np.zeros((1, 1))
     return Point(columns[f"{name}.x_m"] + 1j * columns[f"{name}.y_m"], zero, zero)
-
-
-@singledispatch
-def _displacement(measure: object, chain: Chain) -> tuple[Any, Any, Any]:
-    raise SceneError(f"no batch form is known for a measure of type {type(measure).__name__}")
-
-
-@_displacement.register
-def _(measure: Travel, chain: Chain) -> tuple[Any, Any, Any]:
-    axis = complex(*measure.direction)
-    axis /= abs(axis)
-    point, origin = chain.points[measure.point], chain.points[measure.origin]
-    travel = point.position - origin.position
-    return (travel / axis).real, (point.first / axis).real, (point.second / axis).real
-
-
-@_displacement.register
-def _(measure: Arc, chain: Chain) -> tuple[Any, Any, Any]:
-    link, scale = chain.links[measure.link], measure.sense * chain.number(f"{measure.name}.radius_m")
-    swung = scale * np.angle(link.direction / link.direction[:, :1])
-    return swung - np.min(swung, axis=-1, keepdims=True), scale * link.first, scale * link.second
-
-
-def _is_known(load: object) -> bool:
-    return load_torque.dispatch(type(load)) is not load_torque.dispatch(object)
-
-
-@singledispatch
-def load_torque(load: object, name: str, chain: Chain, batch: Batch, number: int) -> Any:
-    """What the drive must add for a load [N m]."""
-    raise SceneError(f"no batch form is known for a load of type {type(load).__name__}")
-
-
-@load_torque.register
-def _(load: Backing, name: str, chain: Chain, batch: Batch, number: int) -> Any:
-    position, slope = batch.displacement(load.on, chain)
-    speed = slope * batch.speed_rad_s
-    force, free, entry, leave = (
-        chain.number(f"{name}.{k}") for k in ("force_N", "free_force_N", "entry_plane_m", "exit_plane_m")
-    )
-    inside = position >= np.where(speed >= 0.0, entry, leave)
-    return np.sign(speed) * slope * np.where(inside, force, free)
-
-
-@load_torque.register
-def _(load: ShaftFriction, name: str, chain: Chain, batch: Batch, number: int) -> Any:
-    if number:
-        return 0.0
-    w = batch.speed_rad_s
-    return chain.number(f"{name}.viscous_Nms") * w + chain.number(f"{name}.coulomb_Nm") * math.copysign(1.0, w)
-
-
-@load_torque.register
-def _(load: Spring, name: str, chain: Chain, batch: Batch, number: int) -> Any:
-    a, b = chain.points[load.from_point], chain.points[load.to_point]
-    way = b.position - a.position
-    length = np.abs(way)
-    pull = chain.number(f"{name}.stiffness_N_m") * (length - chain.number(f"{name}.free_length_m"))
-    slope = (np.conj(way) * (b.first - a.first)).real / length
-    return (pull + chain.number(f"{name}.preload_N")) * slope

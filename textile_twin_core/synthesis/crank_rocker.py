@@ -20,6 +20,7 @@ WANTED_RATIO = 0.3
 """Crank over coupler of a good beat-up: enough acceleration at the fell, loads that the bearings bear."""
 
 _WHOLE_DEGREE_SLACK = 1e-9
+_SAME_ANGLE_RAD = 1e-9
 
 
 @dataclass(frozen=True)
@@ -155,6 +156,32 @@ def crank_rocker(swing_rad: float, rotation_rad: float) -> CrankRockerSynthesis:
         best_continuous=_best_continuous(family, peak),
         best_transmission=_records(family.at_ratio(peak))[0] if family.imbalance_rad else None,
     )
+
+
+def best_rotation(swing_rad: float) -> float:
+    """The crank rotation [rad] whose crank-rocker of this swing and r/l = 0.3 has the best transmission angle.
+
+    With this ratio the criteria of Topalbekiroglu and Celik 2010 leave the rotation alone to choose; away from 180 deg
+    one of the two extreme transmission angles grows and the other falls, so that 180 deg is best wherever it is
+    admissible with this ratio. Raises SceneError for a swing that no crank-rocker has.
+    """
+    centric = CrankRockerFamily(swing_rad, 0.0)
+
+    def mu_min(imbalance_rad: float) -> float:
+        family = CrankRockerFamily(swing_rad, imbalance_rad)
+        if family.smallest_ratio >= WANTED_RATIO:
+            return 0.0
+        return float(family.at_ratio(WANTED_RATIO).mu_min_rad[0])
+
+    low, high = swing_rad / 2 - np.pi / 2, np.pi / 2 + swing_rad / 2
+    grid = np.linspace(low, high, 361)[1:-1]
+    top = float(grid[int(np.argmax([mu_min(x) for x in grid.tolist()]))])
+    step = float(grid[1] - grid[0])
+    found = minimize_scalar(
+        lambda x: -mu_min(x), bounds=(max(low, top - step), min(high, top + step)), method="bounded"
+    )
+    best = max((0.0, top, float(found.x)), key=mu_min)
+    return np.pi + (best if mu_min(best) > mu_min(0.0) + _SAME_ANGLE_RAD else centric.imbalance_rad)
 
 
 def _records(links: LinkRatios) -> tuple[CrankRockerDesign, ...]:

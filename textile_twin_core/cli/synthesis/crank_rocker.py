@@ -31,7 +31,7 @@ def add(parser: Parser) -> None:
         metavar="'X,Y X,Y X,Y'",
         help="or three positions of the hand in metres, in one argument: swing, rocker pivot and arm follow from them",
     )
-    add_rotation(parser)
+    add_rotation(parser, "the one of the best transmission angle at r/l = 0.3")
     parser.add_argument("--ground", type=positive, metavar="M", help="length of the ground link, for lengths in metres")
     parser.add_argument(
         "--choose",
@@ -47,7 +47,7 @@ def add(parser: Parser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Synthesize, print a table, write files."""
-    from textile_twin_core.synthesis import Tool, crank_rocker, crank_rocker_machine, rocker_through
+    from textile_twin_core.synthesis import Tool, best_rotation, crank_rocker, crank_rocker_machine, rocker_through
 
     if (arguments.swing is None) == (arguments.hand is None):
         raise UsageError("give --swing in degrees, or --hand with three positions")
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError(f"--hand takes three positions, not {len(arguments.hand)}")
     hand = rocker_through(*arguments.hand) if arguments.hand else None
     swing = hand.swing_rad if hand else math.radians(arguments.swing)
-    result = crank_rocker(swing, rotation(arguments))
+    result = crank_rocker(swing, rotation(arguments, best_rotation(swing)))
     machine = None
     chosen = _chosen(result, arguments.choose)
     if arguments.out:

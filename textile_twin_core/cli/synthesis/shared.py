@@ -33,18 +33,20 @@ def add_section(parser: Parser) -> None:
     )
 
 
-def add_rotation(parser: Parser, default: str | None = None) -> None:
+def add_rotation(parser: Parser, default: str) -> None:
     """--rotation or --time-ratio."""
-    text = f" (default: {default})" if default else ""
     parser.add_argument(
-        "--rotation", type=number, metavar="DEG", help=f"crank rotation from the outer to the inner dead centre{text}"
+        "--rotation",
+        type=number,
+        metavar="DEG",
+        help=f"crank rotation from the outer to the inner dead centre (default: {default})",
     )
     parser.add_argument(
         "--time-ratio", type=positive, metavar="Q", help="or how many times as long this way takes as the way back"
     )
 
 
-def rotation(arguments: argparse.Namespace, default_deg: float | None = None) -> float:
+def rotation(arguments: argparse.Namespace, default_rad: float) -> float:
     """The crank rotation asked for [rad]."""
     from textile_twin_core.synthesis import rotation_of_time_ratio
 
@@ -52,10 +54,7 @@ def rotation(arguments: argparse.Namespace, default_deg: float | None = None) ->
         raise UsageError("--rotation and --time-ratio say the same in two ways; give one of them")
     if arguments.time_ratio is not None:
         return rotation_of_time_ratio(arguments.time_ratio)
-    degrees = default_deg if arguments.rotation is None else arguments.rotation
-    if degrees is None:
-        raise UsageError("give --rotation in degrees, or --time-ratio")
-    return math.radians(degrees)
+    return default_rad if arguments.rotation is None else math.radians(arguments.rotation)
 
 
 def points(text: str) -> list[tuple[float, float]]:

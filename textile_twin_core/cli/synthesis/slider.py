@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     from textile_twin_core.synthesis import offset_slider
 
-    design = offset_slider(arguments.stroke, rotation(arguments, 180.0), arguments.crank_over_rod)
+    design = offset_slider(arguments.stroke, rotation(arguments, math.pi), arguments.crank_over_rod)
     print(
         f"slider-crank, stroke {design.stroke_m:g} m, rotation {math.degrees(design.rotation_rad):.6g} deg:"
         f" crank {design.crank_m:.6g} m, rod {design.rod_m:.6g} m, offset {design.offset_m:.6g} m,"

@@ -20,7 +20,7 @@ const search = new Search({ parameters, send: (message) => talk.send(message), s
 const talk = new Talk({
   onMessage: receive,
   onOpen: () => banner(""),
-  onBroken: (times) => banner(times < 8 ? "The connection is lost; trying again .." : "textile-twin explore has ended. Start it again and open the address that it prints; this design is kept while the page is open."),
+  onBroken: (times) => banner(times < 8 ? "The connection is lost; trying again .." : "textile-twin explore has ended. Start it again and open the address that it prints."),
 });
 
 function receive(head, floats, asked) {
@@ -71,12 +71,13 @@ function opened(analysis, floats) {
 function menu(head) {
   const select = byId("machine"), names = head.machines.includes(design.name) ? head.machines : [design.name, ...head.machines];
   select.replaceChildren(...names.map((name) => make("option", { value: name, selected: name === design.name }, name.replaceAll("_", " "))));
-  if (document.activeElement !== byId("rpm")) byId("rpm").value = shown(design.rpm, 6);
+  byId("rpm").disabled = design.rpm === null;
+  if (document.activeElement !== byId("rpm")) byId("rpm").value = design.rpm === null ? "" : shown(design.rpm, 6);
   if (document.activeElement !== byId("dwell")) byId("dwell").value = design.dwell_mm ?? "";
   byId("undo").disabled = !head.can_undo;
   byId("redo").disabled = !head.can_redo;
   byId("pin").setAttribute("aria-pressed", String(Boolean(head.pinned)));
-  byId("balance_says").textContent = head.said || "Each takes the design as it is now; undo takes it back.";
+  byId("balance_says").textContent = head.said || "Each takes the design as it is now, which stays to compare with; undo takes it back.";
   document.title = `${design.name.replaceAll("_", " ")} – textile-twin`;
 }
 

@@ -15,7 +15,7 @@ export class Search {
   show(analysis, design, task) {
     const names = analysis.numbers.map((n) => n.name).join();
     this.numbers = analysis.numbers;
-    if (names === this.names && design.name === this.name) return;
+    if (names === this.names && design.name === this.name && !task) return;
     this.names = names;
     this.name = design.name;
     const known = (entry) => this.numbers.some((n) => n.name === entry.number);
@@ -73,10 +73,10 @@ export class Search {
   // Rows of ranges for what is ticked.
   free() {
     const rows = this.parameters.free.map((p) => {
-      if (!this.ranges.has(p.name)) this.ranges.set(p.name, [rounded(p.low), rounded(p.high)]);
-      const range = this.ranges.get(p.name);
+      if (!this.ranges.has(p.name)) this.ranges.set(p.name, range(p));
+      const ends = this.ranges.get(p.name);
       const field = (k) => {
-        const input = make("input", { type: "number", step: "any", value: range[k], "aria-label": `${p.name}, ${k ? "largest" : "smallest"}`, onchange: () => { range[k] = numberIn(input); } });
+        const input = make("input", { type: "number", step: "any", value: ends[k], "aria-label": `${p.name}, ${k ? "largest" : "smallest"}`, onchange: () => { ends[k] = numberIn(input); } });
         return input;
       };
       return make("div", { class: "row" }, make("span", { style: "min-width: 8rem" }, p.name), field(0), "to", field(1), make("span", { class: "unit" }, p.unit));
@@ -120,11 +120,10 @@ export class Search {
     if (!head.front.length) { svg.replaceChildren(); return; }
     const column = (k) => head.front.map((row) => row[k]);
     const xs = column(0), ys = two ? column(1) : xs.map((_, k) => k), parts = [];
-    const span = (v) => { const a = Math.min(...v), b = Math.max(...v), r = 0.06 * (b - a) || 0.05 * Math.abs(a) || 1; return [a - r, b + r]; };
-    const [x0, x1] = span(xs), [y0, y1] = span(ys);
-    const x = (v) => 58 + ((width - 74) * (v - x0)) / (x1 - x0), y = (v) => height - 38 - ((height - 54) * (v - y0)) / (y1 - y0);
-    for (const v of ticks(x0, x1, 5)) parts.push(draw("line", { x1: x(v), x2: x(v), y1: 12, y2: height - 38, stroke: "var(--line)" }), draw("text", { x: x(v), y: height - 22, "text-anchor": "middle" }, shown(v, 4)));
-    if (two) for (const v of ticks(y0, y1, 5)) parts.push(draw("line", { x1: 58, x2: width - 16, y1: y(v), y2: y(v), stroke: "var(--line)" }), draw("text", { x: 52, y: y(v) + 4, "text-anchor": "end" }, shown(v, 4)));
+    const across = axis(xs), up = axis(ys);
+    const x = (v) => 58 + (width - 74) * across.at(v), y = (v) => height - 38 - (height - 54) * up.at(v);
+    for (const v of across.marks) parts.push(draw("line", { x1: x(v), x2: x(v), y1: 12, y2: height - 38, stroke: "var(--line)" }), draw("text", { x: x(v), y: height - 22, "text-anchor": "middle" }, shown(v, 4)));
+    if (two) for (const v of up.marks) parts.push(draw("line", { x1: 58, x2: width - 16, y1: y(v), y2: y(v), stroke: "var(--line)" }), draw("text", { x: 52, y: y(v) + 4, "text-anchor": "end" }, shown(v, 4)));
     const words = (n) => `${n.text}${n.unit ? `, ${n.unit}` : ""}`;
     parts.push(draw("text", { x: width - 16, y: height - 6, "text-anchor": "end" }, words(head.numbers[0])));
     if (two) parts.push(draw("text", { x: 6, y: 10 }, words(head.numbers[1])));
@@ -143,6 +142,21 @@ export class Search {
   }
 }
 
-function rounded(value) {
-  return +value.toPrecision(4);
+// What is proposed: a fifth of the value either way, 20 degrees for angles.
+function range(p) {
+  const room = p.unit === "deg" ? 20 : 0.2 * Math.abs(p.value), rounded = (value) => +value.toPrecision(4);
+  if (!room) return [rounded(p.low), rounded(p.high)];
+  return [rounded(Math.max(p.low, p.value - room)), rounded(Math.min(p.high, p.value + room))];
+}
+
+// From values to places between 0 and 1, and round values for marks; by powers of ten where values span decades.
+function axis(values) {
+  const low = Math.min(...values), high = Math.max(...values);
+  if (low > 0 && high > 30 * low) {
+    const [a, b] = [Math.log10(low) - 0.05, Math.log10(high) + 0.05], marks = [];
+    for (let k = Math.floor(a); k <= b; k++) for (const m of [1, 3]) if (Math.log10(m) + k >= a && Math.log10(m) + k <= b) marks.push(m * 10 ** k);
+    return { at: (v) => (Math.log10(v) - a) / (b - a), marks };
+  }
+  const room = 0.06 * (high - low) || 0.05 * Math.abs(low) || 1, [a, b] = [low - room, high + room];
+  return { at: (v) => (v - a) / (b - a), marks: ticks(a, b, 5) };
 }
