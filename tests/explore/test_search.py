@@ -76,11 +76,14 @@ def test_progress_is_told_and_stop_is_heard() -> None:
         return asked == 3
 
     design, goals = Design.of(machines.handloom_beatup()), (Goal("beater_stroke_m", True),)
-    found = search(design, Task({"crank_m": (0.04, 0.08)}, goals), seen.append, stopped)
+    task = Task({"crank_m": (0.04, 0.08)}, goals, (Limit("peak_torque_Nm", False, 9.0),))
+    found = search(design, task, seen.append, stopped)
     assert found.designs == 480 and found.share == 1.0
-    search(design, Task({"crank_m": (0.04, 0.08)}, goals), seen.append, lambda: len(seen) > 2, 120.0)
+    search(design, task, seen.append, lambda: len(seen) > 2, 120.0)
     assert 0 < seen[0].designs < seen[1].designs < seen[2].designs
     assert seen[2].designs_per_second > 0.0 and 0.0 < seen[0].share < 1.0
+    for progress in (*seen, found):
+        assert all(set(one.numbers) == {"beater_stroke_m", "peak_torque_Nm"} for one in progress.front)
 
 
 def test_machine_with_a_history_is_searched_one_by_one() -> None:

@@ -5,22 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from pymoo.algorithms.moo.nsga2 import NSGA2
-from pymoo.core.problem import Problem
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.explore.analysis import analyse
 from textile_twin_core.explore.design import Design
+from textile_twin_core.synthesis import pareto
 from textile_twin_core.synthesis.batch import SAMPLES, Batch
 from textile_twin_core.synthesis.tolerance import Limit, batch_of
 
 _POPULATION, _SLOW_POPULATION = 160, 24
 _FINE = 720
-_WORST = 1e9
+_OPEN = 1e3
 _TELL_S = 0.25
 
 
@@ -73,31 +71,30 @@ def search(
 ) -> Progress:
     """The designs of which none is better in all goals, within the limits, from the present one and random others.
 
-    NSGA-II (Deb et al. 2002, in pymoo), a generation at a time through the batched closed forms, so that the same seed
-    and generations give the same front. It ends after `generations`, or `seconds`, or when `stopped` says so after one;
-    the front is then evaluated anew on a finer grid. `report` is told of it a few times a second. Machines without a batch form are looked at one by one.
+    Generalised differential evolution (see `synthesis.pareto`) through the batched closed forms, a generation at a
+    time, so that the same seed and generations give the same front. It ends after `generations`, or `seconds`, or when
+    `stopped` says so after one; the front is then evaluated anew on a finer grid. `report` is told of it a few times a
+    second. Machines without a batch form are looked at one by one.
     Raises SceneError for unknown names, empty ranges, or no goal.
     """
-    evaluate, numbers, slow = _evaluator(design, SAMPLES)
+    numbers_of, numbers, slow = _evaluator(design, SAMPLES)
     _check(design, task, numbers)
-    problem = _Problem(task, evaluate)
-    size = _SLOW_POPULATION if slow else _POPULATION
-    algorithm = NSGA2(pop_size=size, sampling=_start(design, task, size))
-    algorithm.setup(problem, termination=("n_gen", generations), seed=task.seed)
+    goals = _Goals(task, numbers_of)
+    low, high = np.array(list(task.free.values()), dtype=np.float64).T
+    random = np.random.default_rng(task.seed)
     begin = told = time.monotonic()
-    while algorithm.has_next():
-        algorithm.next()
+    start = _start(design, task, _SLOW_POPULATION if slow else _POPULATION, random)
+    for number, population in enumerate(pareto.generations(start, low, high, goals, random), 1):
         now = time.monotonic()
         if report and now - told > _TELL_S:
             told = now
-            share = max((now - begin) / seconds, algorithm.n_gen / generations)
-            report(Progress(_front(algorithm, task), problem.designs, problem.rate, min(1.0, share)))
-        if now - begin > seconds or (stopped and stopped()):
+            share = max((now - begin) / seconds, number / generations)
+            front = _again(_front(population, task), task, numbers_of)
+            report(Progress(front, goals.designs, goals.rate, min(1.0, share)))
+        if number >= generations or now - begin > seconds or (stopped and stopped()):
             break
-    front = _front(algorithm, task)
-    if not slow:
-        front = _again(front, task, _evaluator(design, _FINE)[0])
-    return Progress(front, problem.designs, problem.rate, 1.0)
+    finer = numbers_of if slow else _evaluator(design, _FINE)[0]
+    return Progress(_again(_front(population, task), task, finer), goals.designs, goals.rate, 1.0)
 
 
 Evaluate = Callable[[Mapping[str, FloatArray], Sequence[str]], dict[str, FloatArray]]
@@ -152,67 +149,59 @@ def _check(design: Design, task: Task, numbers: Sequence[str]) -> None:
             raise SceneError(f"'{number}' is no number of this machine that can be searched for")
 
 
-class _Problem(Problem):  # type: ignore[misc]
-    """The task as pymoo takes it: everything minimised, limits at most 0."""
+class _Goals:
+    """A task's goals, all to be made small, and by how much a design breaks its limits, for many designs."""
 
     def __init__(self, task: Task, evaluate: Evaluate) -> None:
-        self.task, self._evaluate_designs = task, evaluate
+        self.task, self._evaluate = task, evaluate
         self.names = tuple(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
         self.designs, self._seconds = 0, 0.0
-        bounds = np.array(list(task.free.values()), dtype=np.float64).T
-        super().__init__(
-            n_var=len(task.free), n_obj=len(task.goals), n_ieq_constr=len(task.limits) + 1, xl=bounds[0], xu=bounds[1]
-        )
 
     @property
     def rate(self) -> float:
         """Designs a second of evaluation."""
         return self.designs / self._seconds if self._seconds else 0.0
 
-    def _evaluate(self, x: FloatArray, out: dict[str, Any], *_: object, **__: object) -> None:
+    def __call__(self, designs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Goals (n, goals) and lacks (n,) of designs (n, parameters)."""
         begin = time.perf_counter()
-        found = self._evaluate_designs({name: x[:, k] for k, name in enumerate(self.task.free)}, self.names)
+        found = self._evaluate({name: designs[:, k] for k, name in enumerate(self.task.free)}, self.names)
         self._seconds += time.perf_counter() - begin
-        self.designs += x.shape[0]
-        goals = [-found[g.number] if g.maximise else found[g.number] for g in self.task.goals]
-        lacks = []
+        self.designs += designs.shape[0]
+        goals = np.column_stack([-found[g.number] if g.maximise else found[g.number] for g in self.task.goals])
+        lacks = np.where(np.isfinite(goals).all(axis=1), 0.0, _OPEN)
         for limit in self.task.limits:
             way = limit.value - found[limit.number] if limit.at_least else found[limit.number] - limit.value
-            lacks.append(way / (abs(limit.value) or 1.0))
-        closes = np.isfinite(np.column_stack(goals)).all(axis=1)
-        lacks.append(np.where(closes, -1.0, 1e3))
-        out["F"] = np.nan_to_num(np.column_stack(goals), nan=_WORST)
-        out["G"] = np.nan_to_num(np.column_stack(lacks), nan=1e3)
+            lacks += np.maximum(0.0, np.nan_to_num(way / (abs(limit.value) or 1.0), nan=0.0))
+        return np.nan_to_num(goals, nan=_OPEN), lacks
 
 
-def _start(design: Design, task: Task, size: int) -> FloatArray:
+def _start(design: Design, task: Task, size: int, random: np.random.Generator) -> FloatArray:
     """Random designs of the ranges; the first is the present one, as far as it lies in them."""
     low, high = np.array(list(task.free.values()), dtype=np.float64).T
-    drawn = np.random.default_rng(task.seed).uniform(low, high, (size, low.size))
+    drawn = random.uniform(low, high, (size, low.size))
     drawn[0] = np.clip([design.value(name) or 0.0 for name in task.free], low, high)
     return drawn
 
 
-def _front(algorithm: Any, task: Task) -> tuple[Found, ...]:
-    """The best designs so far that keep all limits."""
-    best = algorithm.opt
-    if best is None or not len(best) or not best.get("feas").any():
-        return ()
-    x, f, g = (np.atleast_2d(best.get(key)) for key in ("X", "F", "G"))
-    found = []
-    for row, goals, lacks in zip(x, f, g, strict=True):
-        numbers = {goal.number: float(-v if goal.maximise else v) for goal, v in zip(task.goals, goals, strict=True)}
-        for limit, lack in zip(task.limits, lacks, strict=False):
-            way = float(lack) * (abs(limit.value) or 1.0)
-            numbers.setdefault(limit.number, limit.value - way if limit.at_least else limit.value + way)
-        found.append(Found(dict(zip(task.free, row.tolist(), strict=True)), numbers))
+def _front(population: pareto.Population, task: Task) -> tuple[Found, ...]:
+    """The best designs so far that keep all limits, with their goals."""
+    front = population.front
+    found = [
+        Found(
+            dict(zip(task.free, row.tolist(), strict=True)),
+            {g.number: float(-v if g.maximise else v) for g, v in zip(task.goals, values, strict=True)},
+        )
+        for row, values in zip(front.designs, front.goals, strict=True)
+    ]
     return tuple(sorted(found, key=lambda one: one.numbers[task.goals[0].number]))
 
 
 def _again(front: tuple[Found, ...], task: Task, evaluate: Evaluate) -> tuple[Found, ...]:
+    """The front with all goals and limited numbers, evaluated anew."""
     if not front:
         return front
-    names = tuple(front[0].numbers)
+    names = tuple(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
     columns = {name: np.array([one.values[name] for one in front]) for name in task.free}
     found = evaluate(columns, names)
     return tuple(Found(one.values, {name: float(found[name][k]) for name in names}) for k, one in enumerate(front))
