@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.compile_at_once import compile_at_once
 from textile_twin_core.expression import cos, sin, sqrt, variable
 from textile_twin_core.expression.loop import Loop
 
@@ -17,7 +18,7 @@ N = 20_000
 @pytest.fixture(scope="module")
 def loop() -> Loop:
     made = Loop([sin(X) * Y + 2.0 * X, cos(3.0 * X) / Y, sqrt(Y)], ["x", "y"])
-    made.prepare()
+    compile_at_once(made)
     return made
 
 

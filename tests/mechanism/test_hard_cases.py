@@ -13,6 +13,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from tests.compile_at_once import compile_at_once
 from tests.generators.planar_truth import four_bar
 from tests.mechanism.planar_cases import FourBarCase, SliderCase, by_every_back_end
 from textile_twin_core.expression import substitute, variable
@@ -78,9 +79,8 @@ def test_compiled_they_hold_too() -> None:
         end = SliderCase(r, l, (0.0, e), (1.0, 0.0), theta).linkage().solved.points["B"]
         expressions += substitute([end.position.x, end.first.x, end.second.x], {THETA: variable(f"theta{k}")})
     loop, found = Loop(expressions, [f"theta{k}" for k in range(len(cases))]), np.empty((len(expressions), 9))
-    loop.prepare()
+    compile_at_once(loop)
     loop([np.full(9, theta) for *_, theta in sizes], list(found))
-    assert loop.is_compiled
     for k, (case, (r, *_)) in enumerate(zip(cases, sizes, strict=True)):
         for name, value in zip(("x", "dx", "d2x"), found[3 * k :, 4], strict=False):
             expected = mp.mpf(case["expected"][name])
@@ -254,7 +254,7 @@ def test_arrays_across_a_change_point_hold_every_digit() -> None:
     theta = math.pi - np.logspace(-12, 0.3, 10_000)
     values = np.empty_like(theta)
     loop = Loop([case.linkage().solved.links["l3"].first], ["theta"])
-    loop.prepare()
+    compile_at_once(loop)
     loop([theta], [values])
     for i in range(0, theta.size, 500):
         exact = FourBarCase(1.0, 2.5, 1.5, (3.0, 0.0), float(theta[i]), True).truth()["p3"]

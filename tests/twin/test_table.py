@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,7 @@ def compiled_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """However short a block is: without a compiled loop it would be evaluated exactly."""
     monkeypatch.setattr(loop, "_LONG", 1)
     monkeypatch.setattr(loop, "_WORTH", 1)
+    monkeypatch.setattr(loop, "_MET", Counter())  # what other tests compiled, and these, stays apart
 
 
 @pytest.fixture(scope="module")

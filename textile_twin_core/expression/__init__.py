@@ -2,14 +2,13 @@
 
 The groups of a mechanism write their closed forms with these expressions. One graph then serves plain floats
 (`scalar`), long arrays (`loop`, compiled), any other number type such as mpmath's (`interpret`), and exact partial
-derivatives (`derivative`). What an output does not need is never reached.
+derivatives. What an output does not need is never reached.
 """
 
-from textile_twin_core.expression.derivative import derivative
 from textile_twin_core.expression.graph import Expr, const, variable
 from textile_twin_core.expression.interpret import interpret
 from textile_twin_core.expression.operations import absolute, at_least, atan2, cos, select, sign, sin, sqrt, square
-from textile_twin_core.expression.traversal import substitute, topological_order
+from textile_twin_core.expression.traversal import derivative, substitute, topological_order
 
 __all__ = [
     "Expr",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import Any
 
 from textile_twin_core.expression.graph import OPERATIONS, Expr
@@ -16,17 +16,25 @@ def interpret(outputs: Iterable[Expr], inputs: Mapping[str, Any], functions: Any
     `functions` is a module or namespace with sqrt, sin and cos (and atan2 where an angle is asked, and `where` where
     conditions are no plain numbers): math, cmath, mpmath, arrays' own. Constants stay what they are, IEEE doubles.
     """
-    outputs = list(outputs)
+    leaves, steps, places = _plan(tuple(outputs))
+    value: dict[int, Any] = {k: inputs[str(e.payload)] if e.op == "variable" else e.payload for k, e in leaves}
+    for k, operation, arguments, done in steps:
+        value[k] = operation(functions, *[value[i] for i in arguments])
+        for i in done:
+            del value[i]  # so that arrays of the next operations find room in the cache
+    return [value[k] for k in places]
+
+
+@lru_cache(maxsize=64)
+def _plan(outputs: tuple[Expr, ...]) -> tuple[list[Any], list[Any], list[int]]:
+    """Constants and variables; operations with their arguments and what nobody needs after them; the outputs' places."""
     order = topological_order(outputs)
-    readers = Counter([*outputs, *(a for node in order for a in node.args)])
-    value: dict[Expr, Any] = {}
-    for node in order:
-        if not node.args:
-            value[node] = node.payload if node.op == "const" else inputs[str(node.payload)]
-        else:
-            value[node] = OPERATIONS[node.op].value(functions, *(value[a] for a in node.args))
-        for a in node.args:
-            readers[a] -= 1
-            if not readers[a]:
-                del value[a]  # so that arrays of the next operations find room in the cache
-    return [value[e] for e in outputs]
+    place = {e: k for k, e in enumerate(order)}
+    last = {place[a]: k for k, e in enumerate(order) for a in e.args} | {place[e]: -1 for e in outputs}
+    arguments = [[place[a] for a in e.args] for e in order]
+    steps = [
+        (k, OPERATIONS[e.op].value, arguments[k], [i for i in {*arguments[k]} if last[i] == k])
+        for k, e in enumerate(order)
+        if e.args
+    ]
+    return [(k, e) for k, e in enumerate(order) if not e.args], steps, [place[e] for e in outputs]

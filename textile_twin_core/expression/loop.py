@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
@@ -25,6 +26,9 @@ _NODES: Final = 500
 """Larger graphs take longer to compile, and so many more samples until that pays."""
 _CHUNK: Final = 8192
 """Samples that are interpreted at a time, so that their intermediate results stay in the cache."""
+_MET: Final[Counter[bytes]] = Counter()
+"""Samples in long blocks so far, by code."""
+_COMPILED: Final[dict[bytes, tuple[Any, Any]]] = {}
 
 
 class Loop:
@@ -45,7 +49,6 @@ class Loop:
         self._outputs, self._inputs = tuple(outputs), tuple(inputs)
         self._prologue, self._tables = prologue, dict(tables or {})
         self._plain = self._outputs if plain is None else tuple(plain)
-        self._met = 0
 
     def __call__(self, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray], cores: int = 1) -> None:
         """Evaluate one-dimensional inputs of equal length (broadcast views allowed) into contiguous outputs of float64.
@@ -55,7 +58,8 @@ class Loop:
         if not all(a.flags.c_contiguous and a.dtype == np.float64 for a in outputs):
             raise ValueError("outputs of a loop must be contiguous arrays of float64")
         n = inputs[0].shape[0]
-        self._met += n if n >= _LONG else 0
+        if n >= _LONG:
+            _MET[self._code] += n
         if cores == 1 or n < _LONG * cores or not self.is_compiled:
             self._fill(inputs, outputs)
             return
@@ -63,14 +67,16 @@ class Loop:
         with ThreadPoolExecutor(cores) as pool:
             list(pool.map(lambda part: self._fill(*part), parts))
 
-    def prepare(self) -> None:
-        """Compile now, however short the blocks will be."""
-        self._met += max(_WORTH, math.ceil(self._worth))
-
     @property
     def is_compiled(self) -> bool:
         """Whether blocks go through the compiled loop; compiles it when enough samples were met."""
-        return self._met >= _WORTH and self._met >= self._worth and self._compiled is not None
+        return 0 < _MET[self._code] >= self._worth and self._compiled is not None
+
+    @cached_property
+    def _code(self) -> bytes:
+        """What tells this code from another: twins of like machines share one loop."""
+        told = [*(e.rank for e in self._outputs), repr((self._inputs, self._prologue)).encode()]
+        return blake2b(b"".join(told), digest_size=12).digest()
 
     @cached_property
     def _worth(self) -> float:
@@ -87,24 +93,25 @@ class Loop:
 
         if not is_available():
             return None
+        if self._code in _COMPILED:
+            return _COMPILED[self._code]
         one, run = self.functions()
         one = run.__globals__["one"] = compiled(one, inlined=True)
         run = compiled(run, apart=True)
         read, written = np.empty(1), np.empty(1)
         read.flags.writeable = False
         compile_for(run, [read] * len(self._inputs) + [*self._tables.values()] + [written] * len(self._outputs))
-        return one, run
+        return _COMPILED.setdefault(self._code, (one, run))
 
     def functions(self) -> tuple[Any, Any]:
         """What is compiled, as Python: of one sample to the outputs and how many angles were too large; over arrays."""
         from textile_twin_core.expression import inline
 
-        source = self._source()
         scope: dict[str, Any] = {"float64": np.float64, "int64": np.int64, "sqrt": math.sqrt, "__name__": __name__}
         scope |= {"sincos": inline.sincos, "atan2": inline.atan2, "FARTHEST": inline.FARTHEST}
-        exec(compile(source, "<twin loop>", "exec"), scope)
+        exec(compile(self._source(), "<twin loop>", "exec"), scope)
         for name in ("one", "run"):  # the compiler knows functions by name: a name of its own for each code
-            scope[name].__qualname__ = f"{name}_{blake2b(source.encode(), digest_size=12).hexdigest()}"
+            scope[name].__qualname__ = f"{name}_{self._code.hex()}"
         return scope["one"], scope["run"]
 
     def _source(self) -> str:

@@ -2,40 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from textile_twin_core.expression import simplify
 from textile_twin_core.expression.graph import OPERATIONS, Expr, Number, Operation, make
 
-
-def sin(a: Expr | Number) -> Expr:
-    """The sine of an expression."""
-    return make("sin", a)
-
-
-def cos(a: Expr | Number) -> Expr:
-    """The cosine of an expression."""
-    return make("cos", a)
-
-
-def sqrt(a: Expr | Number) -> Expr:
-    """The square root of an expression."""
-    return make("sqrt", a)
-
-
-def square(a: Expr | Number) -> Expr:
-    """The square of an expression."""
-    return make("square", a)
-
-
-def absolute(a: Expr | Number) -> Expr:
-    """The size of an expression."""
-    return make("abs", a)
-
-
-def sign(a: Expr | Number) -> Expr:
-    """1, 0 or -1, by the sign of an expression."""
-    return make("sign", a)
+sin, cos, sqrt = partial(make, "sin"), partial(make, "cos"), partial(make, "sqrt")
+square = partial(make, "square")
+absolute = partial(make, "abs")
+sign = partial(make, "sign")
+"""1, 0 or -1, by the sign of an expression."""
 
 
 def atan2(y: Expr | Number, x: Expr | Number) -> Expr:

@@ -1,11 +1,11 @@
-"""Walks through expressions: their order, what they cost, and replacing parts of them."""
+"""Walks through expressions: their order, what they cost, their derivatives, and replacing parts of them."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
-from textile_twin_core.expression.graph import OPERATIONS, Expr, make
+from textile_twin_core.expression.graph import OPERATIONS, Expr, const, make
 
 
 def topological_order(outputs: Iterable[Expr]) -> list[Expr]:
@@ -43,3 +43,16 @@ def substitute(outputs: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> li
             args = tuple(new[a] for a in node.args)
             new[node] = node if args == node.args else make(node.op, *args)
     return [new[e] for e in outputs]
+
+
+def derivative(outputs: Iterable[Expr], with_respect_to: Expr) -> list[Expr]:
+    """The exact partial derivative of each output; steps (sign, at_least) count as constant between their jumps."""
+    outputs = list(outputs)
+    zero = const(0.0)
+    slope = {with_respect_to: const(1.0)}
+    for node in topological_order(outputs):
+        if node not in slope:
+            known = [slope[a] for a in node.args]
+            rule = OPERATIONS[node.op].slope if any(d is not zero for d in known) else None
+            slope[node] = rule(node, known) if rule else zero
+    return [slope[e] for e in outputs]
