@@ -25,6 +25,8 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
 from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, running_suite
+from textile_twin_core.arrays import IntArray
+from textile_twin_core.errors import RecordingError
 from textile_twin_core.files import Bag, open_bag
 
 ROOT = Path(__file__).parents[2]
@@ -82,18 +84,25 @@ def kills(suite: Suite, times: int) -> None:
     for number in range(times):
         bag = suite.folder / f"killed_{number}"
         recorder = suite.start("record_node", f"bag:={bag}", "topics:=[main_shaft/angle]")
-        suite.spin_until(lambda bag=bag: bag.exists() and node.count_subscribers("main_shaft/angle") > 1, "recorder")
-        suite.spin_for(choice.uniform(1.0, 3.0))
+        suite.spin_until(lambda bag=bag: _messages_on_disk(bag) > 0, "recorder")
+        suite.spin_for(choice.uniform(0.5, 2.5))
         killed = time.monotonic()
         recorder.end(signal.SIGKILL)
         stamps = set(open_bag(bag).read_angles().stamps.tolist())
+        del sent[: max(len(sent) - 10_000, 0)]
         heard = [stamp for stamp, _ in sent]
         kept = [k for k, stamp in enumerate(heard) if stamp in stamps]
         holes += kept[-1] - kept[0] + 1 - len(kept)
         latest.append(killed - sent[kept[-1]][1])
-        suite.spin_until(lambda: node.count_subscribers("main_shaft/angle") < 2, "the end of the killed recorder")
     print(f"{times} kills at 1 kHz: the last sample on the disk {np.median(latest):.2f} s (median) and at most"
           f" {max(latest):.2f} s before the kill; {holes} holes")  # fmt: skip
+
+
+def _messages_on_disk(bag: Path) -> int:
+    try:
+        return open_bag(bag).message_count
+    except RecordingError:  # nothing is there yet
+        return 0
 
 
 def restarts(suite: Suite, times: int) -> None:
@@ -151,16 +160,22 @@ def endurance(suite: Suite, minutes: float) -> None:
         [arrived[PREDICTED][s] - arrived["main_shaft/angle"][s] for s in counts if s in arrived["main_shaft/angle"]]
     )
     p50, p99, largest = (np.percentile(late, share) * 1e-6 for share in (50, 99, 100))
-    expected = round(60_000 * minutes) + 1
-    print(f"{len(angles)} of {expected} angles recorded, {len(counts)} of {len(angles) - 2} predictions,"
-          f" {sum(counts.values()) - len(counts)} doubled; angle to prediction as recorded: p50 {p50:.2f} ms,"
-          f" p99 {p99:.2f} ms, largest {largest:.1f} ms")  # fmt: skip
+    # The machine's stamps are a millisecond apart; what was published before all had found each other is no loss.
+    holes = {topic: _holes(np.array(sorted(arrived[topic]))) for topic in arrived}
+    print(f"{len(angles)} angles recorded, {holes['main_shaft/angle']} lost; {len(counts)} predictions,"
+          f" {holes[PREDICTED]} lost, {sum(counts.values()) - len(counts)} doubled; angle to prediction as recorded:"
+          f" p50 {p50:.2f} ms, p99 {p99:.2f} ms, largest {largest:.1f} ms")  # fmt: skip
     for name, samples in memory.items():
         seconds, megabytes = np.array(samples).T
         later = seconds > seconds[-1] / 3
         slope = 60.0 * np.polyfit(seconds[later], megabytes[later], 1)[0] if later.sum() > 3 else float("nan")
         print(f"{name:12} {100.0 * cpu[name] / seconds[-1]:5.1f} % CPU, {megabytes[-1]:6.1f} MB,"
               f" {slope:+.2f} MB a minute over the last two thirds")  # fmt: skip
+
+
+def _holes(stamps: IntArray) -> int:
+    """Samples a millisecond apart that are missing between the first and the last."""
+    return int(round((int(stamps[-1]) - int(stamps[0])) / 1_000_000)) + 1 - len(stamps)
 
 
 def _log_times(bag: Bag, topic: str) -> dict[int, int]:
