@@ -175,7 +175,7 @@ def endurance(suite: Suite, minutes: float) -> None:
 
 def _holes(stamps: IntArray) -> int:
     """Samples a millisecond apart that are missing between the first and the last."""
-    return int(round((int(stamps[-1]) - int(stamps[0])) / 1_000_000)) + 1 - len(stamps)
+    return round((int(stamps[-1]) - int(stamps[0])) / 1_000_000) + 1 - len(stamps)
 
 
 def _log_times(bag: Bag, topic: str) -> dict[int, int]:

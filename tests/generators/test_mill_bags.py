@@ -29,8 +29,8 @@ def test_each_recording_says_what_it_is_and_holds_its_plan(machine: str) -> None
     assert bag.metadata["origin"].startswith("synthetic") and bag.metadata["machine"] == machine
     angles = bag.read_angles()
     assert 0.97 * RATE_HZ * DURATION_S < len(angles) < RATE_HZ * DURATION_S
-    time = np.asarray((angles.stamps - 1_767_081_600_000_000_000) * 1e-9, np.float64)
-    theta, omega, _ = plan(machine).at(np.clip(time, 0.0, DURATION_S - 1e-6))
+    time = ((angles.stamps - 1_767_081_600_000_000_000) * 1e-9).clip(0.0, DURATION_S - 1e-6)
+    theta, omega, _ = plan(machine).at(time.astype(np.float64))
     late = np.remainder(angles.angles_rad - theta + np.pi, 2.0 * np.pi) - np.pi
     # A step of the encoder, and what the shaft turns within the error of a stamp.
     assert np.abs(late).max() < 2.0 * np.pi / 2**14 + 100e-6 * np.abs(omega).max()
