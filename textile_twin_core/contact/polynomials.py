@@ -71,14 +71,13 @@ def moved(polynomial: FloatArray, offset: float) -> FloatArray:
 
 
 @compiled
-def bernstein(coefficients: FloatArray) -> FloatArray:
-    """Bernstein coefficients on [0, 1] of the polynomial with these power coefficients.
+def write_bernstein(coefficients: FloatArray, result: FloatArray) -> None:
+    """Write the Bernstein coefficients on [0, 1] of the polynomial with these power coefficients.
 
     A polynomial lies between its smallest and its largest Bernstein coefficient: all positive means that it has
     no root on the interval, whatever its shape between samples.
     """
     degree = coefficients.size - 1
-    result = np.empty(degree + 1)
     choices = 1.0
     for k in range(degree + 1):
         result[k] = coefficients[k] / choices
@@ -86,7 +85,6 @@ def bernstein(coefficients: FloatArray) -> FloatArray:
     for done in range(degree):
         for k in range(degree, done, -1):
             result[k] += result[k - 1]
-    return result
 
 
 @compiled
@@ -111,13 +109,10 @@ def first_crossing(coefficients: FloatArray, noise: float) -> float:
     if swing < coefficients[order]:
         return math.inf
     rest = coefficients[order:].copy()
-    local = bernstein(rest)
-    if _smallest(local) > 0.0:
-        return math.inf
     degree = rest.size - 1
-    lows, highs = np.empty(_DEEPEST), np.empty(_DEEPEST)
-    waiting = np.empty((_DEEPEST, degree + 1))
-    lows[0], highs[0], waiting[0] = 0.0, 1.0, local
+    lows, highs, waiting = np.empty(_DEEPEST), np.empty(_DEEPEST), np.empty((_DEEPEST, degree + 1))
+    lows[0], highs[0] = 0.0, 1.0
+    write_bernstein(rest, waiting[0])
     count = 1
     while count > 0:
         count -= 1
