@@ -27,7 +27,7 @@ def interpret(outputs: Iterable[Expr], inputs: Mapping[str, Any], functions: Any
 
 @lru_cache(maxsize=64)
 def _plan(outputs: tuple[Expr, ...]) -> tuple[list[Any], list[Any], list[int]]:
-    """Constants and variables; operations with their arguments and what nobody needs after them; the outputs' places."""
+    """Constants and variables; operations, their arguments and what nobody needs after them; the outputs' places."""
     order = topological_order(outputs)
     place = {e: k for k, e in enumerate(order)}
     last = {place[a]: k for k, e in enumerate(order) for a in e.args} | {place[e]: -1 for e in outputs}

@@ -27,7 +27,7 @@ _GROUPS = {
 
 
 def plot_work_precision(rows: Sequence[Row], path: Path, scene: str = "torque") -> None:
-    """Draw the rows of one scene that have a batch time and an error into a PNG."""
+    """Draw the rows of one scene that have a batch time and an error into a PNG; a line joins the front of ours."""
     shown = [row for row in rows if row.outputs == scene and row.ns_per_sample and row.error_over_peak is not None]
     figure = style.new_figure(10.0, 6.0)
     axes = figure.add_subplot()
@@ -39,7 +39,7 @@ def plot_work_precision(rows: Sequence[Row], path: Path, scene: str = "torque") 
             x, y, marker, color=colour, markersize=size, markeredgecolor="white", markeredgewidth=0.8,
             zorder=4 if row.peer is None else 5,
         )  # fmt: skip
-    ours = sorted((at[row] for row in shown if row.peer is None), key=lambda place: -place[1])
+    ours = front([at[row] for row in shown if row.peer is None])
     axes.plot(*zip(*ours, strict=True), color=style.OURS, linewidth=2.2, alpha=0.55, zorder=3)
     _limits(axes, list(at.values()))
     exact = next((x for row, (x, _) in at.items() if row.peer is None and row.method == "exact"), None)
@@ -56,6 +56,12 @@ def plot_work_precision(rows: Sequence[Row], path: Path, scene: str = "torque") 
     labels = [Label(x, y, row.name, _GROUPS[_group(row)][0], row.peer is None) for row, (x, y) in at.items()]
     place_labels(axes, labels, (ours, [(limit, FLOOR) for limit in axes.get_xlim()]))
     style.save(figure, path)
+
+
+def front(places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Those (time, error) that none of the others beats in both, by falling error."""
+    kept = [a for a in places if not any(b[0] <= a[0] and b[1] <= a[1] and b != a for b in places)]
+    return sorted(kept, key=lambda place: -place[1])
 
 
 def _group(row: Row) -> str:

@@ -1,0 +1,10 @@
+"""The front of error against time that the plot joins."""
+
+from __future__ import annotations
+
+from textile_twin_core.bench.plots.speed import front
+
+
+def test_what_another_beats_in_both_is_not_on_the_front() -> None:
+    exact, fine, coarse, slow = (5.0, 1e-16), (7.0, 1e-14), (3.0, 1e-5), (9.0, 1e-16)
+    assert front([coarse, fine, exact, slow]) == [coarse, exact]
