@@ -1,0 +1,154 @@
+"""Watches a running machine for faults: learns its torque over the first turns, then raises alarms on /diagnostics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from textile_twin_core.comparison.fault_watch import SERIES, Alarm, WatchSettings
+from textile_twin_core.comparison.monitor import Monitor, Trend
+from textile_twin_core.errors import TwinError
+from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
+from textile_twin_ros.endpoints import depth_for
+from textile_twin_ros.machine import load_linkage
+from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Sample, SampleInput
+from textile_twin_ros.spinning import EXECUTORS, call_every, run
+
+_LOOK_S = 1.0
+_RENEW_S = 0.05
+
+
+@dataclass
+class MonitorParameters:
+    """Parameters of monitor_node."""
+
+    machine: str = parameter("tufting", "machine name, or path of a machine file: the same as the twin's")
+    shaft: str = parameter("causal", "estimator of the shaft's state", choices=("causal", "lag"))
+    angle_type: str = parameter("joint_state", "type of main_shaft/angle", choices=tuple(ANGLE_READERS))
+    torque_type: str = parameter("wrench", "type of balancing_torque/measured", choices=tuple(TORQUE_READERS))
+    joint: str = parameter("main_shaft", "name of the shaft's joint in JointState inputs")
+    rate_hz: float = parameter(1000.0, "samples a second at most: queues hold a second of them", between=(1.0, 1e5))
+    qos_reliability: str = parameter(
+        "auto", "of the inputs; auto goes by the publishers", choices=("auto", "reliable", "best_effort")
+    )
+    no_data_timeout_s: float = parameter(2.0, "say so when an input is silent so long", between=(0.1, 1e6), live=True)
+    learn_turns: int = parameter(100, "turns from which the machine's own band is learnt", between=(20, 100_000))
+    raise_sigmas: float = parameter(8.0, "an alarm comes this far outside the band", between=(3.0, 1000.0))
+    clear_sigmas: float = parameter(4.0, "and goes when it is nearer than this", between=(1.0, 1000.0))
+    parquet: str = parameter("", "folder for the trend of every turn, a file for each start; empty writes none")
+    executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
+
+
+class MonitorNode(Node):
+    """Hands angles and torque to a Monitor once a second, and tells what it finds."""
+
+    def __init__(self) -> None:
+        super().__init__("monitor_node")
+        self.settings = settings = declare(self, MonitorParameters)
+        self.executor_name = settings.executor
+        self.finished = Future()
+        self._machine = load_linkage(settings.machine)
+        self._trends: list[Trend] = []
+        self._alarms: list[Alarm] = []
+        self._begin()
+        depth = depth_for(settings.rate_hz)
+        common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
+        self._angles: list[Sample] = []
+        self._torques: list[Sample] = []
+        self._angle = SampleInput(
+            self, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, self._angles.extend
+        )
+        self._torque = SampleInput(
+            self, "balancing_torque/measured", TORQUE_READERS[settings.torque_type], *common, self._torques.extend
+        )
+        self.create_service(Trigger, "~/learn_again", self._learn_again)
+        call_every(self, _RENEW_S, self._renew)
+        call_every(self, _LOOK_S, self._look)
+        self._diagnostics = DiagnosticsPublisher(self, lambda: settings.machine, self._statuses)
+
+    def close(self) -> None:
+        """Watch the turns that are left, and write the trend."""
+        self._look()
+        self._write()
+
+    def _begin(self) -> None:
+        s = self.settings
+        watch = WatchSettings(s.learn_turns, raise_sigmas=s.raise_sigmas, clear_sigmas=s.clear_sigmas)
+        self._monitor = Monitor(self._machine, watch, s.shaft)
+
+    def _learn_again(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Forget the band, as after a repair."""
+        self._begin()
+        self._alarms.clear()
+        response.success = True
+        response.message = f"learning from the next {self.settings.learn_turns} turns"
+        return response
+
+    def _renew(self) -> None:
+        self._angle.renew()
+        self._torque.renew()
+
+    def _look(self) -> None:
+        angles, torques = _columns(self._angles), _columns(self._torques)
+        self._angles.clear()
+        self._torques.clear()
+        if angles is not None:
+            speeds = angles[2] if np.isfinite(angles[2]).any() else None
+            self._monitor.add_angles(angles[0], angles[1], speeds)
+        if torques is not None:
+            self._monitor.add_torques(torques[0], torques[1])
+        trend = self._monitor.advance()
+        if trend.columns and self.settings.parquet:
+            self._trends.append(trend)
+        for alarm in trend.alarms:
+            self._alarms.append(alarm)
+            self.get_logger().warning(f"turn {alarm.turn}: {alarm.text}")
+
+    def _statuses(self) -> list[Status]:
+        watch = self._monitor.watch
+        inputs = [self._angle.status(), self._torque.status()]
+        if not watch.learnt:
+            text = f"learning: {watch.turns_learnt} of {self.settings.learn_turns} turns"
+            return [*inputs, Status("faults", OK, text, {"turns": self._monitor.turns})]
+        values: dict[str, object] = {f"{name}_sigmas": float(v) for name, v in zip(SERIES, watch.latest, strict=True)}
+        values["turns"] = self._monitor.turns
+        if not watch.active:
+            return [*inputs, Status("faults", OK, "as learnt", values)]
+        alarm = self._alarms[-1]
+        level = WARN if alarm.side == "sensor" else ERROR
+        return [*inputs, Status("faults", level, alarm.text, values)]
+
+    def _write(self) -> None:
+        if not self._trends:
+            return
+        import pyarrow
+        from pyarrow import parquet
+
+        columns = {name: np.concatenate([t.columns[name] for t in self._trends]) for name in self._trends[0].columns}
+        folder = Path(self.settings.parquet)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            parquet.write_table(pyarrow.table(columns), folder / f"trend_{int(columns['stamp_ns'][0])}.parquet")
+        except OSError as error:
+            raise TwinError(f"parameter 'parquet': {folder}: {error.strerror or error}") from error
+
+
+def _columns(samples: list[Sample]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Stamps [ns], values and rates of samples in order of time; None without any."""
+    if not samples:
+        return None
+    stamps = np.array([sample[0] for sample in samples], dtype=np.int64)
+    order = np.argsort(stamps, kind="stable")
+    rows = np.array([sample[1:] for sample in samples], dtype=np.float64)[order]
+    return stamps[order], rows[:, 0], rows[:, 1]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run monitor_node."""
+    return run("monitor_node", MonitorNode, MonitorParameters, arguments)
