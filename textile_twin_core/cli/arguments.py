@@ -141,6 +141,13 @@ def count(text: str) -> int:
     return int(text)
 
 
+def is_machine(name: str) -> bool:
+    """Whether a word names a machine or a machine file."""
+    from textile_twin_core import machines
+
+    return name in machines.NAMES or name.endswith(MACHINE_SUFFIXES)
+
+
 def load_machine(name: str, settings: list[str]) -> AnyMachine:
     """The machine of that name or file, with --set applied. Raises MachineError or UsageError."""
     from textile_twin_core import machines

@@ -34,7 +34,12 @@ _LIMITS = {
 }
 """Limits for scripts: the error they speak of, and its name."""
 
-_FORMS = {"json": "the numbers", "rrd": "a recording for textile-twin view", "png": "a plot by shaft angle"}
+_FORMS = {
+    "json": "the numbers",
+    "rrd": "a recording for textile-twin view",
+    "png": "a plot by shaft angle",
+    "html": "a report",
+}
 
 
 def parser() -> Parser:
@@ -128,10 +133,28 @@ def _write(partial: dict[str, Path], comparison: Comparison, machine: Machine, a
         from textile_twin_core.views import write_comparison_recording
 
         write_comparison_recording(partial["rrd"], comparison, machine, title=arguments.bag.name)
+    if "html" in partial:
+        _write_report(partial["html"], comparison, machine, arguments)
     if "png" in partial:
         from textile_twin_core.views import plot_comparison
 
         plot_comparison(partial["png"], comparison, machine)
+
+
+def _write_report(path: Path, comparison: Comparison, machine: Machine, arguments: argparse.Namespace) -> None:
+    import yaml
+
+    from textile_twin_core.files import machine_document
+    from textile_twin_core.views import write_report
+
+    text = yaml.safe_dump(machine_document(machine), sort_keys=False, default_flow_style=None, width=100)
+    provenance = {
+        "recording": str(arguments.bag.resolve()),
+        "machine": arguments.machine,
+        "predictions": arguments.predicted,
+        "shaft estimator": arguments.shaft,
+    }
+    write_report(path, comparison, machine, title=arguments.bag.name, declaration=text, provenance=provenance)
 
 
 def _check_limits(comparison: Comparison, arguments: argparse.Namespace) -> None:

@@ -58,13 +58,22 @@ def parser() -> Parser:
     parser.add_argument("--method", choices=["exact", "table", "auto"], help="default: the scene's, otherwise auto")
     parser.add_argument("--tolerance", type=positive, help="error over peak that --method table may make")
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help=".csv, .parquet or .mcap; is replaced when it is there"
+        "--out", type=Path, metavar="FILE", help=".csv, .parquet or .mcap; is replaced when it is there"
+    )
+    parser.add_argument(
+        "--png", type=Path, metavar="FILE", help="draw the machine and its curves over one turn, at --rpm if given"
     )
     return parser
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Simulate and write the table or recording."""
+    """Simulate and write the table or recording, or the picture, or both."""
+    if arguments.png is not None:
+        _draw(arguments)
+    if arguments.out is None:
+        if arguments.png is None:
+            raise UsageError("nothing to write: give --out for a table or recording, or --png for a picture")
+        return
     if arguments.out.suffix not in _SUFFIXES:
         raise UsageError(f"--out {arguments.out}: must end in {', '.join(_SUFFIXES)}")
     machine = load_machine(arguments.machine, arguments.set)
@@ -85,6 +94,18 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"{arguments.out}: {len(motion)} samples of {len(names)} outputs")
     if events:
         _print_events(events)
+
+
+def _draw(arguments: argparse.Namespace) -> None:
+    """The picture of the machine."""
+    if arguments.png.suffix != ".png":
+        raise UsageError(f"--png {arguments.png}: must end in .png")
+    from textile_twin_core.files import staged
+    from textile_twin_core.views import plot_machine
+
+    with staged(arguments.png) as partial:
+        plot_machine(partial, load_machine(arguments.machine, arguments.set), rpm=arguments.rpm)
+    print(f"{arguments.png}: {arguments.machine} over one turn")
 
 
 def _evaluate(

@@ -6,7 +6,15 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording, load_linkage
+from textile_twin_core.cli.arguments import (
+    Parser,
+    UsageError,
+    add_machine,
+    add_recording,
+    is_machine,
+    load_linkage,
+    load_machine,
+)
 from textile_twin_core.cli.compare import compare_recording
 
 
@@ -14,17 +22,20 @@ def parser() -> Parser:
     """The command's arguments."""
     parser = Parser(
         "view",
-        "Shows a comparison that `compare --rrd` wrote, or compares a recording and shows that. Ends when the viewer"
-        " is closed.",
+        "Shows a comparison that `compare --rrd` wrote, or compares a recording and shows that, or shows a machine.\n"
+        "Ends when the viewer is closed.",
         "textile-twin view bags/tufting_160rpm_synthetic --machine tufting",
     )
-    add_recording(parser, shaft="smooth", also=" or an .rrd file")
+    add_recording(parser, shaft="smooth", also=", an .rrd file, or a machine: its name or its file (.yaml)")
     add_machine(parser, option=True, required=False)
     return parser
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Open the viewer and wait until it is closed."""
+    """Open the viewer, or for a machine its picture, and wait until it is closed."""
+    if is_machine(str(arguments.bag)):
+        _show_machine(arguments)
+        return
     if arguments.bag.suffix == ".rrd":
         _show(arguments.bag)
         return
@@ -38,6 +49,17 @@ def run(arguments: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
         recording = Path(folder) / f"{arguments.bag.stem}.rrd"
         write_comparison_recording(recording, comparison, machine, title=arguments.bag.name)
+        _show(recording)
+
+
+def _show_machine(arguments: argparse.Namespace) -> None:
+    """The machine's picture, in the viewer."""
+    from textile_twin_core.views import plot_machine, write_picture
+
+    machine = load_machine(str(arguments.bag), arguments.set)
+    with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
+        picture, recording = Path(folder) / "machine.png", Path(folder) / f"{machine.name}.rrd"
+        write_picture(recording, plot_machine(picture, machine), title=machine.name)
         _show(recording)
 
 

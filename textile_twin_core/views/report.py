@@ -1,0 +1,130 @@
+"""The report: one HTML file with verdict, numbers, plots, settings and provenance, to keep and to print."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+
+from textile_twin_core.comparison import Comparison, summary_rows, verdict_lines
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.machines import Machine
+from textile_twin_core.views.plot import plot_comparison
+from textile_twin_core.views.report_figure import errors_figure
+
+_STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; color: #22272e; max-width: 1100px; margin: 2em auto; padding: 0 1em; }
+h1 { font-size: 1.6em; margin-bottom: 0; } h2 { font-size: 1.15em; margin: 1.6em 0 .4em; }
+p.about { color: #6b7480; margin-top: .2em; }
+table { border-collapse: collapse; } td, th { text-align: left; padding: .2em 1.4em .2em 0; vertical-align: top; }
+tr { border-bottom: 1px solid #e4e7eb; } td.n { font-variant-numeric: tabular-nums; }
+.verdict { border-left: 5px solid #c2377a; padding: .5em 1em; background: #faf3f6; }
+.verdict.good { border-color: #2a9d63; background: #f2f9f5; }
+.verdict li { margin: .2em 0; } .verdict li:first-child { font-weight: 600; }
+img { max-width: 100%; } pre { background: #f6f8fa; padding: .8em; overflow-x: auto; font-size: 13px; }
+@media print {
+  body { margin: 0; max-width: none; } pre { white-space: pre-wrap; }
+  h2, img, .verdict { break-inside: avoid; }
+}
+"""
+
+
+def write_report(
+    path: str | os.PathLike[str],
+    comparison: Comparison,
+    machine: Machine,
+    *,
+    title: str,
+    declaration: str,
+    provenance: Mapping[str, str],
+) -> Path:
+    """Write a comparison as one self-contained HTML file.
+
+    Args:
+        path: the .html file to write.
+        comparison: with its verdict (see `assess`).
+        machine: the machine compared with.
+        title: what was compared.
+        declaration: the machine as its file would say it.
+        provenance: what else tells where the numbers come from, by name.
+
+    Returns:
+        The path written. Raises RecordingError when the file cannot be written there.
+    """
+    lines = verdict_lines(comparison)
+    fit = comparison.fit
+    sensor = [
+        ("", "configured", "as the recording tells"),
+        (
+            "delay",
+            f"{comparison.sensor_delay_s * 1e3:.3f} ms",
+            f"{fit.delay_s * 1e3:.3f} ± {fit.delay_sigma_s * 1e3:.3f} ms",
+        ),
+        ("gain", f"{comparison.sensor_gain:.4f}", f"{fit.gain:.4f}"),
+        ("offset", f"{comparison.sensor_offset_Nm:.4f} N m", f"{fit.offset_Nm:+.4f} N m"),
+    ]
+    events = [
+        (event.name.replace("_", " "), f"{event.angle_rad * 57.29577951308232:.2f}°") for event in comparison.events
+    ]
+    made = {
+        "made by": f"textile-twin {version('textile-twin-core')}",
+        "made at": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+    }
+    parts = [
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="about">{escape(f"{machine.name}: {machine.description}".rstrip(": "))}</p>',
+        f'<div class="verdict{"" if comparison.verdict else " good"}"><ul>',
+        *(f"<li>{escape(line)}</li>" for line in lines),
+        "</ul></div>",
+        "<h2>Torque, measured and predicted</h2>",
+        _picture(comparison, machine, title),
+        "<h2>Numbers</h2>",
+        _table(summary_rows(comparison)),
+        "<h2>Where the errors lie</h2>",
+        _image(_png(comparison)),
+        "<h2>Torque sensor</h2>",
+        _table(sensor),
+        *(["<h2>Events of the turn</h2>", _table(events)] if events else []),
+        "<h2>Machine</h2>",
+        f"<pre>{escape(declaration)}</pre>",
+        "<h2>Where this comes from</h2>",
+        _table([*provenance.items(), *made.items()]),
+    ]
+    page = (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        f"<style>{_STYLE}</style></head><body>\n" + "\n".join(parts) + "\n</body></html>\n"
+    )
+    target = Path(path)
+    try:
+        target.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
+    return target
+
+
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    body = "".join(
+        "<tr>" + "".join(f'<td class="n">{escape(str(cell))}</td>' for cell in row) + "</tr>" for row in rows
+    )
+    return f"<table>{body}</table>"
+
+
+def _picture(comparison: Comparison, machine: Machine, title: str) -> str:
+    with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
+        return _image(plot_comparison(Path(folder) / "plot.png", comparison, machine, title=title).read_bytes())
+
+
+def _png(comparison: Comparison) -> bytes:
+    out = io.BytesIO()
+    errors_figure(comparison).savefig(out, format="png")
+    return out.getvalue()
+
+
+def _image(png: bytes) -> str:
+    return f'<img alt="plot" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
