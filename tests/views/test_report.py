@@ -12,7 +12,9 @@ from textile_twin_core.cli.main import main
 PNG = b"\x89PNG\r\n"
 
 
-@pytest.mark.parametrize("machine", ["tufting", "needle_transfer", "elliptic_gear_beatup", "examples/six_bar_loom.yaml"])
+@pytest.mark.parametrize(
+    "machine", ["tufting", "needle_transfer", "elliptic_gear_beatup", "examples/six_bar_loom.yaml"]
+)
 def test_every_machine_is_drawn_before_there_is_a_recording(machine: str, tmp_path: Path) -> None:
     picture = tmp_path / "machine.png"
     assert main(["simulate", machine, "--png", str(picture), "--rpm", "120"]) == 0
