@@ -63,7 +63,8 @@ def advance(
             if stalled > 20 + 10 * state.closed.size or log.counts[0] > events_largest:
                 return ENDLESS_STOP if kind <= RELEASES else ENDLESS_PAD, which, log
             possible, mode = mode_of(plant, state.closed)
-        longest = drive.end_s - state.clock[0]
+        begin = state.clock[0]
+        longest = drive.end_s - begin
         if longest <= 0.0:
             return ARRIVED, NONE, log
         if not possible:
@@ -72,18 +73,19 @@ def advance(
         forces = stop_forces(plant, mode, state.closed, series, span)
         place, kind, which = first_event(plant, state, series, forces, span)
         unsettled = place < math.inf
-        end = drive.end_s if span >= longest else state.clock[0] + span
+        end = drive.end_s if span >= longest else begin + span
         if unsettled and place > 0.0:
             span *= place
             stretch(series, place)
             stretch(forces, place)
-            end = min(state.clock[0] + span, drive.end_s)
+            end = min(begin + span, drive.end_s)
         if place > 0.0:
             log = add_stretch(log, state, span, series, forces)
             arrive(state, series, span, end)
             stalled = 0
             released[:] = False
-            if not math.isfinite(largest(state.velocities)) or (end - drive.end_s + longest <= 0.0 and not unsettled):
+            stands_still = end <= begin and not unsettled
+            if stands_still or not math.isfinite(largest(state.velocities)):
                 return DIVERGES, NONE, log
         if unsettled:
             stalled += 1
