@@ -35,6 +35,7 @@ _MODULES = {"import": "import_log"}
 """Modules that cannot be called as their command is, a word of the language."""
 
 _TRACE = "TEXTILE_TWIN_TRACEBACK"
+_OF_THE_DESIGN_PAGE = ("aiohttp", "ezdxf")
 
 
 def _help() -> str:
@@ -71,7 +72,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("textile_twin_core"):
             raise
-        return _say(f"this needs the package {error.name}; pip install 'textile-twin-core[files,view]'", 2)
+        extras = "files,design" if error.name in _OF_THE_DESIGN_PAGE else "files,view"
+        return _say(f"this needs the package {error.name}; pip install 'textile-twin-core[{extras}]'", 2)
     except KeyboardInterrupt:
         return _say("interrupted", 130)
     except BrokenPipeError:

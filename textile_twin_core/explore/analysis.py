@@ -16,7 +16,7 @@ from textile_twin_core.machines.model import pins
 from textile_twin_core.mechanism import Crank, EllipticGearPair, RRPDyad, RRRDyad
 from textile_twin_core.synthesis.balancing.shaking import shaking_expressions
 from textile_twin_core.synthesis.batch import TRANSMISSION
-from textile_twin_core.synthesis.numbers import DWELL_SHARE, MOTION, motion_number, shaking_numbers, torque_numbers
+from textile_twin_core.synthesis.numbers import MOTION, motion_number, shaking_numbers, torque_numbers
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
 _TORQUE = {
@@ -208,8 +208,3 @@ def _crossings(theta: FloatArray, values: FloatArray) -> list[float]:
     share = values[k] / (values[k] - after[k])
     angles = theta[k] + share * (theta[1] - theta[0])
     return [float(angle) % (2.0 * math.pi) for angle in angles]
-
-
-def dwell_within(design: Design, stroke_m: float) -> float:
-    """How near the rear point the dwell of a design counts [m]."""
-    return DWELL_SHARE * stroke_m if design.dwell_within_m is None else design.dwell_within_m

@@ -12,13 +12,12 @@ from functools import singledispatch
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
 from textile_twin_core.mechanism import Crank, EllipticGearPair, RigidArm, RRPDyad, RRRDyad
+from textile_twin_core.synthesis.four_bar import ComplexArray
 
-ComplexArray = npt.NDArray[np.complex128]
 Columns = Mapping[str, FloatArray]
 """The numbers by slot, each (n, 1)."""
 

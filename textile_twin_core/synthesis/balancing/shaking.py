@@ -31,11 +31,6 @@ class Shaking:
         """(n,) size of the force."""
         return np.hypot(self.x_N, self.y_N)
 
-    @property
-    def rms_N(self) -> float:
-        """Root mean square of the force."""
-        return float(np.sqrt(np.mean(self.x_N**2 + self.y_N**2)))
-
 
 def shaking_expressions(machine: Machine) -> tuple[Expr, Expr, Expr]:
     """Shaking force x, y [N] and moment about the origin [N m], as expressions of the shaft's state."""
