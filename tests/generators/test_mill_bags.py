@@ -40,7 +40,8 @@ def test_each_recording_says_what_it_is_and_holds_its_plan(machine: str) -> None
 def test_the_recorded_torque_is_the_machines_with_its_bearings() -> None:
     bag = open_bag(BAGS / "handloom_beatup_synthetic")
     torque = bag.read_torques()
-    theta, omega, alpha = plan("handloom_beatup").at((torque.stamps - 1_767_081_600_000_000_000) * 1e-9)
+    time = ((torque.stamps - 1_767_081_600_000_000_000) * 1e-9).astype(np.float64)
+    theta, omega, alpha = plan("handloom_beatup").at(time)
     twin = ttc.compile(ttc.machines.handloom_beatup(), ["balancing_torque_Nm"])
     predicted = twin.evaluate(theta, omega, alpha)["balancing_torque_Nm"]
     friction = FRICTION.viscous_Nms * omega + FRICTION.coulomb_Nm * np.sign(omega)
