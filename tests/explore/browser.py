@@ -87,11 +87,11 @@ class Page:
             assert time.monotonic() < end, "the page did not come to what was waited for"
             time.sleep(0.03)
 
-    def answered(self, act: Callable[[], object]) -> None:
+    def answered(self, act: Callable[[], object], seconds: float = 40.0) -> None:
         """Act, and wait for the page to show an answer."""
         before = self.states
         act()
-        self.until(lambda: self.states > before)
+        self.until(lambda: self.states > before, seconds)
 
     def number(self, name: str) -> float:
         return float(self.text(f"[data-number='{name}'] .value"))

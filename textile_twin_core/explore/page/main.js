@@ -27,8 +27,8 @@ function receive(head, floats, asked) {
   switch (head.type) {
     case "state": return state(head, floats, asked);
     case "front": return search.found(head);
-    case "tolerances": return tables.spread(head);
-    case "sensitivities": return tables.sensitivities(head);
+    case "tolerances": banner(""); return tables.spread(head);
+    case "sensitivities": banner(""); return tables.sensitivities(head);
     case "error":
       search.failed();
       return banner(head.text);
@@ -124,6 +124,10 @@ function coupler() {
   linkage.draw();
 }
 
+setInterval(() => {
+  if (talk.patience > 10000) banner("Working .. The first look at a machine with impacts compiles its loops, once on this computer; that may take a minute or two.", true);
+  else if (talk.patience > 700) banner("Working ..", true);
+}, 300);
 turnTo(0);
 byId("play").onclick = () => play(!playing);
 byId("angle").oninput = (event) => turnTo((event.target.valueAsNumber * Math.PI) / 180);

@@ -51,6 +51,12 @@ export class Talk {
     }
   }
 
+  // How long the oldest message has waited for its answer, in ms.
+  get patience() {
+    const began = [...this.waiting.values()].map((asked) => asked.began);
+    return began.length ? performance.now() - Math.min(...began) : 0;
+  }
+
   send(message, began = performance.now()) {
     if (this.socket.readyState !== WebSocket.OPEN) return;
     this.number = (this.number % 0xffffffff) + 1;
