@@ -203,6 +203,9 @@ class TwinStream:
 
     def _warm_up(self) -> None:
         """Run every path once, so that the first sample is not kept waiting for what is made at first use."""
+        self._node.get_logger().info(
+            "warming up: what is compiled takes up to a minute once on a computer, then a second"
+        )
         self._session.use(self._compile(self._needs(self._outputs)))
         for first, count in ((0, 1), (1, 1), (2, 1), (3, 20)):
             number = np.arange(first, first + count)
