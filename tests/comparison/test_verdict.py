@@ -36,16 +36,13 @@ def test_nothing_is_said_of_a_healthy_recording(machine: str, run_up: bool) -> N
         ("loom", ("degrees",), False),
         ("tufting", ("zero",), False),
         ("loom", ("friction",), True),
-        ("loom", ("offset",), True),
-        ("tufting", ("load_force",), False),
         ("tufting", ("other_machine",), True),
         ("loom", ("slow_angle",), True),
         ("loom", ("half_turn",), False),
-        ("tufting", ("drift",), True),
     ],
 )
 def test_a_mistake_is_named_first(machine: str, names: tuple[str, ...], run_up: bool) -> None:
-    case, right = mistaken(machine, names, 902, run_up=run_up, duration_s=18.0)
+    case, right = mistaken(machine, names, 902, run_up=run_up, duration_s=15.0)
     found = judged(case)
     assert found.verdict, "nothing was named"
     assert found.verdict[0].cause in right

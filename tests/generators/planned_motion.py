@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from tests.generators.multibody import Floats
 
@@ -23,7 +25,7 @@ class Plan:
     start_rad: float = 0.0
     ripple: Sequence[tuple[int, float, float]] = ()
 
-    def at(self, time: Floats) -> tuple[Floats, Floats, Floats]:
+    def at(self, time: npt.NDArray[np.floating[Any]]) -> tuple[Floats, Floats, Floats]:
         """Angle [rad], speed [rad/s] and acceleration [rad/s^2] at times (n,) within the plan."""
         psi, mean, change = np.zeros_like(time), np.zeros_like(time), np.zeros_like(time)
         done = 0.0

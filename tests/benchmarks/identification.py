@@ -1,0 +1,71 @@
+"""A known truth found again on many seeds: errors, standard deviations and coverage of the intervals.
+
+Run from the root of the repository: python -m tests.benchmarks.identification FIRST_SEED LAST_SEED
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+
+from tests.generators.mill_recordings import healthy, record
+from tests.generators.shaft_law import Backing, Friction, tufting_law
+from tests.generators.told_machine import told_machine
+from textile_twin_core.comparison import Estimate, Readings, identify
+
+TRUTH = {
+    "backing_force_N": 900.0,
+    "free_force_N": 12.0,
+    "shaft_viscous_Nms": 0.05,
+    "shaft_coulomb_Nm": 0.3,
+    "added_inertia_kgm2": 0.0,
+    "torque_sensor_delay_s": 0.003,
+    "torque_sensor_gain": 1.02,
+    "torque_sensor_offset_Nm": 0.0,
+    "encoder_zero_rad": 0.0,
+}
+
+
+def identified(seed: int) -> dict[str, Estimate]:
+    """The parameters found in one recording of 60 s."""
+    case = healthy("tufting", seed, duration_s=60.0)
+    case = replace(
+        case,
+        backing=Backing(force_N=TRUTH["backing_force_N"], free_force_N=TRUTH["free_force_N"]),
+        friction=Friction(TRUTH["shaft_viscous_Nms"], TRUTH["shaft_coulomb_Nm"]),
+        torque=replace(case.torque, gain=TRUTH["torque_sensor_gain"], delay_s=TRUTH["torque_sensor_delay_s"]),
+    )
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    return dict(identify(readings, told_machine(case)).parameters)
+
+
+def main(first: int, last: int) -> None:
+    """Print a Markdown table."""
+    theta = np.linspace(0.0, 2.0 * np.pi, 2_000_001)
+    inside = np.flatnonzero(tufting_law().at(theta)[3] >= Backing().entry_plane_m)
+    truth = TRUTH | {"entry_angle_rad": float(theta[inside[0]]), "exit_angle_rad": float(theta[inside[-1]])}
+    errors, sigmas, covered = defaultdict(list), defaultdict(list), defaultdict(list)
+    for seed in range(first, last):
+        found = identified(seed)
+        for name, each in found.items():
+            errors[name].append(each.value - truth[name])
+            sigmas[name].append(each.sigma)
+            covered[name].append(each.interval95[0] <= truth[name] <= each.interval95[1])
+        product = found["backing_force_N"].value * found["torque_sensor_gain"].value
+        errors["force times gain, share"].append(product / (900.0 * 1.02) - 1.0)
+    print("| parameter | true | largest error | scatter of the error | mean sigma | truth in the interval |")
+    print("|---|---|---|---|---|---|")
+    for name, list_of in errors.items():
+        told = f"{truth[name]:.6g}" if name in truth else ""
+        inside_of = f"{sum(covered[name])} of {len(list_of)}" if name in covered else ""
+        sigma = f"{np.mean(sigmas[name]):.2g}" if name in sigmas else ""
+        largest, scatter = np.max(np.abs(list_of)), np.std(list_of)
+        print(f"| {name} | {told} | {largest:.2g} | {scatter:.2g} | {sigma} | {inside_of} |")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]))
