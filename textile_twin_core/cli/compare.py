@@ -99,6 +99,8 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
     if recorded:
         predicted = published(bag, predicted, angles.topic)
     judged = assess(readings_of(angles, measured), machine)
+    notes, verdict, explained = judged.notes, judged.verdict, judged.explained
+    del judged  # it holds the whole recording once more
     comparison = compare_torque(
         measured.stamps,
         measured.torque_Nm,
@@ -113,9 +115,9 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
     )
     return dataclasses.replace(
         comparison,
-        notes=(*comparison.notes, *predicted.notes, *judged.notes),
-        verdict=judged.verdict,
-        explained=judged.explained,
+        notes=(*comparison.notes, *predicted.notes, *notes),
+        verdict=verdict,
+        explained=explained,
     )
 
 

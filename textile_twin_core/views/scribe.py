@@ -17,6 +17,8 @@ from textile_twin_core.views.phases import StateChanges
 from textile_twin_core.views.scene import MachineScene, poses
 
 _SEGMENT = 8  # samples of a line in the plot over the shaft angle
+_MOST_SEGMENTS = 20_000
+"""Lines of one torque over the angle; in an hour at 500 Hz and 160 rpm each is then half a turn long."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,8 +71,9 @@ class Scribe:
         """A torque over the shaft angle, in short lines that the viewer keeps for some turns."""
         points = self.torque_canvas.place(theta_rad, torque_Nm)
         strips, ends = [], []
-        for first in range(0, time_s.size - 1, _SEGMENT):
-            part = slice(first, min(first + _SEGMENT + 1, time_s.size))
+        length = max(_SEGMENT, time_s.size // _MOST_SEGMENTS)
+        for first in range(0, time_s.size - 1, length):
+            part = slice(first, min(first + length + 1, time_s.size))
             for strip in split_turns(theta_rad[part], points[part]):
                 strips.append(strip.astype(np.float32))
                 ends.append(time_s[part][-1])
