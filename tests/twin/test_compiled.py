@@ -176,3 +176,12 @@ def test_compiled_anew_it_gives_the_same_to_the_last_digit() -> None:
     there = subprocess.run([sys.executable, "-c", code], input=motion.tobytes(), capture_output=True, check=True)
     for found in here:
         assert found["balancing_torque_Nm"].tobytes() == there.stdout
+
+
+def test_cores_share_a_long_block(machine: ttc.Machine) -> None:
+    twin = ttc.compile(machine, ["balancing_torque_Nm"], method="exact")
+    theta = np.linspace(0.0, 50.0, 70_001)
+    alone, shared = (twin.evaluate(theta, 16.0, 0.0, cores=cores)["balancing_torque_Nm"] for cores in (1, 2))
+    assert np.array_equal(alone, shared)
+    with pytest.raises(ttc.SceneError, match="cores must be 1 or more"):
+        twin.evaluate(theta, cores=0)

@@ -103,7 +103,7 @@ class Twin:
         many `cores`.
         NaN in gives NaN out; so does, among arrays, an angle at which the machine cannot close or its motion is not
         determined. Raises MotionError for such an angle or an infinite one given as a float, for shapes that do not
-        fit, and for arrays of `out` that are not separate.
+        fit, and for arrays of `out` that are not separate; SceneError for `cores` below 1.
         """
         if type(theta) is float and type(omega) is float and type(alpha) is float and out is None:
             try:
@@ -112,6 +112,8 @@ class Twin:
                 raise self._cannot_close(theta) from None
             except ZeroDivisionError:
                 raise self._not_determined(theta) from None
+        if cores < 1:
+            raise SceneError(f"cores must be 1 or more, not {cores}")
         shape, columns = flat_columns({"theta": theta, "omega": omega, "alpha": alpha})
         if not shape and out is None:
             return self.evaluate(*(float(column[0]) for column in columns))
