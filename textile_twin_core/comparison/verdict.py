@@ -15,6 +15,7 @@ FEWEST_PER_TURN = 16.0
 """Angle samples a turn below which the orders that carry torque are not seen."""
 NOT_THIS_MACHINE = 0.05
 """Share of the torque that the machine leaves unexplained and another machine could explain."""
+_NOTHING_ELSE = 0.25
 FOLLOWS_NOTHING = 0.5
 """Share of the torque that even the best function of the angle leaves unexplained."""
 
@@ -52,6 +53,8 @@ def causes(explanation: Explanation, unit: AngleUnit, per_turn: float, periodic:
         named.insert(0, Cause("angle_unit", text, unit.name))
     unexplained = 1.0 - explanation.explained
     if unexplained > NOT_THIS_MACHINE and per_turn >= FEWEST_PER_TURN:
+        # Settings that were bent to fit another machine mean nothing.
+        named = [] if unexplained > _NOTHING_ELSE else named
         named.insert(0, _other_machine(explanation, unexplained, 1.0 - periodic))
     if per_turn < FEWEST_PER_TURN:
         text = f"the angle comes {per_turn:.1f} times a turn; a torque needs it at least {FEWEST_PER_TURN:g} times"
