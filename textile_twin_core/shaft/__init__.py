@@ -6,11 +6,14 @@ from typing import Any
 
 from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.base import ShaftEstimator
-from textile_twin_core.shaft.causal import CausalEstimator, LagEstimator
+from textile_twin_core.shaft.causal import CausalEstimator
+from textile_twin_core.shaft.lag import LagEstimator
 from textile_twin_core.shaft.report import SampleReport
+from textile_twin_core.shaft.smooth import SmoothEstimator
 from textile_twin_core.shaft.states import ShaftStates
 
-ESTIMATORS = ("causal", "lag", "smooth")
+_VIEWS: dict[str, Any] = {"causal": CausalEstimator, "lag": LagEstimator, "smooth": SmoothEstimator}
+ESTIMATORS = tuple(_VIEWS)
 
 __all__ = ["ESTIMATORS", "SampleReport", "ShaftEstimator", "ShaftStates", "create_estimator"]
 
@@ -24,16 +27,7 @@ def create_estimator(name: str, **settings: Any) -> ShaftEstimator:
     if name not in ESTIMATORS:
         raise SceneError(f"unknown shaft estimator '{name}': choose one of {', '.join(ESTIMATORS)}")
     try:
-        estimator: ShaftEstimator = _estimator_class(name)(**settings)
+        estimator: ShaftEstimator = _VIEWS[name](**settings)
     except TypeError as error:
         raise SceneError(f"shaft estimator '{name}': {error}") from error
     return estimator
-
-
-def _estimator_class(name: str) -> Any:
-    if name == "smooth":
-        # Imported when it is asked for: it takes half of scipy with it, which a node that never smooths need not load.
-        from textile_twin_core.shaft.smooth import SmoothEstimator
-
-        return SmoothEstimator
-    return {"causal": CausalEstimator, "lag": LagEstimator}[name]

@@ -1,13 +1,27 @@
-"""What every shaft estimator offers, and the table of their names."""
+"""What every shaft estimator offers, and what the three views share: gate, recursion, encoder, report."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
+import numpy as np
 import numpy.typing as npt
 
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.errors import MotionError
+from textile_twin_core.shaft.encoder import StepFinder
+from textile_twin_core.shaft.filter import bank_rooms, follow, ripple_amplitudes
+from textile_twin_core.shaft.gate import as_samples
 from textile_twin_core.shaft.report import SampleReport
+from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.states import ShaftStates
+from textile_twin_core.shaft.status import COUNTS, INDEX, KEPT, MOTIONS, SETTLED, WIDTH, new_status
+from textile_twin_core.shaft.teeth import ToothWheel
+from textile_twin_core.shaft.turns import TURN
+
+Stamps = FloatArray | IntArray
+Walk = Callable[[Stamps, FloatArray, FloatArray], tuple[Stamps, FloatArray]]
 
 
 class ShaftEstimator(Protocol):
@@ -40,3 +54,111 @@ class ShaftEstimator(Protocol):
 
     def reset(self) -> None:
         """Forget everything, the report included."""
+
+
+class Recursion:
+    """Status and banks of one stream of samples, and the encoder that gives them.
+
+    Args:
+        settings: as told.
+    """
+
+    def __init__(self, settings: ShaftSettings) -> None:
+        self.settings = settings
+        self.finder = StepFinder(settings.period_rad)
+        self.finder.step = settings.step_rad
+        self.status = new_status(settings, settings.step_rad or 0.0)
+        self.rooms = bank_rooms(settings.cycle_turns)
+        self.last: Stamps = np.zeros(1, np.int64)
+        self.wheel = ToothWheel(settings.teeth, settings.pitch_errors_rad) if settings.teeth else None
+
+    def walk(
+        self, walk: Walk, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None
+    ) -> tuple[Stamps, FloatArray]:
+        """Let `walk` take the samples piece by piece, learning about the encoder between the pieces.
+
+        Returns stamps and rows of the table that the pieces gave.
+        """
+        stamp, angle, velocity = as_samples(stamps, angles, velocities)
+        self._mind_kind(stamp)
+        done, stamped, tables = 0, [], []
+        while True:
+            end = stamp.size if self.wheel is None else min(stamp.size, done + self.wheel.wanted)
+            if self.finder.wanted:
+                end = min(end, done + self.finder.wanted)
+            piece = slice(done, end)
+            turning = angle[piece] if self.wheel is None else self.wheel.corrected(angle[piece])
+            told, table = walk(stamp[piece], turning, velocity[piece] if velocity.size else velocity)
+            self._learn(angle[piece], table)
+            stamped.append(told)
+            tables.append(table)
+            done = end
+            if done == stamp.size:
+                break
+        if len(tables) == 1:
+            return told, table
+        return np.concatenate(stamped), np.concatenate(tables)
+
+    def follow(self, stamps: Stamps, angles: FloatArray, velocities: FloatArray) -> tuple[Stamps, FloatArray]:
+        """Stamps and rows of the accepted samples, filtered."""
+        first, table = self.received, np.empty((stamps.size, WIDTH))
+        count = follow(self.status, self.rooms, self.last, stamps, angles, velocities, table)
+        if count < stamps.size:
+            table = table[:count]
+            stamps = stamps[table[:, INDEX].astype(np.int64) - first]
+        return stamps, table
+
+    def _mind_kind(self, stamp: Stamps) -> None:
+        if self.last.dtype != stamp.dtype:
+            if self.status["accepted"][0] > 0:
+                raise MotionError("stamps changed between integer nanoseconds and float seconds: keep to one, or reset")
+            self.last = np.zeros(1, stamp.dtype)
+        self.status["unit"] = 1e-9 if stamp.dtype == np.int64 else 1.0
+
+    def _learn(self, angles: FloatArray, table: FloatArray) -> None:
+        if self.finder.wanted and self.finder.take(angles[np.isfinite(angles)]):
+            self.status["rounding"] = self.finder.step
+        if self.wheel is not None:
+            self.wheel.learn(angles.size, table)
+
+    @property
+    def received(self) -> int:
+        """Samples that came in so far."""
+        return int(self.status["received"][0])
+
+    def begin_anew(self) -> None:
+        """Forget the motion; counts, the newest stamp and what is known of the encoder stay."""
+        fresh = new_status(self.settings, float(self.status["rounding"][0]))
+        for name in KEPT:
+            fresh[name] = self.status[name]
+        self.status = fresh
+
+    def report(self) -> SampleReport:
+        """Counts and what was learnt so far."""
+        now = self.status[0]
+        counts = {name: int(now[name]) for name in COUNTS}
+        travel = abs(now["speed"]) * now["interval"]
+        state = "waiting" if now["samples"] == 0 else MOTIONS[int(now["motion"])]
+        if state == "starting" and now["losses"] > 0:
+            state = "lost"
+        return SampleReport(
+            received=self.received,
+            rejected={"not_finite": int(now["not_finite"]), "duplicate_stamp": int(now["duplicate"]), "older_stamp": int(now["older"])},
+            longest_gap_s=float(now["longest"]),
+            period_s=float(now["interval"]),
+            samples_per_turn=float(TURN / travel) if travel > 0.0 else float("inf"),
+            resolution_rad=float(now["rounding"]),
+            stamp_jitter_s=float(np.sqrt(now["jitter"])),
+            pitch_errors_rad=() if self.wheel is None else tuple(self.wheel.errors_rad.tolist()),
+            ripple=tuple(ripple_amplitudes(self.status, self.rooms).tolist()),
+            state=state,
+            **counts,
+        )  # fmt: skip
+
+
+def states_of(stamps: Stamps, table: FloatArray) -> ShaftStates:
+    """States of a table's rows (n,) with their stamps, but for those of a motion's first two samples."""
+    told = table[:, SETTLED] >= 0.0
+    if not told.all():
+        stamps, table = stamps[told], table[told]
+    return ShaftStates.from_table(stamps, table[:, INDEX].astype(np.int64), table)

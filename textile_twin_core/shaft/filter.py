@@ -1,4 +1,8 @@
-"""State and error matrix of the recursive shaft filter, and the steps of linear algebra on them."""
+"""The recursion behind every view: one reading after the other is foreseen, gated, weighed and taken in.
+
+Four banks stand side by side: a plain one, and with 2, 6 and 12 orders of ripple. Their weights are their likelihoods,
+with a fixed share; a bank with ripple has a say once it saw the shaft turn for 1.25 cycles.
+"""
 
 from __future__ import annotations
 
@@ -6,285 +10,495 @@ import math
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
-from textile_twin_core.shaft.hypotheses import HypothesisBank, Verdict
-from textile_twin_core.shaft.past import Estimate, Past
-from textile_twin_core.shaft.ripple import (
-    DIP,
-    DIP_RATE,
-    FIRST_RIPPLE,
-    LEVEL,
-    LOG_LONGEST,
-    LOG_RESPONSE,
-    LOG_SHORTEST,
-    SLOPE,
-    THETA,
-    Ripple,
-    advance,
-    blank_gradient,
-    observe,
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft.bank import (
+    ACTIVE,
+    LEARNT,
+    LOWEST,
+    MEAN,
+    PROBABILITY,
+    REST,
+    SCALE,
+    TRAVELLED,
+    WEIGHT,
+    Bank,
+    angle,
+    bank_room,
+    begin,
+    blend,
+    expect_angle,
+    heaviest,
+    log_memory,
+    nearest,
+    open_bank,
+    open_motion,
+    predict,
+    take_angle,
+    take_speed,
 )
+from textile_twin_core.shaft.gate import admit
+from textile_twin_core.shaft.status import (
+    ACCELERATION,
+    COVARIANCE,
+    CUT,
+    INDEX,
+    LEAD,
+    MEMORY,
+    NOISE,
+    OFF,
+    ORDERS,
+    ORIGIN,
+    PHASE,
+    READING,
+    RUNNING,
+    SETTLED,
+    SPEED,
+    STANDSTILL,
+    STARTING,
+    STEP,
+    THETA,
+    TIME,
+    TURNS,
+    UNIT,
+    StatusArray,
+)
+from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
 
-RIPPLE_AT_START = 0.03
-RIPPLE_AFTER_DOUBT = 4e-4
-"""Events that are half believed, or come in crowds, open the ripple's coefficients by up to this much, so that a wrong
-ripple cannot live on as a row of events. One event beyond doubt says nothing against the ripple."""
-LARGEST_RIPPLE = 0.3
-LOG_RESPONSE_VARIANCE = 0.1
-LONGEST_ARC = 0.3
-"""Of the highest order's wave in one integration step [rad]."""
-MOST_PARTS = 8
+_FINE, _COARSE = 0.5 * 2.0 ** np.arange(16), 4.0 ** np.arange(8)
+_MEMORIES = (_FINE, _FINE, _COARSE, 4.0 * 8.0 ** np.arange(4))
+"""In samples, up to longer than any record is steady. Twice too long or too short costs little: the error of the speed
+goes with the root of the memory; where there are many states, fewer models must do."""
+GATE = 49.0
+"""Normalised innovation squared (7 sigma) from which a reading is set aside."""
+LIKELY = 0.03
+"""Weight of a model that is asked about a reading's place."""
+SET_ASIDE = 2
+"""Readings in a row that may be set aside as outliers before the motion is believed to have changed."""
+LOST = 9
+"""Readings in a row that follow no motion before everything begins anew."""
+BANK_SHARE = 1e-5
+"""Weight that passes between banks at each sample: ripple comes and goes with the work done, not with the sample."""
+SEEN_CYCLES = 1.25
+RESTLESS_CYCLES, REST_CYCLES = 4.0, 12.0
+"""Cycles that a bank of no weight works until it rests, and rests until it tries again: work that is not needed."""
+NO_WEIGHT = 1e-3
+NEWCOMER = 1e-5
+"""Weight of a bank that comes to have a say where another one with ripple has it already."""
+SAMPLES_A_WAVE = 4.0
+"""Samples a turn that the highest order of a bank needs, per order."""
+GAP_SAMPLES = 50.0
+"""A pause of so many intervals is a gap: the motion is found anew."""
+FIRST_JITTER = 0.01
+"""First guess of the stamps' error, in intervals; learnt within some dozens of samples."""
+SETTLING = 25.0
+"""Samples until a state is called settled, and at rest until it is called standstill."""
+FINEST_RAD2 = 1e-14
+"""Least variance of a reading: the rounding of float64 angles some hundred turns away."""
+RECALIBRATE_EVERY = 64.0
+PERIOD_SAMPLES = 500.0
+SPEED_SAMPLES = 100.0
+"""Readings that the sampling interval, and the noise of a sensor's own speed, are learnt from."""
+
+Rooms = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+Banks = tuple[Bank, Bank, Bank, Bank]
 
 
-class ShaftFilter:
-    """The filter's state, how far off it may be, and how far off it is under each hypothesis.
+def bank_rooms(cycle_turns: float) -> Rooms:
+    """Room for the four banks."""
+    plain, few, some, many = (bank_room(k, cycle_turns, memory) for k, memory in zip(ORDERS, _MEMORIES, strict=True))
+    return plain, few, some, many
 
-    Row by row the error matrix holds the state and below it theta of all held samples, then their omega, then alpha;
-    column by column the state's covariance and one column per hypothesis. Every step is made on the whole, so that held
-    samples are smoothed (fixed-lag smoother, Biswas and Mahalanabis 1973) and hypotheses are weighed on the way.
 
-    Attributes:
-        state: the n numbers of `ripple`.
-        error: (n + 3 held, n + hypotheses).
-        orders: orders of ripple in the state.
-        ripple: the ripple at the state's angle.
+@compiled
+def open_banks(rooms: Rooms) -> Banks:
+    """The banks that live in these rooms."""
+    return open_bank(rooms[0]), open_bank(rooms[1]), open_bank(rooms[2]), open_bank(rooms[3])
+
+
+@compiled
+def follow(
+    record: StatusArray,
+    rooms: Rooms,
+    last: FloatArray | IntArray,
+    stamps: FloatArray | IntArray,
+    angles: FloatArray,
+    velocities: FloatArray,
+    table: FloatArray,
+) -> int:
+    """Take samples: stamps (n,) [ns] or [s], angles [rad], velocities [rad/s], NaN for none, or an empty array.
+
+    Writes a row of `table` (n, WIDTH) for each accepted sample and returns their number. `last` (1,) is the newest stamp.
     """
+    banks = open_banks(rooms)
+    count = 0
+    for i in range(stamps.size):
+        if admit(record, last, stamps[i], angles[i]):
+            velocity = velocities[i] if velocities.size > 0 else math.nan
+            take(record, banks, (stamps[i] - last[0]) * record[0].unit, angles[i], velocity, table[count])
+            last[0] = stamps[i]
+            count += 1
+    return count
 
-    def __init__(self, orders: list[int], response_s: float, bank: HypothesisBank, past: Past | None) -> None:
-        self.orders, self.bank, self.past = orders, bank, past
-        size = FIRST_RIPPLE + 2 * len(orders)
-        self.state = [0.0] * size
-        self.state[LOG_RESPONSE] = math.log(response_s)
-        self._resize(np.zeros((size, size + bank.columns)))
 
-    def _resize(self, error: FloatArray) -> None:
-        self.size = size = len(self.state)
-        self._highest = max(self.orders, default=1)
-        self._transition = np.eye(size)
-        self._gradient = blank_gradient(size)
-        self._use(error)
-        self.look()
+@compiled
+def take(record: StatusArray, banks: Banks, step: float, angle: float, velocity: float, row: FloatArray) -> None:
+    """One accepted sample, `step` [s] after the one before; fills its row of the table."""
+    status = record[0]
+    turns, phase = split_turn(angle)
+    status.samples += 1.0
+    row[:] = 0.0
+    row[INDEX] = status.received - 1.0
+    if status.samples == 1.0:
+        status.origin, status.time = turns, 0.0
+        status.first = status.angle = status.low = status.high = phase
+        row[READING], row[THETA], row[ORIGIN] = phase, phase, turns
+        row[SETTLED] = -1.0
+        return
+    raw = phase + (turns - status.origin) * TURN
+    status.time += step
+    status.longest = max(status.longest, step)
+    row[STEP], row[TIME] = step, status.time
+    if status.samples == 2.0:
+        _begin_motion(record, banks, step, _unwrapped(record, raw, status.first))
+        row[READING], row[CUT] = status.angle, 1.0
+        row[NOISE] = row[UNIT] = _noise(record, status.speed)
+    else:
+        _take_angle(record, banks, step, raw, row)
+    if not math.isnan(velocity):
+        _take_velocity(record, banks, velocity)
+    _mix(record, banks, row)
+    _watch(record, math.sqrt(max(row[COVARIANCE + 4], 0.0)))
+    row[SETTLED] = -1.0 if status.samples == 2.0 else 1.0 if status.since >= SETTLING else 0.0
+    row[THETA], row[ORIGIN], row[LEAD] = status.angle, status.origin, status.lead_bank
+    put_angle(row, status.angle)
+    place = MEMORY
+    for bank in banks:
+        row[place] = log_memory(bank)
+        place += 1
 
-    def _use(self, error: FloatArray) -> None:
-        """Take an error matrix, the views of it that every sample needs, and room for its changes."""
-        size = self.size
-        self.error, self._change = error, np.empty_like(error)
-        self._own, self._own_change = error[:size], self._change[:size]
-        self._by_state = error[:, :size]
 
-    def look(self) -> None:
-        """Bring the ripple to the state's angle."""
-        self.ripple = Ripple(self.state[THETA], self.orders, self.state[FIRST_RIPPLE:])
+@compiled
+def put_angle(row: FloatArray, angle: float) -> None:
+    """Write an angle [rad beyond the row's origin] as whole turns and phase."""
+    turns = np.floor(angle / TURN + 0.5)
+    row[PHASE] = angle - turns * TURN - turns * TURN_TAIL
+    row[TURNS] = row[ORIGIN] + turns
 
-    @property
-    def angle(self) -> float:
-        """The state's angle [rad], local."""
-        return self.state[THETA]
 
-    @property
-    def level(self) -> float:
-        """The slow part of the speed [rad/s]."""
-        return self.state[LEVEL]
+@compiled
+def _unwrapped(record: StatusArray, raw: float, expected: float) -> float:
+    """The reading nearest to where the shaft should be; an angle that leaves one period counts its turns."""
+    status = record[0]
+    if status.auto > 0.0 and status.period > 0.0:
+        status.low, status.high = min(status.low, raw), max(status.high, raw)
+        if status.high - status.low > 1.25 * status.period:
+            status.period = 0.0
+    if status.period > 0.0:
+        status.slips = status.period * np.rint((expected - raw) / status.period)
+    return raw + status.slips
 
-    @property
-    def speed(self) -> float:
-        """The speed [rad/s]."""
-        return (self.state[LEVEL] + self.state[DIP]) * self.ripple.value
 
-    def _shift(self, by: FloatArray) -> None:
-        self.state = [value + change for value, change in zip(self.state, by.tolist(), strict=True)]
+@compiled
+def _noise(record: StatusArray, speed: float) -> float:
+    """Variance of a reading [rad^2]: rounding, of which only one reading in each step says anything new, and jitter."""
+    status = record[0]
+    in_step = status.rounding / max(abs(speed) * status.interval, 1e-30)
+    rounding = status.rounding**2 / 12.0 * min(max(in_step, 1.0), 100.0)
+    return rounding + status.jitter * speed * speed + FINEST_RAD2
 
-    @property
-    def speed_gradient(self) -> FloatArray:
-        """(n,) derivative of the speed last looked at by the state."""
-        row: FloatArray = self._gradient[1]
-        return row
 
-    @property
-    def hypotheses(self) -> FloatArray:
-        """The error's columns that belong to the bank, rows of held samples included."""
-        return self.error[:, self.size :]
+@compiled
+def first_uncertainty(rate: float, noise: float, step: float) -> FloatArray:
+    """Lower factor (3, 3) of acceleration, rate, angle after two readings: their noise, and a tenth more speed in a step."""
+    root = math.sqrt(noise)
+    kinematic = np.zeros((3, 3))
+    kinematic[0, 0] = 0.1 * abs(rate) / step + root / step**2
+    kinematic[1, 1] = 1.5 * root / step
+    kinematic[2, 1] = kinematic[2, 2] = 0.7 * root
+    return kinematic
 
-    # Time and readings
 
-    def start(self, angle: float, speed: float, first: bool, scale: float, sigma: float) -> None:
-        """Begin anew at an angle known to `sigma`, with a guess of the speed; ripple and drive stay unless `first`."""
-        state, error, size = self.state, self.error, self.size
-        ripple = error[FIRST_RIPPLE:size, FIRST_RIPPLE:size].copy()
-        response = LOG_RESPONSE_VARIANCE if first else float(error[LOG_RESPONSE, LOG_RESPONSE])
-        error[:] = 0.0
-        self.bank.clear(self.hypotheses)
-        state[THETA], state[LEVEL] = angle, speed
-        state[SLOPE] = state[DIP] = state[DIP_RATE] = 0.0
-        if first:
-            state[FIRST_RIPPLE:] = [0.0] * (size - FIRST_RIPPLE)
-        at = np.arange(FIRST_RIPPLE, size)
-        if not first:
-            error[FIRST_RIPPLE:size, FIRST_RIPPLE:size] = ripple
-        error[at, at] += RIPPLE_AT_START**2 if first else 1e-6
-        error[THETA, THETA] = sigma**2
-        error[LEVEL, LEVEL] = (0.3 * scale) ** 2
-        error[SLOPE, SLOPE] = (0.5 * scale) ** 2
-        error[LOG_RESPONSE, LOG_RESPONSE] = response
+@compiled
+def _begin_motion(record: StatusArray, banks: Banks, step: float, angle: float) -> None:
+    """Begin with two readings: what a straight line through them leaves open is the banks' uncertainty."""
+    status = record[0]
+    rate = (angle - status.first) / step
+    status.interval = step
+    if status.jitter_told == 0.0:
+        status.jitter = (FIRST_JITTER * step) ** 2
+    status.angle, status.speed, status.acceleration = angle, rate, 0.0
+    kinematic = first_uncertainty(rate, _noise(record, rate), step)
+    for bank in banks:
+        begin(bank, angle, rate, 0.0, kinematic, 1.0)
+        bank.head[ACTIVE] = 1.0 if _can_tell(record, bank, 1.0) else 0.0
+    banks[0].head[WEIGHT] = 1.0
+    status.lead_bank = status.lead_model = status.since = status.aside = 0.0
+    status.off_before = status.off_last = status.judged = 0.0
 
-    def start_from_two(self, variance: float, step: float) -> None:
-        """The speed came from two readings of this variance."""
-        error = self.error
-        error[THETA, THETA] = variance
-        error[LEVEL, LEVEL] = 2.0 * variance / step**2
-        error[THETA, LEVEL] = error[LEVEL, THETA] = variance / step
 
-    def predict(self, step: float, idle_ripple: bool) -> float:
-        """Move on by `step` seconds; the angle moved. `idle_ripple`: whether idle orders gather evidence."""
-        size, state, transition = self.size, self.state, self._transition
-        arc = abs(state[LEVEL]) * step * self._highest
-        parts = 1 + min(int(arc / LONGEST_ARC), MOST_PARTS - 1)
-        before = state[THETA]
-        for part in range(parts):
-            if part:
-                self.look()
-            advance(state, self.ripple, step / parts, transition)
-            self._own[:] = np.dot(transition, self._own, self._own_change)
-            self._by_state[:] = np.dot(self._by_state, transition.T)
-        moved = state[THETA] - before
-        if idle_ripple and self.bank.idle:
-            self.error[THETA, size + self.bank.events :] += self.bank.idle_waves(before + moved / 2.0) * moved
-        return moved
+@compiled
+def _can_tell(record: StatusArray, bank: Bank, margin: float) -> bool:
+    """Whether there are samples enough in a turn for the bank's highest order."""
+    status = record[0]
+    a_turn = TURN / max(abs(status.speed) * status.interval, 1e-9)
+    return a_turn >= margin * SAMPLES_A_WAVE * bank.head[LOWEST] * (bank.regressor.size // 2)
 
-    def disturb(self, jerk: float, burst: float, step: float) -> None:
-        """Add the process noise of a step: variance `jerk` on V' (with what it makes of V), `burst` on w'."""
-        error = self.error
-        error[SLOPE, SLOPE] += jerk
-        error[LEVEL, SLOPE] += jerk * step / 2.0
-        error[SLOPE, LEVEL] += jerk * step / 2.0
-        error[LEVEL, LEVEL] += jerk * step * step / 3.0
-        error[DIP_RATE, DIP_RATE] += burst
 
-    def angle_row(self) -> tuple[FloatArray, FloatArray]:
-        """What a reading of the angle sees: its row of the error matrix, and the column that it is spread by."""
-        column = self.error[:, THETA]
-        seen = self.error[THETA].copy()
-        seen[: self.size] = column[: self.size]  # so that rounding cannot make the covariance drift out of symmetry
-        return seen, column
+@compiled
+def _has_seen(bank: Bank) -> bool:
+    return bank.head[TRAVELLED] * bank.head[LOWEST] >= SEEN_CYCLES * TURN
 
-    def speed_row(self) -> tuple[float, FloatArray, FloatArray]:
-        """The speed, and what a reading of it sees."""
-        self.look()
-        _, omega, _ = observe(self.state, self.ripple, self._gradient)
-        gradient = self._gradient[1]
-        return omega, gradient @ self._own, self._by_state @ gradient
 
-    def correct(self, seen: FloatArray, gain: FloatArray, innovation: float, variance: float) -> None:
-        """Take in one reading."""
-        size = self.size
-        if self.past is not None:
-            self.past.mend(gain[size:], innovation, variance)
-        self._shift(gain[:size] * innovation)
-        self.error -= np.dot(gain[:, None], seen[None, :], self._change)  # faster than the product of numpy's arrays
-        self.bank.see(seen[size:], innovation, variance)
+@compiled
+def _take_angle(record: StatusArray, banks: Banks, step: float, raw: float, row: FloatArray) -> None:
+    """One reading from the third on."""
+    status = record[0]
+    status.since += 1.0
+    if step > GAP_SAMPLES * status.interval:
+        _bridge_gap(record, banks, step, raw, row)
+        return
+    gain = max(1.0 / status.samples, 1.0 / PERIOD_SAMPLES)
+    status.interval += (min(step, 3.0 * status.interval) - status.interval) * gain
+    noise = _noise(record, status.speed)
+    expected = status.angle + step * (status.speed + 0.5 * step * status.acceleration)
+    reading = _unwrapped(record, raw, expected)
+    off = reading - expected
+    status.angle = expected
+    row[READING], row[UNIT], row[OFF] = reading, noise, off
+    scale = _lead_scale(record, banks)
+    least = math.inf
+    for bank in banks:
+        if _is_at_work(record, bank, banks[0], step):
+            predict(bank, step, noise, status.interval, status.speed)
+            # While the ripple is not known, no model says where it should be taken better than the reading does.
+            expect_angle(bank, reading, expected if _has_seen(bank) else reading, noise)
+            least = min(least, nearest(bank, noise, LIKELY))
+    row[NOISE] = scale * noise
+    if least > GATE and status.since > 5.0:
+        if not _is_motion(record, banks, off, step, noise * scale, row):
+            row[NOISE] = 0.0
+            status.aside += 1.0
+            status.outliers += 1.0
+            if status.aside > LOST:
+                _lose(record, banks, reading, step, row)
+            return
+        for bank in banks:
+            expect_angle(bank, reading, reading, noise)
+    status.aside = status.off_before = status.off_last = 0.0
+    _absorb(record, banks, noise)
 
-    # States out
 
-    def observed(self) -> tuple[tuple[float, float, float], FloatArray, FloatArray]:
-        """(theta, omega, alpha), their rows of the error matrix, and their covariance."""
-        motion = observe(self.state, self.ripple, self._gradient)
-        across = np.dot(self._gradient, self._own)
-        return motion, across, np.dot(across[:, : self.size], self._gradient.T)
+@compiled
+def _is_at_work(record: StatusArray, bank: Bank, plain: Bank, step: float) -> bool:
+    """A bank with ripple works while there are samples enough in a turn for its orders.
 
-    def blend(self, rows: FloatArray, verdict: Verdict) -> tuple[FloatArray, FloatArray]:
-        """Shift and spread that the hypotheses add to a state with the given (3, columns) rows of the error matrix."""
-        events = rows[:, self.size : self.size + self.bank.events]
-        shift = events @ verdict.mean
-        return shift, (events * verdict.moment) @ events.T - shift[:, None] * shift
+    In the middle of a motion it begins from the plain model that ripple has biased least, that of the shortest memories.
+    """
+    status = record[0]
+    head = bank.head
+    if bank.regressor.size == 0:
+        return True
+    head[REST] = 0.0 if head[WEIGHT] > NO_WEIGHT else head[REST] - abs(status.speed) * step
+    if head[ACTIVE] == 0.0 and head[REST] <= 0.0 and _can_tell(record, bank, 1.1):
+        m = 1
+        kinematic = np.zeros((3, 3))
+        for j in range(3):
+            for i in range(j, 3):
+                kinematic[i, j] = plain.factor[j, i, m]
+        state = plain.states[MEAN]
+        begin(bank, state[2, m], state[1, m], state[0, m], kinematic, plain.models[SCALE, m])
+        bank.models[LEARNT] = plain.models[LEARNT, m]
+        head[ACTIVE], head[REST] = 1.0, 0.0
+    elif head[ACTIVE] > 0.0 and not _can_tell(record, bank, 0.9):
+        head[ACTIVE] = head[WEIGHT] = 0.0
+        plain.head[WEIGHT] = max(plain.head[WEIGHT], NEWCOMER)
+    elif head[ACTIVE] > 0.0 and head[REST] * head[LOWEST] < -RESTLESS_CYCLES * TURN:
+        head[ACTIVE] = head[WEIGHT] = 0.0
+        head[REST] = REST_CYCLES * TURN / head[LOWEST]
+    return head[ACTIVE] > 0.0  # type: ignore[no-any-return]
 
-    def hold(self, past: Past, estimate: Estimate, across: FloatArray) -> None:
-        """Keep a state open to later samples."""
-        size, columns = self.size, self.error.shape[1]
-        if past.full:
-            old = self.error[size:].reshape(3, past.capacity, columns)
-            order = past.grow()
-            held = np.zeros((3, past.capacity, columns))
-            held[:, : order.size] = old[:, order]
-            self._use(np.concatenate([self._own, held.reshape(-1, columns)]))
-        self.error[size + past.push(estimate) :: past.capacity] = across
 
-    def let_go(self, past: Past, verdict: Verdict | None) -> Estimate:
-        """The state held longest, as it now stands."""
-        rows = self.error[self.size + past.oldest :: past.capacity]
-        estimate = past.pop()
-        if verdict is not None:
-            estimate.move(*self.blend(rows, verdict))
-        rows[:] = 0.0
-        return estimate
+@compiled
+def _lead_scale(record: StatusArray, banks: Banks) -> float:
+    status = record[0]
+    return float(banks[int(status.lead_bank)].models[SCALE, int(status.lead_model)])
 
-    # What has been learnt
 
-    def take_in(self, verdict: Verdict, crowding: float) -> None:
-        """Replace the mixture of what may have happened by one Gaussian, of the same mean and covariance.
+@compiled
+def _is_motion(record: StatusArray, banks: Banks, off: float, step: float, noise: float, row: FloatArray) -> bool:
+    """Whether readings far off are the shaft's motion and not outliers: the third of three that follow a line.
 
-        `crowding`, 0 to 1: how far such events follow each other too closely to be what they seem.
-        """
-        size, error, bank = self.size, self.error, self.bank
-        columns = error[:, size : size + bank.events]
-        shift = columns @ verdict.mean
-        error[:, :size] += (columns * verdict.moment) @ columns[:size].T - shift[:, None] * shift[:size]
-        if self.past is not None:
-            self.past.widen(columns[size:], verdict.moment)
-            self.past.mend(shift[size:], 1.0, 1.0)
-        self._shift(shift[:size])
-        self.open_ripple(RIPPLE_AFTER_DOUBT * max(crowding, math.sqrt(1.0 - min(verdict.weight, 1.0))))
-        bank.clear(self.hypotheses)  # the idle orders too: an event looks like some of each
-        self.look()
+    Then the motion is opened: where they are equally far off (an encoder that slipped) the angle alone, else speed and
+    acceleration too.
+    """
+    status = record[0]
+    bend = off - 2.0 * status.off_last + status.off_before
+    if status.aside < SET_ASIDE or abs(bend) > 0.5 * max(abs(off), abs(status.off_before)):
+        status.off_before, status.off_last, status.step_last = status.off_last, off, step
+        return False
+    span, grown = step + status.step_last, off - status.off_before
+    slipped = abs(grown) < 0.25 * abs(off)
+    rate = 0.0 if slipped else grown / span
+    by_rate = 0.0 if slipped else (math.sqrt(noise) + abs(grown)) / span
+    for bank in banks:
+        open_motion(bank, off, rate, math.sqrt(noise), by_rate, abs(rate) / span)
+    row[CUT] = 1.0 if slipped else 2.0
+    status.jumps += row[CUT] == 1.0
+    status.outliers -= status.aside
+    return True
 
-    def take_in_order(self, place: int) -> None:
-        """Make one of the bank's idle orders of ripple part of the state."""
-        size, bank = self.size, self.bank
-        at = size + bank.events + 2 * place
-        columns = self.error[:, at : at + 2]
-        order, mean, variance = bank.remove_order(place)
-        shift, own = columns @ mean, columns * variance
-        block = self.error[:, :size] + own @ columns[:size].T
-        kept = np.delete(self.error[:, size:], [at - size, at - size + 1], axis=1)
-        rows = np.zeros((2, size + 2 + kept.shape[1]))
-        rows[:, :size] = own[:size].T
-        rows[:, size : size + 2] = np.diag(variance)
-        wide = np.concatenate([block, own, kept], axis=1)
-        if self.past is not None:
-            self.past.widen(columns[size:], variance)
-            self.past.mend(shift[size:], 1.0, 0.0)
-        self._shift(shift[:size])
-        self.state += mean.tolist()
-        self.orders.append(order)
-        self._resize(np.concatenate([wide[:size], rows, wide[size:]]))
 
-    def open_motion(self, level: float, slope: float, rate: float) -> None:
-        """Let speed level, its slope and the dip's rate change by so much (standard deviations)."""
-        for place, sigma in ((LEVEL, level), (SLOPE, slope), (DIP_RATE, rate)):
-            self.error[place, place] += sigma**2
+@compiled
+def _bridge_gap(record: StatusArray, banks: Banks, step: float, raw: float, row: FloatArray) -> None:
+    """After a pause the ripple is still known, the motion is not."""
+    status = record[0]
+    status.gaps += 1.0
+    reading = _unwrapped(record, raw, status.angle + status.speed * step)
+    row[UNIT] = _noise(record, status.speed)
+    row[READING], row[CUT], row[NOISE] = reading, 1.0, row[UNIT] * _lead_scale(record, banks)
+    root = math.sqrt(row[NOISE])
+    by_rate = 0.5 * abs(status.speed) + root / status.interval
+    for bank in banks:
+        open_motion(bank, reading - status.angle, 0.0, root, by_rate, by_rate / (10.0 * status.interval))
+    status.angle = reading
+    status.since = 0.0
 
-    def open_ripple(self, sigma: float) -> None:
-        """Let the ripple's coefficients change by so much, within what they were trusted to be at the start."""
-        at = np.arange(FIRST_RIPPLE, self.size)
-        own = self.error[at, at]
-        self.error[at, at] = np.maximum(own, np.minimum(own + sigma**2, RIPPLE_AT_START**2))
 
-    def tend(self) -> None:
-        """Now and then: keep the covariance symmetric and open, ripple and response within what a machine can have."""
-        size, error, state = self.size, self.error, self.state
-        error[:size, :size] = (error[:size, :size] + error[:size, :size].T) / 2.0
-        at = np.arange(FIRST_RIPPLE, size)
-        error[at, at] += 3e-13
-        if max(map(abs, state[FIRST_RIPPLE:]), default=0.0) > LARGEST_RIPPLE:  # what looked like ripple was none
-            state[FIRST_RIPPLE:] = [0.0] * (size - FIRST_RIPPLE)
-            error[at] = 0.0
-            error[:, at] = 0.0
-            error[at, at] = RIPPLE_AT_START**2
-        variance = float(error[LOG_RESPONSE, LOG_RESPONSE]) + 1e-6
-        error[LOG_RESPONSE, LOG_RESPONSE] = min(variance, LOG_RESPONSE_VARIANCE)
-        state[LOG_RESPONSE] = min(max(state[LOG_RESPONSE], LOG_SHORTEST), LOG_LONGEST)
+@compiled
+def _lose(record: StatusArray, banks: Banks, reading: float, step: float, row: FloatArray) -> None:
+    """Readings that follow no motion: begin anew."""
+    status = record[0]
+    status.losses += 1.0
+    status.first = reading - status.speed * step
+    _begin_motion(record, banks, step, reading)
+    row[CUT] = 1.0
+    row[NOISE] = row[UNIT] = _noise(record, status.speed)
 
-    def amplitudes(self) -> tuple[float, ...]:
-        """Relative amplitude of the ripple by order, from order 1 on."""
-        ripple = self.state[FIRST_RIPPLE:]
-        size = dict(zip(self.orders, map(math.hypot, ripple[0::2], ripple[1::2]), strict=True))
-        return tuple(size.get(k, 0.0) for k in range(1, max(self.orders, default=0) + 1))
+
+@compiled
+def _absorb(record: StatusArray, banks: Banks, noise: float) -> None:
+    """Take the reading in, and weigh the banks by their likelihoods while the shaft turns."""
+    status = record[0]
+    turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(noise)
+    least = 0.3 * status.rounding**2 / 12.0 / noise
+    plain, total, count = 0.0, 0.0, 0
+    for bank in banks:
+        if bank.head[ACTIVE] == 0.0:
+            continue
+        is_plain = bank.regressor.size == 0
+        seen = _has_seen(bank) and not is_plain
+        together = take_angle(bank, noise, least, seen)
+        if is_plain:
+            plain = together
+        bank.head[WEIGHT] *= together if turning or is_plain else plain
+        if seen and bank.head[WEIGHT] == 0.0:
+            bank.head[WEIGHT] = -1.0
+        total += max(bank.head[WEIGHT], 0.0)
+        count += 1
+    newcomer, known = NEWCOMER if status.judged > 0.0 else 1.0, total
+    for bank in banks:
+        if bank.head[WEIGHT] < 0.0:
+            bank.head[WEIGHT] = newcomer * known
+            total += newcomer * known
+            status.judged = 1.0
+    for bank in banks:
+        if bank.head[WEIGHT] > 0.0:
+            bank.head[WEIGHT] = bank.head[WEIGHT] / total * (1.0 - BANK_SHARE) + BANK_SHARE / count
+    if status.samples % RECALIBRATE_EVERY == 0.0 and turning and status.since > RECALIBRATE_EVERY / 2.0:
+        _recalibrate(record, banks, noise)
+
+
+@compiled
+def _recalibrate(record: StatusArray, banks: Banks, noise: float) -> None:
+    """Give what the leading model has learnt of the noise to jitter and rounding, so that it follows the speed.
+
+    Readings on a lattice that are much better than its step are edges of teeth, timed: they are not rounded. The banks
+    keep variances in units of the noise, and these must stay what they are.
+    """
+    status = record[0]
+    found = _lead_scale(record, banks) * noise
+    rounding = status.rounding**2 / 12.0
+    moved = abs(status.speed) * status.interval
+    if rounding > 0.0 and found < 0.1 * rounding and moved > 0.5 * status.rounding:
+        status.rounding = rounding = 0.0
+    if status.jitter_told == 0.0:
+        status.jitter = max(found - rounding, 0.01 * found) / status.speed**2
+    change = noise / _noise(record, status.speed)
+    for bank in banks:
+        bank.models[SCALE] *= change
+        bank.factor[:, :, :] /= math.sqrt(change)
+
+
+@compiled
+def _take_velocity(record: StatusArray, banks: Banks, velocity: float) -> None:
+    """The sensor's own speed as a further reading, of a noise that is learnt."""
+    status = record[0]
+    if status.speed_noise == 0.0:
+        status.speed_noise = (0.02 * max(abs(status.speed), 1.0)) ** 2
+    off = velocity - status.speed
+    status.speed_noise += (min(off * off, 100.0 * status.speed_noise) - status.speed_noise) / SPEED_SAMPLES
+    for bank in banks:
+        if bank.head[ACTIVE] > 0.0:
+            take_speed(bank, velocity, status.angle, status.speed_noise)
+
+
+@compiled
+def _mix(record: StatusArray, banks: Banks, row: FloatArray) -> None:
+    """Mean and covariance of the mixture of all models that count, about the leading one's angle."""
+    status = record[0]
+    moments, about = status.moments, status.about
+    top, number = 0.0, 0.0
+    for bank in banks:
+        m = heaviest(bank)
+        weight = bank.head[WEIGHT] * bank.models[PROBABILITY, m] * bank.head[ACTIVE]
+        if weight > top:
+            top = weight
+            status.lead_bank, status.lead_model = number, float(m)
+        number += 1.0
+    about[0] = angle(banks[int(status.lead_bank)], int(status.lead_model), status.angle)
+    about[1], about[2] = status.speed, status.acceleration
+    moments[:] = 0.0
+    for bank in banks:
+        blend(bank, about, top, moments)
+    for p in range(3):
+        moments[1 + p] /= moments[0]
+    place = 4
+    for p in range(3):
+        for q in range(p, 3):
+            value = moments[place] / moments[0] - moments[1 + p] * moments[1 + q]
+            row[COVARIANCE + 3 * p + q] = row[COVARIANCE + 3 * q + p] = value
+            place += 1
+    status.angle = about[0] + moments[1]
+    status.speed = row[SPEED] = about[1] + moments[2]
+    status.acceleration = row[ACCELERATION] = about[2] + moments[3]
+    if abs(status.speed) * status.interval < status.rounding:
+        row[COVARIANCE] += status.rounding**2 / 12.0
+
+
+@compiled
+def _watch(record: StatusArray, sigma: float) -> None:
+    """Standstill and reversals: the shaft moves when it leaves its reading's noise within some samples."""
+    status = record[0]
+    hardly = max(status.rounding, 3.0 * math.sqrt(_noise(record, status.speed))) / (SETTLING * status.interval)
+    status.still = status.still + 1.0 if abs(status.speed) < hardly else 0.0
+    if status.since < SETTLING:
+        status.motion = STARTING
+    elif status.still > SETTLING:
+        status.standstills += status.motion != STANDSTILL
+        status.motion = STANDSTILL
+    elif status.still == 0.0 or status.motion != STANDSTILL:
+        status.motion = RUNNING
+    if abs(status.speed) > 10.0 * hardly + 3.0 * sigma:
+        sense = 1.0 if status.speed > 0.0 else -1.0
+        status.reversals += status.sense == -sense
+        status.sense = sense
+
+
+def ripple_amplitudes(record: StatusArray, rooms: Rooms) -> FloatArray:
+    """Amplitude of the speed's ripple relative to the speed, by orders of the leading bank; empty for a plain one."""
+    status = record[0]
+    bank = open_bank(rooms[int(status["lead_bank"])])
+    ripple = bank.states[MEAN, :-3, int(status["lead_model"])]
+    amplitudes: FloatArray = np.hypot(ripple[0::2], ripple[1::2]) * bank.head[LOWEST] * np.arange(1, ripple.size // 2 + 1)
+    return amplitudes

@@ -1,39 +1,49 @@
-"""Offline shaft estimation: the whole record at once, each state seeing the samples before and after it."""
+"""Fixed-interval smoothing: the whole record, each state seeing the samples before and after it."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.shaft.encoder import encoder_step
-from textile_twin_core.shaft.fitting import ChunkFit
-from textile_twin_core.shaft.gate import Accepted, SampleGate
-from textile_twin_core.shaft.record import Stretch, edges, stretches
+from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft.bank import MEAN, Bank, begin, open_bank
+from textile_twin_core.shaft.base import Recursion, Stamps, states_of
+from textile_twin_core.shaft.chain import NOW, Chain, chain_room, open_chain
+from textile_twin_core.shaft.clock import set_second
+from textile_twin_core.shaft.filter import bank_rooms, first_uncertainty
 from textile_twin_core.shaft.report import SampleReport
-from textile_twin_core.shaft.settings import SmoothSettings
+from textile_twin_core.shaft.settings import ShaftSettings
+from textile_twin_core.shaft.smoothing import (
+    MARK,
+    ROUNDS,
+    look_back,
+    readmit,
+    set_intensities,
+    sharpen,
+    smooth_there_and_back,
+    take_shorter,
+    there,
+)
 from textile_twin_core.shaft.states import ShaftStates
+from textile_twin_core.shaft.status import CUT, LEAD, MEMORY, NOISE, ORDERS, READING, SPEED, STEP, THETA
 from textile_twin_core.shaft.turns import TURN
 
-CHUNK = 6144
-OVERLAP = 512
-SAMPLES_PER_WAVE = 4.0
-"""Samples that a wave of ripple must have to be looked for."""
-COARSE = 2.0
-"""Steps larger than this many sigmas of the noise are taken as the intervals that they are."""
-FIRST_JITTER_S = 20e-6
-FEWEST = 24
-"""Samples below which nothing but a straight line is fitted."""
+LESSONS = 2
+"""Times that the teeth's pitch errors are made what the smoothed motion says."""
+UNSURE_ROWS, UNSURE_CYCLES = 16, 2.5
+"""Beginning of a stretch in which the filter is still finding memory and ripple."""
+FEWEST = 4
+"""Rows below which a stretch keeps the filter's states."""
 
 
 class SmoothEstimator:
-    """Fits the whole record in overlapping chunks at `finish` (see `chunk` for the model, `fitting` for the course).
+    """Filters while samples come in and smooths at `finish` (see `smoothing`).
 
     Args:
-        settings: fields of `SmoothSettings`.
+        settings: fields of `ShaftSettings`.
 
     Raises:
         SceneError: a setting of the wrong kind or value.
@@ -41,122 +51,88 @@ class SmoothEstimator:
     """
 
     def __init__(self, **settings: Any) -> None:
-        self._settings = SmoothSettings(**settings)
+        self._settings = ShaftSettings(**settings)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything, the report included."""
-        self._report = SampleReport()
-        self._gate = SampleGate(self._report)
-        self._blocks: list[Accepted] = []
+        self._recursion = Recursion(self._settings)
+        self._blocks: list[tuple[Stamps, FloatArray]] = []
 
     @property
     def report(self) -> SampleReport:
         """Counts of what came in and what became of it."""
-        return self._report
+        return self._recursion.report()
 
     def step(
         self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
     ) -> ShaftStates:
         """Take a block of samples; no state is ready before `finish`. See `ShaftEstimator.step`."""
-        block = self._gate.admit(stamps, angles, velocities)
-        self._blocks.append(block)
-        return ShaftStates.empty(block.stamps)
+        self._blocks.append(self._recursion.walk(self._recursion.follow, stamps, angles, velocities))
+        return ShaftStates.empty(self._recursion.last)
 
     def finish(self) -> ShaftStates:
         """The states of all samples from the third on."""
         blocks, self._blocks = self._blocks, []
-        count = sum(len(block) for block in blocks)
-        if count < 3:
-            return ShaftStates.empty(blocks[0].stamps if blocks else None)
-        stamps = np.concatenate([block.stamps for block in blocks])
-        index = np.concatenate([block.index for block in blocks])
-        step = np.concatenate([block.step_s for block in blocks])
-        raw = np.concatenate([block.angles for block in blocks])
-        step[0] = 0.0
-        settings = self._settings
-        encoder = settings.step_rad
-        if encoder is None:
-            encoder = encoder_step(raw[:4096], settings.period_rad) or 0.0
-        rows, covariance = np.zeros((count, 5)), np.zeros((count, 3, 3))
-        for part in stretches(step, raw, settings.wrapping, settings.period_rad, settings.gap_s, self._report):
-            own = slice(part.start, part.start + part.time.size)
-            states, spread, settled = self._fit(part, encoder)
-            rows[own, :3], rows[own, 3], rows[own, 4] = states, part.origin, settled
-            covariance[own] = spread
-        self._report.resolution_rad = encoder
-        self._report.period_s = float(np.median(step[1:]))
-        self._report.state = "running"
-        return ShaftStates.from_rows(stamps[2:], index[2:], rows[2:], covariance[2:])
-
-    def _fit(self, part: Stretch, encoder: float) -> tuple[FloatArray, FloatArray, float]:
-        count = part.time.size
-        if np.count_nonzero(part.good) < FEWEST:
-            return (*_line(part, encoder), 0.0)
-        states, covariance = np.zeros((count, 3)), np.zeros((count, 3, 3))
-        pieces = max(1, math.ceil((count - OVERLAP) / CHUNK))
-        size = math.ceil((count - OVERLAP) / pieces) if pieces > 1 else count
-        filled = 0
-        for piece in range(pieces):
-            first = piece * size
-            end = count if piece == pieces - 1 else min(first + size + OVERLAP, count)
-            try:
-                own, spread = self._chunk(part, first, end, encoder)
-            except np.linalg.LinAlgError:  # readings that follow no motion at all
-                own, spread = _line(part.between(first, end), encoder)
-            fade = np.clip((np.arange(first, end) - first + 1.0) / (filled - first + 1.0), 0.0, 1.0)
-            if filled <= first:
-                fade[:] = 1.0
-            states[first:end] += fade[:, None] * (own - states[first:end])
-            covariance[first:end] += fade[:, None, None] * (spread - covariance[first:end])
-            filled = end
-        return states, covariance, 1.0
-
-    def _chunk(self, part: Stretch, first: int, end: int, encoder: float) -> tuple[FloatArray, FloatArray]:
-        """States and covariance of the samples from `first` to `end` of a stretch."""
-        time, angle = part.time[first:end], part.angle[first:end]
-        good = part.good[first:end]
-        shift = TURN * round(float(angle[0]) / TURN)
-        start = float(time[0])
-        settings = self._settings
-        jitter = FIRST_JITTER_S if settings.stamp_jitter_s is None else settings.stamp_jitter_s
-        when, what, variance, noise = edges(time[good] - start, angle[good] - shift, encoder, jitter)
-        turns = abs(float(angle[-1] - angle[0])) / TURN
-        most = settings.max_harmonics if turns > 2.0 else settings.harmonics if turns > 1.0 else 0
-        speed = float(np.median(np.abs(np.diff(what)) / np.diff(when))) if what.size > 1 else 0.0
-        scale = max(speed, abs(float(angle[-1] - angle[0])) / float(time[-1] - time[0]), 0.5)
-        chunk = ChunkFit(
-            when, what, variance, np.arange(1, most + 1), min(settings.harmonics, most), scale**2, settings.response_s
-        )
-        chunk.fit()
-        spread = max(float(np.median(chunk.variance)) - encoder**2 / 12.0, 0.0)
-        coarse = encoder**2 > COARSE**2 * noise
-        if np.mean(coarse) > 0.5:
-            spread = chunk.sharpen(encoder, noise + (0.02 * encoder) ** 2, coarse) or spread
-        self._report.knocks += chunk.knock_times.size
-        self._report.stamp_jitter_s = math.sqrt(spread) / scale
-        amplitude = np.hypot(chunk.ripple[0::2], chunk.ripple[1::2])
-        ripple = dict(zip(chunk.orders.tolist(), amplitude.tolist(), strict=True))
-        self._report.ripple = tuple(ripple.get(k, 0.0) for k in range(1, max(ripple, default=0) + 1))
-        inside = np.clip(time - start, chunk.knots.breaks[0], chunk.knots.breaks[-1])
-        states, covariance = chunk.states(inside, angle - shift)
-        states[:, 0] += shift
-        return states, covariance
+        if not blocks:
+            return ShaftStates.empty(self._recursion.last)
+        stamps = np.concatenate([block[0] for block in blocks])
+        table = np.concatenate([block[1] for block in blocks])
+        del blocks
+        interval = float(self._recursion.status["interval"][0])
+        cuts = np.flatnonzero(table[:, CUT] == 1.0).tolist()
+        for first, end in zip(cuts, [*cuts[1:], len(table)], strict=True):
+            if end - first >= FEWEST:
+                _smooth(table[first:end], self._settings.cycle_turns, interval)
+        self._recursion.begin_anew()
+        return states_of(stamps, table)
 
 
-def _line(part: Stretch, encoder: float) -> tuple[FloatArray, FloatArray]:
-    """States of a stretch too short for more than a straight line."""
-    count = part.time.size
-    middle = part.time - part.time.mean()
-    power = float(middle @ middle)
-    good = part.good if part.good.any() else np.ones(count, dtype=bool)
-    speed = float(middle[good] @ (part.angle[good] - part.angle[good].mean())) / power if power > 0 else 0.0
-    states = np.zeros((count, 3))
-    states[:, 0] = part.angle[good].mean() + speed * (part.time - part.time[good].mean())
-    states[:, 1] = speed
-    noise = max(encoder**2 / 12.0, 1e-6)
-    covariance = np.zeros((count, 3, 3))
-    covariance[:, 0, 0] = noise
-    covariance[:, 1, 1] = noise / power + (0.1 * speed) ** 2 if power > 0 else 1e4
-    covariance[:, 2, 2] = max(speed * speed, 1.0)
-    return states, covariance
+def _smooth(table: FloatArray, cycle_turns: int, interval: float) -> None:
+    """Smooth one stretch in place, with the ripple that led it for most of the time."""
+    count = len(table)
+    lead = table[count // 3 :, LEAD].astype(np.int64)
+    number = int(np.bincount(lead, minlength=len(ORDERS)).argmax())
+    n = 2 * ORDERS[number] + 3
+    unsure = UNSURE_ROWS
+    if number > 0:
+        unsure += int(np.argmax(np.abs(table[:, THETA] - table[0, THETA]) > UNSURE_CYCLES * cycle_turns * TURN))
+    _smooth_stretch(
+        table, bank_rooms(cycle_turns)[number], chain_room(ORDERS[number], cycle_turns, MARK), number, interval, unsure,
+        np.empty(count), np.empty((count, 2)), np.empty((count // MARK + 1, n + n * n)), np.empty((count + 1, 2)),
+    )  # fmt: skip
+
+
+@compiled
+def _smooth_stretch(
+    table: FloatArray, bank_in: FloatArray, chain_in: FloatArray, number: int, interval: float, unsure: int,
+    intensity: FloatArray, jerk: FloatArray, marks: FloatArray, sums: FloatArray,
+) -> None:  # fmt: skip
+    bank, chain = open_bank(bank_in), open_chain(chain_in)
+    readmit(table)
+    memory = sums[: table.shape[0], 0].copy()
+    memory[:] = table[:, MEMORY + number]
+    set_intensities(table, memory, interval, intensity)
+    _begin(bank, chain, table)
+    for i in range(1, table.shape[0]):
+        there(chain, table, intensity, i, i + 1)
+    if number > 0:
+        set_second(chain.vectors[NOW], 0, chain.head[3], chain.second)
+    look_back(bank, number, chain, table, interval, memory)
+    take_shorter(table, number, unsure, memory)
+    set_intensities(table, memory, interval, intensity)
+    for again in range(ROUNDS + 1):
+        if again > 0:
+            sharpen(table, jerk, interval, intensity, sums)
+        _begin(bank, chain, table)
+        smooth_there_and_back(chain, table, intensity, jerk, marks, again == ROUNDS)
+
+
+@compiled
+def _begin(bank: Bank, chain: Chain, table: FloatArray) -> None:
+    """The chain begins at the first row with its reading and the filter's speed."""
+    row = table[0]
+    kinematic = first_uncertainty(row[SPEED], row[NOISE], table[1, STEP])
+    begin(bank, row[READING], row[SPEED], 0.0, kinematic, 1.0)
+    chain.vectors[NOW, :, 0] = bank.states[MEAN, :, 0]
+    chain.factor[:, :, 0] = bank.factor[:, :, 0]

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.shaft.turns import TURN, join_turns
+from textile_twin_core.shaft.status import ACCELERATION, COVARIANCE, PHASE, SETTLED, SPEED, TURNS, WIDTH
+from textile_twin_core.shaft.turns import join_turns
 
 
 @dataclass(frozen=True)
@@ -56,17 +57,16 @@ class ShaftStates:
     def empty(cls, stamps: FloatArray | IntArray | None = None) -> ShaftStates:
         """No states; `stamps` lends its dtype."""
         none = np.zeros(0, dtype=np.float64 if stamps is None else stamps.dtype)
-        return cls.from_rows(none, np.zeros(0, dtype=np.int64), np.zeros((0, 5)), np.zeros((0, 3, 3)))
+        return cls.from_table(none, np.zeros(0, dtype=np.int64), np.zeros((0, WIDTH)))
 
     @classmethod
-    def from_rows(
-        cls, stamps: FloatArray | IntArray, index: IntArray, rows: FloatArray, covariance: FloatArray
-    ) -> ShaftStates:
-        """From (n, 5) rows of local angle, speed, acceleration, turn of the local origin, settled (0 or 1)."""
-        extra = np.floor(rows[:, 0] / TURN + 0.5)
-        phase = rows[:, 0] - extra * TURN
-        turns = (rows[:, 3] + extra).astype(np.int64)
-        return cls(stamps, index, turns, phase, rows[:, 1], rows[:, 2], covariance, rows[:, 4] > 0.5)
+    def from_table(cls, stamps: FloatArray | IntArray, index: IntArray, table: FloatArray) -> ShaftStates:
+        """From the rows (n, WIDTH) of a table (see `status`)."""
+        covariance = table[:, COVARIANCE : COVARIANCE + 9].reshape(-1, 3, 3)
+        turns, settled = table[:, TURNS].astype(np.int64), table[:, SETTLED] > 0.5
+        return cls(
+            stamps, index, turns, table[:, PHASE], table[:, SPEED], table[:, ACCELERATION], covariance, settled
+        )  # fmt: skip
 
     @classmethod
     def join(cls, parts: Sequence[ShaftStates]) -> ShaftStates:

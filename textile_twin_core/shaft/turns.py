@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.compiling import compiled
 
 TURN = 2.0 * math.pi
 TURN_TAIL = 2.4492935982947064e-16
@@ -22,10 +23,12 @@ def split_turns(angle: FloatArray) -> tuple[IntArray, FloatArray]:
     return turns.astype(np.int64), phase - turns * TURN_TAIL
 
 
-def split_turn(angle: float) -> tuple[int, float]:
-    """`split_turns` for one angle."""
-    phase = math.remainder(angle, TURN)  # exact, in the float64 period
-    turns = round((angle - phase) / TURN)
+@compiled
+def split_turn(angle: float) -> tuple[float, float]:
+    """`split_turns` for one angle; the turns as a float."""
+    phase = float(np.fmod(angle, TURN))  # exact, in the float64 period
+    phase -= np.rint(phase / TURN) * TURN
+    turns = np.rint((angle - phase) / TURN)
     return turns, phase - turns * TURN_TAIL
 
 
