@@ -44,7 +44,21 @@ banks; angle [rad] turned since it began; 0 or 1;
 angle [rad] to turn until it wakes, or, below 0, turned since it had weight. Before them stand K, M and n."""
 MEAN, PROJECTED, GAIN = range(3)
 """Of `states`: means of the models, and room for `factor`."""
-(MEMORY, SCALE, LEARNT, PROBABILITY, STANDING, INTENSITY, INNOVATION, SPREAD, LIKELIHOOD, OWN_NOISE, TOTAL, KEEP, MIX) = range(13)
+(
+    MEMORY,
+    SCALE,
+    LEARNT,
+    PROBABILITY,
+    STANDING,
+    INTENSITY,
+    INNOVATION,
+    SPREAD,
+    LIKELIHOOD,
+    OWN_NOISE,
+    TOTAL,
+    KEEP,
+    MIX,
+) = range(13)
 """Of `models`: samples that a model looks back, the inverse of its bandwidth; variance of the readings relative to what is expected, and
 the innovations it was learnt from; probability; likelihood ratio to the bank since it was best; then room to work in."""
 
@@ -117,7 +131,11 @@ def begin(bank: Bank, angle: float, rate: float, acceleration: float, kinematic:
     bank.second[:] = 0.0
     set_basis(angle, lowest, bank.basis)
     for m in range(models):
-        bank.states[MEAN, n - 3, m], bank.states[MEAN, n - 2, m], bank.states[MEAN, n - 1, m] = acceleration, rate, angle
+        bank.states[MEAN, n - 3, m], bank.states[MEAN, n - 2, m], bank.states[MEAN, n - 1, m] = (
+            acceleration,
+            rate,
+            angle,
+        )
         for i in range(n - 3):
             order = lowest * (i // 2 + 1)
             sigma = RIPPLE_SIZE / order / math.sqrt(scale)

@@ -500,5 +500,7 @@ def ripple_amplitudes(record: StatusArray, rooms: Rooms) -> FloatArray:
     status = record[0]
     bank = open_bank(rooms[int(status["lead_bank"])])
     ripple = bank.states[MEAN, :-3, int(status["lead_model"])]
-    amplitudes: FloatArray = np.hypot(ripple[0::2], ripple[1::2]) * bank.head[LOWEST] * np.arange(1, ripple.size // 2 + 1)
+    amplitudes: FloatArray = (
+        np.hypot(ripple[0::2], ripple[1::2]) * bank.head[LOWEST] * np.arange(1, ripple.size // 2 + 1)
+    )
     return amplitudes

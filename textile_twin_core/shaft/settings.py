@@ -57,7 +57,9 @@ class ShaftSettings:
             raise SceneError(f"wrapping is {self.wrapping!r}: choose one of {', '.join(WRAPPINGS)}")
         errors = self.pitch_errors_rad
         if errors is not None and (len(errors) != self.teeth or not np.all(np.isfinite(errors))):
-            raise SceneError(f"pitch_errors_rad has {len(errors)} values: give one finite number for each of {self.teeth} teeth")
+            raise SceneError(
+                f"pitch_errors_rad has {len(errors)} values: give one finite number for each of {self.teeth} teeth"
+            )
 
     @property
     def step_rad(self) -> float | None:
