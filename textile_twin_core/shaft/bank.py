@@ -33,33 +33,22 @@ FIRST_SCALE_WEIGHT = 0.5
 """What the first guess of the noise weighs beside them."""
 RIPPLE_SIZE = 0.05
 """Prior of the speed's ripple in each order, relative to the speed."""
-MINOR = 0.02
+MINOR = 0.05
 """Models of less than this part of the heaviest one's weight do not enter the mixture."""
 
 
 HEADER = 8
-LOWEST, WEIGHT, TRAVELLED, ACTIVE, REST = range(3, 8)
-"""Places of a bank's head: lowest order of the ripple, whose multiples up to K times the others are; weight among
-banks; angle [rad] turned since it began; 0 or 1;
-angle [rad] to turn until it wakes, or, below 0, turned since it had weight. Before them stand K, M and n."""
+LOWEST, BEST, LOG_MEMORY = 3, 4, 5
+"""Places of a bank's head: lowest order of the ripple, whose multiples up to K times the others are; model of the highest probability; mean
+logarithm of the memory. Before them stand K, M and n."""
 MEAN, PROJECTED, GAIN = range(3)
 """Of `states`: means of the models, and room for `factor`."""
 (
-    MEMORY,
-    SCALE,
-    LEARNT,
-    PROBABILITY,
-    STANDING,
-    INTENSITY,
-    INNOVATION,
-    SPREAD,
-    LIKELIHOOD,
-    OWN_NOISE,
-    TOTAL,
-    KEEP,
+    MEMORY, LOG, SCALE, LEARNT, PROBABILITY, STANDING, INTENSITY, INNOVATION, SPREAD, LIKELIHOOD, OWN_NOISE, TOTAL, KEEP,
     MIX,
-) = range(13)
-"""Of `models`: samples that a model looks back, the inverse of its bandwidth; variance of the readings relative to what is expected, and
+) = range(14)  # fmt: skip
+"""Of `models`: samples that a model looks back, the inverse of its bandwidth, and their
+logarithm; variance of the readings relative to what is expected, and
 the innovations it was learnt from; probability; likelihood ratio to the bank since it was best; then room to work in."""
 
 
@@ -68,7 +57,7 @@ class Bank(NamedTuple):
 
     Attributes:
         head: (8,) see `LOWEST`.
-        models: (13, M) see `MEMORY`.
+        models: (14, M) see `MEMORY`.
         states: (3, n, M) see `MEAN`.
         factor: (n, n, M) see `factor`, in units of the root of the scale.
         second, basis, regressor: (4 K,), (4 K,), (2 K,) see `clock`.
@@ -93,9 +82,10 @@ def bank_room(waves: int, cycle_turns: float, memory: FloatArray) -> FloatArray:
     One array: compiled code takes a bank apart (`open_bank`) faster than Python hands over its parts.
     """
     n, models = 2 * waves + 3, memory.size
-    room = np.zeros(HEADER + models * (13 + 3 * n + n * n) + 10 * waves + 3 * n + 7)
+    room = np.zeros(HEADER + models * (14 + 3 * n + n * n) + 10 * waves + 3 * n + 7)
     room[:4] = waves, models, n, 1.0 / cycle_turns
     room[HEADER : HEADER + models] = memory
+    room[HEADER + models : HEADER + 2 * models] = np.log(memory)
     return room
 
 
@@ -103,7 +93,7 @@ def bank_room(waves: int, cycle_turns: float, memory: FloatArray) -> FloatArray:
 def open_bank(room: FloatArray) -> Bank:
     """The bank that lives in a room."""
     waves, models, n = int(room[0]), int(room[1]), int(room[2])
-    a = HEADER + 13 * models
+    a = HEADER + 14 * models
     b = a + 3 * n * models
     c = b + n * n * models
     d = c + 4 * waves
@@ -111,7 +101,7 @@ def open_bank(room: FloatArray) -> Bank:
     f = e + 2 * waves
     g = f + 3 * n
     return Bank(
-        room[:HEADER], room[HEADER:a].reshape((13, models)), room[a:b].reshape((3, n, models)),
+        room[:HEADER], room[HEADER:a].reshape((14, models)), room[a:b].reshape((3, n, models)),
         room[b:c].reshape((n, n, models)), room[c:d], room[d:e], room[e:f], room[f:g].reshape((3, n)),
         room[g : g + 4], room[g + 4 : g + 7],
     )  # fmt: skip
@@ -152,7 +142,7 @@ def begin(bank: Bank, angle: float, rate: float, acceleration: float, kinematic:
         bank.models[LEARNT, m] = FIRST_SCALE_WEIGHT
         bank.models[PROBABILITY, m] = 1.0 / models
         bank.models[STANDING, m] = 1.0
-    bank.head[WEIGHT] = bank.head[TRAVELLED] = 0.0
+    bank.head[BEST] = 0.0
 
 
 @compiled
@@ -169,12 +159,11 @@ def open_motion(bank: Bank, angle: float, rate: float, by_angle: float, by_rate:
 
 
 @compiled
-def predict(bank: Bank, step: float, noise: float, interval: float, speed: float) -> None:
+def predict(bank: Bank, step: float, noise: float, interval: float) -> None:
     """Move all models on. White jerk of intensity q = r / (N^6 T^5) makes a filter of memory N (Kalata 1984)."""
     for m in range(bank.models.shape[1]):
         bank.models[INTENSITY, m] = noise / (bank.models[MEMORY, m] ** 6 * interval**5)
     move_on(bank.states[MEAN], bank.factor, step, bank.models[INTENSITY])
-    bank.head[TRAVELLED] += abs(speed) * step
 
 
 @compiled
@@ -212,11 +201,11 @@ def _correct(bank: Bank, noise: float) -> None:
 
 
 @compiled
-def nearest(bank: Bank, noise: float, least_weight: float) -> float:
-    """The least normalised innovation squared of the models whose weight counts."""
+def nearest(bank: Bank, noise: float, least_probability: float) -> float:
+    """The least normalised innovation squared of the models whose probability counts."""
     least, models = math.inf, bank.models
     for m in range(models.shape[1]):
-        if bank.head[WEIGHT] * models[PROBABILITY, m] > least_weight:
+        if models[PROBABILITY, m] > least_probability:
             least = min(least, models[INNOVATION, m] ** 2 / (models[SCALE, m] * (noise + models[SPREAD, m])))
     return least
 
@@ -233,7 +222,7 @@ def take_angle(bank: Bank, noise: float, least_scale: float, with_second: bool) 
     for m in range(count):
         together += models[PROBABILITY, m] * models[LIKELIHOOD, m]
     _correct(bank, noise)
-    best = 0
+    best, memory = 0, 0.0
     for m in range(count):
         ratio = models[LIKELIHOOD, m] / together
         models[PROBABILITY, m] = (1.0 - SHARE) * models[PROBABILITY, m] * ratio + SHARE / count
@@ -241,8 +230,10 @@ def take_angle(bank: Bank, noise: float, least_scale: float, with_second: bool) 
         squared = min(models[INNOVATION, m] ** 2 / (models[SCALE, m] * (noise + models[SPREAD, m])), WIDE)
         models[LEARNT, m] = min(models[LEARNT, m] + 1.0, SCALE_SAMPLES)
         models[SCALE, m] = max(models[SCALE, m] * (1.0 + (squared - 1.0) / models[LEARNT, m]), least_scale)
+        memory += models[PROBABILITY, m] * models[LOG, m]
         if models[PROBABILITY, m] > models[PROBABILITY, best]:
             best = m
+    bank.head[BEST], bank.head[LOG_MEMORY] = best, memory
     for m in range(count):
         if models[STANDING, m] < BEHIND and models[PROBABILITY, m] < FEW and m != best:
             _begin_again(bank, best, m)
@@ -276,26 +267,7 @@ def take_speed(bank: Bank, speed: float, theta: float, variance: float) -> None:
         bank.regressor[2 * k] = speed * lowest * (k + 1) * bank.basis[2 * k + 1]
         bank.regressor[2 * k + 1] = -speed * lowest * (k + 1) * bank.basis[2 * k]
     _foresee(bank, bank.states.shape[1] - 2, rate)
-    _correct(bank, variance / bank.models[SCALE, heaviest(bank)])
-
-
-@compiled
-def heaviest(bank: Bank) -> int:
-    """The model of the highest probability."""
-    best = 0
-    for m in range(1, bank.models.shape[1]):
-        if bank.models[PROBABILITY, m] > bank.models[PROBABILITY, best]:
-            best = m
-    return best
-
-
-@compiled
-def log_memory(bank: Bank) -> float:
-    """Mean logarithm of the memory."""
-    total = 0.0
-    for m in range(bank.models.shape[1]):
-        total += bank.models[PROBABILITY, m] * math.log(bank.models[MEMORY, m])
-    return total
+    _correct(bank, variance / bank.models[SCALE, int(bank.head[BEST])])
 
 
 @compiled
@@ -305,17 +277,15 @@ def angle(bank: Bank, m: int, guess: float) -> float:
 
 
 @compiled
-def blend(bank: Bank, about: FloatArray, top: float, moments: FloatArray) -> None:
-    """Add the bank's models to the moments (10,) of the mixture `about` an angle, speed and acceleration (3,).
+def blend(bank: Bank, own: float, about: FloatArray, top: float, moments: FloatArray) -> None:
+    """Add the models of a bank of weight `own` to moments (10,) `about` an angle, speed and acceleration (3,).
 
     They are the weight; the weighted sums of the three; and of 00, 01, 02, 11, 12, 22 of their products.
     """
-    if bank.head[ACTIVE] == 0.0 or bank.head[WEIGHT] < MINOR * top:
-        return
     state, gradient = bank.state, bank.gradient
     set_basis(about[0], bank.head[LOWEST], bank.basis)
     for m in range(bank.models.shape[1]):
-        weight = bank.head[WEIGHT] * bank.models[PROBABILITY, m]
+        weight = own * bank.models[PROBABILITY, m]
         if weight < MINOR * top:
             continue
         observe(

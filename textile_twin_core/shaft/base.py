@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import MotionError
-from textile_twin_core.shaft.encoder import StepFinder
-from textile_twin_core.shaft.filter import bank_rooms, follow, ripple_amplitudes
+from textile_twin_core.shaft.encoder import UNKNOWN_STEP_RAD, StepFinder
+from textile_twin_core.shaft.filter import bank_rooms, follow, ripple_amplitudes, set_rounding
 from textile_twin_core.shaft.gate import as_samples
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
@@ -21,7 +21,7 @@ from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
 Stamps = FloatArray | IntArray
-Walk = Callable[[Stamps, FloatArray, FloatArray], tuple[Stamps, FloatArray]]
+Walk = Callable[[Stamps, FloatArray, FloatArray, FloatArray], tuple[Stamps, FloatArray]]
 
 
 class ShaftEstimator(Protocol):
@@ -61,16 +61,18 @@ class Recursion:
 
     Args:
         settings: as told.
+        teeth_by_turns: let a toothed wheel's pitch errors be learnt turn by turn.
     """
 
-    def __init__(self, settings: ShaftSettings) -> None:
+    def __init__(self, settings: ShaftSettings, teeth_by_turns: bool = True) -> None:
         self.settings = settings
         self.finder = StepFinder(settings.period_rad)
         self.finder.step = settings.step_rad
-        self.status = new_status(settings, settings.step_rad or 0.0)
+        self.status = new_status(settings, UNKNOWN_STEP_RAD if settings.step_rad is None else settings.step_rad)
         self.rooms = bank_rooms(settings.cycle_turns)
         self.last: Stamps = np.zeros(1, np.int64)
         self.wheel = ToothWheel(settings.teeth, settings.pitch_errors_rad) if settings.teeth else None
+        self._teeth_by_turns = teeth_by_turns
 
     def walk(
         self, walk: Walk, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None
@@ -88,8 +90,9 @@ class Recursion:
                 end = min(end, done + self.finder.wanted)
             piece = slice(done, end)
             turning = angle[piece] if self.wheel is None else self.wheel.corrected(angle[piece])
-            told, table = walk(stamp[piece], turning, velocity[piece] if velocity.size else velocity)
-            self._learn(angle[piece], table)
+            heard = np.empty((end - done, 2))
+            told, table = walk(stamp[piece], turning, velocity[piece] if velocity.size else velocity, heard)
+            self._learn(heard)
             stamped.append(told)
             tables.append(table)
             done = end
@@ -99,10 +102,12 @@ class Recursion:
             return told, table
         return np.concatenate(stamped), np.concatenate(tables)
 
-    def follow(self, stamps: Stamps, angles: FloatArray, velocities: FloatArray) -> tuple[Stamps, FloatArray]:
+    def follow(
+        self, stamps: Stamps, angles: FloatArray, velocities: FloatArray, heard: FloatArray
+    ) -> tuple[Stamps, FloatArray]:
         """Stamps and rows of the accepted samples, filtered."""
         first, table = self.received, np.empty((stamps.size, WIDTH))
-        count = follow(self.status, self.rooms, self.last, stamps, angles, velocities, table)
+        count = follow(self.status, self.rooms, self.last, stamps, angles, velocities, heard, table)
         if count < stamps.size:
             table = table[:count]
             stamps = stamps[table[:, INDEX].astype(np.int64) - first]
@@ -115,11 +120,14 @@ class Recursion:
             self.last = np.zeros(1, stamp.dtype)
         self.status["unit"] = 1e-9 if stamp.dtype == np.int64 else 1.0
 
-    def _learn(self, angles: FloatArray, table: FloatArray) -> None:
-        if self.finder.wanted and self.finder.take(angles[np.isfinite(angles)]):
-            self.status["rounding"] = self.finder.step
-        if self.wheel is not None:
-            self.wheel.learn(angles.size, table)
+    def _learn(self, heard: FloatArray) -> None:
+        """A lesson about the encoder from readings and how far they were off (n, 2)."""
+        if self.finder.wanted:
+            step = self.finder.take(heard[~np.isnan(heard[:, 0]), 0])
+            if step is not None:
+                set_rounding(self.status, self.rooms, step)
+        if self.wheel is not None and self._teeth_by_turns:
+            self.wheel.learn(heard)
 
     @property
     def received(self) -> int:
@@ -147,7 +155,7 @@ class Recursion:
             longest_gap_s=float(now["longest"]),
             period_s=float(now["interval"]),
             samples_per_turn=float(TURN / travel) if travel > 0.0 else float("inf"),
-            resolution_rad=float(now["rounding"]),
+            resolution_rad=float(now["rounding"]) if self.finder.step else 0.0,
             stamp_jitter_s=float(np.sqrt(now["jitter"])),
             pitch_errors_rad=() if self.wheel is None else tuple(self.wheel.errors_rad.tolist()),
             ripple=tuple(ripple_amplitudes(self.status, self.rooms).tolist()),

@@ -9,8 +9,12 @@ from textile_twin_core.shaft.turns import TURN, split_turns
 
 LOOK_AT = (12, 48, 192, 768)
 """Counts of readings at which the step is looked for."""
+UNKNOWN_STEP_RAD = 0.012
+"""Taken for the step until it is found: that of 9 bits."""
 FINEST_STEP_RAD = 1e-6
 ENOUGH_GAPS = 6
+ONE_BY_ONE = 0.8
+"""Part of the readings that are one step from the one before where edges are timed."""
 
 
 class StepFinder:
@@ -32,13 +36,17 @@ class StepFinder:
             return 0
         return next((count - self._readings.size for count in LOOK_AT if count > self._readings.size), 0)
 
-    def take(self, readings: FloatArray) -> bool:
-        """Take note of readings [rad], `wanted` at most; whether the step has been found with them."""
+    def take(self, readings: FloatArray) -> float | None:
+        """Take note of readings [rad], `wanted` at most; the step as far as they tell, 0 for none, None while unknown."""
         self._readings = np.concatenate([self._readings, readings])
         if self._readings.size not in LOOK_AT:
-            return False
-        self.step = encoder_step(self._readings, self._period) or None
-        return self.step is not None
+            return None
+        step = encoder_step(self._readings, self._period)
+        if step or self._readings.size == LOOK_AT[-1]:
+            self.step = step
+        if self._readings.size == LOOK_AT[-1] and step is None:  # hardly moved: begin again with what differs
+            self._readings = np.unique(self._readings)[: LOOK_AT[0] - 1]
+        return step
 
 
 def encoder_step(angles: FloatArray, period_rad: float = TURN) -> float | None:
@@ -74,6 +82,8 @@ def _common_step(angles: FloatArray, values: FloatArray) -> float | None:
     step = float(np.sum(gaps) / np.sum(multiples))
     moves = np.diff(angles)
     moves -= TURN * np.rint(moves / TURN)
+    if np.all(moves != 0.0) and np.mean(np.abs(np.abs(moves) - step) < 0.01 * step) > ONE_BY_ONE:
+        return 0.0  # edges that come one by one, with gaps of missing teeth: nothing is rounded
     rounding = float(np.std(np.diff(moves)))
     if float(np.median(np.abs(moves))) >= step and rounding < 0.3 * step:
         return 0.0  # readings in step with the sampling: the common divisor is not the encoder's

@@ -13,23 +13,20 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft.bank import (
-    ACTIVE,
+    BEST,
     LEARNT,
+    LOG_MEMORY,
     LOWEST,
     MEAN,
+    MINOR,
     PROBABILITY,
-    REST,
     SCALE,
-    TRAVELLED,
-    WEIGHT,
     Bank,
     angle,
     bank_room,
     begin,
     blend,
     expect_angle,
-    heaviest,
-    log_memory,
     nearest,
     open_bank,
     open_motion,
@@ -80,9 +77,9 @@ LOST = 9
 BANK_SHARE = 1e-5
 """Weight that passes between banks at each sample: ripple comes and goes with the work done, not with the sample."""
 SEEN_CYCLES = 1.25
-RESTLESS_CYCLES, REST_CYCLES = 4.0, 12.0
+RESTLESS_CYCLES, REST_CYCLES = 2.0, 16.0
 """Cycles that a bank of no weight works until it rests, and rests until it tries again: work that is not needed."""
-NO_WEIGHT = 1e-3
+NO_WEIGHT = 0.05
 NEWCOMER = 1e-5
 """Weight of a bank that comes to have a say where another one with ripple has it already."""
 SAMPLES_A_WAVE = 4.0
@@ -95,8 +92,11 @@ SETTLING = 25.0
 """Samples until a state is called settled, and at rest until it is called standstill."""
 FINEST_RAD2 = 1e-14
 """Least variance of a reading: the rounding of float64 angles some hundred turns away."""
-RECALIBRATE_EVERY = 64.0
+RECALIBRATE_EVERY = 32.0
+LEARN_JITTER = 0.5
+"""Samples between two lessons about the jitter, and the part of it that each one gives."""
 PERIOD_SAMPLES = 500.0
+MOST_IN_STEP = 10.0
 SPEED_SAMPLES = 100.0
 """Readings that the sampling interval, and the noise of a sensor's own speed, are learnt from."""
 
@@ -124,21 +124,32 @@ def follow(
     stamps: FloatArray | IntArray,
     angles: FloatArray,
     velocities: FloatArray,
+    heard: FloatArray,
     table: FloatArray,
 ) -> int:
     """Take samples: stamps (n,) [ns] or [s], angles [rad], velocities [rad/s], NaN for none, or an empty array.
 
-    Writes a row of `table` (n, WIDTH) for each accepted sample and returns their number. `last` (1,) is the newest stamp.
+    Writes a row of `table` (n, WIDTH) for each accepted sample and returns their number. `last` (1,) is the newest
+    stamp; `heard` (n, 2) becomes each sample's unwrapped reading and how far it was off, NaN where it was not used.
     """
     banks = open_banks(rooms)
     count = 0
+    heard[:, :] = math.nan
     for i in range(stamps.size):
         if admit(record, last, stamps[i], angles[i]):
             velocity = velocities[i] if velocities.size > 0 else math.nan
             take(record, banks, (stamps[i] - last[0]) * record[0].unit, angles[i], velocity, table[count])
             last[0] = stamps[i]
+            hear(table[count], heard[i])
             count += 1
     return count
+
+
+@compiled
+def hear(row: FloatArray, heard: FloatArray) -> None:
+    """Reading and offset of a row, unless it was set aside."""
+    if row[NOISE] > 0.0:
+        heard[0], heard[1] = row[READING], row[OFF]
 
 
 @compiled
@@ -172,10 +183,7 @@ def take(record: StatusArray, banks: Banks, step: float, angle: float, velocity:
     row[SETTLED] = -1.0 if status.samples == 2.0 else 1.0 if status.since >= SETTLING else 0.0
     row[THETA], row[ORIGIN], row[LEAD] = status.angle, status.origin, status.lead_bank
     put_angle(row, status.angle)
-    place = MEMORY
-    for bank in banks:
-        row[place] = log_memory(bank)
-        place += 1
+    row[MEMORY : MEMORY + len(ORDERS)] = status.memory
 
 
 @compiled
@@ -204,7 +212,7 @@ def _noise(record: StatusArray, speed: float) -> float:
     """Variance of a reading [rad^2]: rounding, of which only one reading in each step says anything new, and jitter."""
     status = record[0]
     in_step = status.rounding / max(abs(speed) * status.interval, 1e-30)
-    rounding = status.rounding**2 / 12.0 * min(max(in_step, 1.0), 100.0)
+    rounding = status.rounding**2 / 12.0 * min(max(in_step, 1.0), MOST_IN_STEP)
     return rounding + status.jitter * speed * speed + FINEST_RAD2
 
 
@@ -229,11 +237,15 @@ def _begin_motion(record: StatusArray, banks: Banks, step: float, angle: float) 
         status.jitter = (FIRST_JITTER * step) ** 2
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
     kinematic = first_uncertainty(rate, _noise(record, rate), step)
+    number = 0
     for bank in banks:
         begin(bank, angle, rate, 0.0, kinematic, 1.0)
-        bank.head[ACTIVE] = 1.0 if _can_tell(record, bank, 1.0) else 0.0
-    banks[0].head[WEIGHT] = 1.0
-    status.lead_bank = status.lead_model = status.since = status.aside = 0.0
+        status.active[number] = 1.0 if _can_tell(record, bank, 1.0) else 0.0
+        number += 1
+    status.weight[:] = status.travelled[:] = status.rest[:] = status.best[:] = 0.0
+    status.scale[:] = 1.0
+    status.weight[0] = 1.0
+    status.lead_bank = status.since = status.aside = 0.0
     status.off_before = status.off_last = status.judged = 0.0
 
 
@@ -246,8 +258,8 @@ def _can_tell(record: StatusArray, bank: Bank, margin: float) -> bool:
 
 
 @compiled
-def _has_seen(bank: Bank) -> bool:
-    return bank.head[TRAVELLED] * bank.head[LOWEST] >= SEEN_CYCLES * TURN
+def _has_seen(record: StatusArray, bank: Bank, number: int) -> bool:
+    return record[0].travelled[number] * bank.head[LOWEST] >= SEEN_CYCLES * TURN
 
 
 @compiled
@@ -266,14 +278,17 @@ def _take_angle(record: StatusArray, banks: Banks, step: float, raw: float, row:
     off = reading - expected
     status.angle = expected
     row[READING], row[UNIT], row[OFF] = reading, noise, off
-    scale = _lead_scale(record, banks)
-    least = math.inf
+    scale = _lead_scale(record)
+    least, number, turned = math.inf, 0, abs(status.speed) * step
     for bank in banks:
-        if _is_at_work(record, bank, banks[0], step):
-            predict(bank, step, noise, status.interval, status.speed)
+        if _is_at_work(record, bank, number, banks[0], turned):
+            predict(bank, step, noise, status.interval)
+            status.travelled[number] += turned
             # While the ripple is not known, no model says where it should be taken better than the reading does.
-            expect_angle(bank, reading, expected if _has_seen(bank) else reading, noise)
-            least = min(least, nearest(bank, noise, LIKELY))
+            expect_angle(bank, reading, expected if _has_seen(record, bank, number) else reading, noise)
+            if status.weight[number] > LIKELY:
+                least = min(least, nearest(bank, noise, LIKELY / status.weight[number]))
+        number += 1
     row[NOISE] = scale * noise
     if least > GATE and status.since > 5.0:
         if not _is_motion(record, banks, off, step, noise * scale, row):
@@ -290,17 +305,16 @@ def _take_angle(record: StatusArray, banks: Banks, step: float, raw: float, row:
 
 
 @compiled
-def _is_at_work(record: StatusArray, bank: Bank, plain: Bank, step: float) -> bool:
-    """A bank with ripple works while there are samples enough in a turn for its orders.
+def _is_at_work(record: StatusArray, bank: Bank, number: int, plain: Bank, turned: float) -> bool:
+    """A bank with ripple works while there are samples enough in a turn for its orders, and rests while it has no weight.
 
     In the middle of a motion it begins from the plain model that ripple has biased least, that of the shortest memories.
     """
     status = record[0]
-    head = bank.head
-    if bank.regressor.size == 0:
+    if number == 0:
         return True
-    head[REST] = 0.0 if head[WEIGHT] > NO_WEIGHT else head[REST] - abs(status.speed) * step
-    if head[ACTIVE] == 0.0 and head[REST] <= 0.0 and _can_tell(record, bank, 1.1):
+    status.rest[number] = 0.0 if status.weight[number] > NO_WEIGHT else status.rest[number] - turned
+    if status.active[number] == 0.0 and status.rest[number] <= 0.0 and _can_tell(record, bank, 1.1):
         m = 1
         kinematic = np.zeros((3, 3))
         for j in range(3):
@@ -309,20 +323,19 @@ def _is_at_work(record: StatusArray, bank: Bank, plain: Bank, step: float) -> bo
         state = plain.states[MEAN]
         begin(bank, state[2, m], state[1, m], state[0, m], kinematic, plain.models[SCALE, m])
         bank.models[LEARNT] = plain.models[LEARNT, m]
-        head[ACTIVE], head[REST] = 1.0, 0.0
-    elif head[ACTIVE] > 0.0 and not _can_tell(record, bank, 0.9):
-        head[ACTIVE] = head[WEIGHT] = 0.0
-        plain.head[WEIGHT] = max(plain.head[WEIGHT], NEWCOMER)
-    elif head[ACTIVE] > 0.0 and head[REST] * head[LOWEST] < -RESTLESS_CYCLES * TURN:
-        head[ACTIVE] = head[WEIGHT] = 0.0
-        head[REST] = REST_CYCLES * TURN / head[LOWEST]
-    return head[ACTIVE] > 0.0  # type: ignore[no-any-return]
+        status.active[number], status.rest[number], status.travelled[number] = 1.0, 0.0, 0.0
+    elif status.active[number] > 0.0 and not _can_tell(record, bank, 0.9):
+        status.active[number] = status.weight[number] = 0.0
+        status.weight[0] = max(status.weight[0], NEWCOMER)
+    elif status.active[number] > 0.0 and status.rest[number] * bank.head[LOWEST] < -RESTLESS_CYCLES * TURN:
+        status.active[number] = status.weight[number] = 0.0
+        status.rest[number] = REST_CYCLES * TURN / bank.head[LOWEST]
+    return status.active[number] > 0.0  # type: ignore[no-any-return]
 
 
 @compiled
-def _lead_scale(record: StatusArray, banks: Banks) -> float:
-    status = record[0]
-    return float(banks[int(status.lead_bank)].models[SCALE, int(status.lead_model)])
+def _lead_scale(record: StatusArray) -> float:
+    return record[0].scale[int(record[0].lead_bank)]  # type: ignore[no-any-return]
 
 
 @compiled
@@ -356,7 +369,7 @@ def _bridge_gap(record: StatusArray, banks: Banks, step: float, raw: float, row:
     status.gaps += 1.0
     reading = _unwrapped(record, raw, status.angle + status.speed * step)
     row[UNIT] = _noise(record, status.speed)
-    row[READING], row[CUT], row[NOISE] = reading, 1.0, row[UNIT] * _lead_scale(record, banks)
+    row[READING], row[CUT], row[NOISE] = reading, 1.0, row[UNIT] * _lead_scale(record)
     root = math.sqrt(row[NOISE])
     by_rate = 0.5 * abs(status.speed) + root / status.interval
     for bank in banks:
@@ -380,31 +393,35 @@ def _lose(record: StatusArray, banks: Banks, reading: float, step: float, row: F
 def _absorb(record: StatusArray, banks: Banks, noise: float) -> None:
     """Take the reading in, and weigh the banks by their likelihoods while the shaft turns."""
     status = record[0]
-    turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(noise)
-    least = 0.3 * status.rounding**2 / 12.0 / noise
-    plain, total, count = 0.0, 0.0, 0
+    moved = abs(status.speed) * status.interval
+    turning = moved > 3.0 * math.sqrt(noise)
+    # While the shaft stands, all readings may be equal: none the less they are rounded.
+    least = 0.3 * status.rounding**2 / 12.0 / noise if moved < status.rounding else 1e-6
+    plain, total, count, number = 0.0, 0.0, 0, 0
+    weight = status.weight
     for bank in banks:
-        if bank.head[ACTIVE] == 0.0:
-            continue
-        is_plain = bank.regressor.size == 0
-        seen = _has_seen(bank) and not is_plain
-        together = take_angle(bank, noise, least, seen)
-        if is_plain:
-            plain = together
-        bank.head[WEIGHT] *= together if turning or is_plain else plain
-        if seen and bank.head[WEIGHT] == 0.0:
-            bank.head[WEIGHT] = -1.0
-        total += max(bank.head[WEIGHT], 0.0)
-        count += 1
-    newcomer, known = NEWCOMER if status.judged > 0.0 else 1.0, total
-    for bank in banks:
-        if bank.head[WEIGHT] < 0.0:
-            bank.head[WEIGHT] = newcomer * known
-            total += newcomer * known
+        if status.active[number] > 0.0:
+            seen = number > 0 and _has_seen(record, bank, number)
+            together = take_angle(bank, noise, least, seen)
+            plain = together if number == 0 else plain
+            weight[number] *= together if turning else plain
+            if seen and weight[number] == 0.0:
+                weight[number] = -1.0
+            best = int(bank.head[BEST])
+            status.best[number], status.memory[number] = best, bank.head[LOG_MEMORY]
+            status.top[number], status.scale[number] = bank.models[PROBABILITY, best], bank.models[SCALE, best]
+            total += max(weight[number], 0.0)
+            count += 1
+        number += 1
+    known = total * (NEWCOMER if status.judged > 0.0 else 1.0)
+    for k in range(weight.size):
+        if weight[k] < 0.0:
+            weight[k] = known
+            total += known
             status.judged = 1.0
-    for bank in banks:
-        if bank.head[WEIGHT] > 0.0:
-            bank.head[WEIGHT] = bank.head[WEIGHT] / total * (1.0 - BANK_SHARE) + BANK_SHARE / count
+    for k in range(weight.size):
+        if weight[k] > 0.0:
+            weight[k] = weight[k] / total * (1.0 - BANK_SHARE) + BANK_SHARE / count
     if status.samples % RECALIBRATE_EVERY == 0.0 and turning and status.since > RECALIBRATE_EVERY / 2.0:
         _recalibrate(record, banks, noise)
 
@@ -413,21 +430,36 @@ def _absorb(record: StatusArray, banks: Banks, noise: float) -> None:
 def _recalibrate(record: StatusArray, banks: Banks, noise: float) -> None:
     """Give what the leading model has learnt of the noise to jitter and rounding, so that it follows the speed.
 
-    Readings on a lattice that are much better than its step are edges of teeth, timed: they are not rounded. The banks
-    keep variances in units of the noise, and these must stay what they are.
+    Readings on a lattice that are much better than its step are edges of teeth, timed: they are not rounded.
     """
     status = record[0]
-    found = _lead_scale(record, banks) * noise
+    found = _lead_scale(record) * noise
     rounding = status.rounding**2 / 12.0
     moved = abs(status.speed) * status.interval
     if rounding > 0.0 and found < 0.1 * rounding and moved > 0.5 * status.rounding:
         status.rounding = rounding = 0.0
     if status.jitter_told == 0.0:
-        status.jitter = max(found - rounding, 0.01 * found) / status.speed**2
-    change = noise / _noise(record, status.speed)
+        learnt = max(found - rounding, 0.01 * found) / status.speed**2
+        status.jitter += LEARN_JITTER * (learnt - status.jitter)
+    _rescale(banks, noise / _noise(record, status.speed))
+
+
+@compiled
+def _rescale(banks: Banks, change: float) -> None:
+    """The unit of noise has become so many times smaller: what scale and factor stand for must stay."""
     for bank in banks:
         bank.models[SCALE] *= change
         bank.factor[:, :, :] /= math.sqrt(change)
+
+
+@compiled
+def set_rounding(record: StatusArray, rooms: Rooms, rounding: float) -> None:
+    """From now on the encoder's step is known, 0 for none [rad]."""
+    status = record[0]
+    before = _noise(record, status.speed)
+    status.rounding = rounding
+    if status.samples > 1.0:
+        _rescale(open_banks(rooms), before / _noise(record, status.speed))
 
 
 @compiled
@@ -438,9 +470,11 @@ def _take_velocity(record: StatusArray, banks: Banks, velocity: float) -> None:
         status.speed_noise = (0.02 * max(abs(status.speed), 1.0)) ** 2
     off = velocity - status.speed
     status.speed_noise += (min(off * off, 100.0 * status.speed_noise) - status.speed_noise) / SPEED_SAMPLES
+    number = 0
     for bank in banks:
-        if bank.head[ACTIVE] > 0.0:
+        if status.active[number] > 0.0:
             take_speed(bank, velocity, status.angle, status.speed_noise)
+        number += 1
 
 
 @compiled
@@ -448,19 +482,19 @@ def _mix(record: StatusArray, banks: Banks, row: FloatArray) -> None:
     """Mean and covariance of the mixture of all models that count, about the leading one's angle."""
     status = record[0]
     moments, about = status.moments, status.about
-    top, number = 0.0, 0.0
-    for bank in banks:
-        m = heaviest(bank)
-        weight = bank.head[WEIGHT] * bank.models[PROBABILITY, m] * bank.head[ACTIVE]
-        if weight > top:
-            top = weight
-            status.lead_bank, status.lead_model = number, float(m)
-        number += 1.0
-    about[0] = angle(banks[int(status.lead_bank)], int(status.lead_model), status.angle)
+    top = 0.0
+    for k in range(status.weight.size):
+        if status.weight[k] * status.top[k] > top:
+            top, status.lead_bank = status.weight[k] * status.top[k], float(k)
+    lead = int(status.lead_bank)
+    about[0] = angle(banks[lead], int(status.best[lead]), status.angle)
     about[1], about[2] = status.speed, status.acceleration
     moments[:] = 0.0
+    number = 0
     for bank in banks:
-        blend(bank, about, top, moments)
+        if status.weight[number] >= MINOR * top:
+            blend(bank, status.weight[number], about, top, moments)
+        number += 1
     for p in range(3):
         moments[1 + p] /= moments[0]
     place = 4
@@ -499,7 +533,7 @@ def ripple_amplitudes(record: StatusArray, rooms: Rooms) -> FloatArray:
     """Amplitude of the speed's ripple relative to the speed, by orders of the leading bank; empty for a plain one."""
     status = record[0]
     bank = open_bank(rooms[int(status["lead_bank"])])
-    ripple = bank.states[MEAN, :-3, int(status["lead_model"])]
+    ripple = bank.states[MEAN, :-3, int(bank.head[BEST])]
     amplitudes: FloatArray = (
         np.hypot(ripple[0::2], ripple[1::2]) * bank.head[LOWEST] * np.arange(1, ripple.size // 2 + 1)
     )

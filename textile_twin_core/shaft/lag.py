@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft.bank import MEAN, SCALE, open_bank
+from textile_twin_core.shaft.bank import BEST, MEAN, SCALE, open_bank
 from textile_twin_core.shaft.base import Recursion, Stamps, states_of
 from textile_twin_core.shaft.chain import NOW, Chain, chain_room, open_chain, stand_at, turn_round
 from textile_twin_core.shaft.clock import set_second
-from textile_twin_core.shaft.filter import Banks, Rooms, bank_rooms, open_banks, take
+from textile_twin_core.shaft.filter import Banks, Rooms, bank_rooms, hear, open_banks, take
 from textile_twin_core.shaft.gate import admit
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings, require_positive
@@ -86,14 +86,16 @@ class LagEstimator:
         """Take a block of samples; the states that are ready. See `ShaftEstimator.step`."""
         return states_of(*self._recursion.walk(self._walk, stamps, angles, velocities))
 
-    def _walk(self, stamps: Stamps, angles: FloatArray, velocities: FloatArray) -> tuple[Stamps, FloatArray]:
+    def _walk(
+        self, stamps: Stamps, angles: FloatArray, velocities: FloatArray, heard: FloatArray
+    ) -> tuple[Stamps, FloatArray]:
         own = self._recursion
         if self._window_stamps.dtype != stamps.dtype:
             self._window_stamps = np.zeros(MOST_ROWS, stamps.dtype)
         room = int(self._held["rows"][0]) + stamps.size
         ready, table = np.empty(room, stamps.dtype), np.empty((room, WIDTH))
         count = _follow(
-            own.status, own.rooms, own.last, stamps, angles, velocities, self._held, self._window, self._window_stamps,
+            own.status, own.rooms, own.last, stamps, angles, velocities, heard, self._held, self._window, self._window_stamps,
             self._chains, self._heirs, self._spare, ready, table,
         )  # fmt: skip
         return ready[:count], table[:count]
@@ -114,12 +116,13 @@ class LagEstimator:
 @compiled
 def _follow(
     record: StatusArray, rooms: Rooms, last: FloatArray | IntArray, stamps: FloatArray | IntArray, angles: FloatArray,
-    velocities: FloatArray, held: StatusArray, window: FloatArray, window_stamps: FloatArray | IntArray, chains: Rooms,
+    velocities: FloatArray, heard: FloatArray, held: StatusArray, window: FloatArray, window_stamps: FloatArray | IntArray, chains: Rooms,
     heirs: Rooms, spare: Rooms, ready: FloatArray | IntArray, table: FloatArray,
 ) -> int:  # fmt: skip
     """As `filter.follow`; the rows of the states that are ready go to `table`, their stamps to `ready`."""
     banks, state = open_banks(rooms), held[0]
     count = 0
+    heard[:, :] = math.nan
     for i in range(stamps.size):
         if not admit(record, last, stamps[i], angles[i]):
             continue
@@ -128,6 +131,7 @@ def _follow(
         row = window[at]
         take(record, banks, (stamps[i] - last[0]) * record[0].unit, angles[i], velocity, row)
         last[0] = stamps[i]
+        hear(row, heard[i])
         if record[0].samples == 1.0:
             continue
         window_stamps[at] = stamps[i]
@@ -162,8 +166,8 @@ def _follow(
 def _stand(record: StatusArray, banks: Banks, chain: Chain) -> None:
     """Put a chain where the leading model stands."""
     status = record[0]
-    m = int(status.lead_model)
     bank = banks[int(status.lead_bank)]
+    m = int(bank.head[BEST])
     chain.vectors[NOW, :, 0] = bank.states[MEAN, :, m]
     chain.factor[:, :, 0] = bank.factor[:, :, m] * math.sqrt(bank.models[SCALE, m])
     chain.second[:] = bank.second

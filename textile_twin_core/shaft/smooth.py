@@ -28,10 +28,23 @@ from textile_twin_core.shaft.smoothing import (
     there,
 )
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import CUT, LEAD, MEMORY, NOISE, ORDERS, READING, SPEED, STEP, THETA
+from textile_twin_core.shaft.status import (
+    CUT,
+    LEAD,
+    MEMORY,
+    NOISE,
+    ORDERS,
+    ORIGIN,
+    PHASE,
+    READING,
+    SPEED,
+    STEP,
+    THETA,
+    TURNS,
+)
 from textile_twin_core.shaft.turns import TURN
 
-LESSONS = 2
+LESSONS = 4
 """Times that the teeth's pitch errors are made what the smoothed motion says."""
 UNSURE_ROWS, UNSURE_CYCLES = 16, 2.5
 """Beginning of a stretch in which the filter is still finding memory and ripple."""
@@ -56,7 +69,7 @@ class SmoothEstimator:
 
     def reset(self) -> None:
         """Forget everything, the report included."""
-        self._recursion = Recursion(self._settings)
+        self._recursion = Recursion(self._settings, teeth_by_turns=False)
         self._blocks: list[tuple[Stamps, FloatArray]] = []
 
     @property
@@ -79,13 +92,23 @@ class SmoothEstimator:
         stamps = np.concatenate([block[0] for block in blocks])
         table = np.concatenate([block[1] for block in blocks])
         del blocks
-        interval = float(self._recursion.status["interval"][0])
-        cuts = np.flatnonzero(table[:, CUT] == 1.0).tolist()
-        for first, end in zip(cuts, [*cuts[1:], len(table)], strict=True):
-            if end - first >= FEWEST:
-                _smooth(table[first:end], self._settings.cycle_turns, interval)
+        self._smooth(table)
         self._recursion.begin_anew()
         return states_of(stamps, table)
+
+    def _smooth(self, table: FloatArray) -> None:
+        """Smooth stretch by stretch; with a toothed wheel again, its pitch errors as the smoothed motion tells them."""
+        wheel, interval = self._recursion.wheel, float(self._recursion.status["interval"][0])
+        cuts = np.flatnonzero(table[:, CUT] == 1.0).tolist()
+        lessons = LESSONS if wheel is not None and wheel.learning else 0
+        for lesson in range(lessons + 1):
+            for first, end in zip(cuts, [*cuts[1:], len(table)], strict=True):
+                if end - first >= FEWEST:
+                    _smooth(table[first:end], self._settings.cycle_turns, interval)
+            if wheel is not None and lesson < lessons:
+                told = table[:, PHASE] + (table[:, TURNS] - table[:, ORIGIN]) * TURN
+                used = table[:, NOISE] > 0.0
+                table[:, READING] += wheel.refine(table[:, READING], table[:, READING] - told, used)
 
 
 def _smooth(table: FloatArray, cycle_turns: int, interval: float) -> None:

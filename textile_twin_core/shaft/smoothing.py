@@ -8,13 +8,13 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft.bank import (
     LEARNT,
+    LOG_MEMORY,
     MEAN,
     PROBABILITY,
     SCALE,
     STANDING,
     Bank,
     expect_angle,
-    log_memory,
     predict,
     take_angle,
 )
@@ -35,6 +35,8 @@ from textile_twin_core.shaft.status import (
 
 ROUNDS = 1
 """Times that the jerk's intensity is made what the smoothed jerk says."""
+LATE = 8
+"""Samples that a filter takes at most to notice a change that matters."""
 WINDOW = 1.0
 """Samples on either side, in memories, over which the jerk is compared with what was expected of it."""
 PRIOR_WEIGHT = 0.5
@@ -84,18 +86,30 @@ def look_back(bank: Bank, number: int, chain: Chain, table: FloatArray, interval
     memory[count - 1] = last[MEMORY + number]
     for back in range(1, count):
         i = count - 1 - back
-        predict(bank, table[i + 1, STEP], table[i, UNIT], interval, 0.0)
+        predict(bank, table[i + 1, STEP], table[i, UNIT], interval)
         if table[i, NOISE] > 0.0:
             expect_angle(bank, table[i, READING], table[i, THETA], table[i, UNIT])
             take_angle(bank, table[i, UNIT], 0.0, False)
-        memory[i] = log_memory(bank)
+            memory[i] = bank.head[LOG_MEMORY]
+        else:
+            memory[i] = memory[i + 1]
 
 
 @compiled
 def take_shorter(table: FloatArray, number: int, unsure: int, memory: FloatArray) -> None:
-    """Let each row's log memory be the shorter of the filter's and `memory`, where the filter was sure: from row `unsure` on."""
-    for i in range(unsure, table.shape[0]):
-        memory[i] = min(memory[i], table[i, MEMORY + number])
+    """Let each row's log memory be the shortest of what filter and way back, `memory`, find around it.
+
+    Both notice a change some samples late, each on its side of it. The filter counts where it was sure: from row
+    `unsure` on.
+    """
+    count = table.shape[0]
+    for i in range(count - 1, -1, -1):
+        shortest = memory[i]
+        for j in range(max(i - LATE, 0), i):
+            shortest = min(shortest, memory[j])
+        for j in range(max(i, unsure), min(i + LATE + 1, count)):
+            shortest = min(shortest, table[j, MEMORY + number])
+        memory[i] = shortest
 
 
 @compiled

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.shaft.status import NOISE, OFF, READING
 from textile_twin_core.shaft.turns import TURN
 
 LEAST_GAIN = 0.05
 """Part of a tooth's offset that is believed however often it was seen: wheels do not change, filters settle."""
+LEAK = 0.01
+"""Part of an error that is forgotten at each lesson: what nothing tells from motion fades."""
 FIRST_TURNS = 2
 """Turns before the first lesson: the motion is found first."""
 FARTHEST = 0.3
@@ -31,10 +32,11 @@ class ToothWheel:
 
     def __init__(self, teeth: int, known: Sequence[float] | None) -> None:
         self._pitch = TURN / teeth
-        self._learning = known is None
+        self.learning = known is None
         self.errors_rad: FloatArray = np.zeros(teeth) if known is None else np.asarray(known, dtype=np.float64)
         self._seen = np.zeros(teeth)
         self._taken = 0
+        self._heard: list[FloatArray] = []
 
     @property
     def wanted(self) -> int:
@@ -50,19 +52,32 @@ class ToothWheel:
         """Shaft angles [rad] at edges of these nominal angles (n,)."""
         return angles + self.errors_rad[self._number(angles)]
 
-    def learn(self, samples: int, table: FloatArray) -> None:
-        """Take a lesson after `samples` more samples, which gave these rows of the table."""
-        self._taken += samples
-        if self._learning and self._taken > FIRST_TURNS * self.errors_rad.size:
-            self.believe(table[:, READING], -table[:, OFF], table[:, NOISE] > 0.0, LEAST_GAIN)
+    def learn(self, heard: FloatArray) -> None:
+        """Take a lesson from samples (n, 2): corrected readings, and how far they were off what was expected [rad]."""
+        self._taken += len(heard)
+        self._heard.append(heard[~np.isnan(heard[:, 0])])
+        if self._taken % self.errors_rad.size == 0 and self._heard:
+            if self.learning and self._taken > FIRST_TURNS * self.errors_rad.size:
+                turn = np.concatenate(self._heard)
+                self.believe(turn[:, 0], turn[:, 1])
+            self._heard = []
 
-    def believe(self, readings: FloatArray, off: FloatArray, good: np.ndarray, least_gain: float) -> None:
-        """Move each tooth's error by part of the mean of what its readings (n,) were found off by [rad]."""
-        good = good & (np.abs(off) < FARTHEST * self._pitch)
+    def believe(self, readings: FloatArray, off: FloatArray) -> None:
+        """Move each tooth's error against the mean of what its readings (n,) were off by [rad]."""
+        off = off - np.median(off)
+        good = np.abs(off) < FARTHEST * self._pitch
         tooth = self._number(readings[good])
         count = np.bincount(tooth, minlength=self._seen.size)
         total = np.bincount(tooth, off[good], minlength=self._seen.size)
         met = count > 0
         self._seen += met
-        gain = np.maximum(1.0 / np.maximum(self._seen, 1.0), least_gain)
-        self.errors_rad = self.errors_rad + np.where(met, gain * total / np.maximum(count, 1), 0.0)
+        gain = np.maximum(1.0 / (self._seen + 2.0), LEAST_GAIN)
+        lesson = np.where(met, gain * total / np.maximum(count, 1), 0.0)
+        self.errors_rad = (1.0 - LEAK) * self.errors_rad - lesson
+
+    def refine(self, readings: FloatArray, off: FloatArray, used: np.ndarray) -> FloatArray:
+        """Believe in full what corrected readings (n,) were off by; by how much that corrects each further."""
+        before = self.errors_rad
+        self._seen[:] = 0.0
+        self.believe(readings[used], off[used])
+        return np.asarray((self.errors_rad - before)[self._number(readings)])
