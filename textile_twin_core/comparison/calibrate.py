@@ -20,7 +20,7 @@ from textile_twin_core.comparison.torque_units import nearest_gain
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machines import Machine
-from textile_twin_core.machines.sensors import Encoder, Sensors, TorqueSensor
+from textile_twin_core.machines.sensors import Sensors, TorqueSensor
 
 _ALL_SAMPLES = 60_000
 
@@ -115,7 +115,7 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
     gain = known.get("gain", Estimate(settings.gain)).scaled(1.0 / near.gain)
     offset = known.get("offset_Nm", Estimate(settings.offset_Nm))
     delay = known.get("delay_s", Estimate(settings.delay_s))
-    encoder = Encoder(zero.value, settings.direction, abs(turned))
+    encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=settings.direction, ratio=abs(turned))
     sensor = TorqueSensor(settings.gain, offset.value, delay.value)
     return Calibration(
         angle_unit=assessment.unit.name,

@@ -10,7 +10,7 @@ from textile_twin_core.comparison.unmodelled import UnmodelledTorque
 from textile_twin_core.dynamics import Body
 from textile_twin_core.dynamics.loads import Backing, Load, ShaftFriction, TorqueTable
 from textile_twin_core.machines import Machine
-from textile_twin_core.machines.sensors import Encoder, Sensors, TorqueSensor
+from textile_twin_core.machines.sensors import Sensors, TorqueSensor
 from textile_twin_core.twin import compile_machine
 
 
@@ -33,7 +33,7 @@ def identified_machine(machine: Machine, values: Mapping[str, float], free: Sequ
         bodies = (*bodies, Body.flywheel(values[INERTIA]))
     encoder = machine.sensors.encoder
     sensors = Sensors(
-        Encoder(values[ZERO], encoder.direction, encoder.ratio),
+        replace(encoder, zero_rad=values[ZERO]),
         TorqueSensor(values[GAIN], values[OFFSET], values[DELAY]),
     )
     return replace(machine, loads=tuple(loads), bodies=bodies, sensors=sensors)

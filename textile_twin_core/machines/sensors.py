@@ -10,17 +10,40 @@ from textile_twin_core.errors import MachineError
 
 @dataclass(frozen=True)
 class Encoder:
-    """How the measured angle relates to the shaft's: shaft = (measured - zero) * direction * ratio."""
+    """How the measured angle relates to the shaft's: shaft = (measured - zero) * direction * ratio; and what is known
+    of it.
+
+    resolution_rad: step of the measured angle; None: found. stamp_jitter_s: standard deviation of the stamps; None:
+    learnt. teeth: samples are edges of a wheel with so many teeth a turn, missing ones counted; 0: sampled angles.
+    pitch_errors_rad: how far each tooth's edge lies beyond its nominal angle; None: not known. cycle_turns: turns of
+    the
+    shaft after which its motion repeats.
+    """
 
     zero_rad: float = 0.0
     direction: int = 1
     ratio: float = 1.0
+    resolution_rad: float | None = None
+    stamp_jitter_s: float | None = None
+    teeth: int = 0
+    pitch_errors_rad: tuple[float, ...] | None = None
+    cycle_turns: int = 1
 
     def __post_init__(self) -> None:
         if self.direction not in (1, -1):
             raise MachineError(f"encoder: direction must be 1 or -1, not {self.direction!r}")
         if not (math.isfinite(self.ratio) and self.ratio > 0 and math.isfinite(self.zero_rad)):
             raise MachineError("encoder: ratio must be positive and zero_rad finite")
+        if self.resolution_rad is not None and not (math.isfinite(self.resolution_rad) and self.resolution_rad > 0):
+            raise MachineError("encoder: resolution_rad must be a positive angle, or left out to be found")
+        if self.stamp_jitter_s is not None and not (math.isfinite(self.stamp_jitter_s) and self.stamp_jitter_s >= 0):
+            raise MachineError("encoder: stamp_jitter_s must be a time of 0 or more, or left out to be learnt")
+        if self.teeth < 0 or self.cycle_turns < 1:
+            raise MachineError("encoder: teeth must be 0 (none) or more, cycle_turns 1 or more")
+        if self.pitch_errors_rad is not None and len(self.pitch_errors_rad) != self.teeth:
+            raise MachineError(
+                f"encoder: pitch_errors_rad has {len(self.pitch_errors_rad)} values for {self.teeth} teeth"
+            )
 
 
 @dataclass(frozen=True)

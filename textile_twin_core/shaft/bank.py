@@ -2,7 +2,8 @@
 
 Static multiple models (Magill 1965) with a fixed share of new probability (Herbster and Warmuth 1998), but without
 mixing of states: where the states of the models are mixed at each step, as interacting multiple models do (Blom and
-Bar-Shalom 1988), those of long memory are overwritten and never become sharp. Instead a model that has fallen behind begins again from the best one.
+Bar-Shalom 1988), those of long memory are overwritten and never become sharp. Instead a model that has fallen behind
+begins again from the best one.
 """
 
 from __future__ import annotations
@@ -39,17 +40,20 @@ MINOR = 0.05
 
 HEADER = 8
 LOWEST, BEST, LOG_MEMORY = 3, 4, 5
-"""Places of a bank's head: lowest order of the ripple, whose multiples up to K times the others are; model of the highest probability; mean
+"""Places of a bank's head: lowest order of the ripple, whose multiples up to K times the others are; model of the
+highest probability; mean
 logarithm of the memory. Before them stand K, M and n."""
 MEAN, PROJECTED, GAIN = range(3)
 """Of `states`: means of the models, and room for `factor`."""
 (
-    MEMORY, LOG, SCALE, LEARNT, PROBABILITY, STANDING, INTENSITY, INNOVATION, SPREAD, LIKELIHOOD, OWN_NOISE, TOTAL, KEEP,
+    MEMORY, LOG, SCALE, LEARNT, PROBABILITY, STANDING, INTENSITY, INNOVATION, SPREAD, LIKELIHOOD, OWN_NOISE, TOTAL,
+    KEEP,
     MIX,
 ) = range(14)  # fmt: skip
 """Of `models`: samples that a model looks back, the inverse of its bandwidth, and their
 logarithm; variance of the readings relative to what is expected, and
-the innovations it was learnt from; probability; likelihood ratio to the bank since it was best; then room to work in."""
+the innovations it was learnt from; probability; likelihood ratio to the bank since it was best; then room to work
+in."""
 
 
 class Bank(NamedTuple):
@@ -195,7 +199,8 @@ def _correct(bank: Bank, noise: float) -> None:
     for m in range(models.shape[1]):
         models[OWN_NOISE, m] = max(noise, models[INNOVATION, m] ** 2 / (WIDE * models[SCALE, m]) - models[SPREAD, m])
     correct(
-        states[MEAN], bank.factor, states[PROJECTED], models[INNOVATION], models[OWN_NOISE], states[GAIN], models[TOTAL],
+        states[MEAN], bank.factor, states[PROJECTED], models[INNOVATION], models[OWN_NOISE], states[GAIN],
+        models[TOTAL],
         models[KEEP], models[MIX],
     )  # fmt: skip
 

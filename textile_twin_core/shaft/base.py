@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError
 from textile_twin_core.shaft.encoder import UNKNOWN_STEP_RAD, StepFinder
 from textile_twin_core.shaft.filter import bank_rooms, follow, ripple_amplitudes, set_rounding
@@ -20,7 +20,8 @@ from textile_twin_core.shaft.status import COUNTS, INDEX, KEPT, MOTIONS, SETTLED
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
-Stamps = FloatArray | IntArray
+Stamps: TypeAlias = npt.NDArray[Any]
+"""int64 nanoseconds or float64 seconds."""
 Walk = Callable[[Stamps, FloatArray, FloatArray, FloatArray], tuple[Stamps, FloatArray]]
 
 
@@ -61,18 +62,18 @@ class Recursion:
 
     Args:
         settings: as told.
-        teeth_by_turns: let a toothed wheel's pitch errors be learnt turn by turn.
     """
 
-    def __init__(self, settings: ShaftSettings, teeth_by_turns: bool = True) -> None:
+    def __init__(self, settings: ShaftSettings) -> None:
         self.settings = settings
         self.finder = StepFinder(settings.period_rad)
         self.finder.step = settings.step_rad
         self.status = new_status(settings, UNKNOWN_STEP_RAD if settings.step_rad is None else settings.step_rad)
         self.rooms = bank_rooms(settings.cycle_turns)
         self.last: Stamps = np.zeros(1, np.int64)
-        self.wheel = ToothWheel(settings.teeth, settings.pitch_errors_rad) if settings.teeth else None
-        self._teeth_by_turns = teeth_by_turns
+        self.wheel = (
+            ToothWheel(settings.teeth, settings.tooth_zero_rad, settings.pitch_errors_rad) if settings.teeth else None
+        )
 
     def walk(
         self, walk: Walk, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None
@@ -85,12 +86,10 @@ class Recursion:
         self._mind_kind(stamp)
         done, stamped, tables = 0, [], []
         while True:
-            end = stamp.size if self.wheel is None else min(stamp.size, done + self.wheel.wanted)
-            if self.finder.wanted:
-                end = min(end, done + self.finder.wanted)
+            end = min(stamp.size, done + self.finder.wanted) if self.finder.wanted else stamp.size
             piece = slice(done, end)
             turning = angle[piece] if self.wheel is None else self.wheel.corrected(angle[piece])
-            heard = np.empty((end - done, 2))
+            heard = np.empty(end - done)
             told, table = walk(stamp[piece], turning, velocity[piece] if velocity.size else velocity, heard)
             self._learn(heard)
             stamped.append(told)
@@ -121,13 +120,11 @@ class Recursion:
         self.status["unit"] = 1e-9 if stamp.dtype == np.int64 else 1.0
 
     def _learn(self, heard: FloatArray) -> None:
-        """A lesson about the encoder from readings and how far they were off (n, 2)."""
+        """A lesson about the encoder from readings that were used (n,), NaN for the others."""
         if self.finder.wanted:
-            step = self.finder.take(heard[~np.isnan(heard[:, 0]), 0])
+            step = self.finder.take(heard[~np.isnan(heard)])
             if step is not None:
                 set_rounding(self.status, self.rooms, step)
-        if self.wheel is not None and self._teeth_by_turns:
-            self.wheel.learn(heard)
 
     @property
     def received(self) -> int:
@@ -146,12 +143,13 @@ class Recursion:
         now = self.status[0]
         counts = {name: int(now[name]) for name in COUNTS}
         travel = abs(now["speed"]) * now["interval"]
-        state = "waiting" if now["samples"] == 0 else MOTIONS[int(now["motion"])]
+        state = "waiting" if now["accepted"] == 0 else MOTIONS[int(now["motion"])]
         if state == "starting" and now["losses"] > 0:
             state = "lost"
         return SampleReport(
             received=self.received,
-            rejected={"not_finite": int(now["not_finite"]), "duplicate_stamp": int(now["duplicate"]), "older_stamp": int(now["older"])},
+            rejected={"not_finite": int(now["not_finite"]), "duplicate_stamp": int(now["duplicate"]), "older_stamp":
+            int(now["older"])},
             longest_gap_s=float(now["longest"]),
             period_s=float(now["interval"]),
             samples_per_turn=float(TURN / travel) if travel > 0.0 else float("inf"),

@@ -219,7 +219,7 @@ def step_back(chain: Chain, s: int, jerk: FloatArray) -> None:
 
 @compiled
 def _undo_motion(chain: Chain, s: int, jerk: FloatArray) -> None:
-    """Rows acceleration, rate, angle and three of jerk; columns of e, then of what was left of the jerk; last the mean."""
+    """Rows acceleration, rate, angle and three of jerk; columns of e, then of the jerk that was left; last the mean."""
     mean, back, block = chain.vectors[BACK, :, 0], chain.back, chain.block
     n = mean.size
     block[:, :] = 0.0

@@ -1,6 +1,7 @@
 """Ripple by angle, as a clock phi = theta + g(theta) that runs evenly while the shaft's speed ripples.
 
-g = sum(a_k cos(k theta) + b_k sin(k theta)) + g2. The coefficients a_k, b_k are states of the filter and enter a reading
+g = sum(a_k cos(k theta) + b_k sin(k theta)) + g2. The coefficients a_k, b_k are states of the filter and enter a
+reading
 linearly: theta = phi - g. With the speed's ripple h = -dg/dtheta to first order, an even clock wants
 1 / (1 + h) = 1 + g', so that g2' = g1'^2 less its mean: few orders of h then are few coefficients.
 """
@@ -75,7 +76,7 @@ def angle_of(
     """The angle at which the clock of model m stands, near `guess`: two Newton steps."""
     clock = mean[mean.shape[0] - 1, m]
     if second.size == 0:
-        return clock
+        return float(clock)
     theta = guess
     for _ in range(2):
         set_basis(theta, lowest, basis)

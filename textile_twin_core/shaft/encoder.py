@@ -37,7 +37,7 @@ class StepFinder:
         return next((count - self._readings.size for count in LOOK_AT if count > self._readings.size), 0)
 
     def take(self, readings: FloatArray) -> float | None:
-        """Take note of readings [rad], `wanted` at most; the step as far as they tell, 0 for none, None while unknown."""
+        """Take note of readings [rad], `wanted` at most; the step as they tell it, 0 for none, None while unknown."""
         self._readings = np.concatenate([self._readings, readings])
         if self._readings.size not in LOOK_AT:
             return None

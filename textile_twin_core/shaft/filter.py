@@ -20,6 +20,7 @@ from textile_twin_core.shaft.bank import (
     MEAN,
     MINOR,
     PROBABILITY,
+    RIPPLE_SIZE,
     SCALE,
     Bank,
     angle,
@@ -62,8 +63,10 @@ from textile_twin_core.shaft.status import (
 )
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
 
-_FINE, _COARSE = 0.5 * 2.0 ** np.arange(16), 4.0 ** np.arange(8)
-_MEMORIES = (_FINE, _FINE, _COARSE, 4.0 * 8.0 ** np.arange(4))
+_FINE: FloatArray = 0.5 * 2.0 ** np.arange(16.0)
+_COARSE: FloatArray = 4.0 ** np.arange(8.0)
+_WIDE_APART: FloatArray = 4.0 * 8.0 ** np.arange(4.0)
+_MEMORIES = (_FINE, _FINE, _COARSE, _WIDE_APART)
 """In samples, up to longer than any record is steady. Twice too long or too short costs little: the error of the speed
 goes with the root of the memory; where there are many states, fewer models must do."""
 GATE = 49.0
@@ -130,26 +133,20 @@ def follow(
     """Take samples: stamps (n,) [ns] or [s], angles [rad], velocities [rad/s], NaN for none, or an empty array.
 
     Writes a row of `table` (n, WIDTH) for each accepted sample and returns their number. `last` (1,) is the newest
-    stamp; `heard` (n, 2) becomes each sample's unwrapped reading and how far it was off, NaN where it was not used.
+    stamp; `heard` (n,) becomes each sample's unwrapped reading, NaN where it was not used.
     """
     banks = open_banks(rooms)
     count = 0
-    heard[:, :] = math.nan
+    heard[:] = math.nan
     for i in range(stamps.size):
         if admit(record, last, stamps[i], angles[i]):
             velocity = velocities[i] if velocities.size > 0 else math.nan
             take(record, banks, (stamps[i] - last[0]) * record[0].unit, angles[i], velocity, table[count])
             last[0] = stamps[i]
-            hear(table[count], heard[i])
+            if table[count, NOISE] > 0.0:
+                heard[i] = table[count, READING]
             count += 1
     return count
-
-
-@compiled
-def hear(row: FloatArray, heard: FloatArray) -> None:
-    """Reading and offset of a row, unless it was set aside."""
-    if row[NOISE] > 0.0:
-        heard[0], heard[1] = row[READING], row[OFF]
 
 
 @compiled
@@ -204,7 +201,7 @@ def _unwrapped(record: StatusArray, raw: float, expected: float) -> float:
             status.period = 0.0
     if status.period > 0.0:
         status.slips = status.period * np.rint((expected - raw) / status.period)
-    return raw + status.slips
+    return float(raw + status.slips)
 
 
 @compiled
@@ -213,12 +210,14 @@ def _noise(record: StatusArray, speed: float) -> float:
     status = record[0]
     in_step = status.rounding / max(abs(speed) * status.interval, 1e-30)
     rounding = status.rounding**2 / 12.0 * min(max(in_step, 1.0), MOST_IN_STEP)
-    return rounding + status.jitter * speed * speed + FINEST_RAD2
+    return float(rounding + status.jitter * speed * speed + FINEST_RAD2)
 
 
 @compiled
 def first_uncertainty(rate: float, noise: float, step: float) -> FloatArray:
-    """Lower factor (3, 3) of acceleration, rate, angle after two readings: their noise, and a tenth more speed in a step."""
+    """Lower factor (3, 3) of acceleration, rate, angle after two readings: their noise, and a tenth more speed in a
+    step.
+    """
     root = math.sqrt(noise)
     kinematic = np.zeros((3, 3))
     kinematic[0, 0] = 0.1 * abs(rate) / step + root / step**2
@@ -237,11 +236,9 @@ def _begin_motion(record: StatusArray, banks: Banks, step: float, angle: float) 
         status.jitter = (FIRST_JITTER * step) ** 2
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
     kinematic = first_uncertainty(rate, _noise(record, rate), step)
-    number = 0
-    for bank in banks:
+    for number, bank in enumerate(banks):
         begin(bank, angle, rate, 0.0, kinematic, 1.0)
         status.active[number] = 1.0 if _can_tell(record, bank, 1.0) else 0.0
-        number += 1
     status.weight[:] = status.travelled[:] = status.rest[:] = status.best[:] = 0.0
     status.scale[:] = 1.0
     status.weight[0] = 1.0
@@ -254,12 +251,12 @@ def _can_tell(record: StatusArray, bank: Bank, margin: float) -> bool:
     """Whether there are samples enough in a turn for the bank's highest order."""
     status = record[0]
     a_turn = TURN / max(abs(status.speed) * status.interval, 1e-9)
-    return a_turn >= margin * SAMPLES_A_WAVE * bank.head[LOWEST] * (bank.regressor.size // 2)
+    return a_turn >= margin * SAMPLES_A_WAVE * bank.head[LOWEST] * (bank.regressor.size // 2)  # type: ignore[no-any-return]
 
 
 @compiled
 def _has_seen(record: StatusArray, bank: Bank, number: int) -> bool:
-    return record[0].travelled[number] * bank.head[LOWEST] >= SEEN_CYCLES * TURN
+    return record[0].travelled[number] * bank.head[LOWEST] >= SEEN_CYCLES * TURN  # type: ignore[no-any-return]
 
 
 @compiled
@@ -279,8 +276,8 @@ def _take_angle(record: StatusArray, banks: Banks, step: float, raw: float, row:
     status.angle = expected
     row[READING], row[UNIT], row[OFF] = reading, noise, off
     scale = _lead_scale(record)
-    least, number, turned = math.inf, 0, abs(status.speed) * step
-    for bank in banks:
+    least, turned = math.inf, abs(status.speed) * step
+    for number, bank in enumerate(banks):
         if _is_at_work(record, bank, number, banks[0], turned):
             predict(bank, step, noise, status.interval)
             status.travelled[number] += turned
@@ -288,7 +285,6 @@ def _take_angle(record: StatusArray, banks: Banks, step: float, raw: float, row:
             expect_angle(bank, reading, expected if _has_seen(record, bank, number) else reading, noise)
             if status.weight[number] > LIKELY:
                 least = min(least, nearest(bank, noise, LIKELY / status.weight[number]))
-        number += 1
     row[NOISE] = scale * noise
     if least > GATE and status.since > 5.0:
         if not _is_motion(record, banks, off, step, noise * scale, row):
@@ -306,9 +302,11 @@ def _take_angle(record: StatusArray, banks: Banks, step: float, raw: float, row:
 
 @compiled
 def _is_at_work(record: StatusArray, bank: Bank, number: int, plain: Bank, turned: float) -> bool:
-    """A bank with ripple works while there are samples enough in a turn for its orders, and rests while it has no weight.
+    """A bank with ripple works while there are samples enough in a turn for its orders, and rests while it has no
+    weight.
 
-    In the middle of a motion it begins from the plain model that ripple has biased least, that of the shortest memories.
+    In the middle of a motion it begins from the plain model that ripple has biased least, that of the shortest
+    memories.
     """
     status = record[0]
     if number == 0:
@@ -355,7 +353,7 @@ def _is_motion(record: StatusArray, banks: Banks, off: float, step: float, noise
     rate = 0.0 if slipped else grown / span
     by_rate = 0.0 if slipped else (math.sqrt(noise) + abs(grown)) / span
     for bank in banks:
-        open_motion(bank, off, rate, math.sqrt(noise), by_rate, abs(rate) / span)
+        open_motion(bank, off, rate, math.sqrt(noise) + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
     row[CUT] = 1.0 if slipped else 2.0
     status.jumps += row[CUT] == 1.0
     status.outliers -= status.aside
@@ -372,8 +370,11 @@ def _bridge_gap(record: StatusArray, banks: Banks, step: float, raw: float, row:
     row[READING], row[CUT], row[NOISE] = reading, 1.0, row[UNIT] * _lead_scale(record)
     root = math.sqrt(row[NOISE])
     by_rate = 0.5 * abs(status.speed) + root / status.interval
-    for bank in banks:
-        open_motion(bank, reading - status.angle, 0.0, root, by_rate, by_rate / (10.0 * status.interval))
+    for number, bank in enumerate(banks):
+        open_motion(bank, reading - status.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))
+        if status.active[number] > 0.0:
+            expect_angle(bank, reading, reading, row[UNIT])
+            take_angle(bank, row[UNIT], 0.0, False)
     status.angle = reading
     status.since = 0.0
 
@@ -397,9 +398,9 @@ def _absorb(record: StatusArray, banks: Banks, noise: float) -> None:
     turning = moved > 3.0 * math.sqrt(noise)
     # While the shaft stands, all readings may be equal: none the less they are rounded.
     least = 0.3 * status.rounding**2 / 12.0 / noise if moved < status.rounding else 1e-6
-    plain, total, count, number = 0.0, 0.0, 0, 0
+    plain, total, count = 0.0, 0.0, 0
     weight = status.weight
-    for bank in banks:
+    for number, bank in enumerate(banks):
         if status.active[number] > 0.0:
             seen = number > 0 and _has_seen(record, bank, number)
             together = take_angle(bank, noise, least, seen)
@@ -412,7 +413,6 @@ def _absorb(record: StatusArray, banks: Banks, noise: float) -> None:
             status.top[number], status.scale[number] = bank.models[PROBABILITY, best], bank.models[SCALE, best]
             total += max(weight[number], 0.0)
             count += 1
-        number += 1
     known = total * (NEWCOMER if status.judged > 0.0 else 1.0)
     for k in range(weight.size):
         if weight[k] < 0.0:
@@ -466,15 +466,13 @@ def set_rounding(record: StatusArray, rooms: Rooms, rounding: float) -> None:
 def _take_velocity(record: StatusArray, banks: Banks, velocity: float) -> None:
     """The sensor's own speed as a further reading, of a noise that is learnt."""
     status = record[0]
-    if status.speed_noise == 0.0:
-        status.speed_noise = (0.02 * max(abs(status.speed), 1.0)) ** 2
     off = velocity - status.speed
-    status.speed_noise += (min(off * off, 100.0 * status.speed_noise) - status.speed_noise) / SPEED_SAMPLES
-    number = 0
-    for bank in banks:
+    if status.speed_noise == 0.0:
+        status.speed_noise = max(off * off, (0.02 * status.speed) ** 2) + FINEST_RAD2
+    status.speed_noise += (off * off - status.speed_noise) / SPEED_SAMPLES
+    for number, bank in enumerate(banks):
         if status.active[number] > 0.0:
             take_speed(bank, velocity, status.angle, status.speed_noise)
-        number += 1
 
 
 @compiled
@@ -490,11 +488,9 @@ def _mix(record: StatusArray, banks: Banks, row: FloatArray) -> None:
     about[0] = angle(banks[lead], int(status.best[lead]), status.angle)
     about[1], about[2] = status.speed, status.acceleration
     moments[:] = 0.0
-    number = 0
-    for bank in banks:
+    for number, bank in enumerate(banks):
         if status.weight[number] >= MINOR * top:
             blend(bank, status.weight[number], about, top, moments)
-        number += 1
     for p in range(3):
         moments[1 + p] /= moments[0]
     place = 4

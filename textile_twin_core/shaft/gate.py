@@ -15,7 +15,7 @@ from textile_twin_core.shaft.status import StatusArray
 
 @compiled
 def admit(record: StatusArray, last: FloatArray | IntArray, stamp: float, angle: float) -> bool:
-    """Whether a sample may pass: angle and stamp finite, and the stamp newer than `last` (1,), the newest that passed."""
+    """Whether a sample may pass: angle and stamp finite, the stamp newer than `last` (1,), the newest that passed."""
     status = record[0]
     status.received += 1.0
     if not (math.isfinite(angle) and math.isfinite(stamp)):

@@ -14,7 +14,7 @@ from textile_twin_core.shaft.bank import BEST, MEAN, SCALE, open_bank
 from textile_twin_core.shaft.base import Recursion, Stamps, states_of
 from textile_twin_core.shaft.chain import NOW, Chain, chain_room, open_chain, stand_at, turn_round
 from textile_twin_core.shaft.clock import set_second
-from textile_twin_core.shaft.filter import Banks, Rooms, bank_rooms, hear, open_banks, take
+from textile_twin_core.shaft.filter import Banks, Rooms, bank_rooms, open_banks, take
 from textile_twin_core.shaft.gate import admit
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings, require_positive
@@ -29,7 +29,7 @@ from textile_twin_core.shaft.smoothing import (
     there,
 )
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import CUT, LEAD, MEMORY, ORDERS, SETTLED, TIME, WIDTH, StatusArray
+from textile_twin_core.shaft.status import CUT, LEAD, MEMORY, NOISE, ORDERS, READING, SETTLED, TIME, WIDTH, StatusArray
 
 MOST_ROWS = 1024
 """Samples that may be held; a longer lag at a high rate is cut to what fits."""
@@ -37,7 +37,9 @@ BATCH = 3
 """Samples within a lag that become ready at once, one part in so many: the way back is shared by them."""
 
 HELD = np.dtype([(name, np.float64) for name in ("lag", "rows", "number", "heir", "heir_row")])
-"""Lag [s]; rows held, of which the first is where the chain stands; number of the chain's bank; that of the next chain, or -1; its row."""
+"""Lag [s]; rows held, of which the first is where the chain stands; number of the chain's bank; that of the next
+chain, or -1; its row.
+"""
 
 
 class LagEstimator:
@@ -95,7 +97,8 @@ class LagEstimator:
         room = int(self._held["rows"][0]) + stamps.size
         ready, table = np.empty(room, stamps.dtype), np.empty((room, WIDTH))
         count = _follow(
-            own.status, own.rooms, own.last, stamps, angles, velocities, heard, self._held, self._window, self._window_stamps,
+            own.status, own.rooms, own.last, stamps, angles, velocities, heard, self._held, self._window,
+            self._window_stamps,
             self._chains, self._heirs, self._spare, ready, table,
         )  # fmt: skip
         return ready[:count], table[:count]
@@ -116,13 +119,14 @@ class LagEstimator:
 @compiled
 def _follow(
     record: StatusArray, rooms: Rooms, last: FloatArray | IntArray, stamps: FloatArray | IntArray, angles: FloatArray,
-    velocities: FloatArray, heard: FloatArray, held: StatusArray, window: FloatArray, window_stamps: FloatArray | IntArray, chains: Rooms,
+    velocities: FloatArray, heard: FloatArray, held: StatusArray, window: FloatArray, window_stamps: FloatArray |
+    IntArray, chains: Rooms,
     heirs: Rooms, spare: Rooms, ready: FloatArray | IntArray, table: FloatArray,
 ) -> int:  # fmt: skip
     """As `filter.follow`; the rows of the states that are ready go to `table`, their stamps to `ready`."""
     banks, state = open_banks(rooms), held[0]
     count = 0
-    heard[:, :] = math.nan
+    heard[:] = math.nan
     for i in range(stamps.size):
         if not admit(record, last, stamps[i], angles[i]):
             continue
@@ -131,7 +135,8 @@ def _follow(
         row = window[at]
         take(record, banks, (stamps[i] - last[0]) * record[0].unit, angles[i], velocity, row)
         last[0] = stamps[i]
-        hear(row, heard[i])
+        if row[NOISE] > 0.0:
+            heard[i] = row[READING]
         if record[0].samples == 1.0:
             continue
         window_stamps[at] = stamps[i]

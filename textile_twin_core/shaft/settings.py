@@ -25,7 +25,8 @@ class ShaftSettings:
         resolution_rad: or its step, in shaft angle.
         stamp_jitter_s: standard deviation of the stamps; None: learnt.
         teeth: samples are edges of a wheel with so many teeth a turn (missing ones counted); 0: sampled angles.
-        pitch_errors_rad: (teeth,) how far each tooth stands beyond its nominal angle; None: learnt.
+        tooth_zero_rad: angle of tooth 0.
+        pitch_errors_rad: (teeth,) how far each tooth's edge lies beyond its nominal angle; None: `smooth` finds them.
         cycle_turns: turns after which the motion repeats, for ripple of half orders and lower.
         wrapping: "auto", "wrapped" or "unwrapped".
         period_rad: what a wrapping angle wraps by.
@@ -38,6 +39,7 @@ class ShaftSettings:
     resolution_rad: float | None = None
     stamp_jitter_s: float | None = None
     teeth: int = 0
+    tooth_zero_rad: float = 0.0
     pitch_errors_rad: tuple[float, ...] | None = None
     cycle_turns: int = 1
     wrapping: str = "auto"

@@ -69,7 +69,7 @@ class SmoothEstimator:
 
     def reset(self) -> None:
         """Forget everything, the report included."""
-        self._recursion = Recursion(self._settings, teeth_by_turns=False)
+        self._recursion = Recursion(self._settings)
         self._blocks: list[tuple[Stamps, FloatArray]] = []
 
     @property
@@ -102,13 +102,13 @@ class SmoothEstimator:
         cuts = np.flatnonzero(table[:, CUT] == 1.0).tolist()
         lessons = LESSONS if wheel is not None and wheel.learning else 0
         for lesson in range(lessons + 1):
-            for first, end in zip(cuts, [*cuts[1:], len(table)], strict=True):
+            for first, end in zip(cuts, [*cuts, len(table)][1:], strict=True):
                 if end - first >= FEWEST:
                     _smooth(table[first:end], self._settings.cycle_turns, interval)
             if wheel is not None and lesson < lessons:
                 told = table[:, PHASE] + (table[:, TURNS] - table[:, ORIGIN]) * TURN
                 used = table[:, NOISE] > 0.0
-                table[:, READING] += wheel.refine(table[:, READING], table[:, READING] - told, used)
+                table[:, READING] += wheel.learn(table[:, READING], table[:, READING] - told, used)
 
 
 def _smooth(table: FloatArray, cycle_turns: int, interval: float) -> None:

@@ -1,4 +1,4 @@
-"""From the filter's table to smoothed states: the memory at each sample seen from both sides, one chain there and back."""
+"""From the filter's table to smoothed states: the memory seen from both sides, then one chain there and back."""
 
 from __future__ import annotations
 

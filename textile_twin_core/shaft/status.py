@@ -23,23 +23,42 @@ STARTING, RUNNING, STANDSTILL = 0.0, 1.0, 2.0
 MOTIONS = ("starting", "running", "standstill")
 
 _FIELDS = (
-    "unit", "received", "accepted", "not_finite", "duplicate", "older", "samples", "since", "time", "interval", "longest",
+    "unit", "received", "accepted", "not_finite", "duplicate", "older", "samples", "since", "time", "interval",
+    "longest",
     "angle", "speed", "acceleration", "first", "origin", "period", "slips", "auto", "low", "high", "rounding", "jitter",
-    "jitter_told", "speed_noise", "aside", "off_before", "off_last", "step_last", "motion", "sense", "still", "lead_bank",
+    "jitter_told", "speed_noise", "aside", "off_before", "off_last", "step_last", "motion", "sense", "still",
+    "lead_bank",
     "judged", "outliers", "jumps", "gaps", "losses", "reversals", "standstills",
 )  # fmt: skip
 _BY_BANK = ("weight", "active", "travelled", "rest", "best", "top", "scale", "memory")
 COUNTS = ("accepted", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
-KEPT = (*COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit")
+KEPT = (
+    *COUNTS,
+    "received",
+    "not_finite",
+    "duplicate",
+    "older",
+    "longest",
+    "interval",
+    "jitter",
+    "jitter_told",
+    "unit",
+    "motion",
+    "lead_bank",
+    "speed",
+)
 """Counts, and what outlasts the end of a motion."""
 STATUS = np.dtype(
     [(name, np.float64) for name in _FIELDS]
     + [(name, np.float64, (len(ORDERS),)) for name in _BY_BANK]
     + [("moments", np.float64, (10,)), ("about", np.float64, (3,))]
 )
-"""All in samples, seconds and radians. `unit` is that of the stamps [s]; `period` what the angle wraps by, 0 when it counts
-its turns; `rounding` the encoder's step; `jitter` the variance of the stamps. Of each bank: its weight; 1 while it works; angle
-[rad] since it began; angle to turn until it wakes or, below 0, turned since it had weight; its best model, that one's probability
+"""All in samples, seconds and radians. `unit` is that of the stamps [s]; `period` what the angle wraps by, 0 when it
+counts
+its turns; `rounding` the encoder's step; `jitter` the variance of the stamps. Of each bank: its weight; 1 while it
+works; angle
+[rad] since it began; angle to turn until it wakes or, below 0, turned since it had weight; its best model, that one's
+probability
 and scale of the noise; mean logarithm of its memory."""
 
 PHASE, SPEED, ACCELERATION, TURNS, SETTLED, COVARIANCE = range(6)

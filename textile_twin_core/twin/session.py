@@ -15,6 +15,7 @@ import numpy.typing as npt
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machines.sensitivity import TorqueSensitivity
+from textile_twin_core.machines.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 
 if TYPE_CHECKING:
@@ -112,14 +113,27 @@ class Samples:
         return np.sqrt(np.maximum(variance, 0.0))
 
 
+def encoder_settings(encoder: Encoder) -> dict[str, Any]:
+    """What a shaft estimator can be told of an encoder, in shaft angle."""
+    step = encoder.resolution_rad
+    return {
+        "period_rad": 2.0 * math.pi * encoder.ratio,  # one turn of the encoder
+        "resolution_rad": None if step is None else step * encoder.ratio,
+        "stamp_jitter_s": encoder.stamp_jitter_s,
+        "teeth": encoder.teeth,
+        "tooth_zero_rad": -encoder.zero_rad * encoder.direction * encoder.ratio,
+        "pitch_errors_rad": encoder.pitch_errors_rad,
+        "cycle_turns": encoder.cycle_turns,
+    }
+
+
 class Session:
     """A twin that is fed with angle samples of its encoder."""
 
     def __init__(self, twin: Twin | HistoryTwin, shaft: str, **settings: Any) -> None:
         self.twin = twin
         self._encoder = twin.machine.sensors.encoder
-        period = {"period_rad": 2.0 * math.pi * self._encoder.ratio}  # one turn of the encoder, in shaft angle
-        self._estimator = create_estimator(shaft, **(period | settings))
+        self._estimator = create_estimator(shaft, **(encoder_settings(self._encoder) | settings))
         self._predictor: Predictor = twin.predictor()
 
     @property
