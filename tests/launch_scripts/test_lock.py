@@ -11,7 +11,10 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
-LOCKS = {"requirements.lock": "ros files view design plc dev", "requirements-peers.lock": "files design dev peers"}
+LOCKS = {
+    "requirements.lock": "ros files view design plc cluster dev",
+    "requirements-peers.lock": "files design dev peers",
+}
 PYTHONS = ("3.11.0", "3.12.0", "3.13.0")
 
 each_lock = pytest.mark.parametrize("lock", LOCKS)
