@@ -18,5 +18,5 @@ lock() { # FILE EXTRA.. [-- OPTION..]
         --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --quiet \
         --output-file "$file" "${@:2}"
 }
-lock requirements.lock ros files view design plc cluster dev -- "$@"
+lock requirements.lock ros files view design plc dev -- "$@"
 lock requirements-peers.lock files design dev peers -- "$@"

@@ -23,12 +23,17 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from textile_twin_core.files import BagWriter
 from textile_twin_ros.spinning import create_executor
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
+_DOMAINS = itertools.count(os.getpid())
 
 
 def free_domain() -> tuple[int, socket.socket]:
-    """A ROS domain that no other test on this computer uses, and what claims it until it is closed."""
-    for number in itertools.chain(range(1 + os.getpid() % 60, 101), range(1, 101)):
+    """A ROS domain that no other test on this computer uses, and what claims it until it is closed.
+
+    Each time another one: what an earlier test left behind is not heard.
+    """
+    first = next(_DOMAINS)
+    for number in (1 + (first + k) % 100 for k in range(100)):
         claim = socket.socket(socket.AF_UNIX)
         try:
             claim.bind(f"\0textile-twin-test-domain-{number}")
