@@ -165,7 +165,7 @@ def test_a_machine_with_history_checks_its_arrays() -> None:
 
 def test_compiled_anew_it_gives_the_same_to_the_last_digit() -> None:
     rng = np.random.default_rng(8)
-    motion = rng.normal(size=(3, 5000)) * np.array([[100.0], [20.0], [1e3]])
+    motion = rng.normal(size=(3, 70_000)) * np.array([[100.0], [20.0], [1e3]])  # long enough to be compiled at once
     code = (
         "import sys, numpy as np, textile_twin_core as ttc\n"
         "motion = np.frombuffer(sys.stdin.buffer.read()).reshape(3, -1)\n"
