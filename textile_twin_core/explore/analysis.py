@@ -12,7 +12,6 @@ from textile_twin_core.dynamics.loads import Backing
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.interference import Clash, clashes
 from textile_twin_core.machines import Machine
-from textile_twin_core.machines.model import pins
 from textile_twin_core.mechanism import Crank, EllipticGearPair, RRPDyad, RRRDyad
 from textile_twin_core.synthesis.balancing.shaking import shaking_expressions
 from textile_twin_core.synthesis.batch import TRANSMISSION
@@ -148,7 +147,7 @@ def _swings(machine: Machine, theta: FloatArray) -> Chart:
 
 
 def _forces(machine: Machine, speed: float, theta: FloatArray) -> tuple[list[Chart], dict[str, float]]:
-    model, at = machine.model, pins(machine.groups)
+    model, at = machine.model, machine.linkage.pins
     guides = [name for name in model.outputs if name.startswith("reaction_guide")]
     parts = [name for name in _TORQUE if name != "torque_load_Nm" or machine.loads]
     names = [*parts, *(f"reaction_{pin}_{axis}_N" for pin in at for axis in "xy"), *guides]

@@ -23,10 +23,9 @@ from textile_twin_core.mechanism import MAIN_SHAFT, Linkage
 
 def _tagged(module: Any, method: str) -> dict[str, type]:
     """The declarations a module offers, by the word a file uses for them."""
-    offered = (getattr(module, name) for name in module.__all__)
     return {
         type_tag(cls): cls
-        for cls in offered
+        for cls in vars(module).values()
         if isinstance(cls, type) and dataclasses.is_dataclass(cls) and hasattr(cls, method)
     }
 

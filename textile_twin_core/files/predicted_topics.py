@@ -38,13 +38,8 @@ def predicted_topics(machine: AnyMachine) -> PredictedTopics:
         suffix = "_position_m"
         elements = [name.removesuffix(suffix) for name in machine.outputs if name.endswith(suffix)]
         return PredictedTopics(False, {}, {name: (f"{name}{suffix}", f"{name}_velocity_m_s") for name in elements})
-    # A travel is that of a point; an arc that of the end of its link.
-    ends = {link.name: link.end for link in machine.links}
-    points: dict[str, str] = {}
-    for measure in machine.measures:
-        point = getattr(measure, "point", None) or ends.get(getattr(measure, "link", ""))
-        if point is not None:
-            points[f"{measure.name}/position"] = point
+    motion = machine.linkage.solved
+    points = {f"{measure.name}/position": measure.tool(motion) for measure in machine.measures}
     joints = [joint.name for joint in machine.joints if joint.kind != "fixed"]
     return PredictedTopics(
         has_torque=not machine.missing_for_torque,

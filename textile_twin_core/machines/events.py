@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from textile_twin_core.expression import Expr, derivative, variable
+from textile_twin_core.expression import Expr, const, derivative, substitute, variable
 from textile_twin_core.expression.loop import Loop
 from textile_twin_core.expression.scalar import compile_scalar
 from textile_twin_core.mechanism.motion import FULL_TURN
@@ -43,7 +43,22 @@ def machine_events(machine: Machine) -> tuple[Event, ...]:
         rising, falling = crossings(displacement.first, machine.range_rad)
         found += [Event(f"{name}_largest", angle) for angle in falling]
         found += [Event(f"{name}_smallest", angle) for angle in rising]
+    found += _lift_offs(machine)
     return tuple(sorted(found, key=lambda event: event.angle_rad))
+
+
+def _lift_offs(machine: Machine) -> list[Event]:
+    """Where bodies that only press on each other would part at the nominal speed; at 0 if they press nowhere."""
+    steady = {variable("omega"): const(machine.nominal_speed_rad_s), variable("alpha"): const(0.0)}
+    found: list[Event] = []
+    contacts = [contact for group in machine.groups for contact in group.contact_forces]
+    for contact in contacts if machine.bodies and not machine.missing_for_torque else ():
+        (force,) = substitute([machine.model.output(contact.output)], steady)
+        rising, falling = crossings(force, machine.range_rad)
+        at_start = compile_scalar([force], ["theta"])(machine.range_rad[0])[0]
+        parting = falling if rising or falling or at_start >= 0.0 else [machine.range_rad[0] % _TURN]
+        found += [Event(contact.lift_off, angle) for angle in parting]
+    return found
 
 
 def crossings(level: Expr, range_rad: tuple[float, float] = FULL_TURN) -> tuple[list[float], list[float]]:

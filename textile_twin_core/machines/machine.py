@@ -13,49 +13,17 @@ from textile_twin_core.dynamics.body import Body
 from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machines.declared import Declared
+from textile_twin_core.machines.joints import default_joint_names, named_joints
 from textile_twin_core.machines.sensors import Scene, Sensors
 from textile_twin_core.machines.sizes import reckonable
-from textile_twin_core.mechanism import (
-    MAIN_SHAFT,
-    Closeness,
-    Crank,
-    EllipticGearPair,
-    Group,
-    Linkage,
-    Measure,
-    RigidArm,
-    RRPDyad,
-    RRRDyad,
-    check_assembly,
-)
+from textile_twin_core.mechanism import Closeness, Group, Linkage, Measure, check_assembly
 from textile_twin_core.mechanism.group import check_finite
+from textile_twin_core.mechanism.joint import Joint
 from textile_twin_core.mechanism.motion import FULL_TURN
 
 if TYPE_CHECKING:
     from textile_twin_core.machines.events import Event
-    from textile_twin_core.machines.joints import Joint
     from textile_twin_core.machines.model import MachineModel
-
-
-def default_joint_names(groups: tuple[Group, ...]) -> dict[str, str]:
-    """A joint name for each link that moves on its own: the shaft's for what it turns first, else the link's."""
-    names: dict[str, str] = {}
-    for group in groups:
-        match group:
-            case Crank():
-                names[group.name] = group.name
-            case EllipticGearPair():
-                names |= {group.driver: group.driver, group.driven: group.driven}
-            case RRRDyad():
-                names |= {group.coupler: group.coupler, group.rocker: group.rocker}
-            case RRPDyad():
-                names |= {group.rod: group.rod, group.slider: group.slider}
-    on_shaft = [g.driver if isinstance(g, EllipticGearPair) else g.name for g in groups if _turns_with_shaft(g)]
-    return names | dict.fromkeys(on_shaft[:1], MAIN_SHAFT)
-
-
-def _turns_with_shaft(group: Group) -> bool:
-    return isinstance(group, (Crank, EllipticGearPair)) and group.driven_by == MAIN_SHAFT
 
 
 @dataclass(frozen=True)
@@ -110,17 +78,17 @@ class Machine(Declared):
     def __post_init__(self) -> None:
         if not self.linkages:
             raise MachineError(f"machine '{self.name}': it needs at least one linkage on its shaft")
-        names = default_joint_names(self.groups) | dict(self.joint_names)
-        object.__setattr__(self, "joint_names", MappingProxyType(names))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         with reckonable(f"machine '{self.name}'"):
+            names = default_joint_names(self.linkage) | dict(self.joint_names)
+            object.__setattr__(self, "joint_names", MappingProxyType(names))
             self._check_names_and_numbers()
             _ = self.closeness, self.model.outputs, self.model.first.reduction, self.model.first.load_torque
             # so a wrong declaration is refused at once
 
     def _check_names_and_numbers(self) -> None:
         links = tuple(self.linkage.solved.links)
-        arms = tuple(group.name for group in self.groups if isinstance(group, RigidArm))
+        arms = tuple(joint.child_link for joint in self.linkage.joints if joint.kind == "fixed")
         self._check_known("joint_names", self.joint_names, "link", links)
         self._check_known("angle_near_rad", self.angle_near_rad, "link", links)
         self._check_known("transmitted", self.transmitted.values(), "rigid arm", arms)
@@ -187,9 +155,7 @@ class Machine(Declared):
     @cached_property
     def joints(self) -> tuple[Joint, ...]:
         """The joints of the robot description, passive ones too."""
-        from textile_twin_core.machines.joints import machine_joints
-
-        return machine_joints(self)
+        return named_joints(self.linkage, self.joint_names)
 
     def urdf(self) -> str:
         """The robot description (URDF) of the first linkage."""

@@ -12,14 +12,15 @@ from textile_twin_core.dynamics.loads.load import LoadContext, intensity
 from textile_twin_core.dynamics.reactions import balance, gather, inertia_force
 from textile_twin_core.dynamics.reduction import Reduction, reduce_bodies
 from textile_twin_core.dynamics.shaft_state import ShaftState
-from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.expression import Expr, const, variable
-from textile_twin_core.machines.joints import Joint, joint_state
+from textile_twin_core.machines.joints import joint_state
 from textile_twin_core.machines.sensitivity import TorqueSensitivity
-from textile_twin_core.mechanism import MAIN_SHAFT, Crank, Displacement, Group, Motion, RigidArm, RRPDyad
+from textile_twin_core.mechanism import MAIN_SHAFT, Displacement, Motion
 from textile_twin_core.mechanism.angles import link_angle
+from textile_twin_core.mechanism.joint import Joint
 from textile_twin_core.mechanism.vector import Vector
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 if TYPE_CHECKING:
     from textile_twin_core.machines.machine import Machine
@@ -179,13 +180,15 @@ class MachineModel:
     def _list_reactions(self) -> None:
         for output, arm in self.machine.transmitted.items():
             self._offer(output, partial(self._wrench, lambda w, arm: w.transmitted[arm], arm))
-        for pin in pins(self.machine.groups):
+        for pin in self.machine.linkage.pins:
             self._offer(f"reaction_{pin}_x_N", partial(self._wrench, lambda w, p: w.reactions[p].x, pin))
             self._offer(f"reaction_{pin}_y_N", partial(self._wrench, lambda w, p: w.reactions[p].y, pin))
-        sliders = [g.slider for g in self.machine.groups if isinstance(g, RRPDyad)]
+        sliders = [joint.child_link for joint in self.machine.joints if joint.kind == "prismatic"]
         for slider in sliders:
             name = "reaction_guide_N" if len(sliders) == 1 else f"reaction_guide_{slider}_N"
             self._offer(name, partial(self._wrench, lambda w, s: w.guide_reactions[s], slider))
+        for contact in (c for group in self.machine.groups for c in group.contact_forces):
+            self._offer(contact.output, partial(self._wrench, lambda w, c: w.contacts[c], contact.output))
 
     def _list_links(self) -> None:
         for name in self.first.motion.links:
@@ -201,6 +204,8 @@ class MachineModel:
         for name in self.first.motion.points:
             self._offer(f"point_{name}_x_m", partial(self._coordinate, name, "x"))
             self._offer(f"point_{name}_y_m", partial(self._coordinate, name, "y"))
+        for name, quantity in self.first.motion.quantities.items():
+            self._offer(name, partial(_itself, quantity))
         for joint in self.machine.joints:
             if joint.kind != "fixed":
                 self._offer(f"joint_{joint.name}_position", partial(self._joint, joint, 0))
@@ -241,6 +246,10 @@ class MachineModel:
         return joint_state(self, joint)[which]
 
 
+def _itself(quantity: Expr) -> Expr:
+    return quantity
+
+
 def _position(get: Callable[[], Displacement]) -> Expr:
     return get().position
 
@@ -252,19 +261,6 @@ def _velocity(get: Callable[[], Displacement], shaft: ShaftState) -> Expr:
 def _acceleration(get: Callable[[], Displacement], shaft: ShaftState) -> Expr:
     displacement = get()
     return displacement.second * shaft.omega_squared + displacement.first * shaft.alpha
-
-
-def pins(groups: Iterable[Group]) -> tuple[str, ...]:
-    """The turning joints of a chain, by point, in the order of the groups; free ends are none."""
-    groups = tuple(groups)
-    found: dict[str, None] = {}
-    for group in groups:
-        for role in ("at", "driven_at", "mesh", "ground", "from_point", "end"):
-            if hasattr(group, role):
-                found[getattr(group, role)] = None
-    held = {getattr(g, role) for g in groups for role in ("at", "ground", "from_point") if hasattr(g, role)}
-    free = {g.end for g in groups if isinstance(g, (Crank, RigidArm))} - held
-    return tuple(point for point in found if point not in free)
 
 
 def link_number(link: str) -> str:

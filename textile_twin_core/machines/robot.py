@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
 from textile_twin_core.dynamics.body import Body
-from textile_twin_core.machines.joints import BASE
+from textile_twin_core.mechanism.joint import BASE
 
 _COLOURS = (
     "0.80 0.45 0.20 1",

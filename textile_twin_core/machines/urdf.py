@@ -9,10 +9,9 @@ import numpy as np
 
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.expression import Expr
-from textile_twin_core.machines.joints import BASE, Joint
 from textile_twin_core.machines.robot import Limits, Robot
-from textile_twin_core.mechanism import Arc, Travel
 from textile_twin_core.mechanism.extremes import smallest_value, values_over
+from textile_twin_core.mechanism.joint import BASE, Joint
 
 if TYPE_CHECKING:
     from textile_twin_core.machines.machine import Machine
@@ -41,11 +40,8 @@ def machine_urdf(machine: Machine) -> str:
         along = math.atan2(joint.axis[1], joint.axis[0]) if joint.kind == "prismatic" else joint.origin_angle_rad
         kind = "revolute" if turns else joint.kind
         robot.joint(joint.name, kind, joint.parent_link, joint.child_link, joint.origin_m, along, limits)
-    ends = {link.name: link.end for link in links.values()}
     for measure in machine.measures:
-        if not isinstance(measure, Travel | Arc):
-            continue
-        point = measure.point if isinstance(measure, Travel) else ends[measure.link]
+        point = measure.tool(machine.linkage.solved)
         tool = next((link for link in links.values() if link.end == point), None)
         if tool is not None:
             robot.frame(f"{measure.name}_tip")

@@ -1,35 +1,27 @@
-"""Planar linkages as chains of groups: position and derivatives over the shaft angle, in closed form."""
+"""Planar linkages as chains of groups: position and derivatives over the shaft angle, in closed form.
 
-from textile_twin_core.mechanism.assembly import Closeness, check_assembly
-from textile_twin_core.mechanism.crank import Crank
-from textile_twin_core.mechanism.elliptic_gear_pair import EllipticGearPair
-from textile_twin_core.mechanism.group import MAIN_SHAFT, Closure, Group
-from textile_twin_core.mechanism.linkage import THETA, Linkage
-from textile_twin_core.mechanism.measure import Arc, Displacement, Measure, Travel
-from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion, Rotation
-from textile_twin_core.mechanism.rigid_arm import RigidArm
-from textile_twin_core.mechanism.rrp_dyad import RRPDyad
-from textile_twin_core.mechanism.rrr_dyad import RRRDyad
+One line a name: a group in a file of its own is known to machines, machine files and URDF once it is listed here.
+"""
 
-__all__ = [
-    "MAIN_SHAFT",
-    "THETA",
-    "Arc",
-    "Closeness",
-    "Closure",
-    "Crank",
-    "Displacement",
-    "EllipticGearPair",
-    "Group",
-    "LinkMotion",
-    "Linkage",
-    "Measure",
-    "Motion",
-    "PointMotion",
-    "RRPDyad",
-    "RRRDyad",
-    "RigidArm",
-    "Rotation",
-    "Travel",
-    "check_assembly",
-]
+from textile_twin_core.mechanism.assembly import Closeness as Closeness
+from textile_twin_core.mechanism.assembly import check_assembly as check_assembly
+from textile_twin_core.mechanism.crank import Crank as Crank
+from textile_twin_core.mechanism.elliptic_gear_pair import EllipticGearPair as EllipticGearPair
+from textile_twin_core.mechanism.group import MAIN_SHAFT as MAIN_SHAFT
+from textile_twin_core.mechanism.group import Closure as Closure
+from textile_twin_core.mechanism.group import ContactForce as ContactForce
+from textile_twin_core.mechanism.group import Group as Group
+from textile_twin_core.mechanism.group import PlainGroup as PlainGroup
+from textile_twin_core.mechanism.linkage import THETA as THETA
+from textile_twin_core.mechanism.linkage import Linkage as Linkage
+from textile_twin_core.mechanism.measure import Arc as Arc
+from textile_twin_core.mechanism.measure import Displacement as Displacement
+from textile_twin_core.mechanism.measure import Measure as Measure
+from textile_twin_core.mechanism.measure import Travel as Travel
+from textile_twin_core.mechanism.motion import LinkMotion as LinkMotion
+from textile_twin_core.mechanism.motion import Motion as Motion
+from textile_twin_core.mechanism.motion import PointMotion as PointMotion
+from textile_twin_core.mechanism.motion import Rotation as Rotation
+from textile_twin_core.mechanism.rigid_arm import RigidArm as RigidArm
+from textile_twin_core.mechanism.rrp_dyad import RRPDyad as RRPDyad
+from textile_twin_core.mechanism.rrr_dyad import RRRDyad as RRRDyad

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.mechanism.group import MAIN_SHAFT, Closure, check_finite, check_length
+from textile_twin_core.mechanism.group import MAIN_SHAFT, PlainGroup, check_finite, check_length
+from textile_twin_core.mechanism.joint import Joint, pivot
 from textile_twin_core.mechanism.motion import Circle, LinkMotion, Motion, PointMotion
 from textile_twin_core.mechanism.vector import unit_direction
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 @dataclass(frozen=True)
-class Crank:
+class Crank(PlainGroup):
     """A crank of `length_m` from the fixed point `at` to the point `end`.
 
     It stands at the angle of the shaft `driven_by` plus `phase_rad`.
@@ -50,6 +52,17 @@ class Crank:
         angle = shaft.angle + self.phase_rad
         motion.add_link(LinkMotion(self.name, self.at, self.end, r, direction, p, q, angle), self.name)
 
-    def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """None: it always closes."""
-        return ()
+    @property
+    def pins(self) -> tuple[str, ...]:
+        """Its centre."""
+        return (self.at,)
+
+    def joints(self, motion: Motion) -> tuple[Joint, ...]:
+        """It turns about its centre."""
+        return (pivot(motion, self.name, self.at),)
+
+    def balance(self, wrenches: Wrenches) -> None:
+        """The centre bears the force, the shaft the moment."""
+        force, moment = wrenches.on(self.name)
+        wrenches.add_reaction(self.at, -force)
+        wrenches.add_torque(self.driven_by, moment)

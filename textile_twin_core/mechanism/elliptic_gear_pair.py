@@ -6,10 +6,12 @@ import math
 from dataclasses import dataclass
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, atan2, sqrt
-from textile_twin_core.mechanism.group import MAIN_SHAFT, Closure, check_finite
+from textile_twin_core.expression import Expr, at_least, atan2, const, select, sqrt
+from textile_twin_core.mechanism.group import MAIN_SHAFT, PlainGroup, check_finite
+from textile_twin_core.mechanism.joint import Joint, pivot
 from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion, Rotation
 from textile_twin_core.mechanism.vector import Vector, unit_direction
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class GearMesh:
 
 
 @dataclass(frozen=True)
-class EllipticGearPair:
+class EllipticGearPair(PlainGroup):
     """Gear `driver` turns with the shaft `driven_by` about the point `at`, gear `driven` about `driven_at`.
 
     Half the distance of the two points is the major half axis a of both pitch ellipses, `axis_ratio` k = b/a
@@ -71,6 +73,11 @@ class EllipticGearPair:
     def name(self) -> str:
         """The group's name in messages."""
         return f"{self.driver}-{self.driven}"
+
+    @property
+    def pins(self) -> tuple[str, ...]:
+        """Both axes, and where the teeth press."""
+        return self.at, self.driven_at, self.mesh
 
     @property
     def eccentricity(self) -> float:
@@ -121,9 +128,27 @@ class EllipticGearPair:
             motion.add_point(end, link.end_motion(motion.points[axis]), self.name)
         motion.add_point(self.mesh, self._touching_point(motion), self.name)
 
-    def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """None: equal ellipses roll on each other for ever."""
-        return ()
+    def joints(self, motion: Motion) -> tuple[Joint, ...]:
+        """Both gears turn about their axes."""
+        return pivot(motion, self.driver, self.at), pivot(motion, self.driven, self.driven_at)
+
+    def balance(self, wrenches: Wrenches) -> None:
+        """The driven gear's moment gives the force of the teeth, on the flank that bears."""
+        mesh = self.contact(wrenches.motion)
+        driver_force, driver_moment = wrenches.on(self.driver)
+        driven_force, driven_moment = wrenches.on(self.driven)
+        load = driven_moment + wrenches.torque_on.pop(self.driven, const(0.0))
+        across = load / mesh.driven_radius
+        # the flank that bears turns the force away from the common tangent so that it pushes the gears apart
+        k = math.tan(self.pressure_angle_rad)
+        pressing = (mesh.steepness - k) / (1.0 + k * mesh.steepness)
+        other = (mesh.steepness + k) / (1.0 - k * mesh.steepness)
+        slant = select(at_least(across, 0.0), pressing, other)
+        tooth = across * (mesh.along.turned_left() - slant * mesh.along)
+        wrenches.add_reaction(self.mesh, tooth)
+        wrenches.add_reaction(self.driven_at, -tooth - driven_force)
+        wrenches.add_reaction(self.at, tooth - driver_force)
+        wrenches.add_torque(self.driven_by, driver_moment - mesh.driver_radius * across)
 
     def contact(self, motion: Motion) -> GearMesh:
         """The pitch radii and the common tangent over the motion."""

@@ -10,6 +10,7 @@ from functools import cached_property
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import const, cos, sin, variable
 from textile_twin_core.mechanism.group import MAIN_SHAFT, Group, check_finite
+from textile_twin_core.mechanism.joint import BASE, Joint
 from textile_twin_core.mechanism.motion import FULL_TURN, Motion, PointMotion, Rotation
 from textile_twin_core.mechanism.vector import Vector, unit_direction
 
@@ -56,3 +57,22 @@ class Linkage:
     def solved(self) -> Motion:
         """The motion at phase 0."""
         return self.motion()
+
+    @property
+    def pins(self) -> tuple[str, ...]:
+        """The turning joints, by point, in the order of the groups; free ends are none."""
+        return tuple(dict.fromkeys(pin for group in self.groups for pin in group.pins))
+
+    @cached_property
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints of the robot description, named by their links, parents before children."""
+        return tuple(joint for group in self.groups for joint in group.joints(self.solved))
+
+    @cached_property
+    def shaft_link(self) -> str | None:
+        """The first link that turns about a fixed point as the main shaft does; None where there is none."""
+        for joint in self.joints:
+            turns = self.solved.links[joint.child_link].first
+            if joint.parent_link == BASE and turns.is_constant and turns.value == 1.0:
+                return joint.child_link
+        return None

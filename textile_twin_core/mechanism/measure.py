@@ -38,6 +38,10 @@ class Measure(Protocol):
         """The displacement over the motion."""
         ...
 
+    def tool(self, motion: Motion) -> str:
+        """The point of the machine whose way it is, such as a needle's tip."""
+        ...
+
 
 @dataclass(frozen=True)
 class Travel:
@@ -68,6 +72,10 @@ class Travel:
 
         offset = p.position - o.position
         return Displacement(along(offset.x, offset.y), along(p.first.x, p.first.y), along(p.second.x, p.second.y))
+
+    def tool(self, motion: Motion) -> str:
+        """The point itself."""
+        return self.point
 
 
 @dataclass(frozen=True)
@@ -103,3 +111,7 @@ class Arc:
         return Displacement(
             swing - const(smallest_value(swing, motion.range_rad)[1]), scale * link.first, scale * link.second
         )
+
+    def tool(self, motion: Motion) -> str:
+        """The link's end."""
+        return motion.link(self.link, self.name).end

@@ -112,12 +112,14 @@ class LinkMotion:
 class Motion:
     """All points, links and rotations found so far, by name, in the order of the groups.
 
-    `range_rad` is the range of the shaft angle over which they are to be used.
+    `quantities` are what groups tell beside these, such as a pressure angle, by the name of the output. `range_rad` is
+    the range of the shaft angle over which all are to be used.
     """
 
     points: dict[str, PointMotion] = field(default_factory=dict)
     links: dict[str, LinkMotion] = field(default_factory=dict)
     rotations: dict[str, Rotation] = field(default_factory=dict)
+    quantities: dict[str, Expr] = field(default_factory=dict)
     range_rad: tuple[float, float] = FULL_TURN
 
     @property

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from textile_twin_core.mechanism.group import Closure, check_finite, check_length
+from textile_twin_core.mechanism.group import PlainGroup, check_finite, check_length
+from textile_twin_core.mechanism.joint import Joint
 from textile_twin_core.mechanism.motion import LinkMotion, Motion
 from textile_twin_core.mechanism.vector import unit_direction
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 @dataclass(frozen=True)
-class RigidArm:
+class RigidArm(PlainGroup):
     """An arm of `length_m` rigid with the link `on`, from that link's start point to the point `end`.
 
     `angle_rad` is the arm's angle minus the link's.
@@ -37,6 +39,17 @@ class RigidArm:
         motion.add_link(arm, self.name)
         motion.add_point(self.end, arm.end_motion(start), self.name)
 
-    def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """None: it always closes."""
+    @property
+    def pins(self) -> tuple[str, ...]:
+        """None: it is fixed to its link."""
         return ()
+
+    def joints(self, motion: Motion) -> tuple[Joint, ...]:
+        """It is mounted on its link."""
+        return (Joint(f"{self.name}_mount", "fixed", self.on, self.name, (0.0, 0.0), self.angle_rad),)
+
+    def balance(self, wrenches: Wrenches) -> None:
+        """The link that it is fixed to bears force and moment."""
+        force, moment = wrenches.on(self.name)
+        wrenches.transmitted[self.name] = -moment
+        wrenches.add(self.on, force, moment)

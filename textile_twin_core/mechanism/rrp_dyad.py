@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, sqrt
-from textile_twin_core.mechanism.group import Closure, check_finite, check_length
+from textile_twin_core.mechanism.group import Closure, PlainGroup, check_finite, check_length
+from textile_twin_core.mechanism.joint import Joint, guide, pivot
 from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion
 from textile_twin_core.mechanism.slider_crank import SliderCrank
+from textile_twin_core.mechanism.transmission import Transmission, transmission_angles
 from textile_twin_core.mechanism.vector import Vector
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 Sense = Literal["forward", "backward"]
 
 
 @dataclass(frozen=True)
-class RRPDyad:
+class RRPDyad(PlainGroup):
     """A rod from point `from_point` to the slider's joint `end`, and the slider on to its point `tip`.
 
     `lengths_m` are those of rod and slider. The guide is the line through `guide_point_m` along
@@ -51,6 +55,11 @@ class RRPDyad:
         return f"{self.rod}-{self.slider}"
 
     @property
+    def pins(self) -> tuple[str, ...]:
+        """Both ends of the rod."""
+        return self.from_point, self.end
+
+    @property
     def axis(self) -> tuple[float, float]:
         """The guide's unit direction."""
         norm = math.hypot(*self.guide_direction)
@@ -77,6 +86,31 @@ class RRPDyad:
         less, more = (length - offset, length + offset) if crank is None else crank.factors
         how = f"rod '{self.rod}' is too short to reach the guide of '{self.slider}'"
         return Closure(how, less, length), Closure(how, more, length)
+
+    def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
+        """By the angle between rod and guide normal; its distance is the rod start's from where it just reaches."""
+        less, more = (max(value, 0.0) for value in smallest)
+        return Transmission(min(less, more), transmission_angles(less, more, 2.0 * self.lengths_m[0]))
+
+    def joints(self, motion: Motion) -> tuple[Joint, ...]:
+        """The rod turns about its start, the slider slides along the guide."""
+        return pivot(motion, self.rod, self.from_point), guide(self.slider, self.guide_point_m, self.axis)
+
+    def balance(self, wrenches: Wrenches) -> None:
+        """The slider's own direction and the rod's moment about its start give the force in their joint."""
+        start = wrenches.motion.points[self.from_point]
+        along = Vector.of(*self.axis)
+        across = along.turned_left()
+        rod_force, rod_moment = wrenches.on(self.rod)
+        slider_force, _ = wrenches.on(self.slider)
+        axial = -slider_force.dot(along)
+        lateral = (rod_moment - axial * self.offset(start)) * (1.0 / self.reach(start))
+        joint = axial * along + lateral * across
+        first = joint - rod_force
+        wrenches.add_reaction(self.end, joint)
+        wrenches.add_reaction(self.from_point, first)
+        wrenches.guide_reactions[self.slider] = -(lateral + slider_force.dot(across))
+        wrenches.pull_on_point(self.from_point, -first)
 
     @property
     def _sense(self) -> float:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, sqrt
 from textile_twin_core.mechanism.four_bar import FourBar, Rates
-from textile_twin_core.mechanism.group import Closure, check_length
+from textile_twin_core.mechanism.group import Closure, PlainGroup, check_length
+from textile_twin_core.mechanism.joint import Joint, pivot
 from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion, Rotation
+from textile_twin_core.mechanism.transmission import Transmission, transmission_angles
 from textile_twin_core.mechanism.vector import Vector
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 Branch = Literal["left", "right", "left_passing", "right_passing"]
 
 
 @dataclass(frozen=True)
-class RRRDyad:
+class RRRDyad(PlainGroup):
     """A coupler from point `from_point` and a rocker from point `ground` that meet in the new point `end`.
 
     `lengths_m` are those of coupler and rocker; `branch` says on which side of the line from
@@ -52,6 +57,11 @@ class RRRDyad:
     def name(self) -> str:
         """The group's name in messages."""
         return f"{self.coupler}-{self.rocker}"
+
+    @property
+    def pins(self) -> tuple[str, ...]:
+        """Its outer joints, and the joint between its links."""
+        return self.from_point, self.ground, self.end
 
     def solve(self, motion: Motion) -> None:
         """Add coupler, rocker and the joint between them."""
@@ -135,11 +145,6 @@ class RRRDyad:
         stretched, folded = self.heron_factors(a, c)
         return self._side * sqrt(stretched * folded)
 
-    def grashof(self, motion: Motion) -> str | None:
-        """Grashof's class of the four-bar linkage that this dyad makes on a crank; None elsewhere."""
-        four_bar = self._four_bar(motion.points[self.from_point], motion.points[self.ground])
-        return None if four_bar is None else four_bar.grashof
-
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
         """The dyad opens when its outer joints are too far apart or too close."""
         stretched, folded = self.heron_factors(motion.points[self.from_point], motion.points[self.ground])
@@ -148,6 +153,43 @@ class RRRDyad:
             Closure(f"'{self.coupler}' and '{self.rocker}' are stretched and too short", stretched, scale),
             Closure(f"'{self.coupler}' and '{self.rocker}' are folded and differ too much", folded, scale),
         )
+
+    def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
+        """By the angle between coupler and rocker; its distance is the outer joints' from where all lies in a line."""
+        stretched, folded = (max(value, 0.0) for value in smallest)
+        (l2, l3), whole = self.lengths_m, 4.0 * self.lengths_m[0] * self.lengths_m[1]
+        longest, shortest = l2 + l3, abs(l2 - l3)
+        from_longest = stretched / (longest + math.sqrt(longest**2 - stretched))
+        nearest = math.sqrt(shortest**2 + folded)
+        from_shortest = folded / (shortest + nearest) if nearest else 0.0
+        four_bar = self._four_bar(motion.points[self.from_point], motion.points[self.ground])
+        return Transmission(
+            min(from_longest, from_shortest),
+            transmission_angles(stretched, folded, whole),
+            None if four_bar is None else four_bar.grashof,
+        )
+
+    def joints(self, motion: Motion) -> tuple[Joint, ...]:
+        """Coupler and rocker turn about their outer joints."""
+        return pivot(motion, self.coupler, self.from_point), pivot(motion, self.rocker, self.ground)
+
+    def balance(self, wrenches: Wrenches) -> None:
+        """Moments about the outer joints leave two equations for the force between the links."""
+        motion = wrenches.motion
+        coupler, rocker = motion.links[self.coupler], motion.links[self.rocker]
+        coupler_force, coupler_moment = wrenches.on(self.coupler)
+        rocker_force, rocker_moment = wrenches.on(self.rocker)
+        inverse = 2.0 / self.root(motion.points[self.from_point], motion.points[self.ground])
+        joint = (rocker.length * coupler_moment * inverse) * rocker.direction + (
+            coupler.length * rocker_moment * inverse
+        ) * coupler.direction
+        start = joint - coupler_force
+        ground = -joint - rocker_force
+        wrenches.add_reaction(self.end, joint)
+        wrenches.add_reaction(self.from_point, start)
+        wrenches.add_reaction(self.ground, ground)
+        wrenches.pull_on_point(self.from_point, -start)
+        wrenches.pull_on_point(self.ground, -ground)
 
     def distance_squared(self, a: PointMotion, c: PointMotion) -> Expr:
         """D^2 of the outer joints [m^2]."""

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import Crossing, LoadContext
-from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, at_least, select, sign
 from textile_twin_core.mechanism import Displacement, Travel
 from textile_twin_core.mechanism.vector import Vector
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
 from textile_twin_core.dynamics.loads.relative import relative_rate, turn_links
-from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from textile_twin_core.dynamics.shaft_state import ShaftState
-from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.expression import Expr, const
 from textile_twin_core.mechanism import Displacement, Measure, Motion
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const
 from textile_twin_core.mechanism import LinkMotion, Motion
 from textile_twin_core.mechanism.vector import ZERO, Vector
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 def link_of_load(motion: Motion, name: str) -> LinkMotion:

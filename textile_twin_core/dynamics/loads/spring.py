@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
 from textile_twin_core.dynamics.loads.relative import relative_motion, turn_links
-from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, interpret, sqrt
 from textile_twin_core.mechanism.angles import link_angle
 from textile_twin_core.mechanism.vector import Vector
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 def _check(what: str, stiffness: float, *others: float) -> None:

@@ -10,11 +10,11 @@ from functools import cached_property
 from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
 from textile_twin_core.dynamics.loads.periodic_table import PeriodicTable
 from textile_twin_core.dynamics.loads.relative import link_of_load, turn_links
-from textile_twin_core.dynamics.wrenches import Wrenches
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, cos, sin
 from textile_twin_core.mechanism import MAIN_SHAFT, Rotation
 from textile_twin_core.mechanism.vector import Vector
+from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import textile_twin_core as ttc
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.loads import Backing
 from textile_twin_core.machines import AnyMachine
-from textile_twin_core.mechanism import Arc, Travel
+from textile_twin_core.mechanism import Travel
 from textile_twin_ros.endpoints import latched_qos
 from textile_twin_ros.twin_outputs import BASE_FRAME
 
@@ -55,12 +55,9 @@ class Description:
 
 def markers_of(machine: ttc.Machine) -> list[Marker]:
     """The path of each tool over a turn of the shaft, and a piece of the backing at the height where it is entered."""
-    ends = {link.name: link.end for link in machine.links}
     markers = []
     for measure in machine.measures:
-        if not isinstance(measure, Travel | Arc):
-            continue
-        point = measure.point if isinstance(measure, Travel) else ends[measure.link]
+        point = measure.tool(machine.linkage.solved)
         columns = [f"point_{point}_x_m", f"point_{point}_y_m", f"{measure.name}_position_m"]
         theta = np.linspace(*machine.range_rad, _PATH_POINTS)
         found = ttc.compile(machine, outputs=columns).evaluate(theta, np.zeros_like(theta), np.zeros_like(theta))

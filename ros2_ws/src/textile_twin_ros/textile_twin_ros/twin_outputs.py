@@ -9,7 +9,6 @@ from typing import Any, Protocol, TypeAlias
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual
 from textile_twin_core.machines import AnyMachine
-from textile_twin_core.mechanism import Arc, Travel
 from textile_twin_core.twin.session import Sample
 from textile_twin_ros.messages import (
     JOINT_STATE,
@@ -169,16 +168,12 @@ def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float], compile_
         suffix = "_position_m"
         elements = [name.removesuffix(suffix) for name in machine.outputs if name.endswith(suffix)]
         return [ElementOutput(elements, joint_rate_hz)]
-    ends = {link.name: link.end for link in machine.links}
     outputs: list[Output] = []
     if has_torque(machine):
         outputs.append(TorqueOutput("balancing_torque/predicted", lambda sample: sample.outputs[TORQUE]))
         outputs.append(TorqueOutput(SIGMA_TOPIC, lambda sample: sample.torque_sigma_Nm))
-    for measure in machine.measures:
-        if isinstance(measure, Travel):
-            outputs.append(PointOutput(f"{measure.name}/position", measure.point))
-        elif isinstance(measure, Arc):
-            outputs.append(PointOutput(f"{measure.name}/position", ends[measure.link]))
+    motion = machine.linkage.solved
+    outputs += [PointOutput(f"{measure.name}/position", measure.tool(motion)) for measure in machine.measures]
     return [*outputs, JointOutput(machine, joint_rate_hz, compile_twin)]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from textile_twin_core.expression import Expr, const
-from textile_twin_core.mechanism import LinkMotion, Motion
+from textile_twin_core.mechanism.motion import LinkMotion, Motion
 from textile_twin_core.mechanism.vector import ZERO, Vector
 
 
@@ -13,7 +13,9 @@ from textile_twin_core.mechanism.vector import ZERO, Vector
 class Wrenches:
     """Per link the sum of applied and inertia forces [N] and their moment about the link's start point [N m].
 
-    `torque_on` gathers moments on turning shafts, `reactions` the joint forces found, by pin.
+    `torque_on` gathers moments on turning shafts, `reactions` the joint forces found, by pin; `guide_reactions` those
+    of sliders, to the left of their direction, by link; `transmitted` moments by rigid arm; `contacts` the forces by
+    which groups press on each other, by output.
     """
 
     motion: Motion
@@ -23,6 +25,7 @@ class Wrenches:
     reactions: dict[str, Vector] = field(default_factory=dict)
     guide_reactions: dict[str, Expr] = field(default_factory=dict)
     transmitted: dict[str, Expr] = field(default_factory=dict)
+    contacts: dict[str, Expr] = field(default_factory=dict)
 
     def on(self, link: str) -> tuple[Vector, Expr]:
         """What has been gathered on a link."""

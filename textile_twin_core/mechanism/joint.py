@@ -1,0 +1,43 @@
+"""Joints of the robot description: what a group declares of how its links hang on each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from textile_twin_core.mechanism.motion import Motion
+
+BASE = "base"
+Kind = Literal["continuous", "prismatic", "fixed"]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint from `parent_link` to `child_link`; the child's frame lies at its start point, x along it.
+
+    `origin_m` and `origin_angle_rad` place the joint in the parent's frame. The value of a
+    continuous joint is the angle between the frames, that of a prismatic one the slider's distance
+    from the guide's point along the guide.
+    """
+
+    name: str
+    kind: Kind
+    parent_link: str
+    child_link: str
+    origin_m: tuple[float, float]
+    origin_angle_rad: float = 0.0
+    axis: tuple[float, float] = (1.0, 0.0)
+
+
+def pivot(motion: Motion, link: str, point: str) -> Joint:
+    """The joint by which a link turns about a point of the ground, or about the end of an earlier link."""
+    held = motion.points[point]
+    if held.is_fixed:
+        return Joint(link, "continuous", BASE, link, held.fixed_position())
+    carrier = [k for k in motion.links.values() if k.end == point][-1]
+    return Joint(link, "continuous", carrier.name, link, (carrier.length, 0.0))
+
+
+def guide(link: str, point_m: tuple[float, float], axis: tuple[float, float]) -> Joint:
+    """The joint by which a link slides on the ground, along the line through a point in the direction of `axis`."""
+    return Joint(link, "prismatic", BASE, link, point_m, axis=axis)
