@@ -8,7 +8,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from textile_twin_core.contact.drive import DrivePiece, Section, hermite_piece
+from textile_twin_core.contact.drive import DrivePiece, hermite_piece
+from textile_twin_core.mechanism.motion_law import Section
 
 
 def test_series_of_a_law_along_an_accelerating_shaft() -> None:

@@ -15,12 +15,12 @@ from textile_twin_core.contact import (
     ContactModel,
     DrivePiece,
     Pad,
-    Section,
     SpringDamper,
     Stop,
     hermite_piece,
     run_contact,
 )
+from textile_twin_core.mechanism.motion_law import Section
 
 G = 9.81
 

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from textile_twin_core.contact import DrivePiece, run_contact
-from textile_twin_core.contact.drive import Section
+from textile_twin_core.contact.law_pieces import law_pieces
 from textile_twin_core.files import open_bag
 from textile_twin_core.machines.needle_transfer import needle_transfer
 from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion, phase
+from textile_twin_core.mechanism.motion_law import Section
 from textile_twin_core.twin import compile_machine
 
 BAG = Path(__file__).parents[2] / "bags/tufting_160rpm_synthetic"
@@ -81,7 +82,9 @@ def test_a_simulation_that_begins_late_meets_the_same_events(start_s: float) -> 
     machine = needle_transfer()
     cycle = 0.24
     runs = [
-        run_contact(machine.integrator(), machine.start_m, machine.law.pieces(t, t + cycle, (0.0, machine.speed_rad_s)))
+        run_contact(
+            machine.integrator(), machine.start_m, law_pieces(machine.law, t, t + cycle, (0.0, machine.speed_rad_s))
+        )
         for t in (0.0, start_s)
     ]
     first, second = ([e for e in run.events if e.kind != "impact" or e.approach_speed_m_s > 1e-3] for run in runs)

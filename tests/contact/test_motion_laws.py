@@ -3,19 +3,65 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import mpmath as mp
 import numpy as np
 import pytest
 
+from textile_twin_core.contact.law_pieces import law_pieces
 from textile_twin_core.errors import MachineError
-from textile_twin_core.machines.motion_laws import MotionLaw, from_function, from_table, rise_dwell_fall
+from textile_twin_core.expression import cos, sin, variable
+from textile_twin_core.expression.scalar import compile_scalar
+from textile_twin_core.mechanism.law_strokes import NAMES, Stroke, law_of_strokes
+from textile_twin_core.mechanism.law_table import from_function, from_table
+from textile_twin_core.mechanism.motion_law import MotionLaw
+from textile_twin_core.mechanism.vector import Vector
 
 RISE, STROKE = 0.6446, 0.0326
 
 
+#: Largest acceleration over stroke / turn^2, as handbooks print it (Norton 2009, table 3-2).
+PEAKS = {
+    "modified_sine": 5.528,
+    "cycloidal": 6.283,
+    "modified_trapezoid": 4.888,
+    "polynomial_345": 5.774,
+    "polynomial_4567": 7.513,
+    "simple_harmonic": 4.935,
+}
+
+
+def rise_dwell_fall(name: Any, stroke: float, rise: float, fall_start: float, fall: float) -> MotionLaw:
+    return law_of_strokes((Stroke(0.0, rise, stroke, name), Stroke(fall_start, fall, 0.0, name)))
+
+
 def law(name: str) -> MotionLaw:
     return rise_dwell_fall(name, STROKE, RISE, math.pi, 0.5)
+
+
+def test_every_law_has_its_peak() -> None:
+    assert PEAKS.keys() == set(NAMES)
+    for name, peak in PEAKS.items():
+        found = max(law(name).evaluate(t, 2) for t in np.linspace(0.0, RISE, 8001).tolist())
+        assert found * RISE**2 / STROKE == pytest.approx(peak, abs=6e-4), name
+
+
+def test_expressions_are_the_law() -> None:
+    """Position and both derivatives, in each section, at its start and over the end of the turn."""
+    strokes = (
+        Stroke(0.3, 1.1, 0.02, "modified_trapezoid"),
+        Stroke(2.0, 0.7, -0.01),
+        Stroke(4.0, 2.1, 0.0, "cycloidal"),
+    )
+    for the_law in (law_of_strokes(strokes), from_function(lambda a: 0.01 * math.exp(math.sin(a)))):
+        theta = variable("theta")
+        function = compile_scalar(the_law.over(Vector(cos(theta), sin(theta))), ["theta"])
+        angles = [*np.linspace(-7.0, 13.0, 401).tolist(), 0.0, 2.0 * math.pi - 1e-9]
+        for angle in angles:
+            for derivative, value in enumerate(function(angle)):
+                scale = 10.0**derivative * 0.02
+                assert value == pytest.approx(the_law.evaluate(angle, derivative), abs=1e-13 * scale)
 
 
 def modified_sine_acceleration(s: mp.mpf) -> mp.mpf:
@@ -51,11 +97,12 @@ def test_cycloidal() -> None:
         assert law("cycloidal").evaluate(s * RISE) == pytest.approx(exact, abs=1e-17)
 
 
-@pytest.mark.parametrize("name", ["modified_sine", "cycloidal"])
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "simple_harmonic"])
 def test_sections_join_without_a_step_in_velocity_or_acceleration(name: str) -> None:
     the_law = law(name)
+    large = 100.0 if name.startswith("polynomial") else 1.0  # coefficients up to 84 that cancel
     for start in the_law.starts_rad:
-        for derivative, allowed in ((0, 1e-16), (1, 1e-15), (2, 1e-14)):
+        for derivative, allowed in ((0, 1e-16 * large), (1, 1e-15 * large), (2, 4e-14 * large)):
             before = the_law.sections[the_law.starts_rad.index(start) - 1]
             previous = the_law.starts_rad[the_law.starts_rad.index(start) - 1]
             width = start - previous if start > previous else 2 * math.pi - previous
@@ -66,7 +113,7 @@ def test_sections_join_without_a_step_in_velocity_or_acceleration(name: str) -> 
 def test_pieces_follow_the_shaft_forwards_backwards_and_through_reversal(theta: tuple[float, ...]) -> None:
     the_law = law("modified_sine")
     at = 0.0
-    for piece in the_law.pieces(0.0, 1.0, theta):
+    for piece in law_pieces(the_law, 0.0, 1.0, theta):
         assert piece.start_s == at
         at = piece.end_s
         for time in np.linspace(piece.start_s, piece.end_s, 5).tolist():

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from tests.contact.needle_reference import Stroke
 from textile_twin_core.contact import ContactError, ContactRun
+from textile_twin_core.contact.law_pieces import law_pieces
 from textile_twin_core.errors import MachineError, MotionError, SceneError
 from textile_twin_core.machines.needle_transfer import COLLETS, CONE, DESIGNS, PAD, PIN, needle_transfer
 from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion, measured_error
@@ -201,7 +202,7 @@ def test_an_accelerating_shaft_against_the_same_motion_in_one_piece() -> None:
     integrator = machine.integrator()
     state = integrator.start(machine.start_m)
     events = []
-    for piece in machine.law.pieces(0.0, 0.2, c):
+    for piece in law_pieces(machine.law, 0.0, 0.2, c):
         events += integrator.advance(state, piece).events
     assert [(e.kind, e.name) for e in motion.events] == [(e.kind, e.name) for e in events]
     assert max(abs(a.time_s - b.time_s) for a, b in zip(motion.events, events, strict=True)) < 1e-12

@@ -15,12 +15,12 @@ from textile_twin_core.contact import (
     ContactModel,
     DrivePiece,
     Pad,
-    Section,
     SpringDamper,
     Stop,
     run_contact,
 )
 from textile_twin_core.contact.run import sample
+from textile_twin_core.mechanism.motion_law import Section
 
 
 def random_model(random: np.random.Generator) -> tuple[ContactModel, np.ndarray]:

@@ -16,10 +16,10 @@ from textile_twin_core.contact import (
     ContactRun,
     DrivePiece,
     Pad,
-    Section,
     SpringDamper,
     run_contact,
 )
+from textile_twin_core.mechanism.motion_law import Section
 
 STILL = Section((0.0,))
 

@@ -3,9 +3,10 @@
 Declare a `ContactModel`; run it whole with `run_contact`, or piece by piece with a `ContactIntegrator`.
 """
 
-from textile_twin_core.contact.drive import Drive, DrivePiece, Section, hermite_piece, quintic
+from textile_twin_core.contact.drive import Drive, DrivePiece, hermite_piece, quintic
 from textile_twin_core.contact.energy import EnergyBook, book_energy
 from textile_twin_core.contact.integrator import ContactIntegrator, Progress
+from textile_twin_core.contact.law_pieces import law_pieces
 from textile_twin_core.contact.model import FRAME, Body, ContactError, ContactModel, Pad, SpringDamper, Stop
 from textile_twin_core.contact.result import ContactEvent, Segment
 from textile_twin_core.contact.run import ContactRun, run_contact
@@ -26,12 +27,12 @@ __all__ = [
     "Pad",
     "PadState",
     "Progress",
-    "Section",
     "Segment",
     "SpringDamper",
     "Stop",
     "book_energy",
     "hermite_piece",
+    "law_pieces",
     "quintic",
     "run_contact",
 ]

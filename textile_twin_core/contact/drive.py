@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,32 +12,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import drive_series
 from textile_twin_core.contact.drive_series import Motion
-
-
-@dataclass(frozen=True)
-class Section:
-    """One analytic section of a law of motion: x(s) = sum_k polynomial[k] s^k + amplitude sin(frequency s + phase)."""
-
-    polynomial: tuple[float, ...] = (0.0,)
-    amplitude: float = 0.0
-    frequency: float = 0.0
-    phase: float = 0.0
-
-    def value(self, s: float, derivative: int = 0) -> float:
-        """The law or its derivative with respect to s."""
-        total = 0.0
-        for power in range(len(self.polynomial) - 1, derivative - 1, -1):
-            total = total * s + self.polynomial[power] * math.perm(power, derivative)
-        if self.amplitude:
-            angle = self.frequency * s + self.phase + derivative * math.pi / 2
-            total += self.amplitude * self.frequency**derivative * math.sin(angle)
-        return total
-
-    @cached_property
-    def arrays(self) -> tuple[FloatArray, FloatArray]:
-        """Its polynomial, and its wave (amplitude, frequency, phase)."""
-        return np.array(self.polynomial, dtype=float), np.array([self.amplitude, self.frequency, self.phase])
-
+from textile_twin_core.mechanism.motion_law import Section
 
 IDENTITY = Section((0.0, 1.0))
 

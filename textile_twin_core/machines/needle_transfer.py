@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
+from typing import cast
 
 import numpy as np
 
@@ -25,12 +26,15 @@ from textile_twin_core.contact import (
     Pad,
     SpringDamper,
     Stop,
+    law_pieces,
     run_contact,
 )
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machines.declared import Declared
-from textile_twin_core.machines.motion_laws import TURN, MotionLaw, from_function, from_table, rise_dwell_fall
 from textile_twin_core.machines.sensors import Scene, Sensors
+from textile_twin_core.mechanism.law_strokes import LawName, Stroke, law_of_strokes
+from textile_twin_core.mechanism.law_table import from_function, from_table
+from textile_twin_core.mechanism.motion_law import TURN, MotionLaw
 
 DESIGNS = ("original", "optimised")
 ELEMENTS = ("element_1", "element_2", "element_3")
@@ -107,7 +111,7 @@ class NeedleTransferMachine(Declared):
         speed = self.speed_rad_s if speed_rad_s is None else speed_rad_s
         if end_s is None:
             end_s = TURN / abs(speed) if times is None else float(np.max(times))
-        pieces = self.law.pieces(0.0, end_s, (0.0, speed))
+        pieces = law_pieces(self.law, 0.0, end_s, (0.0, speed))
         return run_contact(self.integrator(tolerance), self.start_m, pieces, times)
 
 
@@ -245,7 +249,8 @@ def _law(
     if isinstance(motion_law, MotionLaw):
         return motion_law
     if isinstance(motion_law, str):
-        return rise_dwell_fall(motion_law, stroke_m, forward_rad, return_start_rad, return_rad)
+        there = Stroke(0.0, forward_rad, stroke_m, cast(LawName, motion_law))
+        return law_of_strokes((there, Stroke(return_start_rad, return_rad, 0.0, there.law)), motion_law)
     if callable(motion_law):
         return from_function(motion_law)
     return from_table(*motion_law)

@@ -8,16 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact import ContactEvent, ContactState, DrivePiece, quintic
+from textile_twin_core.contact import ContactEvent, ContactState, DrivePiece, law_pieces, quintic
 from textile_twin_core.contact.drive import IDENTITY
 from textile_twin_core.contact.energy import kinetic_energy, potential_energy
 from textile_twin_core.contact.log import Log
 from textile_twin_core.contact.reading import read_motion
 from textile_twin_core.contact.result import events_of
 from textile_twin_core.errors import MotionError, SceneError
-from textile_twin_core.machines.motion_laws import TURN
 from textile_twin_core.machines.needle_transfer import DRIVE, ELEMENTS, MOTION, NeedleTransferMachine
 from textile_twin_core.machines.sizes import reckonable
+from textile_twin_core.mechanism.motion_law import TURN
 
 _TURN_TAIL = 2.4492935982947064e-16
 """2 pi minus its float64 value"""
@@ -138,7 +138,7 @@ class NeedleTransferMotion:
         """Advance over one polynomial of the shaft angle; events go to the list, on the samples' clock."""
         assert self._state is not None
         logs: list[Log] = []
-        for piece in self.machine.law.pieces(start_s, end_s, theta_series):
+        for piece in law_pieces(self.machine.law, start_s, end_s, theta_series):
             logs.append(self._integrator.advance(self._state, piece).log)
             self.events += events_of(self.machine.model, logs[-1], self._origin_s)
         return logs

@@ -1,0 +1,72 @@
+"""A law of motion as the drive of a contact model: cut into pieces in time while the shaft turns."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import compiled
+from textile_twin_core.contact.drive import DrivePiece
+from textile_twin_core.contact.polynomials import first_crossing, moved
+from textile_twin_core.mechanism.motion_law import TURN, MotionLaw
+
+_ANGLE_NOISE = 1e-14
+"""rad, besides rounding: two sections join so smoothly that the place where one ends need not be known better"""
+
+
+def law_pieces(law: MotionLaw, start_s: float, end_s: float, theta: Sequence[float]) -> Iterator[DrivePiece]:
+    """A law of motion in time while the shaft angle is the polynomial `theta` (in seconds past start, lowest first).
+
+    It is cut where the shaft, forwards or backwards, passes from one section of the law into another.
+    """
+    turns = math.floor(theta[0] / TURN)
+    angle = theta[0] - turns * TURN
+    k = bisect_right(law.starts_rad, angle) - 1
+    base = law.starts_rad[k]
+    time = start_s
+    stalled = 0
+    while time < end_s:
+        past = moved(np.array((angle - base, *theta[1:])), time - start_s)
+        width, speed = law.width(k), abs(float(past[1])) if past.size > 1 else 0.0
+        noise = _ANGLE_NOISE + 2.0 * (math.ulp(base) + math.ulp(time) * speed)
+        u, step = _leaves(past, end_s - time, width, noise) if stalled < 3 else (1.0, 0)
+        leave = end_s if step == 0 else min(time + u * (end_s - time), end_s)
+        if leave > time:
+            yield DrivePiece(time, leave, law.sections[k], tuple(past.tolist()))
+            stalled = 0
+        else:
+            stalled += 1
+        time = leave
+        if step > 0:
+            base += width
+        k = (k + step) % len(law.sections)
+        if step < 0:
+            base -= law.width(k)
+
+
+@compiled
+def _leaves(angle: FloatArray, span_s: float, width: float, noise: float) -> tuple[float, int]:
+    """Where within a span an angle, a polynomial in seconds, leaves [0, width], and to which side (0: it stays).
+
+    The place is a share of the span. At its start the angle may lie outside by `noise`, which the rounding of time and
+    angle make.
+    """
+    series = angle.copy()
+    swing, factor = 0.0, 1.0
+    for k in range(1, series.size):
+        factor *= span_s
+        series[k] *= factor
+        swing += abs(series[k])
+    if swing < series[0] < width - swing:
+        return 1.0, 0
+    below = first_crossing(series, noise)
+    series *= -1.0
+    series[0] += width
+    above = first_crossing(series, noise)
+    if min(below, above) > 1.0:
+        return 1.0, 0
+    return (below, -1) if below <= above else (above, 1)

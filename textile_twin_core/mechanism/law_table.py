@@ -1,0 +1,89 @@
+"""Laws of motion from a user's own points or function: a periodic quintic spline through them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import MachineError
+from textile_twin_core.mechanism.motion_law import TURN, MotionLaw, Section
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+_FIT_KNOTS_LARGEST = 8192
+
+
+def from_table(theta_rad: FloatArray, position_m: FloatArray, name: str = "table") -> MotionLaw:
+    """Law through a user's own points over one turn: periodic quintic spline, continuous up to the fourth derivative.
+
+    The angles increase from the first to at most one turn later; a last point one turn after the first repeats it.
+    Raises MachineError when they do not, when values are not finite or fewer than six points are given.
+    """
+    angles = np.asarray(theta_rad, dtype=float)
+    positions = np.asarray(position_m, dtype=float)
+    if angles.ndim != 1 or angles.shape != positions.shape or angles.size < 6:
+        raise MachineError(
+            f"the motion table has shapes {angles.shape} and {positions.shape}; give two lists of at least 6 values"
+        )
+    if not (np.isfinite(angles).all() and np.isfinite(positions).all()):
+        raise MachineError("the motion table has a value that is not finite; remove it")
+    wrong = np.flatnonzero(np.diff(angles) <= 0.0)
+    if wrong.size:
+        raise MachineError(f"the motion table's angle does not increase at row {int(wrong[0]) + 1}; sort the table")
+    if angles[-1] - angles[0] > TURN * (1 + 1e-12):
+        raise MachineError("the motion table covers more than one turn; cut it to 2 pi rad")
+    if angles[-1] - angles[0] < TURN * (1 - 1e-12):
+        angles = np.append(angles, angles[0] + TURN)
+        positions = np.append(positions, positions[0])
+    elif abs(positions[-1] - positions[0]) > 1e-12 * max(float(np.abs(positions).max()), 1e-300):
+        raise MachineError("the motion table's first and last row are one turn apart but differ in position")
+    positions[-1] = positions[0]
+    from scipy.interpolate import PPoly, make_interp_spline  # slow to import, and only tables need it
+
+    spline = PPoly.from_spline(make_interp_spline(angles, positions, k=5, bc_type="periodic"))
+    return _from_spline(spline, angles, name)
+
+
+def from_function(function: Callable[[float], float], name: str = "function") -> MotionLaw:
+    """Law fitted to a user's periodic function of the shaft angle, halved until off its knots it errs below 1e-12.
+
+    The error is relative to the function's range; where the function has kinks the finest fit is used as it is.
+    """
+    count = 64
+    while True:
+        angles = np.linspace(0.0, TURN, count + 1)
+        values = np.array([float(function(angle)) for angle in angles])
+        if not np.isfinite(values).all():
+            raise MachineError("the motion function gives a value that is not finite")
+        law = from_table(angles[:-1], values[:-1], name)
+        between = angles[:-1] + 0.5 * np.diff(angles)
+        error = max(abs(law.evaluate(angle) - float(function(angle))) for angle in between.tolist())
+        if error <= 1e-12 * max(float(np.ptp(values)), 1e-9) or count >= _FIT_KNOTS_LARGEST:
+            return law
+        count *= 2
+
+
+def _from_spline(spline: PPoly, angles: FloatArray, name: str) -> MotionLaw:
+    """The spline's pieces as sections over [0, 2 pi), the piece that contains 2 pi split in two."""
+    wrapped: list[tuple[float, Section]] = []
+    for k in range(angles.size - 1):
+        coefficients = spline.c[::-1, spline.x.searchsorted(angles[k], side="right") - 1].tolist()
+        start, width = float(angles[k]) % TURN, float(angles[k + 1] - angles[k])
+        wrapped.append((start, Section(tuple(coefficients))))
+        if start + width > TURN * (1 + 1e-15):
+            wrapped.append((0.0, Section(_shifted(coefficients, TURN - start))))
+    wrapped.sort(key=lambda part: part[0])
+    return MotionLaw(name, tuple(start for start, _ in wrapped), tuple(section for _, section in wrapped))
+
+
+def _shifted(polynomial: list[float], offset: float) -> tuple[float, ...]:
+    """Coefficients of p(offset + t) in powers of t, by repeated synthetic division."""
+    result = list(polynomial)
+    for start in range(len(result) - 1):
+        for power in range(len(result) - 2, start - 1, -1):
+            result[power] += offset * result[power + 1]
+    return tuple(result)
