@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from textile_twin_core.compiling import align_stack, compiled
+
 _PROGRAM = """
 import sys
 sys.path.insert(0, sys.argv[1])
@@ -117,3 +119,16 @@ def test_without_numba_loops_run_as_they_stand_and_say_so_once(modules: Path, tm
     total, _, said = _run(modules, tmp_path / "cache", _WITHOUT_NUMBA)
     assert total == 20.0
     assert said.count("\n") == 1 and "install numba" in said
+
+
+def test_a_loop_keeps_its_vectors_in_whole_cache_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))  # what is read from a cache shows no code
+
+    @compiled
+    def one_more(x: float) -> float:
+        align_stack()
+        return x + 1.0
+
+    assert one_more(1.0) == 2.0
+    (code,) = one_more.inspect_llvm().values()  # type: ignore[attr-defined]
+    assert "alignstack=64" in code

@@ -105,10 +105,12 @@ class Loop:
 
     def functions(self) -> tuple[Any, Any]:
         """What is compiled, as Python: of one sample to the outputs and how many angles were too large; over arrays."""
+        from textile_twin_core.compiling import align_stack
         from textile_twin_core.expression import inline
 
         scope: dict[str, Any] = {"float64": np.float64, "int64": np.int64, "sqrt": math.sqrt, "__name__": __name__}
         scope |= {"sincos": inline.sincos, "atan2": inline.atan2, "FARTHEST": inline.FARTHEST}
+        scope["align_stack"] = align_stack
         exec(compile(self._source(), "<twin loop>", "exec"), scope)
         for name in ("one", "run"):  # the compiler knows functions by name: a name of its own for each code
             scope[name].__qualname__ = f"{name}_{self._code.hex()}"
@@ -126,6 +128,7 @@ class Loop:
         outs, found = [f"out{k}" for k in range(len(values))], [f"value{k}" for k in range(len(values))]
         run = [
             f"def run({', '.join([*self._inputs, *self._tables, *outs])}):",
+            "align_stack()",
             "total = 0",
             f"for i in range({self._inputs[0]}.shape[0]):",
             f"    {', '.join(found)}, far = one({', '.join([*(f'{x}[i]' for x in self._inputs), *self._tables])})",
