@@ -1,4 +1,4 @@
-"""textile-twin published: the table in three forms, the README's block, and the figures."""
+"""textile-twin published: the table in three forms, docs/papers.md, and the figures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from textile_twin_core.cli.main import main
 from textile_twin_core.cli.published_table import as_markdown, published_rows
 from textile_twin_core.views.figures import FIGURES
 
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs" / "papers.md"
 BEGIN, END = "<!-- published:begin -->", "<!-- published:end -->"
 
 
@@ -58,9 +58,9 @@ def test_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert table["agrees"] and table["computed"][2] == pytest.approx(0.7694, abs=1e-4)
 
 
-def test_readme_carries_what_is_computed(capsys: pytest.CaptureFixture[str]) -> None:
-    """When it fails: put the output of textile-twin published --markdown between the two markers of the README."""
-    text = README.read_text(encoding="utf-8")
+def test_the_page_carries_what_is_computed(capsys: pytest.CaptureFixture[str]) -> None:
+    """When it fails: put the output of textile-twin published --markdown between the two markers of docs/papers.md."""
+    text = PAGE.read_text(encoding="utf-8")
     assert text.count(BEGIN) == text.count(END) == 1
     block = text.split(BEGIN)[1].split(END)[0].strip()
     assert block == as_markdown().strip()

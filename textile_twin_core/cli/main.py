@@ -49,7 +49,7 @@ def _help() -> str:
             "",
             *lines,
             "",
-            "textile-twin COMMAND --help tells the rest. For example:",
+            "textile-twin COMMAND --help explains a command. For example:",
             "  textile-twin simulate tufting --rpm 160 --samples 360 --out turn.csv",
             "Exit code: 0 done, 2 a mistake in what was asked or given, 3 beyond a limit that was given,",
             "1 a fault of textile-twin itself.",

@@ -82,7 +82,7 @@ def as_text() -> str:
 
 
 def as_markdown() -> str:
-    """All rows for a README: the counts, where print and machine differ, and every row folded away by paper."""
+    """All rows for docs/papers.md: the counts, where print and machine differ, and every row folded away by paper."""
     lines = ["| paper | machine | rows | agree with print | differ, reason given | words or nothing in print |"]
     lines.append("|---|---|--:|--:|--:|--:|")
     for paper, rows in papers():

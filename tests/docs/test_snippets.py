@@ -1,0 +1,69 @@
+"""What README and docs tell the reader to type runs as it stands there, and prints what they print."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from tests.docs.pages import PAGES, Block, blocks
+from tests.docs.workshop import furnish, run
+from tests.ros.suite import free_domain
+
+RUN = ("bash", "python")
+Said = list[tuple[Block, str]]
+
+
+def pages_with_code() -> list[Path]:
+    return [page for page in PAGES if any(block.language in RUN for block in blocks(page))]
+
+
+def run_page(page: Path, folder: Path) -> Said:
+    """What each block of a page printed, run one after the other in a folder of the page's own."""
+    folder.mkdir()
+    furnish(folder)
+    domain, claim = free_domain()
+    with claim:
+        return [
+            (block, run(block, folder, domain))
+            for block in blocks(page)
+            if block.language in RUN and "not run" not in block.marks
+        ]
+
+
+@pytest.fixture(scope="module")
+def running(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[dict[Path, Future[Said]]]:
+    """The pages that are asked for, run side by side; the README, which takes longest, begins."""
+    here = (item for item in request.session.items if isinstance(item, pytest.Function) and item.path == request.path)
+    wanted = {item.callspec.params["page"] for item in here}
+    place = tmp_path_factory.mktemp("pages")
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        yield {page: pool.submit(run_page, page, place / page.as_posix().replace("/", "_")) for page in sorted(wanted)}
+
+
+@pytest.mark.parametrize("page", pages_with_code(), ids=str)
+def test_a_page_runs(page: Path, running: dict[Path, Future[Said]]) -> None:
+    said = running[page].result()
+    assert said or all("not run" in block.marks for block in blocks(page) if block.language in RUN)
+
+
+@pytest.mark.parametrize("page", [Path("README.md")], ids=str)
+def test_the_demonstration_prints_what_the_readme_prints(page: Path, running: dict[Path, Future[Said]]) -> None:
+    """Word by word; numbers may differ by a tenth, agreement of nodes and engine by what both promise."""
+    number = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?")
+    (printed,) = (block.text for block in blocks(page) if block.language == "text")
+    told = next(text for block, text in running[page].result() if "demo.sh" in block.text)
+    lines = {number.sub("N", line): line for line in told.splitlines()}
+    for line in filter(None, printed.splitlines()):
+        assert number.sub("N", line) in lines, f"'{line}' is not among what demo.sh prints:\n{told}"
+        seen = lines[number.sub("N", line)]
+        for promised, found in zip(number.findall(line), number.findall(seen), strict=True):
+            assert float(found) == pytest.approx(float(promised), rel=0.1, abs=1e-9), f"{line}\n{seen}"
