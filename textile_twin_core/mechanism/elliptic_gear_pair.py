@@ -174,7 +174,7 @@ class EllipticGearPair(PlainGroup):
         first = slope * shaft.first
         second = (bend + slope * mesh.steepness) * (shaft.first * shaft.first) + slope * shaft.second
         position = motion.points[self.at].position + mesh.driver_radius * mesh.along
-        return PointMotion(position, first * mesh.along, second * mesh.along, first * first, first * second)
+        return PointMotion.sliding(position, mesh.along, first, second)
 
     def _half_turn(self, motion: Motion) -> Vector:
         """Direction of half the driver's turn from the smallest ratio."""

@@ -69,6 +69,11 @@ class PointMotion:
         """A point of the ground."""
         return cls(Vector.of(x, y), ZERO, ZERO, const(0.0), const(0.0))
 
+    @classmethod
+    def sliding(cls, position: Vector, along: Vector, first: Expr, second: Expr) -> PointMotion:
+        """A point that moves on a line, by the derivatives of its way along the line's unit vector."""
+        return cls(position, first * along, second * along, first * first, first * second)
+
     @property
     def is_fixed(self) -> bool:
         """Whether it belongs to the ground."""
@@ -161,6 +166,13 @@ class Motion:
         if name in self.points:
             raise MachineError(f"group '{made_by}': point '{name}' exists already; give it another name")
         self.points[name] = point
+
+    def fixed_point(self, name: str, asked_by: str) -> tuple[float, float]:
+        """The coordinates [m] of a known point of the ground. Raises MachineError for one that moves."""
+        point = self.point(name, asked_by)
+        if not point.is_fixed:
+            raise MachineError(f"group '{asked_by}': point '{name}' must be fixed to the ground")
+        return point.fixed_position()
 
     def add_link(self, link: LinkMotion, made_by: str) -> None:
         """Add a new link. Raises MachineError when the name is taken."""

@@ -136,8 +136,8 @@ class RRPDyad(PlainGroup):
         slide_second = start.second.dot(along) + offset * q + drift * p
 
         travel = (start.position - guide).dot(along) + reach
-        joint = _sliding(guide + travel * along, along, slide_first, slide_second)
-        tip = _sliding(guide + (travel + slider_length) * along, along, slide_first, slide_second)
+        joint = PointMotion.sliding(guide + travel * along, along, slide_first, slide_second)
+        tip = PointMotion.sliding(guide + (travel + slider_length) * along, along, slide_first, slide_second)
         motion.add_link(LinkMotion(self.rod, self.from_point, self.end, rod_length, u, p, q), self.name)
         zero = const(0.0)
         motion.add_link(LinkMotion(self.slider, self.end, self.tip, slider_length, along, zero, zero), self.name)
@@ -155,7 +155,3 @@ class RRPDyad(PlainGroup):
         inverse = 1.0 / self.reach(start)
         p = -(start.first.dot(across) * inverse)
         return p, -((start.second.dot(across) + self.offset(start) * (p * p)) * inverse)
-
-
-def _sliding(position: Vector, along: Vector, first: Expr, second: Expr) -> PointMotion:
-    return PointMotion(position, first * along, second * along, first * first, first * second)
