@@ -15,7 +15,6 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.machines.sizes import check_size
 
 _KEY_OF_FIELD = {"from_point": "from", "to_point": "to"}
-_FIELD_OF_KEY = {key: name for name, key in _KEY_OF_FIELD.items()}
 
 
 def type_tag(cls: type) -> str:
@@ -52,14 +51,11 @@ def build(cls: type, value: Any, place: str, **given: Any) -> Any:
     entries = mapping_at(value, place)
     hints = get_type_hints(cls)
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init and f.name not in given}
-    keys = [_KEY_OF_FIELD.get(name, name) for name in fields]
+    names = {_KEY_OF_FIELD.get(name, name): name for name in fields}
     for key in entries:
-        if key not in keys:
-            raise MachineError(f"{place}.{key}: {unknown('key', key, keys)}")
-    arguments = {
-        _FIELD_OF_KEY.get(key, key): convert(entry, hints[_FIELD_OF_KEY.get(key, key)], f"{place}.{key}")
-        for key, entry in entries.items()
-    }
+        if key not in names:
+            raise MachineError(f"{place}.{key}: {unknown('key', key, list(names))}")
+    arguments = {names[key]: convert(entry, hints[names[key]], f"{place}.{key}") for key, entry in entries.items()}
     for name, field in fields.items():
         optional = field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
         if name not in arguments and not optional:
