@@ -5,6 +5,7 @@ One line a name: a group in a file of its own is known to machines, machine file
 
 from textile_twin_core.mechanism.assembly import Closeness as Closeness
 from textile_twin_core.mechanism.assembly import check_assembly as check_assembly
+from textile_twin_core.mechanism.cam_follower import CamFollower as CamFollower
 from textile_twin_core.mechanism.crank import Crank as Crank
 from textile_twin_core.mechanism.elliptic_gear_pair import EllipticGearPair as EllipticGearPair
 from textile_twin_core.mechanism.group import MAIN_SHAFT as MAIN_SHAFT
