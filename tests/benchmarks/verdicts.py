@@ -1,45 +1,79 @@
 """Every mistake, and pairs of them, on many seeds of two machines: how often the right cause is named first.
 
-Run from the root of the repository: python -m tests.benchmarks.verdicts FIRST_SEED LAST_SEED [MISTAKE+MISTAKE ..]
+Run from the root of the repository: python -m tests.benchmarks.verdicts FIRST_SEED LAST_SEED [MACHINE ..]
 """
 
 from __future__ import annotations
 
+import math
 import sys
 
-from tests.generators.mill_recordings import MISTAKES, ONLY_TUFTING, mistaken, record
+from tests.generators.mill_recordings import MISTAKES, ONLY_TUFTING, Case, mistaken, record
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Assessment, Readings, assess
 
+PAIRS = (
+    "zero+sign",
+    "newton_cm+sign",
+    "direction+delay",
+    "ratio+gain",
+    "degrees+sign",
+    "zero+friction",
+    "direction+newton_cm",
+    "delay+gain",
+    "zero+delay",
+    "drift+zero",
+    "offset+sign",
+)
+WITHOUT_RUN_UP = ("", "zero", "delay", "half_turn", "sign", "direction", "zero+sign")
 
-def judged(machine: str, names: tuple[str, ...], seed: int, run_up: bool) -> tuple[set[str], Assessment]:
-    """The causes that are right to name first, and the assessment."""
+
+def judged(machine: str, names: tuple[str, ...], seed: int, run_up: bool) -> tuple[set[str], Assessment, Case]:
+    """The causes that are right to name first, the assessment, and the truth."""
     case, right = mistaken(machine, names, seed, run_up=run_up)
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    return right, assess(readings, told_machine(case))
+    return right, assess(readings, told_machine(case)), case
+
+
+def errors(found: Assessment, case: Case) -> tuple[float, float]:
+    """By how much zero [deg of the shaft] and delay [ms] are missed; nan where nothing was explained."""
+    if found.explanation is None:
+        return math.nan, math.nan
+    settings = found.explanation.settings
+    true = case.encoder.zero_rad * case.encoder.direction * case.encoder.ratio
+    zero = math.degrees(math.remainder(settings.zero_rad - true, 2.0 * math.pi))
+    return zero, (settings.delay_s - case.torque.delay_s) * 1e3
 
 
 def main(first: int, last: int, asked: list[str]) -> None:
-    """Print a line for each mistake, machine and kind of recording."""
+    """Print a row for each mistake, machine and kind of recording."""
     seeds = range(first, last)
+    print("| machine | recording | mistake | named first | largest error of zero, deg, and delay, ms | else |")
+    print("|---|---|---|---|---|---|")
     for machine in ("tufting", "loom"):
         for run_up in (True, False):
-            for mistake in asked or ["", *MISTAKES]:
+            every = ("", *MISTAKES, *PAIRS) if run_up else WITHOUT_RUN_UP
+            for mistake in every:
                 names = tuple(name for name in mistake.split("+") if name)
                 if machine == "loom" and any(name in ONLY_TUFTING for name in names):
                     continue
-                wrong = []
+                if asked and machine not in asked:
+                    continue
+                wrong, missed = [], []
                 for seed in seeds:
-                    right, found = judged(machine, names, seed, run_up)
+                    right, found, case = judged(machine, names, seed, run_up)
                     named = found.verdict[0].cause if found.verdict else None
                     if (named not in right) if right else named is not None:
                         wrong.append(f"{seed}: {named}")
+                    missed.append(errors(found, case))
+                told = ""
+                if run_up and set(names) <= {"zero", "delay", "sign", "gain", "newton_cm", "friction"}:
+                    told = ", ".join(f"{max(abs(one) for one in each):.3f}" for each in zip(*missed, strict=True))
                 kind = "run-up" if run_up else "one speed"
-                count = len(seeds) - len(wrong)
+                count = f"{len(seeds) - len(wrong)} of {len(seeds)}"
                 print(
-                    f"{machine:8} {kind:9} {mistake or 'healthy':24} {count}/{len(seeds)} {'; '.join(wrong)}",
-                    flush=True,
+                    f"| {machine} | {kind} | {mistake or 'none'} | {count} | {told} | {'; '.join(wrong)} |", flush=True
                 )
 
 

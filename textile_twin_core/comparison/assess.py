@@ -85,9 +85,9 @@ def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: Angle
     origin = int(readings.angle_stamps_ns[0])
     angle = readings.angle * unit.to_radians
     speed = None if readings.velocities is None else readings.velocities * unit.to_radians
-    track = shaft_track(
-        readings.angle_stamps_ns, angle, speed, origin_ns=origin, ratio=machine.sensors.encoder.ratio * ratio
-    )
+    encoder = machine.sensors.encoder
+    encoder = replace(encoder, ratio=encoder.ratio * ratio)
+    track = shaft_track(readings.angle_stamps_ns, angle, speed, origin_ns=origin, encoder=encoder)
     return evidence_of(readings, track, terms, origin)
 
 

@@ -77,6 +77,9 @@ class Evidence:
     terms: TorqueTerms
     middle_s: float
     rest_rad_s: float = field(init=False)
+    _seen: dict[tuple[float, float], tuple[FloatArray, FloatArray, FloatArray, BoolArray]] = field(
+        init=False, repr=False, compare=False, default_factory=dict
+    )
 
     def __post_init__(self) -> None:
         fast = float(np.percentile(np.abs(self.track.omega_rad_s), 95.0))
@@ -95,13 +98,19 @@ class Evidence:
 
     def states(self, settings: Settings, guard_s: float = JUMP_GUARD_S) -> States:
         """The shaft and the parts of its torque at the instants of which the measured samples speak."""
-        late = settings.delay_s + settings.drift * (self.time_s - self.middle_s)
-        theta, omega, alpha, good = self.track.at(self.time_s - late)
+        theta, omega, alpha, good = self._at(settings.delay_s, settings.drift)
         turn = settings.direction * settings.ratio
         theta, omega, alpha = turn * theta - settings.zero_rad, turn * omega, turn * alpha
         terms = self.terms.at(theta, omega, alpha, settings.ratio * self.rest_rad_s)
         usable = good & np.isfinite(terms.total) & ~self.terms.near_jump(theta, omega, guard_s)
         return States(theta, omega, alpha, terms, usable)
+
+    def _at(self, delay_s: float, drift: float) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+        """The track at the instants of which the samples speak; kept once, since zeros are tried by dozens."""
+        if (delay_s, drift) not in self._seen:
+            self._seen.clear()
+            self._seen[delay_s, drift] = self.track.at(self.time_s - delay_s - drift * (self.time_s - self.middle_s))
+        return self._seen[delay_s, drift]
 
     def expected(self, settings: Settings, states: States) -> FloatArray:
         """What the torque sensor would show [N m]."""

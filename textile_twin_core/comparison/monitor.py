@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.machines import Machine
 from textile_twin_core.shaft import create_estimator
+from textile_twin_core.twin.session import encoder_settings
 
 _KEPT_S = 60.0
 _PEAK_SAMPLES = 720
@@ -46,7 +47,7 @@ class Monitor:
         self._settings = configured_settings(machine)
         encoder = machine.sensors.encoder
         self._ratio, self._direction = encoder.ratio, encoder.direction
-        self._estimator = create_estimator(shaft, period_rad=TURN * encoder.ratio)
+        self._estimator = create_estimator(shaft, **encoder_settings(replace(encoder, direction=1, zero_rad=0.0)))
         self.watch = FaultWatch(self._torque_size(machine), settings or WatchSettings())
         self._states: list[FloatArray] = []
         self._torque: list[tuple[IntArray, FloatArray]] = []

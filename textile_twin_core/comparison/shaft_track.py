@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.machines.sensors import Encoder
 from textile_twin_core.shaft import create_estimator
+from textile_twin_core.twin.session import encoder_settings
 
 TURN = 2.0 * math.pi
 
@@ -68,8 +70,7 @@ def shaft_track(
     velocities: FloatArray | None,
     *,
     origin_ns: int,
-    ratio: float,
-    turn_rad: float = TURN,
+    encoder: Encoder,
 ) -> ShaftTrack:
     """Estimate the shaft's motion from the encoder's angles (n,) over the whole record.
 
@@ -80,12 +81,12 @@ def shaft_track(
         angle_rad: angles of the encoder, in radians, wrapped or not.
         velocities: the encoder's own speed where it has one [rad/s].
         origin_ns: the stamp at which time is zero.
-        ratio: shaft angle per encoder angle; direction and zero are left to the caller.
-        turn_rad: what a wrapping encoder wraps by.
+        encoder: its ratio and what is known of its readings; direction and zero are left to the caller.
 
     Raises RecordingError when no state comes out.
     """
-    estimator = create_estimator("smooth", period_rad=turn_rad * ratio)
+    ratio = encoder.ratio
+    estimator = create_estimator("smooth", **encoder_settings(replace(encoder, direction=1, zero_rad=0.0)))
     blocks = estimator.step(stamps_ns, angle_rad * ratio, None if velocities is None else velocities * ratio)
     states = [part for part in (blocks, estimator.finish()) if len(part)]
     if not states:

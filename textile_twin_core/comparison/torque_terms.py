@@ -62,7 +62,9 @@ class TorqueTerms:
     def near_jump(self, theta: FloatArray, omega: FloatArray, guard_s: float, guard_rad: float = 0.0) -> BoolArray:
         """Where a jump of the load is nearer than `guard_s` at the present speed, or nearer than `guard_rad`."""
         near = np.zeros(theta.size, dtype=np.bool_)
+        within = np.maximum(np.abs(omega) * guard_s, guard_rad)
         for angle in self._jumps:
-            apart = np.abs(np.remainder(theta - angle + np.pi, TURN) - np.pi)
-            near |= apart <= np.maximum(np.abs(omega) * guard_s, guard_rad)
+            apart = theta - angle
+            apart -= TURN * np.rint(apart * (1.0 / TURN))
+            near |= np.abs(apart) <= within
         return near
