@@ -13,7 +13,7 @@ from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.interference import Clash, clashes
 from textile_twin_core.machines import Machine
 from textile_twin_core.mechanism import Crank, EllipticGearPair, RRPDyad, RRRDyad
-from textile_twin_core.synthesis.balancing.shaking import shaking_expressions
+from textile_twin_core.synthesis.balancing.shaking import shaking
 from textile_twin_core.synthesis.batch import TRANSMISSION
 from textile_twin_core.synthesis.numbers import MOTION, motion_number, shaking_numbers, torque_numbers
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
@@ -151,19 +151,17 @@ def _forces(machine: Machine, speed: float, theta: FloatArray) -> tuple[list[Cha
     guides = [name for name in model.outputs if name.startswith("reaction_guide")]
     parts = [name for name in _TORQUE if name != "torque_load_Nm" or machine.loads]
     names = [*parts, *(f"reaction_{pin}_{axis}_N" for pin in at for axis in "xy"), *guides]
-    expressions = [*(model.output(name) for name in names), *shaking_expressions(machine)]
-    found = over_turn(expressions, theta, speed)
-    by_name = dict(zip(names, found, strict=False))
-    x, y, moment = found[-3:]
+    by_name = dict(zip(names, over_turn([model.output(name) for name in names], theta, speed), strict=True))
+    shaken = shaking(machine, speed, theta.size)
     reactions = {pin: np.hypot(by_name[f"reaction_{pin}_x_N"], by_name[f"reaction_{pin}_y_N"]) for pin in at}
     reactions |= {"guide" if len(guides) == 1 else name[15:-2]: np.abs(by_name[name]) for name in guides}
     charts = [
         Chart("Torque on the shaft", "N m", {_TORQUE[name]: by_name[name] for name in parts}),
         Chart("Reactions", "N", reactions),
-        Chart("Shaking force", "N", {"x": x, "y": y}),
-        Chart("Shaking moment", "N m", {"about the origin": moment}),
+        Chart("Shaking force", "N", {"x": shaken.x_N, "y": shaken.y_N}),
+        Chart("Shaking moment", "N m", {"about the origin": shaken.moment_Nm}),
     ]
-    numbers = torque_numbers(by_name["balancing_torque_Nm"]) | shaking_numbers(x, y)
+    numbers = torque_numbers(by_name["balancing_torque_Nm"]) | shaking_numbers(shaken.x_N, shaken.y_N)
     largest = max(reactions, key=lambda pin: float(reactions[pin].max()))
     more = {"largest_reaction_N": float(reactions[largest].max())}
     return charts, {name: float(value) for name, value in numbers.items()} | more

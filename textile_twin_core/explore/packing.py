@@ -10,7 +10,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.explore.analysis import Analysis
-from textile_twin_core.explore.design import Design
+from textile_twin_core.explore.design import Design, own_speed
 from textile_twin_core.explore.labels import PRINTED, label, shown_unit
 from textile_twin_core.machines import Machine
 
@@ -103,8 +103,7 @@ def design_head(design: Design) -> dict[str, Any]:
 
 def printed_of(design: Design) -> dict[str, str]:
     """What the paper prints, where the design stands as it does."""
-    fresh = Design.of(design.family.base)
-    if design.values or not math.isclose(design.speed_rad_s, fresh.speed_rad_s, rel_tol=1e-3):
+    if design.values or not math.isclose(design.speed_rad_s, own_speed(design.family.base), rel_tol=1e-3):
         return {}
     kind = getattr(design.family, "kind", "")
     return PRINTED.get(kind, {}) if design.family.base.name == kind else {}

@@ -35,7 +35,7 @@ class LinkageModel:
         self.machine, self.number, self.shaft = machine, number, shaft
         self._loads_as_variables = loads_as_variables
         phase_rad = machine.linkages[number].phase_rad
-        self.motion: Motion = machine.linkage.motion(phase_rad)
+        self.motion: Motion = machine.linkage.motion(phase_rad) if phase_rad else machine.linkage.solved
         self.gravity = Vector.of(*machine.gravity_m_s2)
 
     @cached_property

@@ -36,6 +36,7 @@ function receive(head, floats, asked) {
 }
 
 function state(head, floats, asked) {
+  const begun = performance.now();
   const analysis = head.analysis && opened(head.analysis, floats), pinned = head.pinned && opened(head.pinned, floats);
   const recording = head.recording && { theta: floats(head.recording.theta), torque: floats(head.recording.torque) };
   design = head.design;
@@ -54,6 +55,7 @@ function state(head, floats, asked) {
     search.show(analysis, design, head.task);
     links(analysis);
   }
+  document.body.dataset.drawn = (performance.now() - begun).toFixed(1);
   requestAnimationFrame(() => {
     if (asked) document.body.dataset.answered = (performance.now() - asked.began).toFixed(1);
     document.body.dataset.took = head.took_ms.toFixed(1);

@@ -15,7 +15,7 @@ from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.machines.machine import Machine
 from textile_twin_core.mechanism import Crank, LinkMotion
-from textile_twin_core.synthesis.balancing.shaking import shaking_expressions
+from textile_twin_core.synthesis.balancing.shaking import shaking
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
 Against = Literal["gravity_torque", "shaking_force"]
@@ -111,4 +111,5 @@ def _with(machine: Machine, link: str, mass_kg: float, place: complex) -> Machin
 def _felt(machine: Machine, against: Against, theta: FloatArray, speed: float) -> FloatArray:
     if against == "gravity_torque":
         return over_turn([machine.model.output("torque_gravity_Nm")], theta)[0]
-    return np.stack(over_turn(shaking_expressions(machine)[:2], theta, speed), axis=1)
+    shaken = shaking(machine, speed, theta.size)
+    return np.stack([shaken.x_N, shaken.y_N], axis=1)
