@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
@@ -43,6 +44,32 @@ def served(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
             process.wait(20)
 
 
+class Moved(NamedTuple):
+    """Times [ms] by the page's own clock: from the slider's event to the painted frame, the server's share, drawing."""
+
+    painted_ms: float
+    server_ms: float
+    drawn_ms: float
+
+
+# A task posted from within the frame that shows a change runs when that frame has been painted.
+_MOVE = """
+const [id, value, done] = arguments, slider = document.getElementById(id), body = document.body;
+const before = body.dataset.states, channel = new MessageChannel();
+let begun;
+channel.port1.onmessage = () =>
+  done({ painted_ms: performance.now() - begun, server_ms: +body.dataset.took, drawn_ms: +body.dataset.drawn });
+new MutationObserver((_, watch) => {
+  if (body.dataset.states === before) return;
+  watch.disconnect();
+  channel.port2.postMessage(0);
+}).observe(body, { attributes: true });
+slider.value = value;
+begun = performance.now();
+slider.dispatchEvent(new Event("input", { bubbles: true }));
+"""
+
+
 class Page:
     """The page in a browser, as a person uses it."""
 
@@ -70,10 +97,9 @@ class Page:
         """How many answers have been shown."""
         return int(self.driver.find_element(By.TAG_NAME, "body").get_attribute("data-states") or 0)
 
-    @property
-    def latency_ms(self) -> float:
-        """From the last change to its curves on the page."""
-        return float(self.driver.find_element(By.TAG_NAME, "body").get_attribute("data-answered") or "nan")
+    def moved(self, slider: str, value: float) -> Moved:
+        """Put a slider to a value, as a drag does, and wait until what follows is painted."""
+        return Moved(**self.driver.execute_async_script(_MOVE, slider, value))
 
     def find(self, selector: str) -> WebElement:
         return self.driver.find_element(By.CSS_SELECTOR, selector)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import secrets
 import socket
@@ -95,7 +96,7 @@ class Page:
         return web.Response(body=file.content, content_type=file.kind, headers={"Content-Disposition": disposition})
 
     async def _talk(self, request: web.Request) -> web.StreamResponse:
-        socket_ = web.WebSocketResponse(heartbeat=_HEARTBEAT_S, max_msg_size=_LARGEST_MESSAGE)
+        socket_ = web.WebSocketResponse(heartbeat=_HEARTBEAT_S, compress=False, max_msg_size=_LARGEST_MESSAGE)
         await socket_.prepare(request)
         tab = request.query.get("tab", "")[:64]
         if tab in self._sockets and not self._sockets[tab].closed:  # a tab that was duplicated goes its own way
@@ -198,4 +199,5 @@ def serve(page: Page, port: int, started: Callable[[str], None]) -> None:
         listener.close()
         raise SceneError(f"port {port} cannot be used ({error}); give another by --port, or 0 for any") from None
     address = f"http://{LOOPBACK}:{listener.getsockname()[1]}/?token={page.token}"
+    gc.freeze()  # what is loaded by now stays: no collection need look at it while a slider moves
     web.run_app(page.application(), sock=listener, print=lambda *_: started(address), handle_signals=True)

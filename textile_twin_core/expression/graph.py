@@ -19,16 +19,18 @@ Number = float | int
 class Expr:
     """A node: an operation, its arguments and, for constants and variables, its value or name.
 
-    `signed` tells a sign, and a product with a sign among its factors; `rank` is the same for the same expression in
-    every process, so that arguments stand in one order and results are the same to the last digit.
+    `is_constant` tells a number, `signed` a sign, and a product with a sign among its factors; `rank` is the same for
+    the same expression in every process, so that arguments stand in one order and results are the same to the last
+    digit.
     """
 
-    __slots__ = ("__weakref__", "args", "op", "payload", "rank", "signed")
+    __slots__ = ("__weakref__", "args", "is_constant", "op", "payload", "rank", "signed")
 
     op: str
     args: tuple[Expr, ...]
     payload: object
     rank: bytes
+    is_constant: bool
     signed: bool
 
     def __add__(self, other: Expr | Number) -> Expr:
@@ -59,11 +61,6 @@ class Expr:
 
     def __neg__(self) -> Expr:
         return make("neg", self)
-
-    @property
-    def is_constant(self) -> bool:
-        """Whether this is a number."""
-        return self.op == "const"
 
     @property
     def value(self) -> float:
@@ -105,11 +102,12 @@ _COMMUTATIVE: Final = frozenset({"add", "mul"})
 
 def make(op: str, *arguments: Expr | Number) -> Expr:
     """An operation of expressions and numbers: folded where all is constant, simplified where a rule is known."""
-    args = tuple(map(as_expr, arguments))
+    args = tuple([a if isinstance(a, Expr) else const(a) for a in arguments])
     operation = OPERATIONS[op]
-    if all(a.is_constant for a in args):
-        return const(operation.value(math, *(a.value for a in args)))
-    return operation.rule(*args) if operation.rule else node(op, args)
+    for a in args:
+        if not a.is_constant:
+            return operation.rule(*args) if operation.rule else node(op, args)
+    return const(operation.value(math, *(a.value for a in args)))
 
 
 def node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
@@ -120,10 +118,10 @@ def node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
     found = _INTERNED.get(key)
     if found is None:
         found = Expr()
-        found.op, found.args, found.payload = op, args, payload
+        found.op, found.args, found.payload, found.is_constant = op, args, payload, op == "const"
         name = f"{op} {payload!r}".encode()
-        found.rank = blake2b(b"".join([name, *(a.rank for a in args)]), digest_size=12).digest()
-        found.signed = op == "sign" or (op == "mul" and any(a.signed for a in args))
+        found.rank = blake2b(b"".join([name, *[a.rank for a in args]]), digest_size=12).digest()
+        found.signed = op == "sign" or (op == "mul" and (args[0].signed or args[1].signed))
         _INTERNED[key] = found
     return found
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.expression import Expr
-from textile_twin_core.expression.loop import Loop
+from textile_twin_core.expression import Expr, interpret
+from textile_twin_core.expression.loop import Numpy
 
 _SAMPLES = 2049
 _ROUNDS = 6
@@ -16,10 +16,9 @@ _ROUNDS = 6
 
 def values_over(value: Expr, theta: FloatArray) -> FloatArray:
     """The values (n,) of an expression of theta at (n,) angles [rad]; NaN where it has none."""
-    out = np.empty_like(theta)
     with np.errstate(invalid="ignore", divide="ignore"):
-        Loop([value], ["theta"])([theta], [out])
-    return out
+        found = interpret([value], {"theta": theta}, Numpy)[0]
+    return np.array(np.broadcast_to(np.asarray(found, dtype=np.float64), theta.shape))
 
 
 def smallest_value(value: Expr, range_rad: tuple[float, float]) -> tuple[float, float]:

@@ -23,9 +23,9 @@ const talk = new Talk({
   onBroken: (times) => banner(times < 8 ? "The connection is lost; trying again .." : "textile-twin explore has ended. Start it again and open the address that it prints."),
 });
 
-function receive(head, floats, asked) {
+function receive(head, floats) {
   switch (head.type) {
-    case "state": return state(head, floats, asked);
+    case "state": return state(head, floats);
     case "front": return search.found(head);
     case "tolerances": banner(""); return tables.spread(head);
     case "sensitivities": banner(""); return tables.sensitivities(head);
@@ -35,7 +35,7 @@ function receive(head, floats, asked) {
   }
 }
 
-function state(head, floats, asked) {
+function state(head, floats) {
   const begun = performance.now();
   const analysis = head.analysis && opened(head.analysis, floats), pinned = head.pinned && opened(head.pinned, floats);
   const recording = head.recording && { theta: floats(head.recording.theta), torque: floats(head.recording.torque) };
@@ -57,7 +57,6 @@ function state(head, floats, asked) {
   }
   document.body.dataset.drawn = (performance.now() - begun).toFixed(1);
   requestAnimationFrame(() => {
-    if (asked) document.body.dataset.answered = (performance.now() - asked.began).toFixed(1);
     document.body.dataset.took = head.took_ms.toFixed(1);
     document.body.dataset.states = +(document.body.dataset.states ?? 0) + 1;
   });

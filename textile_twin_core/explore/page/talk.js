@@ -41,31 +41,29 @@ export class Talk {
     const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, size)));
     const floats = new Float32Array(buffer, 8 + size);
     if (head.type === "tab") { this.#rename(head.tab); return; }
-    const asked = this.waiting.get(number);
     this.waiting.delete(number);
-    this.onMessage(head, (place) => floats.subarray(place[0], place[0] + place[1]), asked);
+    this.onMessage(head, (place) => floats.subarray(place[0], place[0] + place[1]));
     if (this.newest && this.waiting.size === 0) {
-      const { message, began } = this.newest;
+      const message = this.newest;
       this.newest = null;
-      this.send(message, began);
+      this.send(message);
     }
   }
 
   // How long the oldest message has waited for its answer, in ms.
   get patience() {
-    const began = [...this.waiting.values()].map((asked) => asked.began);
-    return began.length ? performance.now() - Math.min(...began) : 0;
+    return this.waiting.size ? performance.now() - Math.min(...this.waiting.values()) : 0;
   }
 
-  send(message, began = performance.now()) {
+  send(message) {
     if (this.socket.readyState !== WebSocket.OPEN) return;
     this.number = (this.number % 0xffffffff) + 1;
-    if (message.type !== "search" && message.type !== "stop") this.waiting.set(this.number, { began, message });
+    if (message.type !== "search" && message.type !== "stop") this.waiting.set(this.number, performance.now());
     this.socket.send(JSON.stringify({ ...message, id: this.number }));
   }
 
   sendNewest(message) {
-    if (this.waiting.size) this.newest = { message, began: performance.now() };
+    if (this.waiting.size) this.newest = message;
     else this.send(message);
   }
 }

@@ -1,0 +1,102 @@
+"""How soon the design page follows a slider, in a real headless Chromium: python -m tests.benchmarks.design_page
+
+For each machine: milliseconds from the slider's event to the painted curves and numbers, by the page's own clock,
+median and 95th percentile, with the server's share and the drawing's. Then the same while it is dragged without rest.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import statistics
+import time
+from pathlib import Path
+
+from tests.explore.browser import Page, served
+
+SLIDERS = {
+    "tufting": "s_l1_m",
+    "handloom_beatup": "s_crank_m",
+    "needle_transfer": "s_stroke_m",
+    "elliptic_gear_beatup": "s_crank_m",
+}
+# Every frame the slider moves on a little; when its answers are shown.
+_DRAG = """
+const [id, from, to, seconds, done] = arguments, slider = document.getElementById(id), begun = performance.now();
+const shown = [], body = document.body;
+let states = body.dataset.states;
+new MutationObserver((_, watch) => {
+  if (body.dataset.states === states) return;
+  states = body.dataset.states;
+  shown.push(performance.now());
+  if (performance.now() - begun > 1000 * seconds) { watch.disconnect(); done(shown); }
+}).observe(body, { attributes: true });
+const step = () => {
+  const share = (performance.now() - begun) / (1000 * seconds);
+  if (share > 1.0) return;
+  slider.value = from + (to - from) * Math.abs(((4 * share) % 2) - 1);
+  slider.dispatchEvent(new Event("input", { bubbles: true }));
+  requestAnimationFrame(step);
+};
+step();
+"""
+
+
+def main() -> None:
+    """All four machines."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--moves", type=int, default=40, help="slider moves a machine")
+    moves = parser.parse_args().moves
+    print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}")
+    print(f"{'machine':22}{'painted':>9}{'95 %':>7}{'server':>8}{'of it':>7}{'drawing':>9}{'dragged':>9}")
+    with served("tufting") as (server, address):
+        page = Page()
+        page.driver.set_script_timeout(60)
+        try:
+            page.open(address)
+            for name, slider in SLIDERS.items():
+                _choose(page, name)
+                low, high = _near(page, slider)
+                steps = [low + (high - low) * k / (moves - 1) for k in range(moves)]
+                worked = _processor_s(server.pid)
+                taken = [page.moved(slider, value) for value in steps]
+                worked = _processor_s(server.pid) - worked
+                painted = sorted(t.painted_ms for t in taken)
+                shown = page.driver.execute_async_script(_DRAG, slider, low, high, 3.0)
+                between = [b - a for a, b in itertools.pairwise(shown)]
+                print(
+                    f"{name:22}{statistics.median(painted):9.0f}{painted[int(0.95 * len(painted))]:7.0f}"
+                    f"{statistics.median(t.server_ms for t in taken):8.0f}"
+                    f"{1e3 * worked / moves:7.0f}"
+                    f"{statistics.median(t.drawn_ms for t in taken):9.0f}{statistics.median(between):9.0f}",
+                    flush=True,
+                )
+        finally:
+            page.close()
+    print("milliseconds; 'of it': the server's processor time; 'dragged': from one answer to the next, without rest")
+
+
+def _choose(page: Page, name: str) -> None:
+    if name.replace("_", " ") in page.driver.title:
+        return
+    begun = time.monotonic()
+    page.find(f"#machine option[value={name}]").click()
+    page.until(lambda: name.replace("_", " ") in page.driver.title, 600.0)
+    print(f"{name}: first look after {time.monotonic() - begun:.1f} s", flush=True)
+
+
+def _processor_s(process: int) -> float:
+    """Processor time that a process has used so far."""
+    fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _near(page: Page, slider: str) -> tuple[float, float]:
+    """Values close to the design's, so that every one of them closes."""
+    value = float(page.find(f"#{slider}").get_attribute("value") or "nan")
+    return 0.98 * value, 1.0 * value
+
+
+if __name__ == "__main__":
+    main()
