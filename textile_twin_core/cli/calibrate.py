@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording, load_linkage
 from textile_twin_core.cli.readings import read_samples, readings_of
+from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison import Calibration, Estimate
@@ -26,6 +27,7 @@ def parser() -> Parser:
     )
     add_recording(parser)
     add_machine(parser, option=True)
+    add_sensors(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="machine file to write (.yaml)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers; is replaced when it is there")
     parser.add_argument("--force", action="store_true", help="replace the machine file when it is there")
@@ -34,7 +36,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Calibrate, write, tell."""
-    machine = load_linkage(arguments.machine, arguments.set)
+    machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     from textile_twin_core.comparison import calibrate
     from textile_twin_core.files import save_machine_file, staged
@@ -43,7 +45,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError(f"--out {arguments.out}: must end in .yaml")
     if arguments.out.exists() and not arguments.force:
         raise UsageError(f"--out {arguments.out}: is there already; choose another name, or replace it with --force")
-    _, angles, measured = read_samples(arguments)
+    _, angles, measured = read_samples(arguments, machine)
     found = calibrate(readings_of(angles, measured), machine)
     if arguments.json is not None:
         about = {"bag": str(arguments.bag), "machine": machine.name}

@@ -21,6 +21,7 @@ from textile_twin_core.cli.arguments import (
 )
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.readings import read_samples, readings_of
+from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison import Comparison
@@ -51,6 +52,7 @@ def parser() -> Parser:
     )
     add_recording(parser, shaft="smooth")
     add_machine(parser, option=True)
+    add_sensors(parser)
     parser.add_argument(
         "--predicted",
         choices=["recomputed", "recorded"],
@@ -69,7 +71,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Compare, print the table, write what was asked for."""
-    machine = load_linkage(arguments.machine, arguments.set)
+    machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     from textile_twin_core.files import staged
 
@@ -93,7 +95,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
     from textile_twin_core.comparison import assess, compare_torque
     from textile_twin_core.files.prediction import published, recompute
 
-    bag, angles, measured = read_samples(arguments)
+    bag, angles, measured = read_samples(arguments, machine)
     with progress(len(angles), "predicting") as done:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
     if recorded:

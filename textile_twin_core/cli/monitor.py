@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording_topics, count, load_linkage
 from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 
 if TYPE_CHECKING:
     from textile_twin_core.files.monitored import Watched
@@ -29,6 +30,7 @@ def parser() -> Parser:
         "bags", metavar="BAG", type=Path, nargs="+", help="rosbag2 folders, .mcap files, or folders of them"
     )
     add_recording_topics(parser)
+    add_sensors(parser)
     add_machine(parser, option=True)
     parser.add_argument("--learn", type=count, default=100, metavar="TURNS", help="turns to learn from (default 100)")
     parser.add_argument("--parquet", type=Path, metavar="FILE", help="write the trend of every turn")
@@ -44,7 +46,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Watch, tell, write."""
-    machine = load_linkage(arguments.machine, arguments.set)
+    machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     from textile_twin_core.cli.arguments import BeyondLimitError
     from textile_twin_core.comparison.fault_watch import WatchSettings
@@ -53,7 +55,8 @@ def run(arguments: argparse.Namespace) -> None:
     bags = _recordings(arguments.bags)
     settings = WatchSettings(learn_turns=arguments.learn)
     topics = (arguments.angle_topic, arguments.torque_topic, arguments.joint, arguments.skip_bad_samples)
-    jobs = [Job(bag.resolve(), machine, settings, *topics) for bag in bags]
+    sensors = (arguments.index_topic, arguments.torque_unit)
+    jobs = [Job(bag.resolve(), machine, settings, *topics, *sensors) for bag in bags]
     watched = []
     with progress(len(jobs), "watching", " recordings", long=2) as done:
         for each in watch_bags(jobs, arguments.workers, arguments.dask):

@@ -9,18 +9,30 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from textile_twin_core.comparison import Readings
     from textile_twin_core.files.bag import AngleSamples, Bag, TorqueSamples
+    from textile_twin_core.machines import AnyMachine
 
 
-def read_samples(arguments: argparse.Namespace) -> tuple[Bag, AngleSamples, TorqueSamples]:
-    """The recording that the arguments of add_recording name, its shaft angles and torque. Raises RecordingError."""
+def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:
+    """The recording that the arguments of add_recording name, its shaft angles and torque.
+
+    Raises RecordingError, and SceneError for edges that this machine's encoder cannot count.
+    """
     from textile_twin_core.files import open_bag
-    from textile_twin_core.files.prediction import beside, usable_angles
+    from textile_twin_core.files.machine_topics import beside, usable_angles
 
     bag = open_bag(arguments.bag)
     for notice in bag.notices:
         print(f"textile-twin: {notice}", file=sys.stderr)
-    angles = usable_angles(bag, arguments.angle_topic, arguments.joint, arguments.skip_bad_samples)
-    measured = bag.read_torques(beside(bag, angles.topic, arguments.torque_topic), arguments.joint)
+    angles = usable_angles(
+        bag,
+        machine.sensors.encoder,
+        arguments.angle_topic,
+        arguments.joint,
+        arguments.skip_bad_samples,
+        arguments.index_topic,
+    )
+    topic = beside(bag, angles.topic, arguments.torque_topic)
+    measured = bag.read_torques(topic, arguments.joint, unit_Nm=arguments.torque_unit)
     return bag, angles, measured
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, load_machine, shaft_settings
 from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 
 
 def parser() -> Parser:
@@ -20,6 +21,7 @@ def parser() -> Parser:
     )
     add_recording(parser, shaft="causal")
     add_machine(parser, option=True)
+    add_sensors(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="BAG2", help="folder to make, or an .mcap file")
     parser.add_argument("--force", action="store_true", help="replace the output when it is there")
     return parser
@@ -27,7 +29,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Replay the recording."""
-    machine = load_machine(arguments.machine, arguments.set)
+    machine = with_sensors(load_machine(arguments.machine, arguments.set), arguments)
 
     from textile_twin_core.files import BagWriter, open_bag
     from textile_twin_core.files.replay import replay_bag
@@ -50,6 +52,8 @@ def run(arguments: argparse.Namespace) -> None:
             torque_topic=arguments.torque_topic,
             joint=arguments.joint,
             skip_bad=arguments.skip_bad_samples,
+            index_topic=arguments.index_topic,
+            torque_unit_Nm=arguments.torque_unit,
             progress=done,
             **shaft_settings(arguments),
         )

@@ -16,6 +16,7 @@ from textile_twin_core.cli.arguments import (
     load_machine,
 )
 from textile_twin_core.cli.compare import compare_recording
+from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 
 
 def parser() -> Parser:
@@ -28,6 +29,7 @@ def parser() -> Parser:
     )
     add_recording(parser, shaft="smooth", also=", an .rrd file, or a machine: its name or its file (.yaml)")
     add_machine(parser, option=True, required=False)
+    add_sensors(parser)
     return parser
 
 
@@ -41,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
         return
     if arguments.machine is None:
         raise UsageError("--machine is missing: a recording is shown beside what its machine should do")
-    machine = load_linkage(arguments.machine, arguments.set)
+    machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
     comparison = compare_recording(arguments, machine)
 
     from textile_twin_core.views import write_comparison_recording

@@ -10,7 +10,8 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.files import open_bag
-from textile_twin_core.files.prediction import beside, recompute, usable_angles
+from textile_twin_core.files.machine_topics import beside, usable_angles
+from textile_twin_core.files.prediction import recompute
 from textile_twin_core.machines import Machine
 
 _BINS = 360
@@ -37,7 +38,7 @@ def overlay(
     Raises RecordingError where the recording cannot be read or holds no torque while the shaft moves.
     """
     bag = open_bag(Path(path))
-    angles = usable_angles(bag, angle_topic, joint, True)
+    angles = usable_angles(bag, machine.sensors.encoder, angle_topic, joint, True)
     measured = bag.read_torques(beside(bag, angles.topic, torque_topic), joint)
     shaft = recompute(angles, machine, "smooth", None)
     sensor = machine.sensors.torque

@@ -22,6 +22,7 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 POINT = "geometry_msgs/msg/PointStamped"
 FLOAT64 = "std_msgs/msg/Float64"
+HEADER = "std_msgs/msg/Header"
 
 _Take = Callable[[str, int], FloatArray]
 """Element k of a field of all messages of one layout: (field, k) -> (n,), NaN where there is none."""
@@ -99,8 +100,12 @@ class Bag(Recording):
         topic: str = "balancing_torque/measured",
         joint: str = "main_shaft",
         progress: Progress | None = None,
+        unit_Nm: float = 1.0,
     ) -> TorqueSamples:
-        """Torques of a topic of WrenchStamped (torque.z), JointState (effort of `joint`) or Float64."""
+        """Torques of a topic of WrenchStamped (torque.z), JointState (effort of `joint`) or Float64.
+
+        unit_Nm: what one unit of them is; for a motor's current its torque constant times the gear ratio.
+        """
         info = self._readable(topic, WRENCH, JOINT_STATE, FLOAT64)
 
         def fields(layout: Layout, take: _Take) -> list[FloatArray] | None:
@@ -112,7 +117,11 @@ class Bag(Recording):
             return None if place is None else [take("effort", place)]
 
         stamps, (torque,) = self._columns(info, fields, progress, joint)
-        return TorqueSamples(info.name, stamps, torque, stamped=info.msgtype != FLOAT64)
+        return TorqueSamples(info.name, stamps, torque * unit_Nm, stamped=info.msgtype != FLOAT64)
+
+    def read_events(self, topic: str) -> IntArray:
+        """Stamps (n,) in ns of a topic of Header, whose messages tell when something was: an edge, an index pulse."""
+        return self._columns(self._readable(topic, HEADER), lambda *_: [], None)[0]
 
     def read_points(self, topic: str, progress: Progress | None = None) -> PointSamples:
         """Points of a PointStamped topic."""

@@ -15,7 +15,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.files import cdr_encode, rosbag2_metadata
 from textile_twin_core.files.atomic import OutputError, check_folder, partial_path, put_in_place, remove
-from textile_twin_core.files.bag import FLOAT64, JOINT_STATE, POINT, WRENCH
+from textile_twin_core.files.bag import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.files.cdr_decode import Bytes, MessageBlock, gather
 from textile_twin_core.files.mcap_write import McapFileWriter
 from textile_twin_core.files.recording import Progress, Recording
@@ -186,6 +186,10 @@ class BagWriter:
     def write_floats(self, topic: str, log_times_ns: IntArray, values: FloatArray) -> None:
         """Append Float64 messages, values (n,)."""
         self._write_rows(topic, FLOAT64, log_times_ns, cdr_encode.encode_floats(values))
+
+    def write_events(self, topic: str, stamps_ns: IntArray, frame_id: str = "main_shaft") -> None:
+        """Append Header messages, which tell when something was: an edge, an index pulse."""
+        self._write_rows(topic, HEADER, stamps_ns, cdr_encode.encode_headers(stamps_ns, frame_id))
 
     def _write_rows(self, topic: str, msgtype: str, log_times_ns: IntArray, rows: Bytes) -> None:
         self.add_topic(topic, msgtype)

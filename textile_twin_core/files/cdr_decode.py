@@ -161,6 +161,12 @@ def _stamped(name: str, count: int) -> Callable[[bytes], Layout]:
     return read
 
 
+def _header(cdr: bytes) -> Layout:
+    cursor = _Cursor(cdr)
+    cursor.header()
+    return cursor.end()
+
+
 def _float64(cdr: bytes) -> Layout:
     cursor = _Cursor(cdr)
     cursor.doubles("data", 1)
@@ -172,6 +178,7 @@ LAYOUT_READERS: dict[str, Callable[[bytes], Layout]] = {
     "geometry_msgs/msg/WrenchStamped": _stamped("wrench", 6),
     "geometry_msgs/msg/PointStamped": _stamped("point", 3),
     "std_msgs/msg/Float64": _float64,
+    "std_msgs/msg/Header": _header,
 }
 """The message types that are decoded, by how one message tells its layout."""
 

@@ -112,6 +112,13 @@ def encode_floats(values: FloatArray) -> Bytes:
     return message.rows(len(values))
 
 
+def encode_headers(stamps_ns: IntArray, frame_id: str) -> Bytes:
+    """std_msgs/Header."""
+    message = _Template()
+    message.header(stamps_ns, frame_id)
+    return message.rows(len(stamps_ns))
+
+
 def encode_string(text: str) -> bytes:
     """std_msgs/String."""
     message = _Template()

@@ -52,7 +52,9 @@ class McapFileWriter:
         self._schemas: dict[str, records.Schema] = {}
         self._channels: list[records.Channel] = []
         self.counts: dict[int, int] = {}
-        self._chunks: list[records.ChunkIndex] = []
+        self._chunk_count = 0
+        self._chunk_indices = bytearray()
+        """Of all chunks, as the summary takes them: a recording that goes on for long has very many."""
         self._metadata: list[records.MetadataIndex] = []
         self._compressor = zstandard.ZstdCompressor()
         self._chunk = bytearray()
@@ -66,13 +68,17 @@ class McapFileWriter:
 
     def _emit(self, record: records.McapRecord) -> tuple[int, int]:
         """Write a record to the file: its position and length."""
-        record.write(self._builder)
-        data: bytes = self._builder.end()  # type: ignore[no-untyped-call]
+        data = self._bytes_of(record)
         start = self._file.tell()
         self._put(data)
         return start, len(data)
 
-    def _put(self, data: bytes) -> None:
+    def _bytes_of(self, record: records.McapRecord) -> bytes:
+        record.write(self._builder)
+        data: bytes = self._builder.end()  # type: ignore[no-untyped-call]
+        return data
+
+    def _put(self, data: bytes | bytearray) -> None:
         with self._naming():
             self._file.write(data)
         self.bytes_written += len(data)
@@ -168,19 +174,19 @@ class McapFileWriter:
             table = np.concatenate(pieces)
             body = table[np.argsort(table[:, 0], kind="stable")].astype("<u8").tobytes()
             self._put(_INDEX_HEAD(Opcode.MESSAGE_INDEX, 6 + len(body), channel, len(body)) + body)
-        self._chunks.append(
-            records.ChunkIndex(
-                message_start_time=first,
-                message_end_time=last,
-                chunk_start_offset=start,
-                chunk_length=length,
-                message_index_offsets=offsets,
-                message_index_length=self._file.tell() - index_start,
-                compression="zstd",
-                compressed_size=len(packed),
-                uncompressed_size=len(data),
-            )
+        chunk_index = records.ChunkIndex(
+            message_start_time=first,
+            message_end_time=last,
+            chunk_start_offset=start,
+            chunk_length=length,
+            message_index_offsets=offsets,
+            message_index_length=self._file.tell() - index_start,
+            compression="zstd",
+            compressed_size=len(packed),
+            uncompressed_size=len(data),
         )
+        self._chunk_count += 1
+        self._chunk_indices += self._bytes_of(chunk_index)
         whole = self.span_ns or self._chunk_span
         self.span_ns = (min(first, whole[0]), max(last, whole[1]))
         self._chunk, self._rows, self._singles, self._chunk_span = bytearray(), {}, {}, None
@@ -211,26 +217,26 @@ class McapFileWriter:
             attachment_count=0,
             channel_count=len(self._channels),
             channel_message_counts=dict(self.counts),
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunk_count,
             message_count=sum(self.counts.values()),
             message_end_time=last,
             message_start_time=first,
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
-        groups: list[tuple[Opcode, list[records.McapRecord]]] = [
-            (Opcode.SCHEMA, list(self._schemas.values())),
-            (Opcode.CHANNEL, list(self._channels)),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, list(self._chunks)),
-            (Opcode.METADATA_INDEX, list(self._metadata)),
-        ]
+        groups: dict[Opcode, bytes | bytearray] = {
+            Opcode.SCHEMA: b"".join(map(self._bytes_of, self._schemas.values())),
+            Opcode.CHANNEL: b"".join(map(self._bytes_of, self._channels)),
+            Opcode.STATISTICS: self._bytes_of(statistics),
+            Opcode.CHUNK_INDEX: self._chunk_indices,
+            Opcode.METADATA_INDEX: b"".join(map(self._bytes_of, self._metadata)),
+        }
         offsets = []
-        for opcode, group in groups:
+        for opcode, group in groups.items():
             if group:
                 start = self._file.tell()
-                length = sum(self._emit(record)[1] for record in group)
-                offsets.append(records.SummaryOffset(group_opcode=opcode, group_start=start, group_length=length))
+                offsets.append(records.SummaryOffset(group_opcode=opcode, group_start=start, group_length=len(group)))
+                self._put(group)
         offset_start = self._file.tell()
         for offset in offsets:
             self._emit(offset)

@@ -16,7 +16,7 @@ from textile_twin_core.comparison.fault_watch import Alarm, WatchSettings
 from textile_twin_core.comparison.monitor import monitor_recording
 from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.files.bag import open_bag
-from textile_twin_core.files.prediction import ANGLE_TOPIC, MEASURED_TOPIC, beside, usable_angles
+from textile_twin_core.files.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, beside, usable_angles
 from textile_twin_core.machines import Machine
 
 
@@ -31,6 +31,8 @@ class Job:
     torque_topic: str = MEASURED_TOPIC
     joint: str = "main_shaft"
     skip_bad: bool = False
+    index_topic: str | None = None
+    torque_unit_Nm: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,11 @@ def watch_bag(job: Job) -> Watched:
     """Watch one recording; a recording that cannot be read gives its error."""
     try:
         bag = open_bag(job.bag)
-        angles = usable_angles(bag, job.angle_topic, job.joint, job.skip_bad)
-        torque = bag.read_torques(beside(bag, angles.topic, job.torque_topic), job.joint)
+        angles = usable_angles(
+            bag, job.machine.sensors.encoder, job.angle_topic, job.joint, job.skip_bad, job.index_topic
+        )
+        topic = beside(bag, angles.topic, job.torque_topic)
+        torque = bag.read_torques(topic, job.joint, unit_Nm=job.torque_unit_Nm)
         readings = Readings(angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, angles.velocities)
         found = monitor_recording(readings, job.machine, job.settings)
     except TwinError as error:

@@ -10,13 +10,12 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.files.bag import AngleSamples, Bag
+from textile_twin_core.files.machine_topics import beside
 from textile_twin_core.files.predicted_topics import TORQUE
 from textile_twin_core.files.recording import Progress
 from textile_twin_core.machines import Machine
 from textile_twin_core.twin import Samples, Session, compile_machine
 
-ANGLE_TOPIC = "main_shaft/angle"
-MEASURED_TOPIC = "balancing_torque/measured"
 _BLOCK = 8192
 _OTHER_MACHINE = 0.05
 """Median difference of predictions, over the peak, from which they are not of one machine."""
@@ -37,40 +36,6 @@ class PredictedTorque:
     settled: BoolArray
     rejected: Mapping[str, int]
     notes: tuple[str, ...] = ()
-
-
-def namespace_of(angle_topic: str) -> str:
-    """The machine's namespace, which its angle's absolute topic begins with; empty for a topic of another name."""
-    suffix = f"/{ANGLE_TOPIC}"
-    return angle_topic.removesuffix(suffix) if angle_topic.endswith(suffix) else ""
-
-
-def beside(bag: Bag, angle_topic: str, topic: str) -> str:
-    """The topic of that name in the angle's own namespace where there is one, else the name as it is."""
-    own = f"{namespace_of(angle_topic)}/{topic.strip('/')}"
-    return own if own in bag.topics else topic
-
-
-def usable_angles(
-    bag: Bag, topic: str = ANGLE_TOPIC, joint: str = "main_shaft", skip_bad: bool = False
-) -> AngleSamples:
-    """The recorded shaft angles.
-
-    Raises RecordingError for an angle that is NaN or infinite, with its number and time, unless `skip_bad`: the
-    shaft estimator then rejects and counts it. Without a single finite angle it is an error in any case.
-    """
-    angles = bag.read_angles(topic, joint)
-    bad = np.flatnonzero(~np.isfinite(angles.angles_rad))
-    if len(bad) == len(angles):
-        raise RecordingError(f"{bag.path}: topic {angles.topic}: no angle is a finite number; check the encoder")
-    if len(bad) and not skip_bad:
-        first = int(bad[0])
-        after_s = (int(angles.stamps[first]) - int(angles.stamps[0])) * 1e-9
-        raise RecordingError(
-            f"{bag.path}: topic {angles.topic}: the angle of sample {first} ({after_s:.3f} s after the first) is"
-            f" {angles.angles_rad[first]}, {len(bad)} such of {len(angles)}; leave them out with --skip-bad-samples"
-        )
-    return angles
 
 
 def predictions(session: Session, angles: AngleSamples, progress: Progress | None = None) -> Iterator[Samples]:

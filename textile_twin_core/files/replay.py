@@ -11,15 +11,9 @@ from textile_twin_core.comparison.residual import ResidualStream, load_jumps
 from textile_twin_core.files.bag import Bag, TorqueSamples
 from textile_twin_core.files.bag_write import BagWriter
 from textile_twin_core.files.cdr_encode import encode_string
+from textile_twin_core.files.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, beside, namespace_of, usable_angles
 from textile_twin_core.files.predicted_topics import TORQUE, PredictedTopics, predicted_topics
-from textile_twin_core.files.prediction import (
-    ANGLE_TOPIC,
-    MEASURED_TOPIC,
-    beside,
-    namespace_of,
-    predictions,
-    usable_angles,
-)
+from textile_twin_core.files.prediction import predictions
 from textile_twin_core.files.recording import Progress
 from textile_twin_core.files.rosbag2_metadata import LATCHED
 from textile_twin_core.machines import AnyMachine, Machine
@@ -48,6 +42,8 @@ def replay_bag(
     torque_topic: str = MEASURED_TOPIC,
     joint: str = "main_shaft",
     skip_bad: bool = False,
+    index_topic: str | None = None,
+    torque_unit_Nm: float = 1.0,
     progress: Progress | None = None,
     **shaft_settings: float,
 ) -> Replay:
@@ -58,7 +54,7 @@ def replay_bag(
     the measured torque, when the recording has one. A namespace of the angle's topic is kept. Topics of these names
     in the recording are not copied.
     """
-    angles = usable_angles(bag, angle_topic, joint, skip_bad)
+    angles = usable_angles(bag, machine.sensors.encoder, angle_topic, joint, skip_bad, index_topic)
     namespace = namespace_of(angles.topic)
     torque_topic = beside(bag, angles.topic, torque_topic)
     topics = predicted_topics(machine)
@@ -73,7 +69,9 @@ def replay_bag(
     if isinstance(machine, Machine) and topics.has_torque and bag.has_topic(torque_topic):
         jumps = load_jumps(compile_machine(machine, [TORQUE]))
         stream = ResidualStream(machine.sensors.torque, jumps)
-        residual = _Residual(stream, bag.read_torques(torque_topic, joint), out, writer.residual)
+        residual = _Residual(
+            stream, bag.read_torques(torque_topic, joint, unit_Nm=torque_unit_Nm), out, writer.residual
+        )
     session = compile_machine(machine, topics.outputs).session(shaft, **shaft_settings)
     for samples in predictions(session, angles, progress):
         writer.write(samples)

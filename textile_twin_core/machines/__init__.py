@@ -13,7 +13,7 @@ from textile_twin_core.machines.events import Event
 from textile_twin_core.machines.handloom_beatup import handloom_beatup
 from textile_twin_core.machines.machine import Machine, ShaftPlace
 from textile_twin_core.machines.needle_transfer import NeedleTransferMachine, needle_transfer
-from textile_twin_core.machines.sensors import Encoder, Scene, Sensors, TorqueSensor
+from textile_twin_core.machines.sensors import ENCODER_OPTIONS, Encoder, Scene, Sensors, TorqueSensor, with_encoder
 from textile_twin_core.machines.sizes import check_size, reckonable
 from textile_twin_core.machines.tufting import tufting
 
@@ -50,6 +50,7 @@ def create(name: str, **overrides: float | str) -> AnyMachine:
 
 
 __all__ = [
+    "ENCODER_OPTIONS",
     "NAMES",
     "AnyMachine",
     "Encoder",
@@ -65,4 +66,5 @@ __all__ = [
     "handloom_beatup",
     "needle_transfer",
     "tufting",
+    "with_encoder",
 ]

@@ -3,9 +3,25 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
 
 from textile_twin_core.errors import MachineError
+
+if TYPE_CHECKING:
+    from textile_twin_core.machines import AnyMachine
+
+    SomeMachine = TypeVar("SomeMachine", bound=AnyMachine)
+
+ENCODER_OPTIONS: Mapping[str, str] = {
+    "teeth": "samples are edges of a wheel with so many teeth a turn, missing ones counted",
+    "missing_teeth": "of these, how many lack in the one gap before tooth 0",
+    "cycle_turns": "turns of the shaft after which its motion repeats: 2 for half orders",
+    "resolution_rad": "step of the encoder's angle in rad, which is found where it is not told",
+    "stamp_jitter_s": "standard deviation of the stamps in s, which is learnt where it is not told",
+}
+"""What commands and nodes may say of an encoder instead of the machine file, by the names of its settings."""
 
 
 @dataclass(frozen=True)
@@ -15,9 +31,8 @@ class Encoder:
 
     resolution_rad: step of the measured angle; None: found. stamp_jitter_s: standard deviation of the stamps; None:
     learnt. teeth: samples are edges of a wheel with so many teeth a turn, missing ones counted; 0: sampled angles.
-    pitch_errors_rad: how far each tooth's edge lies beyond its nominal angle; None: not known. cycle_turns: turns of
-    the
-    shaft after which its motion repeats.
+    missing_teeth: of these, how many lack in the one gap before tooth 0. pitch_errors_rad: how far each tooth's edge
+    lies beyond its nominal angle; None: not known. cycle_turns: turns of the shaft after which its motion repeats.
     """
 
     zero_rad: float = 0.0
@@ -26,6 +41,7 @@ class Encoder:
     resolution_rad: float | None = None
     stamp_jitter_s: float | None = None
     teeth: int = 0
+    missing_teeth: int = 0
     pitch_errors_rad: tuple[float, ...] | None = None
     cycle_turns: int = 1
 
@@ -40,6 +56,8 @@ class Encoder:
             raise MachineError("encoder: stamp_jitter_s must be a time of 0 or more, or left out to be learnt")
         if self.teeth < 0 or self.cycle_turns < 1:
             raise MachineError("encoder: teeth must be 0 (none) or more, cycle_turns 1 or more")
+        if not 0 <= self.missing_teeth <= max(self.teeth - 4, 0):
+            raise MachineError("encoder: missing_teeth must be 0 or more, and leave 4 of the teeth")
         if self.pitch_errors_rad is not None and len(self.pitch_errors_rad) != self.teeth:
             raise MachineError(
                 f"encoder: pitch_errors_rad has {len(self.pitch_errors_rad)} values for {self.teeth} teeth"
@@ -76,3 +94,14 @@ class Scene:
     outputs: tuple[str, ...] = ("balancing_torque_Nm",)
     method: str = "auto"
     tolerance: float = 1e-12
+
+
+def with_encoder(machine: SomeMachine, settings: Mapping[str, float]) -> SomeMachine:
+    """The machine with other settings of its encoder (see `ENCODER_OPTIONS`).
+
+    Raises MachineError for values that an encoder cannot have.
+    """
+    if not settings:
+        return machine
+    encoder = replace(machine.sensors.encoder, **settings)  # type: ignore[arg-type]
+    return replace(machine, sensors=replace(machine.sensors, encoder=encoder))

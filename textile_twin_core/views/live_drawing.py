@@ -131,7 +131,7 @@ class LiveDrawing:
         if canvas.low < self._scribe.residual_canvas.low or canvas.high > self._scribe.residual_canvas.high:
             self._scribe = self._scribe.scaled(residual=canvas)
             self._draw_canvas("by_angle", canvas)
-        self._scribe.residual_by_angle(bins)
+        self._scribe.residual_by_angle(bins, time_s)
         lines = [
             f"### {self._machine.name}, live",
             "",
@@ -144,7 +144,7 @@ class LiveDrawing:
             f"| sensor delay, configured | {self._machine.sensors.torque.delay_s * 1e3:g} ms |",
             f"| samples not drawn | {not_drawn} |",
         ]
-        self._scribe.summary("\n".join(lines))
+        self._scribe.summary("\n".join(lines), time_s)
 
     def _draw_canvas(self, origin: str, canvas: AngleCanvas) -> None:
         backdrop.draw_canvas(self._stream, origin, canvas, self._marks, inside_backing(self._lanes))

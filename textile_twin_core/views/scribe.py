@@ -99,12 +99,15 @@ class Scribe:
         self.stream.set_time(TIMELINE, duration=float(time_s))
         self.stream.log("events", rr.TextLog(f"{time_s:7.2f} s  {text}", level=level))
 
-    def summary(self, markdown: str) -> None:
-        """The run's summary."""
-        self.stream.log("summary", rr.TextDocument(markdown, media_type="text/markdown"), static=True)
+    def summary(self, markdown: str, time_s: float | None = None) -> None:
+        """The run's summary; `time_s` as in `residual_by_angle`."""
+        self._log_at(time_s, "summary", rr.TextDocument(markdown, media_type="text/markdown"))
 
-    def residual_by_angle(self, bins: AngleBins) -> None:
-        """Mean residual with its spread (one standard deviation) and its extremes over the shaft angle."""
+    def residual_by_angle(self, bins: AngleBins, time_s: float | None = None) -> None:
+        """Mean residual with its spread (one standard deviation) and its extremes over the shaft angle.
+
+        time_s: when it was so, in a live view, whose server drops what is old; None: it holds for the whole recording.
+        """
         canvas = self.residual_canvas
         good = bins.count > 0
         x = canvas.x(bins.centre_rad[good])
@@ -114,8 +117,8 @@ class Scribe:
             return [np.array([(a, b), (a, c)]) for a, b, c in zip(x, canvas.y(low), canvas.y(high), strict=True)]
 
         mean, std = bins.mean_Nm[good], bins.std_Nm[good]
-        log = self.stream.log
-        log(
+        self._log_at(
+            time_s,
             "by_angle/extremes",
             rr.LineStrips2D(
                 columns(bins.min_Nm[good], bins.max_Nm[good]),
@@ -123,9 +126,9 @@ class Scribe:
                 colors=[palette.dim(palette.RESIDUAL, 0.2)],
                 draw_order=0.0,
             ),
-            static=True,
         )
-        log(
+        self._log_at(
+            time_s,
             "by_angle/spread",
             rr.LineStrips2D(
                 columns(mean - std, mean + std),
@@ -133,9 +136,9 @@ class Scribe:
                 colors=[palette.dim(palette.RESIDUAL, 0.5)],
                 draw_order=1.0,
             ),
-            static=True,
         )
-        log(
+        self._log_at(
+            time_s,
             "by_angle/mean",
             rr.LineStrips2D(
                 split_turns(bins.centre_rad, canvas.place(bins.centre_rad, bins.mean_Nm)),
@@ -143,8 +146,12 @@ class Scribe:
                 colors=[palette.NOW],
                 draw_order=2.0,
             ),
-            static=True,
         )
+
+    def _log_at(self, time_s: float | None, entity: str, drawn: rr.AsComponents) -> None:
+        if time_s is not None:
+            self.stream.set_time(TIMELINE, duration=float(time_s))
+        self.stream.log(entity, drawn, static=time_s is None)
 
     def _scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
         if time_s.size:

@@ -18,7 +18,11 @@ _DISCOVERY_S = 5.0
 RELIABILITY = {"reliable": ReliabilityPolicy.RELIABLE, "best_effort": ReliabilityPolicy.BEST_EFFORT}
 
 
-def depth_for(rate_hz: float, seconds: float = 1.0) -> int:
+QUEUE_S = 5.0
+"""Seconds of samples that queues hold, at both ends: a process that a busy computer lets wait so long loses nothing."""
+
+
+def depth_for(rate_hz: float, seconds: float = QUEUE_S) -> int:
     """Queue depth that holds this many seconds of messages."""
     return max(10, math.ceil(rate_hz * seconds))
 

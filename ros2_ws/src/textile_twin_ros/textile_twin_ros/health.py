@@ -17,10 +17,11 @@ WARN_SHARE = 0.01
 ERROR_SHARE = 0.5
 _STATE_LEVELS: dict[str, bytes] = {"waiting": WARN, "settling": WARN, "starting": WARN, "lost": ERROR}
 # What leaves a sample out, and what bridges one, in the counts of the shaft's report.
-_UNFIT = ("unreadable", "rejected_", "outliers")
+_UNFIT = ("unreadable", "rejected_", "outliers", "older")
 _INTERRUPTIONS = {
     "gaps": "pauses in the stamps",
     "jumps": "leaps of the angle that no shaft makes",
+    "miscounts": "times that a gap of teeth or an index pulse was elsewhere than counted",
     "set_back": "times that the stamps went back",
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import textile_twin_core as ttc
@@ -9,23 +10,25 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.machines import AnyMachine
 
 
-def load_machine(name: str) -> AnyMachine:
-    """A machine by its name, or from a machine file.
+def load_machine(name: str, encoder: Mapping[str, float] | None = None) -> AnyMachine:
+    """A machine by its name, or from a machine file; `encoder`: other settings of its encoder.
 
     Raises:
-        MachineError: no such machine, or a file that declares none.
+        MachineError: no such machine, or a file that declares none, or an encoder that cannot be.
     """
-    return ttc.load_machine(name) if Path(name).suffix in (".yaml", ".yml") else ttc.machines.create(name)
+    is_file = Path(name).suffix in (".yaml", ".yml")
+    machine: AnyMachine = ttc.load_machine(name) if is_file else ttc.machines.create(name)
+    return ttc.machines.with_encoder(machine, encoder or {})
 
 
-def load_linkage(name: str) -> ttc.Machine:
-    """A machine that is a linkage, by its name or from a machine file.
+def load_linkage(name: str, encoder: Mapping[str, float] | None = None) -> ttc.Machine:
+    """The same of a machine that is a linkage.
 
     Raises:
         MachineError: no such machine, or a file that declares none.
         SceneError: it is no linkage.
     """
-    machine = load_machine(name)
+    machine = load_machine(name, encoder)
     if not isinstance(machine, ttc.Machine):
         raise SceneError(f"machine '{name}' is no linkage: this node has nothing to show of it; choose another")
     return machine

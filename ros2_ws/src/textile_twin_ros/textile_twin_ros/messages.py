@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.files.cdr_decode import LAYOUT_READERS, Bytes, Layout
-from textile_twin_core.files.cdr_encode import encode_joint_states, encode_points, encode_wrenches
+from textile_twin_core.files.cdr_encode import encode_headers, encode_joint_states, encode_points, encode_wrenches
 
 SECOND_NS = 1_000_000_000
 JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 POINT = "geometry_msgs/msg/PointStamped"
 FLOAT64 = "std_msgs/msg/Float64"
+HEADER = "std_msgs/msg/Header"
 TORQUE_Z = 5
 
 _ONE = np.zeros(1, np.int64)
@@ -127,6 +128,13 @@ class TorqueReader(FieldReader):
         super().__init__(WRENCH, lambda _: [("wrench", TORQUE_Z)])
 
 
+class HeaderReader(FieldReader):
+    """Reads the stamps of Header messages."""
+
+    def __init__(self) -> None:
+        super().__init__(HEADER, lambda _: [])
+
+
 def read_float64(raw: bytes) -> float:
     """The number in a std_msgs/Float64.
 
@@ -187,6 +195,18 @@ class JointTemplate(_Template):
         """The message's bytes with positions [rad or m] and velocities [rad/s or m/s]."""
         self._speeds.pack_into(self._bytes, self._speeds_start, *velocities)
         return self.message(stamp_ns, *positions)
+
+
+class HeaderTemplate:
+    """Header: `message` takes the stamp alone."""
+
+    def __init__(self, frame: str) -> None:
+        self._bytes = bytearray(encode_headers(_ONE, frame)[0].tobytes())
+
+    def message(self, stamp_ns: int) -> bytes:
+        """The message's bytes with this stamp [ns]."""
+        _STAMP.pack_into(self._bytes, 4, stamp_ns // SECOND_NS, stamp_ns % SECOND_NS)
+        return bytes(self._bytes)
 
 
 def has_header(message_type: Any) -> bool:

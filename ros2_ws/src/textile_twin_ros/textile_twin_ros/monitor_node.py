@@ -17,7 +17,9 @@ from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, 
 from textile_twin_ros.endpoints import depth_for
 from textile_twin_ros.machine import load_linkage
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Sample, SampleInput
+from textile_twin_ros.sample_inputs import Sample
+from textile_twin_ros.sensor_parameters import SensorParameters
+from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
 
 _LOOK_S = 1.0
@@ -25,19 +27,10 @@ _RENEW_S = 0.05
 
 
 @dataclass
-class MonitorParameters:
+class MonitorParameters(SensorParameters):
     """Parameters of monitor_node."""
 
-    machine: str = parameter("tufting", "machine name, or path of a machine file: the same as the twin's")
     shaft: str = parameter("causal", "estimator of the shaft's state", choices=("causal", "lag"))
-    angle_type: str = parameter("joint_state", "type of main_shaft/angle", choices=tuple(ANGLE_READERS))
-    torque_type: str = parameter("wrench", "type of balancing_torque/measured", choices=tuple(TORQUE_READERS))
-    joint: str = parameter("main_shaft", "name of the shaft's joint in JointState inputs")
-    rate_hz: float = parameter(1000.0, "samples a second at most: queues hold a second of them", between=(1.0, 1e5))
-    qos_reliability: str = parameter(
-        "auto", "of the inputs; auto goes by the publishers", choices=("auto", "reliable", "best_effort")
-    )
-    no_data_timeout_s: float = parameter(2.0, "say so when an input is silent so long", between=(0.1, 1e6), live=True)
     learn_turns: int = parameter(100, "turns from which the machine's own band is learnt", between=(20, 100_000))
     raise_sigmas: float = parameter(8.0, "an alarm comes this far outside the band", between=(3.0, 1000.0))
     clear_sigmas: float = parameter(4.0, "and goes when it is nearer than this", between=(1.0, 1000.0))
@@ -53,20 +46,15 @@ class MonitorNode(Node):
         self.settings = settings = declare(self, MonitorParameters)
         self.executor_name = settings.executor
         self.finished = Future()
-        self._machine = load_linkage(settings.machine)
+        self._machine = load_linkage(settings.machine, settings.encoder())
         self._trends: list[Trend] = []
         self._alarms: list[Alarm] = []
         self._begin()
         depth = depth_for(settings.rate_hz)
-        common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
         self._angles: list[Sample] = []
         self._torques: list[Sample] = []
-        self._angle = SampleInput(
-            self, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, self._angles.extend
-        )
-        self._torque = SampleInput(
-            self, "balancing_torque/measured", TORQUE_READERS[settings.torque_type], *common, self._torques.extend
-        )
+        self._angle = AngleInput(self, settings, self._machine, depth, self._angles.extend)
+        self._torque = TorqueInput(self, settings, depth, self._torques.extend)
         self.create_service(Trigger, "~/learn_again", self._learn_again)
         call_every(self, _RENEW_S, self._renew)
         call_every(self, _LOOK_S, self._look)
@@ -112,7 +100,7 @@ class MonitorNode(Node):
 
     def _statuses(self) -> list[Status]:
         watch = self._monitor.watch
-        inputs = [self._angle.status(), self._torque.status()]
+        inputs = [*self._angle.statuses(), self._torque.status()]
         if not watch.learnt:
             text = f"learning: {watch.turns_learnt} of {self.settings.learn_turns} turns"
             return [*inputs, Status("faults", OK, text, {"turns": self._monitor.turns})]

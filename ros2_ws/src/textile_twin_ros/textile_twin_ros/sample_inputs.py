@@ -16,8 +16,10 @@ from textile_twin_ros.endpoints import describe_publishers, samples_qos
 from textile_twin_ros.health import Recent, judged, publisher_findings, sample_findings, stamp_findings
 from textile_twin_ros.messages import (
     FLOAT64,
+    HEADER,
     JOINT_STATE,
     WRENCH,
+    HeaderReader,
     JointReader,
     MessageError,
     TorqueReader,
@@ -75,10 +77,18 @@ def _plain_number(_joint: str) -> Reader:
     return lambda raw: (None, read_float64(raw), _NAN)
 
 
+def _stamp_alone(_joint: str) -> Reader:
+    headers = HeaderReader()
+    return lambda raw: (headers.read(raw)[0], _NAN, _NAN)
+
+
+#: Events that have a stamp alone: edges of a toothed wheel, index pulses.
+EDGES: Kind = (HEADER, _stamp_alone)
 #: By the value of the parameter.
 ANGLE_READERS: dict[str, Kind] = {
     "joint_state": (JOINT_STATE, _joint_angle),
     "float64": (FLOAT64, _plain_number),
+    "edges": EDGES,
 }
 TORQUE_READERS: dict[str, Kind] = {
     "wrench": (WRENCH, _wrench_torque),

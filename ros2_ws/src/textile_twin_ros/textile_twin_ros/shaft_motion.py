@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from random import Random
 
@@ -54,13 +55,54 @@ class Encoder:
     direction: float = 1.0
     ratio: float = 1.0
 
+    def turned(self, theta_rad: float) -> float:
+        """The angle of its own shaft at this shaft angle, which counts on."""
+        return theta_rad / (self.direction * self.ratio) + self.zero_rad
+
     def read(self, theta_rad: float) -> float:
         """What it shows at this shaft angle, in [0, 2 pi)."""
-        angle = (theta_rad / (self.direction * self.ratio) + self.zero_rad) % TURN
+        angle = self.turned(theta_rad) % TURN
         if not self.bits:
             return angle
         steps = 1 << self.bits
         return math.floor(angle / TURN * steps) % steps * (TURN / steps)
+
+
+@dataclass
+class Marks:
+    """Marks on the encoder's shaft that a pick-up tells as they pass: edges of teeth, or one index mark.
+
+    Args:
+        angles_rad: their angles in a turn, ascending in [0, 2 pi).
+        motion, encoder: how their shaft turns.
+    """
+
+    angles_rad: Sequence[float]
+    motion: ShaftMotion
+    encoder: Encoder
+
+    def passed(self, begin_s: float, end_s: float) -> list[float]:
+        """Times in (begin, end] at which a mark passes, for an interval in which the shaft does not reverse."""
+        begin, end = self._turned(begin_s), self._turned(end_s)
+        low, high = min(begin, end), max(begin, end)
+        first, last = math.floor(low / TURN), math.floor(high / TURN)
+        angles = [turn * TURN + angle for turn in range(first, last + 1) for angle in self.angles_rad]
+        times = [self._time_of(angle, begin_s, end_s) for angle in angles if low < angle <= high]
+        return sorted(times)
+
+    def _turned(self, time_s: float) -> float:
+        return self.encoder.turned(self.motion.at(time_s)[0])
+
+    def _time_of(self, angle_rad: float, begin_s: float, end_s: float) -> float:
+        rising = self._turned(end_s) > self._turned(begin_s)
+        while True:
+            middle = 0.5 * (begin_s + end_s)
+            if not begin_s < middle < end_s:
+                return end_s
+            if (self._turned(middle) < angle_rad) == rising:
+                begin_s = middle
+            else:
+                end_s = middle
 
 
 @dataclass

@@ -3,29 +3,42 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 import textile_twin_core as ttc
+from textile_twin_core.twin.references import reference_of
 from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.machine import load_machine
-from textile_twin_ros.messages import SECOND_NS, JointTemplate, WrenchTemplate
+from textile_twin_ros.messages import SECOND_NS, HeaderTemplate, JointTemplate, WrenchTemplate
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.shaft_motion import Encoder, ShaftMotion, TorqueSensor
+from textile_twin_ros.sensor_parameters import EncoderParameters
+from textile_twin_ros.shaft_motion import TURN, Encoder, Marks, ShaftMotion, TorqueSensor
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 from textile_twin_ros.twin_outputs import TORQUE, has_torque
 
 
 @dataclass
-class ShaftParameters:
+class ShaftParameters(EncoderParameters):
     """Parameters of shaft_node."""
 
-    machine: str = parameter("tufting", "machine name, or path of a machine file")
+    angle_type: str = parameter(
+        "joint_state",
+        "what the encoder tells: its angle, or edges: a std_msgs/Header for each tooth",
+        choices=("joint_state", "edges"),
+    )
+    index: bool = parameter(
+        False, "an index pulse for each turn on main_shaft/index; angles then count from where it was switched on"
+    )
     rate_hz: float = parameter(500.0, "samples a second", between=(1.0, 2e4))
     rpm: float = parameter(160.0, "speed after the run-up; negative runs backwards", between=(-1e4, 1e4))
     run_up_s: float = parameter(3.0, "seconds from standstill to that speed", between=(0.0, 1e4))
@@ -45,21 +58,51 @@ class ShaftNode(Node):
         self.settings = parameters = declare(self, ShaftParameters)
         self.executor_name = parameters.executor
         self.finished = Future()
-        machine = load_machine(parameters.machine)
+        machine = load_machine(parameters.machine, parameters.encoder())
         self._twin = ttc.compile(machine, outputs=[TORQUE]) if has_torque(machine) else None
         encoder, torque = machine.sensors.encoder, machine.sensors.torque
         self._motion = ShaftMotion(parameters.rpm, parameters.run_up_s, parameters.ripple)
         self._encoder = Encoder(parameters.encoder_bits, encoder.zero_rad, encoder.direction, encoder.ratio)
         self._sensor = TorqueSensor(torque.gain, torque.offset_Nm, parameters.torque_noise_Nm, parameters.seed)
         self._delay_s = torque.delay_s
-        self._angle = JointTemplate(["main_shaft"], velocities=False)
         self._torque = WrenchTemplate("main_shaft")
         qos = samples_qos(depth_for(parameters.rate_hz))
-        self._angles = self.create_publisher(JointState, "main_shaft/angle", qos)
+        self._publish_angle = self._create_angle(encoder, qos)
         self._torques = self.create_publisher(WrenchStamped, "balancing_torque/measured", qos)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=finish_with, args=(self.finished, self._work), name="shaft")
         self._thread.start()
+
+    def _create_angle(self, encoder: ttc.machines.Encoder, qos: QoSProfile) -> Callable[[int, float, float], None]:
+        """What publishes the angle, or the edges and the index since the sample before, for (start [ns], time, before).
+
+        Raises:
+            SceneError: edges of a wheel that has no teeth, or whose tooth 0 nothing would tell.
+        """
+        edges, index = self.settings.angle_type == "edges", self.settings.index
+        reference_of(encoder, edges, index)
+        motion, wheel = self._motion, self._encoder
+        marks: list[tuple[Publisher, Marks]] = []
+        pitch = TURN / encoder.teeth if encoder.teeth else 0.0
+        if edges:
+            teeth = [k * pitch for k in range(encoder.teeth - encoder.missing_teeth)]
+            marks.append((self.create_publisher(Header, "main_shaft/angle", qos), Marks(teeth, motion, wheel)))
+        if index:
+            place = [TURN - 0.5 * pitch] if edges else [0.0]  # before tooth 0
+            marks.append((self.create_publisher(Header, "main_shaft/index", qos), Marks(place, motion, wheel)))
+        event, angle = HeaderTemplate("main_shaft"), JointTemplate(["main_shaft"], velocities=False)
+        angles = None if edges else self.create_publisher(JointState, "main_shaft/angle", qos)
+        switched_on = wheel.turned(0.0) if index else 0.0
+
+        def publish(start_ns: int, time_s: float, before_s: float) -> None:
+            if angles is not None:
+                shown = (wheel.read(motion.at(time_s)[0]) - switched_on) % TURN
+                angles.publish(angle.message(start_ns + round(time_s * SECOND_NS), shown))
+            for publisher, passing in marks:
+                for passed_s in passing.passed(before_s, time_s):
+                    publisher.publish(event.message(start_ns + round(passed_s * SECOND_NS)))
+
+        return publish
 
     def close(self) -> None:
         """End the thread."""
@@ -78,13 +121,12 @@ class ShaftNode(Node):
             time_s = number / parameters.rate_hz
             if parameters.duration_s and time_s > parameters.duration_s:
                 return 0
-            self._publish(start_ns + round(time_s * SECOND_NS), time_s)
+            self._publish_angle(start_ns, time_s, max(number - 1, 0) / parameters.rate_hz)
+            self._publish_torque(start_ns + round(time_s * SECOND_NS), time_s)
             number += 1
         return 0
 
-    def _publish(self, stamp_ns: int, time_s: float) -> None:
-        theta, _, _ = self._motion.at(time_s)
-        self._angles.publish(self._angle.message(stamp_ns, self._encoder.read(theta)))
+    def _publish_torque(self, stamp_ns: int, time_s: float) -> None:
         if self._twin is not None and time_s >= self._delay_s:
             torque = float(self._twin.evaluate(*self._motion.at(time_s - self._delay_s))[TORQUE])
             self._torques.publish(self._torque.message(stamp_ns, self._sensor.read(torque)))

@@ -9,13 +9,17 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from textile_twin_core.errors import TwinError
+from textile_twin_core.machines import AnyMachine
+from textile_twin_core.twin.references import reference_of
 from textile_twin_ros.description import Description
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
 from textile_twin_ros.health import Finding, MeasuredTorque, judged
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Sample, SampleInput
+from textile_twin_ros.sample_inputs import Sample
+from textile_twin_ros.sensor_parameters import SensorParameters
+from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
 from textile_twin_ros.twin_stream import TwinStream
 
@@ -25,20 +29,12 @@ _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.
 
 
 @dataclass
-class TwinParameters:
+class TwinParameters(SensorParameters):
     """Parameters of twin_node."""
 
-    machine: str = parameter("tufting", "machine name, or path of a machine file")
     shaft: str = parameter("causal", "estimator of the shaft's state", choices=("causal", "lag"))
     shaft_lag_s: float = parameter(0.04, "with shaft lag: how long it looks ahead", between=(0.001, 1.0))
-    angle_type: str = parameter("joint_state", "type of main_shaft/angle", choices=tuple(ANGLE_READERS))
-    torque_type: str = parameter("wrench", "type of balancing_torque/measured", choices=tuple(TORQUE_READERS))
-    joint: str = parameter("main_shaft", "name of the shaft's joint in JointState inputs")
-    rate_hz: float = parameter(1000.0, "samples a second at most: queues hold a second of them", between=(1.0, 1e5))
-    qos_depth: int = parameter(0, "depth of the queues; 0 holds a second at rate_hz", between=(0, 10_000_000))
-    qos_reliability: str = parameter(
-        "auto", "of the inputs; auto goes by the publishers", choices=("auto", "reliable", "best_effort")
-    )
+    qos_depth: int = parameter(0, "depth of the queues; 0 holds five seconds at rate_hz", between=(0, 10_000_000))
     joint_states_rate_hz: float = parameter(
         0.0, "largest rate of joint_states; 0 is every sample", between=(0.0, 1e5), live=True
     )
@@ -47,9 +43,6 @@ class TwinParameters:
         "rms of the residual, in N m, above which the diagnostics warn; 0: where it is larger than the measured torque",
         between=(0.0, 1e9),
         live=True,
-    )
-    no_data_timeout_s: float = parameter(
-        2.0, "say so when an input stays silent so long", between=(0.1, 1e6), live=True
     )
     autostart: bool = parameter(True, "configure and activate at the start; otherwise by lifecycle services")
     wait_for: tuple[str, ...] = parameter(
@@ -71,8 +64,9 @@ class TwinNode(LifecycleNode):
         self.executor_name = self.settings.executor
         self.finished = Future()
         self._stream: TwinStream | None = None
-        self._angle: SampleInput | None = None
-        self._torque: SampleInput | None = None
+        self._machine: AnyMachine | None = None
+        self._angle: AngleInput | None = None
+        self._torque: TorqueInput | None = None
         self._description: Description | None = None
         self._measured = MeasuredTorque()
         self._active = False
@@ -91,7 +85,8 @@ class TwinNode(LifecycleNode):
         """Compile the machine and create the topics."""
         settings = self.settings
         try:
-            machine = load_machine(settings.machine)
+            machine = self._machine = load_machine(settings.machine, settings.encoder())
+            reference_of(machine.sensors.encoder, settings.angle_type == "edges", settings.index)
             depth = settings.qos_depth or depth_for(settings.rate_hz)
             estimator = {"shaft_lag_s": settings.shaft_lag_s} if settings.shaft == "lag" else {}
             self._stream = TwinStream(
@@ -113,17 +108,12 @@ class TwinNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen."""
         settings, stream = self.settings, self._stream
-        assert stream is not None
+        assert stream is not None and self._machine is not None
         stream.reset()
         self._measured = MeasuredTorque()
         depth = settings.qos_depth or depth_for(settings.rate_hz)
-        common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
-        self._angle = SampleInput(
-            self, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, self._on_angles
-        )
-        self._torque = SampleInput(
-            self, "balancing_torque/measured", TORQUE_READERS[settings.torque_type], *common, self._on_torques
-        )
+        self._angle = AngleInput(self, settings, self._machine, depth, self._on_angles)
+        self._torque = TorqueInput(self, settings, depth, self._on_torques)
         self._active = True
         result = super().on_activate(state)
         self.get_logger().info(f"{settings.machine}: predicting from {self._angle.name}, estimator {settings.shaft}")
@@ -196,7 +186,7 @@ class TwinNode(LifecycleNode):
         if stream is None or angle is None or torque is None:
             text = "waiting for subscribers" if self._starting else "not active: activate it by its lifecycle services"
             return [Status("twin", WARN, text)]
-        statuses = [angle.status(stream.sample_counts()), stream.estimator_status(self.settings.shaft)]
+        statuses = [*angle.statuses(stream.sample_counts()), stream.estimator_status(self.settings.shaft)]
         if torque.watch.received or torque.has_publishers():
             statuses.append(torque.status())
             statuses.append(stream.residual_status(self._measured.rms_Nm(), self.settings.residual_limit_Nm))

@@ -33,7 +33,7 @@ class ViewParameters:
     memory_limit: str = parameter("64MB", "how much is kept for viewers that come later")
     limit_Nm: float = parameter(0.0, "residual that is marked, in N m; 0 marks none", between=(0.0, 1e9))
     frames_hz: float = parameter(60.0, "pictures of the linkage a second at most", between=(0.1, 1000.0))
-    rate_hz: float = parameter(1000.0, "samples a second at most: queues hold a second of them", between=(1.0, 1e5))
+    rate_hz: float = parameter(1000.0, "samples a second at most: queues hold five seconds of them", between=(1.0, 1e5))
     qos_reliability: str = parameter(
         "auto", "of the inputs; auto goes by the publishers", choices=("auto", "reliable", "best_effort")
     )

@@ -1,0 +1,57 @@
+"""Parameters that every node with the machine's sensors as inputs has: their messages, and what is known of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from textile_twin_core.machines import ENCODER_OPTIONS
+from textile_twin_ros.parameters import parameter
+from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS
+
+_FILE = "as the machine file says"
+
+
+@dataclass
+class EncoderParameters:
+    """The machine, and the encoder's settings that its file does not tell."""
+
+    machine: str = parameter("tufting", "machine name, or path of a machine file")
+    encoder_teeth: int = parameter(0, f"{ENCODER_OPTIONS['teeth']}; 0: {_FILE}", between=(0, 100_000))
+    encoder_missing_teeth: int = parameter(-1, f"{ENCODER_OPTIONS['missing_teeth']}; -1: {_FILE}", between=(-1, 1000))
+    encoder_cycle_turns: int = parameter(0, f"{ENCODER_OPTIONS['cycle_turns']}; 0: {_FILE}", between=(0, 1000))
+    encoder_resolution_rad: float = parameter(
+        0.0, f"{ENCODER_OPTIONS['resolution_rad']}; 0: {_FILE}", between=(0.0, 7.0)
+    )
+    encoder_stamp_jitter_s: float = parameter(
+        -1.0, f"{ENCODER_OPTIONS['stamp_jitter_s']}; -1: {_FILE}", between=(-1.0, 10.0)
+    )
+
+    def encoder(self) -> dict[str, float]:
+        """What was told of the encoder, by the names of its settings."""
+        unset = {"missing_teeth": -1, "stamp_jitter_s": -1.0}
+        given = {name: getattr(self, f"encoder_{name}") for name in ENCODER_OPTIONS}
+        return {name: value for name, value in given.items() if value != unset.get(name, 0)}
+
+
+@dataclass
+class SensorParameters(EncoderParameters):
+    """The inputs of the shaft's angle and torque."""
+
+    angle_type: str = parameter(
+        "joint_state", "type of main_shaft/angle; edges: a std_msgs/Header for each tooth", choices=tuple(ANGLE_READERS)
+    )
+    index: bool = parameter(False, "zero is told by index pulses: a std_msgs/Header on main_shaft/index for each turn")
+    torque_type: str = parameter("wrench", "type of balancing_torque/measured", choices=tuple(TORQUE_READERS))
+    torque_unit_Nm: float = parameter(
+        1.0,
+        "N m of one unit of the measured torque; for a motor's current its torque constant times the gear ratio",
+        between=(-1e6, 1e6),
+    )
+    joint: str = parameter("main_shaft", "name of the shaft's joint in JointState inputs")
+    rate_hz: float = parameter(1000.0, "samples a second at most: queues hold five seconds of them", between=(1.0, 1e5))
+    qos_reliability: str = parameter(
+        "auto", "of the inputs; auto goes by the publishers", choices=("auto", "reliable", "best_effort")
+    )
+    no_data_timeout_s: float = parameter(
+        2.0, "say so when an input stays silent so long", between=(0.1, 1e6), live=True
+    )

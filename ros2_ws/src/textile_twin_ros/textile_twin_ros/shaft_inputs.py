@@ -1,0 +1,102 @@
+"""The shaft's inputs: its angle as samples or as edges of a toothed wheel, index pulses, and its torque."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from rclpy.node import Node
+
+from textile_twin_core.machines import AnyMachine
+from textile_twin_core.twin.references import reference_of
+from textile_twin_ros.diagnostics import Status
+from textile_twin_ros.sample_inputs import ANGLE_READERS, EDGES, TORQUE_READERS, Sample, SampleInput
+from textile_twin_ros.sensor_parameters import SensorParameters
+
+
+class AngleInput(SampleInput):
+    """The topic `main_shaft/angle`, and `main_shaft/index` where the parameters tell of it.
+
+    Args:
+        node: the node that listens.
+        settings: its parameters.
+        machine: whose encoder it is.
+        depth: messages that may wait.
+        take: called with blocks of samples: angles as the encoder measures them.
+
+    Raises:
+        SceneError: edges that this machine's encoder cannot count.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        settings: SensorParameters,
+        machine: AnyMachine,
+        depth: int,
+        take: Callable[[list[Sample]], None],
+    ) -> None:
+        self._give = take
+        self._create = lambda: reference_of(machine.sensors.encoder, settings.angle_type == "edges", settings.index)
+        self._reference = self._create()
+        common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
+        super().__init__(node, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, self._on_samples)
+        self._index = SampleInput(node, "main_shaft/index", EDGES, *common, self._on_pulses) if settings.index else None
+
+    def statuses(self, counts: Mapping[str, float] | None = None) -> list[Status]:
+        """The diagnostics of this moment, of the angle and of the index; `counts` as in `status`."""
+        own = {} if self._reference is None else dict(self._reference.counts)
+        index = [] if self._index is None else [self._index.status()]
+        return [self.status({**own, **(counts or {})}), *index]
+
+    def restart(self) -> None:
+        """Begin to watch anew, and forget where the shaft stands."""
+        super().restart()
+        self._reference = self._create()
+        if self._index is not None:
+            self._index.restart()
+
+    def renew(self) -> None:
+        """As in SampleInput, for both topics."""
+        super().renew()
+        if self._index is not None:
+            self._index.renew()
+
+    def destroy(self) -> None:
+        """End the subscriptions."""
+        super().destroy()
+        if self._index is not None:
+            self._index.destroy()
+
+    def _on_samples(self, block: list[Sample]) -> None:
+        self._pass_on(block if self._reference is None else self._reference.take(block))
+
+    def _on_pulses(self, block: list[Sample]) -> None:
+        assert self._reference is not None
+        for stamp, _, _ in block:
+            self._pass_on(self._reference.index(stamp))
+
+    def _pass_on(self, block: list[Sample]) -> None:
+        if block:
+            self._give(block)
+
+
+class TorqueInput(SampleInput):
+    """The topic `balancing_torque/measured`; its samples are in N m.
+
+    Args:
+        node: the node that listens.
+        settings: its parameters.
+        depth: messages that may wait.
+        take: called with blocks of samples.
+    """
+
+    def __init__(
+        self, node: Node, settings: SensorParameters, depth: int, take: Callable[[list[Sample]], None]
+    ) -> None:
+        unit = settings.torque_unit_Nm
+
+        def in_Nm(block: list[Sample]) -> None:
+            take([(stamp, value * unit, rate) for stamp, value, rate in block])
+
+        common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
+        super().__init__(node, "balancing_torque/measured", TORQUE_READERS[settings.torque_type], *common, in_Nm)

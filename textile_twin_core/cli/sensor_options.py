@@ -1,0 +1,48 @@
+"""Options that tell of the sensors of a recording what the machine file does not."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from textile_twin_core.cli.arguments import count, number, positive
+
+if TYPE_CHECKING:
+    from textile_twin_core.machines.sensors import SomeMachine
+
+_TYPES = {int: count, float: positive, type(None): positive}
+_UNITS = {"_rad": "RAD", "_s": "S"}
+
+
+def add_sensors(parser: argparse.ArgumentParser) -> None:
+    """The encoder's settings, its index pulse, and what one unit of the torque's topic is."""
+    from textile_twin_core.machines.sensors import ENCODER_OPTIONS, Encoder
+
+    group = parser.add_argument_group("sensors", "instead of what the machine file says of them")
+    for name, text in ENCODER_OPTIONS.items():
+        end = next((end for end in _UNITS if name.endswith(end)), "")
+        group.add_argument(
+            f"--{name.removesuffix(end).replace('_', '-')}",
+            dest=name,
+            type=_TYPES[type(getattr(Encoder(), name))],
+            metavar=_UNITS.get(end, "N"),
+            help=text,
+        )
+    group.add_argument(
+        "--index-topic", metavar="TOPIC", help="index pulses (std_msgs/Header), one a turn, that tell where zero is"
+    )
+    group.add_argument(
+        "--torque-unit",
+        type=number,
+        default=1.0,
+        metavar="NM",
+        help="N m of one unit of the torque's topic: for a motor's current its torque constant times the gear ratio",
+    )
+
+
+def with_sensors(machine: SomeMachine, arguments: argparse.Namespace) -> SomeMachine:
+    """The machine with the encoder that the arguments tell of. Raises MachineError."""
+    from textile_twin_core.machines.sensors import ENCODER_OPTIONS, with_encoder
+
+    given = {name: getattr(arguments, name) for name in ENCODER_OPTIONS}
+    return with_encoder(machine, {name: value for name, value in given.items() if value is not None})

@@ -1,0 +1,96 @@
+"""The topics of one machine in a recording, and its shaft's angles as the encoder measures them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from textile_twin_core.arrays import IntArray
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.files.bag import HEADER, AngleSamples, Bag
+from textile_twin_core.machines import Encoder
+from textile_twin_core.twin.references import Reading, Reference, reference_of
+
+ANGLE_TOPIC = "main_shaft/angle"
+MEASURED_TOPIC = "balancing_torque/measured"
+
+
+def namespace_of(angle_topic: str) -> str:
+    """The machine's namespace, which its angle's absolute topic begins with; empty for a topic of another name."""
+    suffix = f"/{ANGLE_TOPIC}"
+    return angle_topic.removesuffix(suffix) if angle_topic.endswith(suffix) else ""
+
+
+def beside(bag: Bag, angle_topic: str, topic: str) -> str:
+    """The topic of that name in the angle's own namespace where there is one, else the name as it is."""
+    own = f"{namespace_of(angle_topic)}/{topic.strip('/')}"
+    return own if own in bag.topics else topic
+
+
+def usable_angles(
+    bag: Bag,
+    encoder: Encoder,
+    topic: str = ANGLE_TOPIC,
+    joint: str = "main_shaft",
+    skip_bad: bool = False,
+    index_topic: str | None = None,
+) -> AngleSamples:
+    """The recorded angles, as the encoder measures them; edges of its wheel (a topic of Header) are counted.
+
+    index_topic: pulses that tell where zero is.
+
+    Raises:
+        SceneError: edges that this encoder cannot count.
+        RecordingError: an angle is NaN or infinite, unless `skip_bad`: the shaft estimator then rejects and counts it.
+            Without a single finite angle it is an error in any case.
+    """
+    edges = bag.find_topic(topic).msgtype == HEADER
+    if edges:
+        stamps = bag.read_events(topic)
+        angles = AngleSamples(bag.find_topic(topic).name, stamps, np.zeros(len(stamps)), None, stamped=True)
+    else:
+        angles = bag.read_angles(topic, joint)
+    reference = reference_of(encoder, edges, index_topic is not None)
+    if reference is not None:
+        pulses = (
+            np.empty(0, np.int64) if index_topic is None else bag.read_events(beside(bag, angles.topic, index_topic))
+        )
+        angles = _referred(angles, reference, pulses)
+    bad = np.flatnonzero(~np.isfinite(angles.angles_rad))
+    if len(bad) == len(angles):
+        raise RecordingError(f"{bag.path}: topic {angles.topic}: no angle is a finite number; check the encoder")
+    if len(bad) and not skip_bad:
+        first = int(bad[0])
+        after_s = (int(angles.stamps[first]) - int(angles.stamps[0])) * 1e-9
+        raise RecordingError(
+            f"{bag.path}: topic {angles.topic}: the angle of sample {first} ({after_s:.3f} s after the first) is"
+            f" {angles.angles_rad[first]}, {len(bad)} such of {len(angles)}; leave them out with --skip-bad-samples"
+        )
+    return angles
+
+
+def _referred(angles: AngleSamples, reference: Reference, pulses: IntArray) -> AngleSamples:
+    """Angles as a reference tells them. Raises RecordingError when it tells none."""
+    speeds = np.full(len(angles), np.nan) if angles.velocities is None else angles.velocities
+    rows = list(zip(angles.stamps.tolist(), angles.angles_rad.tolist(), speeds.tolist(), strict=True))
+    known: list[Reading] = []
+    begin = 0
+    for pulse in pulses.tolist():
+        end = int(np.searchsorted(angles.stamps, pulse, side="right"))
+        known += reference.take(rows[begin:end])
+        known += reference.index(pulse)
+        begin = max(begin, end)
+    known += reference.take(rows[begin:])
+    if not known:
+        raise RecordingError(
+            f"topic {angles.topic}: among {len(angles)} readings nothing told where the shaft stands: no gap of missing"
+            " teeth, no index pulse"
+        )
+    stamps, angle, speed = zip(*known, strict=True)
+    return replace(
+        angles,
+        stamps=np.array(stamps, np.int64),
+        angles_rad=np.array(angle),
+        velocities=None if angles.velocities is None else np.array(speed),
+    )
