@@ -1,8 +1,10 @@
-# Sourced by the other scripts: makes .venv from requirements.lock when it is missing or out of date, and clears the way for the ROS wheels.
+# Sourced by the other scripts: makes .venv from a lock file when it is missing or out of date, and clears the way for the
+# ROS wheels. A script that needs more than what runs (requirements.lock) names its lock before: lock=requirements-tests.lock.
 
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 venv="$root/.venv"
 ros_package="$root/ros2_ws/src/textile_twin_ros"
+lock="${lock:-requirements.lock}"
 
 fail() { echo "$(basename "$0"): $*" >&2; exit 2; }
 
@@ -21,15 +23,22 @@ find_python() {
 }
 
 # What the environment is made of: it is brought up to date when one of these changes or when the folder has moved.
-fingerprint() {
-    echo "$root"
-    cat "$root"/{requirements.lock,pyproject.toml} "$ros_package"/{setup.py,setup.cfg,pyproject.toml} | sha256sum
+fingerprint() { # LOCK
+    echo "$root" "$1"
+    cat "$root"/{"$1",pyproject.toml} "$ros_package"/{setup.py,setup.cfg,pyproject.toml} | sha256sum
+}
+
+# An environment for the tests runs everything, so that demonstration and suite leave it as it is.
+is_made() {
+    local made
+    made="$(cat "$venv/.made_from" 2> /dev/null)" || return 1
+    [ "$made" = "$(fingerprint "$lock")" ] || [ "$made" = "$(fingerprint requirements-tests.lock)" ]
 }
 
 # Shows how far pip has come when a person looks on; the words go to the log.
 count_packages() {
     local total count=0 line
-    total="$(grep -c '==' "$root/requirements.lock")"
+    total="$(grep -c '==' "$root/$lock")"
     while IFS= read -r line; do
         echo "$line" >> "$1"
         if [[ "$line" == Collecting* && -t 2 ]]; then
@@ -44,11 +53,10 @@ make_environment() (
     mkdir -p "$venv" "$root/out"
     exec 9<"$venv"
     flock 9 2>/dev/null || true # two scripts started at once: the second waits for the first
-    local print log="$root/out/setup.log"
-    print="$(fingerprint)"
-    if [ "$(cat "$venv/.made_from" 2>/dev/null)" = "$print" ]; then return; fi
+    local log="$root/out/setup.log"
+    if is_made; then return; fi
 
-    echo "Setting up .venv from requirements.lock (once; one to three minutes) ..." >&2
+    echo "Setting up .venv from $lock (once; one to three minutes) ..." >&2
     if ! grep -qsF "$venv" "$venv/pyvenv.cfg" || ! is_suitable "$venv/bin/python"; then
         local python
         python="$(find_python)" || exit 2
@@ -59,13 +67,13 @@ make_environment() (
     fi
     export PIP_DISABLE_PIP_VERSION_CHECK=1
     : > "$log"
-    "$venv/bin/python" -m pip install --no-input --require-hashes -r "$root/requirements.lock" 2>&1 | count_packages "$log" &&
+    "$venv/bin/python" -m pip install --no-input --require-hashes -r "$root/$lock" 2>&1 | count_packages "$log" &&
         "$venv/bin/python" -m pip install --no-deps --no-build-isolation -e "$root" -e "$ros_package" \
             >> "$log" 2>&1 || {
         tail -n 15 "$log" >&2
         fail "the environment could not be made; the whole story is in $log"
     }
-    echo "$print" > "$venv/.made_from"
+    fingerprint "$lock" > "$venv/.made_from"
 )
 
 # A ROS installation sourced in this shell would mix its libraries with those of the wheels.

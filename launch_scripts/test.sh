@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Checks everything: style, types, the order of the packages, then the tests. Arguments go to pytest.
 set -euo pipefail
+lock=requirements-tests.lock
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 

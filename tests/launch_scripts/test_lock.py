@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,8 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 LOCKS = {
-    "requirements.lock": "ros files view design plc dev",
+    "requirements.lock": "ros files view design plc",
+    "requirements-tests.lock": "ros files view design plc dev",
     "requirements-peers.lock": "files design dev peers",
 }
 PYTHONS = ("3.11.0", "3.12.0", "3.13.0")
@@ -68,3 +71,27 @@ def test_every_extra_is_locked() -> None:
 @each_lock
 def test_one_version_for_every_python(lock: str) -> None:
     assert locked(lock, "3.11.0") == locked(lock, "3.12.0") == locked(lock, "3.13.0")
+
+
+@pytest.mark.parametrize("python", PYTHONS)
+def test_what_tests_add_changes_nothing_of_what_runs(python: str) -> None:
+    """So that an environment made by the demonstration is completed by the tests."""
+    assert locked("requirements.lock", python).items() <= locked("requirements-tests.lock", python).items()
+
+
+def test_what_runs_imports_nothing_of_the_tests() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    runs = [*project["dependencies"], *(text for name in extras.keys() - {"dev"} for text in extras[name])]
+    needed = {canonicalize_name(Requirement(text).name) for text in runs}
+    tests_alone = {canonicalize_name(Requirement(text).name) for text in extras["dev"]} - needed
+    packages = {name for name, by in packages_distributions().items() if set(map(canonicalize_name, by)) <= tests_alone}
+    assert {"pytest", "mpmath", "hypothesis"} <= packages
+    for folder in ("textile_twin_core", "ros2_ws/src/textile_twin_ros/textile_twin_ros", "launch_scripts"):
+        for file in (ROOT / folder).rglob("*.py"):
+            imports = [
+                node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Import | ast.ImportFrom)
+            ]
+            names = {name.name for node in imports for name in node.names if isinstance(node, ast.Import)}
+            names |= {node.module for node in imports if isinstance(node, ast.ImportFrom) and node.module}
+            assert not {name.split(".")[0] for name in names} & packages, file
