@@ -4,12 +4,11 @@ Run from the root of the repository: python -m tests.benchmarks.field WHAT [NUMB
   side-by-side [SECONDS]   three suites on one computer, two of them in namespaces, started in the same second
   kills [TIMES]            a recorder killed at random moments at 1 kHz, and what is on the disk
   restarts [TIMES]         nodes killed and started again in any order, and how long until predictions are back
-  endurance [MINUTES]      1 kHz with recorder and view: samples lost and doubled, latency, CPU and memory of each node
+python -m tests.benchmarks.endurance [MINUTES] runs at 1 kHz for long.
 """
 
 from __future__ import annotations
 
-import os
 import random
 import re
 import signal
@@ -17,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -25,9 +23,8 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
 from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, running_suite
-from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files import Bag, open_bag
+from textile_twin_core.files import open_bag
 
 ROOT = Path(__file__).parents[2]
 PREDICTED = "balancing_torque/predicted"
@@ -129,75 +126,8 @@ def restarts(suite: Suite, times: int) -> None:
           f" {stale} old ones")  # fmt: skip
 
 
-def endurance(suite: Suite, minutes: float) -> None:
-    """1 kHz into twin, recorder and view."""
-    bag = suite.folder / "endurance"
-    processes = {
-        "record_node": suite.start("record_node", f"bag:={bag}", "rate_hz:=1000.0"),
-        "twin_node": suite.start("twin_node"),
-        "view_node": suite.start("view_node", "memory_limit:=16MB"),
-    }
-    for name, words in (("record_node", "recording to"), ("twin_node", "predicting from"), ("view_node", "look at it")):
-        processes[name].wait_for_words(words)
-    time.sleep(2.0)
-    processes["shaft_node"] = suite.start("shaft_node", "rate_hz:=1000.0", f"duration_s:={60.0 * minutes}")
-    began, memory, cpu = time.monotonic(), {}, {}
-    while processes["shaft_node"].process.poll() is None:
-        time.sleep(5.0)
-        for name, program in processes.items():
-            if program.process.poll() is None:
-                memory.setdefault(name, []).append((time.monotonic() - began, _resident_MB(program.process.pid)))
-                cpu[name] = _cpu_s(program.process.pid)
-    time.sleep(2.0)
-    for name in ("record_node", "twin_node", "view_node"):
-        processes[name].end(signal.SIGINT)
-    recorded = open_bag(bag)
-    angles = recorded.read_angles().stamps
-    predicted = recorded.read_torques(PREDICTED).stamps
-    counts = Counter(predicted.tolist())
-    arrived = {topic: _log_times(recorded, topic) for topic in ("main_shaft/angle", PREDICTED)}
-    late = np.array(
-        [arrived[PREDICTED][s] - arrived["main_shaft/angle"][s] for s in counts if s in arrived["main_shaft/angle"]]
-    )
-    p50, p99, largest = (np.percentile(late, share) * 1e-6 for share in (50, 99, 100))
-    # The machine's stamps are a millisecond apart; what was published before all had found each other is no loss.
-    holes = {topic: _holes(np.array(sorted(arrived[topic]))) for topic in arrived}
-    print(f"{len(angles)} angles recorded, {holes['main_shaft/angle']} lost; {len(counts)} predictions,"
-          f" {holes[PREDICTED]} lost, {sum(counts.values()) - len(counts)} doubled; angle to prediction as recorded:"
-          f" p50 {p50:.2f} ms, p99 {p99:.2f} ms, largest {largest:.1f} ms")  # fmt: skip
-    for name, samples in memory.items():
-        seconds, megabytes = np.array(samples).T
-        later = seconds > seconds[-1] / 3
-        slope = 60.0 * np.polyfit(seconds[later], megabytes[later], 1)[0] if later.sum() > 3 else float("nan")
-        print(f"{name:12} {100.0 * cpu[name] / seconds[-1]:5.1f} % CPU, {megabytes[-1]:6.1f} MB,"
-              f" {slope:+.2f} MB a minute over the last two thirds")  # fmt: skip
-
-
-def _holes(stamps: IntArray) -> int:
-    """Samples a millisecond apart that are missing between the first and the last."""
-    return round((int(stamps[-1]) - int(stamps[0])) / 1_000_000) + 1 - len(stamps)
-
-
-def _log_times(bag: Bag, topic: str) -> dict[int, int]:
-    """When a message of each stamp was recorded [ns]."""
-    times = {}
-    for _, log_ns, raw in bag.raw_messages([topic]):
-        seconds, nanoseconds = np.frombuffer(raw, "<i4,<u4", 1, 4)[0]
-        times[int(seconds) * SECOND_NS + int(nanoseconds)] = log_ns
-    return times
-
-
 def _stamp(message: WrenchStamped | JointState) -> int:
     return int(message.header.stamp.sec * SECOND_NS + message.header.stamp.nanosec)
-
-
-def _resident_MB(pid: int) -> float:
-    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
-def _cpu_s(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def main() -> None:
@@ -206,7 +136,6 @@ def main() -> None:
         "side-by-side": (side_by_side, 60.0),
         "kills": (kills, 20),
         "restarts": (restarts, 20),
-        "endurance": (endurance, 10.0),
     }
     if len(sys.argv) < 2 or sys.argv[1] not in runs:
         sys.exit(__doc__)

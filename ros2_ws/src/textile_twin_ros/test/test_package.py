@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 PACKAGE = Path(__file__).parent.parent
-NODES = ("twin_node", "replay_node", "record_node", "shaft_node", "view_node", "plc_node", "monitor_node")
+NODES = ("twin_node", "replay_node", "record_node", "shaft_node", "view_node", "plc_node", "opcua_node", "monitor_node")
 
 
 @pytest.mark.parametrize("node", NODES)

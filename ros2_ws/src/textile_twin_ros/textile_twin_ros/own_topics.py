@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 #: Topics that all machines share.
 SHARED = ("/diagnostics", "/clock", "/tf", "/tf_static")
-NODES = ("twin_node", "replay_node", "record_node", "shaft_node", "view_node", "plc_node")
+NODES = ("twin_node", "replay_node", "record_node", "shaft_node", "view_node", "plc_node", "opcua_node", "monitor_node")
 # Only a machine has these: what else stands in the same namespace is that machine's, too.
 _OF_A_MACHINE = (
     "twin_node/transition_event",
@@ -16,6 +16,7 @@ _OF_A_MACHINE = (
 )
 _NAMES = (
     *_OF_A_MACHINE,
+    "main_shaft/index",
     "balancing_torque/predicted_sigma",
     "balancing_torque/residual",
     "needle/position",

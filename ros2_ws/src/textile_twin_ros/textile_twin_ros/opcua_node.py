@@ -1,0 +1,196 @@
+"""A PLC in place of sensor drivers: angle and torque as its OPC UA server tells them, the prediction back into it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import threading
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+
+from textile_twin_core.errors import SceneError
+from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
+from textile_twin_ros.endpoints import depth_for, samples_qos
+from textile_twin_ros.health import Recent
+from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplate
+from textile_twin_ros.opcua_values import Value, Values
+from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.spinning import EXECUTORS, finish_with, run
+
+if TYPE_CHECKING:
+    from asyncua.client.client import Client
+
+_RETRY_S = 1.0
+_WRITE_S = 0.02
+_CHECK_S = 1.0
+
+
+@dataclass
+class OpcuaParameters:
+    """Parameters of opcua_node; variables are written as node ids, such as ns=2;s=Loom.Angle."""
+
+    url: str = parameter("", "address of the server, such as opc.tcp://10.0.0.5:4840")
+    angle: str = parameter("", "variable of the shaft's angle")
+    angle_unit_rad: float = parameter(1.0, "radians of one unit of it", between=(1e-12, 1e3))
+    torque: str = parameter("", "variable of the shaft's torque, or of the drive's current; none where there is none")
+    torque_unit_Nm: float = parameter(1.0, "N m of one unit of it, or the motor constant", between=(-1e6, 1e6))
+    predicted: str = parameter("", "variable that takes the latest predicted torque, in N m")
+    stamps: str = parameter(
+        "source", "of the messages: the source's, by the PLC's clock, or of arrival here", choices=("source", "arrival")
+    )
+    sampling_ms: float = parameter(
+        0.0, "how often the server looks at a variable; 0: as fast as it can, or at each change", between=(0.0, 1e4)
+    )
+    rate_hz: float = parameter(
+        200.0, "samples a second at most: the server and queues here hold five seconds of them", between=(0.1, 1e4)
+    )
+    timeout_s: float = parameter(4.0, "how long an answer may take", between=(0.1, 60.0))
+    executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
+
+
+class OpcuaNode(Node):
+    """Subscribes to the server's variables; each change that it tells is a message, with the stamp it has there."""
+
+    def __init__(self) -> None:
+        # Optional packages are imported where they are used, so that a missing one is told in one line.
+        from asyncua.client.client import Client
+        from asyncua.ua.uaerrors import UaError
+
+        super().__init__("opcua_node")
+        # What becomes of the connection is told by this node, in its own words.
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL)
+        self._create_client, self._failures = Client, (OSError, UaError)
+        self.settings = settings = declare(self, OpcuaParameters)
+        self.executor_name = settings.executor
+        self.finished = Future()
+        if not settings.url.startswith("opc.tcp://"):
+            raise SceneError(f"parameter 'url' is '{settings.url}': give the server's address, opc.tcp://10.0.0.5:4840")
+        if not settings.angle:
+            raise SceneError("parameter 'angle' is not set: give the variable's node id, such as ns=2;s=Loom.Angle")
+        self._ids = {name: self._node_id(name) for name in ("angle", "torque", "predicted") if getattr(settings, name)}
+        self.counts: Counter[str] = Counter(angles=0, torques=0, unfit=0, overflows=0, failures=0)
+        self._recent, self._trouble = Recent(), "not connected yet"
+        self._latest: float | None = None
+        self._create_topics()
+        self._diagnostics = DiagnosticsPublisher(self, lambda: settings.url, self._statuses)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=finish_with, args=(self.finished, self._work), name="opcua")
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and the connection."""
+        self._stop.set()
+        self._thread.join()
+
+    def _node_id(self, name: str) -> Any:
+        text = getattr(self.settings, name)
+        from asyncua.ua import NodeId
+
+        try:
+            return NodeId.from_string(text)
+        except (*self._failures, ValueError) as error:
+            raise SceneError(f"parameter '{name}' is '{text}': write a node id, such as ns=2;s=Loom.Angle") from error
+
+    def _create_topics(self) -> None:
+        qos = samples_qos(depth_for(self.settings.rate_hz))
+        self._angle, self._torque = JointTemplate(["main_shaft"], velocities=False), WrenchTemplate("main_shaft")
+        self._angles = self.create_publisher(JointState, "main_shaft/angle", qos)
+        has_torque = "torque" in self._ids
+        self._torques = self.create_publisher(WrenchStamped, "balancing_torque/measured", qos) if has_torque else None
+        if "predicted" in self._ids:
+            reader = TorqueReader()
+
+            def keep(raw: bytes) -> None:
+                _, (self._latest,) = reader.read(raw)
+
+            self.create_subscription(WrenchStamped, "balancing_torque/predicted", keep, qos, raw=True)
+
+    def _work(self) -> int:
+        asyncio.run(self._connect_again_and_again())
+        return 0
+
+    async def _connect_again_and_again(self) -> None:
+        settings = self.settings
+        while not self._stop.is_set():
+            try:
+                async with self._create_client(settings.url, timeout=settings.timeout_s) as client:
+                    await self._talk(client)
+            except self._failures as error:
+                self._fail(" ".join(str(error).split()) or type(error).__name__)
+            for _ in range(round(_RETRY_S / _WRITE_S)):
+                if self._stop.is_set():
+                    return
+                await asyncio.sleep(_WRITE_S)
+
+    async def _talk(self, client: Client) -> None:
+        """Listen until told to end.
+
+        Raises:
+            OSError, TimeoutError, UaError: the server has gone, or has no such variable.
+        """
+        settings = self.settings
+        values = Values(client, depth_for(settings.rate_hz), settings.sampling_ms)
+        listened: dict[str, Any] = {name: self._ids[name] for name in ("angle", "torque") if name in self._ids}
+        await values.subscribe(listened, {"angle": self._give_angle, "torque": self._give_torque})
+        self.get_logger().info(f"reading {settings.url}")
+        self._trouble = ""
+        looks = 0
+        while not self._stop.is_set():
+            await asyncio.sleep(_WRITE_S)
+            latest, self._latest = self._latest, None
+            if latest is not None and math.isfinite(latest):
+                await values.write(self._ids["predicted"], latest)
+            looks += 1
+            if looks % round(_CHECK_S / _WRITE_S) == 0:
+                await client.check_connection()
+
+    def _give_angle(self, value: Value) -> None:
+        number = self._number(value)
+        if number is not None:
+            self.counts["angles"] += 1
+            self._angles.publish(self._angle.message(self._stamp(value), number * self.settings.angle_unit_rad))
+
+    def _give_torque(self, value: Value) -> None:
+        number = self._number(value)
+        if number is not None and self._torques is not None:
+            self.counts["torques"] += 1
+            self._torques.publish(self._torque.message(self._stamp(value), number * self.settings.torque_unit_Nm))
+
+    def _number(self, value: Value) -> float | None:
+        self.counts["overflows"] += value.overflow
+        if value.number is None:
+            self.counts["unfit"] += 1
+        return value.number
+
+    def _stamp(self, value: Value) -> int:
+        if self.settings.stamps == "source" and value.stamp_ns is not None:
+            return value.stamp_ns
+        return int(self.get_clock().now().nanoseconds)
+
+    def _fail(self, text: str) -> None:
+        self.counts["failures"] += 1
+        if text != self._trouble:
+            self._trouble = text
+            self.get_logger().warning(f"{self.settings.url}: {text}; trying again every second")
+
+    def _statuses(self) -> list[Status]:
+        growth = self._recent.growth(self.counts)
+        if self._trouble:
+            return [Status("plc", ERROR, self._trouble, self.counts)]
+        wrong = {name: growth[name] for name in ("unfit", "overflows", "failures") if growth[name]}
+        if wrong:
+            text = ", ".join(f"{count:.0f} {name}" for name, count in wrong.items())
+            return [Status("plc", WARN, f"{text} in the last seconds", self.counts)]
+        return [Status("plc", OK, f"{self.counts['angles']} angles", self.counts)]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run opcua_node."""
+    return run("opcua_node", OpcuaNode, OpcuaParameters, arguments)

@@ -1,0 +1,103 @@
+"""Variables of an OPC UA server: every change of some of them, none left out, and values written into others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from asyncua.client.client import Client
+
+_PUBLISHING_MS = 10.0
+_OVERFLOW = 0x480
+"""Status bits (OPC 10000-4, 7.39.1): of a data value, and a queue that ran over."""
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+@dataclass(frozen=True)
+class Value:
+    """One change of a variable.
+
+    number: None where it is no number, or the server says that it is bad. stamp_ns: by the clock of its source, None
+    where that tells none. overflow: changes before it are lost, since the server's queue ran over.
+    """
+
+    number: float | None
+    stamp_ns: int | None
+    overflow: bool
+
+
+class Values:
+    """The variables of one connection.
+
+    Args:
+        client: asyncua's client, connected.
+        queue: changes of a variable that the server keeps until they are fetched.
+        sampling_ms: how often it looks; 0: as fast as it can.
+    """
+
+    def __init__(self, client: Client, queue: int, sampling_ms: float) -> None:
+        self._client, self._queue, self._sampling_ms = client, queue, sampling_ms
+        self._takers: dict[Any, Callable[[Value], None]] = {}
+        self._types: dict[Any, Any] = {}
+
+    async def subscribe(self, variables: Mapping[str, Any], takers: Mapping[str, Callable[[Value], None]]) -> None:
+        """Call each variable's taker with every change; also with a value that is written anew and stays the same.
+
+        Raises:
+            UaError: the server has no such variable.
+        """
+        from asyncua import ua
+        from asyncua.ua.attribute_ids import AttributeIds
+        from asyncua.ua.uaerrors import UaError
+
+        subscription = await self._client.create_subscription(_PUBLISHING_MS, self)
+        requests = []
+        for handle, (name, node_id) in enumerate(variables.items(), start=1):
+            self._takers[node_id] = takers[name]
+            wanted = ua.MonitoringParameters(
+                ClientHandle=handle,
+                SamplingInterval=self._sampling_ms,
+                Filter=ua.DataChangeFilter(Trigger=ua.DataChangeTrigger.StatusValueTimestamp),
+                QueueSize=self._queue,
+                DiscardOldest=True,
+            )
+            place = ua.ReadValueId(NodeId=node_id, AttributeId=AttributeIds.Value)
+            requests.append(
+                ua.MonitoredItemCreateRequest(
+                    ItemToMonitor=place, MonitoringMode=ua.MonitoringMode.Reporting, RequestedParameters=wanted
+                )
+            )
+        for name, result in zip(variables, await subscription.create_monitored_items(requests), strict=True):
+            if isinstance(result, ua.StatusCode):
+                raise UaError(f"{name}, {variables[name].to_string()}: {result.name}")
+
+    def datachange_notification(self, node: Any, value: Any, data: Any) -> None:
+        """What asyncua calls with a change."""
+        told = data.monitored_item.Value
+        status, stamp = told.StatusCode, told.SourceTimestamp
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        number = float(value) if is_number and (status is None or status.is_good()) else None
+        overflow = status is not None and status.value & _OVERFLOW == _OVERFLOW
+        self._takers[node.nodeid](Value(number, None if stamp is None else _since_epoch_ns(stamp), overflow))
+
+    async def write(self, node_id: Any, number: float) -> None:
+        """Write a number as the type that the variable has.
+
+        Raises:
+            UaError: the server does not take it.
+        """
+        from asyncua import ua
+
+        node = self._client.get_node(node_id)
+        if node_id not in self._types:
+            self._types[node_id] = await node.read_data_type_as_variant_type()
+        await node.write_value(ua.DataValue(ua.Variant(number, self._types[node_id])))
+
+
+def _since_epoch_ns(stamp: datetime) -> int:
+    """Nanoseconds since 1970 of a time, which is UTC where it names no zone."""
+    since = (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)) - _EPOCH
+    return ((since.days * 86400 + since.seconds) * 1_000_000 + since.microseconds) * 1000

@@ -1,0 +1,188 @@
+"""opcua_node against asyncua's own server: angle and torque in, predictions out, nothing lost at 100 Hz."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from collections.abc import Coroutine, Iterator
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("asyncua")
+
+from asyncua import Server, ua
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+from sensor_msgs.msg import JointState
+
+from tests.ros.suite import RELIABLE, SECOND_NS, Suite
+from tests.ros.test_live_topics import stamp_of
+
+RATE_HZ, SAMPLES = 100.0, 500
+START = datetime(2031, 3, 1, 12, 0, 0, tzinfo=UTC)
+VARIABLES = {"Angle": 0.0, "Load": 0.0, "Predicted": ua.Variant(0.0, ua.VariantType.Float)}
+
+
+class Plc:
+    """asyncua's server in a thread of its own, on a port of its own."""
+
+    def __init__(self, port: int = 0) -> None:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(("127.0.0.1", port))
+            self.port = int(probe.getsockname()[1])
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever)
+        self._thread.start()
+        self.call(self._start())
+
+    def call(self, work: Coroutine[Any, Any, Any]) -> Any:
+        """Do something in the server's thread."""
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(30.0)
+
+    async def _start(self) -> None:
+        self.server = Server()
+        await self.server.init()
+        self.server.set_endpoint(f"opc.tcp://127.0.0.1:{self.port}")
+        space = await self.server.register_namespace("loom")
+        self.nodes = {}
+        for name, value in VARIABLES.items():
+            node = await self.server.nodes.objects.add_variable(ua.NodeId(name, space), name, value)
+            await node.set_writable()
+            self.nodes[name] = node
+        await self.server.start()
+
+    async def cycle(self, number: int) -> None:
+        """One cycle of the PLC's program: angle and torque, with its time."""
+        stamp = START + timedelta(seconds=number / RATE_HZ)
+        for name, value in (("Angle", angle(number)), ("Load", load(number))):
+            await self.nodes[name].write_value(ua.DataValue(ua.Variant(value), SourceTimestamp=stamp))
+
+    async def _end(self) -> None:
+        await self.server.stop()
+        others = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
+
+    def close(self) -> None:
+        """End the server, once."""
+        if self._thread.is_alive():
+            self.call(self._end())
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            self._thread.join(10.0)
+
+
+def angle(number: int) -> float:
+    """In tenths of a degree; it stands still for a while."""
+    return float(np.float32(48.0 * (number if number < 300 else max(300, number - 50)) % 3600.0))
+
+
+def load(number: int) -> float:
+    """In amperes."""
+    return 10.0 + 3.0 * float(np.sin(0.1 * number))
+
+
+@pytest.fixture
+def plc() -> Iterator[Plc]:
+    server = Plc()
+    yield server
+    server.close()
+
+
+def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
+    node = suite.node()
+    angles: list[JointState] = []
+    torques: list[WrenchStamped] = []
+    predicted: list[WrenchStamped] = []
+    told: list[DiagnosticStatus] = []
+    node.create_subscription(JointState, "main_shaft/angle", angles.append, RELIABLE)
+    node.create_subscription(WrenchStamped, "balancing_torque/measured", torques.append, RELIABLE)
+    node.create_subscription(WrenchStamped, "balancing_torque/predicted", predicted.append, RELIABLE)
+    node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: told.extend(status for status in message.status if status.name == "opcua_node: plc"),
+        RELIABLE,
+    )
+    bridge = suite.start(
+        "opcua_node",
+        f"url:=opc.tcp://127.0.0.1:{plc.port}",
+        "angle:='ns=2;s=Angle'",
+        f"angle_unit_rad:={np.deg2rad(0.1)}",
+        "torque:='ns=2;s=Load'",
+        "torque_unit_Nm:=0.5",
+        "predicted:='ns=2;s=Predicted'",
+        "timeout_s:=20.0",
+    )
+    twin = suite.start("twin_node", "wait_for:=[balancing_torque/predicted]")
+    bridge.wait_for_words("reading opc.tcp")
+    twin.wait_for_words("predicting from")
+    suite.spin_until(lambda: node.count_subscribers("main_shaft/angle") == 2, "the twin on the bridge's topic")
+    suite.spin_for(0.5)
+    for heard in (angles, torques):
+        heard.clear()  # type: ignore[attr-defined]
+
+    async def turn() -> None:
+        for number in range(SAMPLES):
+            await plc.cycle(number)
+            await asyncio.sleep(1.0 / RATE_HZ)
+
+    shaft = threading.Thread(target=plc.call, args=(turn(),))
+    shaft.start()
+    suite.spin_until(lambda: not shaft.is_alive(), "the PLC's program")
+    suite.spin_until(lambda: len(angles) >= SAMPLES and len(torques) >= SAMPLES, "every sample")
+    suite.spin_until(lambda: predicted and stamp_of(predicted[-1]) == stamp_of(angles[-1]), "every prediction")
+    first = round(START.timestamp()) * SECOND_NS
+    expected = [first + number * round(SECOND_NS / RATE_HZ) for number in range(SAMPLES)]
+    assert [stamp_of(message) for message in angles] == expected
+    assert [stamp_of(message) for message in torques] == expected
+    given = [np.deg2rad(0.1) * angle(number) for number in range(SAMPLES)]
+    np.testing.assert_allclose([message.position[0] for message in angles], given, rtol=1e-12)
+    measured = [message.wrench.torque.z for message in torques]
+    np.testing.assert_allclose(measured, [0.5 * load(number) for number in range(SAMPLES)], rtol=1e-12)
+    # The first samples give no prediction, nor do some where it stops at once; all others go out once.
+    assert [stamp_of(message) for message in predicted][-100:] == expected[-100:]
+    latest = predicted[-1].wrench.torque.z
+    suite.spin_until(
+        lambda: plc.call(plc.nodes["Predicted"].read_value()) == pytest.approx(latest, abs=1e-5), "the prediction there"
+    )
+    told.clear()
+    suite.spin_until(lambda: told, "diagnostics")
+    assert told[-1].level == DiagnosticStatus.OK, told[-1].message
+
+    plc.close()
+    bridge.wait_for_words("trying again every second")
+    again = Plc(plc.port)
+    try:
+        angles.clear()
+        suite.spin_until(lambda: "reading opc.tcp" in bridge.words().split("trying again")[-1], "the server again")
+        again.call(again.cycle(1000))
+        suite.spin_until(lambda: any(stamp_of(message) > expected[-1] for message in angles), "an angle")
+    finally:
+        again.close()
+    assert "Traceback" not in bridge.words() and bridge.end() == 0
+
+
+@pytest.mark.parametrize(
+    ("told", "text"),
+    [
+        (["angle:='ns=2;s=Angle'"], "give the server's address"),
+        (["url:=opc.tcp://127.0.0.1:1"], "'angle' is not set"),
+        (["url:=opc.tcp://127.0.0.1:1", "angle:=loom"], "'angle' is 'loom': write a node id"),
+    ],
+)
+def test_what_is_missing_is_told(suite: Suite, told: list[str], text: str) -> None:
+    program = suite.start("opcua_node", *told)
+    assert program.wait() == 2
+    assert text in program.words() and "Traceback" not in program.words()
+
+
+def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
+    program = suite.start("opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", "angle:='ns=2;s=Angel'")
+    program.wait_for_words("angle, ns=2;s=Angel: BadNodeIdUnknown; trying again every second")
+    assert program.end() == 0
