@@ -11,8 +11,8 @@ from textile_twin_core.errors import MachineError, MotionError, RecordingError, 
 if TYPE_CHECKING:
     from textile_twin_core import machines
     from textile_twin_core.dynamics.drive_torque import TorqueOverAngle, TorqueOverTime
-    from textile_twin_core.machines import AnyMachine, Machine
-    from textile_twin_core.machines.drive import drive
+    from textile_twin_core.machine import AnyMachine, Machine
+    from textile_twin_core.machine.drive import drive
     from textile_twin_core.twin import Samples, Session, Twin
     from textile_twin_core.twin import compile_machine as compile
 
@@ -36,14 +36,14 @@ __all__ = [
 
 # The engine is imported when it is first used, so that commands which do not need it start at once.
 _ENGINE = {
-    "Machine": ("machines", "Machine"),
+    "Machine": ("machine", "Machine"),
     "Samples": ("twin", "Samples"),
     "Session": ("twin", "Session"),
     "Twin": ("twin", "Twin"),
     "compile": ("twin", "compile_machine"),
     "TorqueOverAngle": ("dynamics.drive_torque", "TorqueOverAngle"),
     "TorqueOverTime": ("dynamics.drive_torque", "TorqueOverTime"),
-    "drive": ("machines.drive", "drive"),
+    "drive": ("machine.drive", "drive"),
 }
 
 

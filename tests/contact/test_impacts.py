@@ -9,12 +9,12 @@ import pytest
 
 from textile_twin_core.contact import (
     FRAME,
-    Body,
     ContactError,
     ContactIntegrator,
     ContactModel,
     DrivePiece,
     Pad,
+    SlidingBody,
     SpringDamper,
     Stop,
     hermite_piece,
@@ -35,7 +35,9 @@ def shaking(end_s: float, amplitude: float, frequency: float, phase: float = 0.0
 
 def ball(restitution: float) -> ContactModel:
     """A ball of 0.2 kg above a table: x is its height below the frame, so that the table is an upper limit."""
-    return ContactModel("table", (Body("ball", 0.2, 0.2 * G),), stops=(Stop("floor", FRAME, "ball", 0.0, restitution),))
+    return ContactModel(
+        "table", (SlidingBody("ball", 0.2, 0.2 * G),), stops=(Stop("floor", FRAME, "ball", 0.0, restitution),)
+    )
 
 
 @pytest.mark.parametrize("restitution", [0.3, 0.6, 0.9, 0.99])
@@ -74,7 +76,7 @@ def test_restitution_zero_stays() -> None:
 def test_a_body_on_a_shaken_table_is_released_where_the_table_falls_faster() -> None:
     """a_table = -A w^2 sin(w t) downwards beats gravity at sin(w t) = g / (A w^2); upwards is negative x."""
     amplitude, frequency = 0.002, 100.0
-    model = ContactModel("table", (Body("body", 0.1, -0.1 * G),), stops=(Stop("lies", "body", "table", 0.0),))
+    model = ContactModel("table", (SlidingBody("body", 0.1, -0.1 * G),), stops=(Stop("lies", "body", "table", 0.0),))
     run = run_contact(ContactIntegrator(model), [0.0], shaking(0.25, amplitude, frequency))
     release = run.happened("release", "lies")[0]
     exact = math.asin(G / (amplitude * frequency**2)) / frequency
@@ -93,7 +95,7 @@ def test_a_body_on_a_shaken_table_is_released_where_the_table_falls_faster() -> 
 def test_a_fall_through_and_back_within_one_step_is_not_missed() -> None:
     """A parabola that crosses the stop for 2 microseconds in a step of seconds."""
     dip = 0.5 * G * 1e-6**2
-    model = ContactModel("drive", (Body("body", 1.0, -G),), stops=(Stop("lid", FRAME, "body", 0.0, 1.0),))
+    model = ContactModel("drive", (SlidingBody("body", 1.0, -G),), stops=(Stop("lid", FRAME, "body", 0.0, 1.0),))
     speed = math.sqrt(2.0 * G * (0.3 + dip))
     run = run_contact(ContactIntegrator(model), [-0.3], still(1.0), velocities_m_s=[speed])
     (event,) = run.happened("impact", "lid")
@@ -101,7 +103,7 @@ def test_a_fall_through_and_back_within_one_step_is_not_missed() -> None:
 
 
 def test_newtons_cradle_hands_the_speed_on() -> None:
-    bodies = tuple(Body(f"b{k}", 0.3) for k in range(4))
+    bodies = tuple(SlidingBody(f"b{k}", 0.3) for k in range(4))
     stops = tuple(Stop(f"s{k}", f"b{k + 1}", f"b{k}", -0.01, 1.0) for k in range(3))
     start = [0.0, 0.02, 0.04, 0.06]
     run = run_contact(
@@ -113,7 +115,7 @@ def test_newtons_cradle_hands_the_speed_on() -> None:
 
 
 def test_simultaneous_impacts_keep_symmetry_and_momentum() -> None:
-    bodies = (Body("left", 0.2), Body("middle", 0.5), Body("right", 0.2))
+    bodies = (SlidingBody("left", 0.2), SlidingBody("middle", 0.5), SlidingBody("right", 0.2))
     stops = (Stop("l", "middle", "left", -0.01, 0.5), Stop("r", "right", "middle", -0.01, 0.5))
     run = run_contact(
         ContactIntegrator(ContactModel("drive", bodies, stops=stops)),
@@ -128,7 +130,7 @@ def test_simultaneous_impacts_keep_symmetry_and_momentum() -> None:
 
 def test_an_impact_goes_through_a_body_that_rests_on_the_driven_element() -> None:
     """A heavy drive moves at 2 m/s with a body before it; another one strikes that body and bounces with 0.5."""
-    bodies = (Body("pushed", 0.1), Body("striking", 0.3))
+    bodies = (SlidingBody("pushed", 0.1), SlidingBody("striking", 0.3))
     stops = (Stop("push", "pushed", "drive", 0.0), Stop("strike", "striking", "pushed", 0.0, 0.5))
     pieces = [DrivePiece(0.0, 0.2, Section((0.0, 2.0)), (0.0, 1.0))]
     run = run_contact(
@@ -142,7 +144,7 @@ def test_an_impact_goes_through_a_body_that_rests_on_the_driven_element() -> Non
 
 
 def test_a_step_of_the_drives_velocity_is_an_impact() -> None:
-    model = ContactModel("drive", (Body("body", 0.2),), stops=(Stop("push", "body", "drive", 0.0, 0.4),))
+    model = ContactModel("drive", (SlidingBody("body", 0.2),), stops=(Stop("push", "body", "drive", 0.0, 0.4),))
     run = run_contact(
         ContactIntegrator(model),
         [0.0],
@@ -157,7 +159,7 @@ def test_a_step_of_the_drives_velocity_is_an_impact() -> None:
 def test_two_stops_in_one_place_act_as_one() -> None:
     model = ContactModel(
         "drive",
-        (Body("body", 0.2, 1.0),),
+        (SlidingBody("body", 0.2, 1.0),),
         stops=(Stop("a", FRAME, "body", 0.1, 0.2), Stop("b", FRAME, "body", 0.1, 0.7)),
     )
     run = run_contact(ContactIntegrator(model), [0.0], still(2.0))
@@ -167,7 +169,9 @@ def test_two_stops_in_one_place_act_as_one() -> None:
 
 def test_a_jam_is_told_with_the_stops_and_the_time() -> None:
     model = ContactModel(
-        "drive", (Body("body", 0.2),), stops=(Stop("push", "body", "drive", 0.0), Stop("wall", FRAME, "body", 0.05))
+        "drive",
+        (SlidingBody("body", 0.2),),
+        stops=(Stop("push", "body", "drive", 0.0), Stop("wall", FRAME, "body", 0.05)),
     )
     pieces = [hermite_piece(0.0, (0.0, 0.0, 0.0), 1.0, (0.1, 0.0, 0.0))]
     with pytest.raises(ContactError, match=r"at 0\.49\d* s.*push, wall|at 0\.5 s.*push, wall"):
@@ -176,13 +180,13 @@ def test_a_jam_is_told_with_the_stops_and_the_time() -> None:
 
 def test_wrong_models_and_starts_are_refused() -> None:
     with pytest.raises(ContactError, match="mass_kg is -1"):
-        Body("b", -1.0)
+        SlidingBody("b", -1.0)
     with pytest.raises(ContactError, match=r"restitution is 1\.2"):
         Stop("s", "a", "b", 0.0, 1.2)
     with pytest.raises(ContactError, match="no element is called 'c'"):
-        ContactModel("drive", (Body("b", 1.0),), stops=(Stop("s", "b", "c", 0.0),))
+        ContactModel("drive", (SlidingBody("b", 1.0),), stops=(Stop("s", "b", "c", 0.0),))
     with pytest.raises(ContactError, match="no body can give way"):
-        ContactModel("drive", (Body("b", 1.0),), stops=(Stop("s", FRAME, "drive", 0.0),))
+        ContactModel("drive", (SlidingBody("b", 1.0),), stops=(Stop("s", FRAME, "drive", 0.0),))
     with pytest.raises(ContactError, match="damping_Ns_m is nan"):
         SpringDamper("s", "drive", "b", 1.0, math.nan)
     with pytest.raises(ContactError, match="stiffness is empty"):
@@ -197,7 +201,7 @@ def test_squeezing_a_perfect_bouncer_is_given_up_in_finite_time() -> None:
     """Between a wall and a drive that comes up to it the speed of a body with restitution 1 has no bound."""
     model = ContactModel(
         "drive",
-        (Body("body", 0.1),),
+        (SlidingBody("body", 0.1),),
         stops=(Stop("push", "body", "drive", 0.0, 1.0), Stop("wall", FRAME, "body", 0.1, 1.0)),
     )
     pieces = [DrivePiece(0.0, 1.0, Section((0.0, 1.0)), (0.0, 1.0))]
@@ -234,7 +238,7 @@ def test_energy_is_booked_to_the_last_joule(seed: int) -> None:
         for k in range(count)
     )
     pad = Pad("pad", FRAME, names[-1], at[-1] + 0.001, (10 ** random.uniform(3, 6), 0.0, 1e10), 5.0, bool(seed % 2))
-    bodies = tuple(Body(name, 10 ** random.uniform(-2, 0), random.normal()) for name in names[1:])
+    bodies = tuple(SlidingBody(name, 10 ** random.uniform(-2, 0), random.normal()) for name in names[1:])
     model = ContactModel("drive", bodies, springs, stops, (pad,))
     run = run_contact(
         ContactIntegrator(model, 1e-12), at[1:], shaking(0.3, 10 ** random.uniform(-3, -2), random.uniform(20, 150))
@@ -251,7 +255,7 @@ def test_two_stops_that_face_each_other_hand_the_force_over() -> None:
     mass_1, mass_2, k, start = 0.16, 0.72, 4000.0, 0.002
     model = ContactModel(
         "drive",
-        (Body("held", mass_1), Body("free", mass_2)),
+        (SlidingBody("held", mass_1), SlidingBody("free", mass_2)),
         (SpringDamper("spring", FRAME, "held", k),),
         (Stop("over", "free", "held", -0.05), Stop("under", "held", "free", 0.05)),
     )

@@ -12,8 +12,8 @@ import pytest
 from textile_twin_core.contact import DrivePiece, run_contact
 from textile_twin_core.contact.law_pieces import law_pieces
 from textile_twin_core.files import open_bag
+from textile_twin_core.machine.contact_motion import ContactMotion, phase
 from textile_twin_core.machines.needle_transfer import needle_transfer
-from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion, phase
 from textile_twin_core.mechanism.motion_law import Section
 from textile_twin_core.twin import compile_machine
 
@@ -53,11 +53,11 @@ def test_late_samples_of_many_turns_move_it_as_early_ones(start_s: float, turns:
     rng = np.random.default_rng(3)
     clock = start_s + np.cumsum(rng.uniform(0.0019, 0.0021, 250))
     times = clock - clock[0]
-    speed = machine.speed_rad_s * (1.0 + 0.02 * np.cos(3.0 * times)) + rng.normal(0.0, 0.02, times.size)
-    theta = machine.speed_rad_s * (times + 0.02 / 3.0 * np.sin(3.0 * times)) + rng.normal(0.0, 1e-5, times.size)
+    speed = machine.nominal_speed_rad_s * (1.0 + 0.02 * np.cos(3.0 * times)) + rng.normal(0.0, 0.02, times.size)
+    theta = machine.nominal_speed_rad_s * (times + 0.02 / 3.0 * np.sin(3.0 * times)) + rng.normal(0.0, 1e-5, times.size)
     alpha = rng.normal(0.0, 1.0, times.size)
     counted = theta + turns * 2.0 * math.pi
-    motion, late = NeedleTransferMotion(machine), NeedleTransferMotion(machine)
+    motion, late = ContactMotion(machine), ContactMotion(machine)
     early = motion.step(times, phase(counted), speed, alpha)
     found = late.step(clock, counted, speed, alpha)
     for name, values in early.items():
@@ -69,10 +69,10 @@ def test_late_samples_of_many_turns_move_it_as_early_ones(start_s: float, turns:
 def test_a_steady_run_of_hours_stays_on_the_published_cycle() -> None:
     """The machine joined after 1e7 s of a steady shaft at a phase moves as in its own simulation from rest."""
     machine = needle_transfer()
-    w = machine.speed_rad_s
+    w = machine.nominal_speed_rad_s
     times = np.arange(241) * 1e-3
     run = machine.simulate(times=times)
-    found = NeedleTransferMotion(machine).step(1e7 + times, w * times, np.full(241, w), np.zeros(241))
+    found = ContactMotion(machine).step(1e7 + times, w * times, np.full(241, w), np.zeros(241))
     # a clock of 1e7 s is rounded to 2e-9 s, in which the elements move by 1e-9 m
     assert np.abs(found["element_2_position_m"] - run.positions[0]).max() < 5e-9
 
@@ -83,7 +83,9 @@ def test_a_simulation_that_begins_late_meets_the_same_events(start_s: float) -> 
     cycle = 0.24
     runs = [
         run_contact(
-            machine.integrator(), machine.start_m, law_pieces(machine.law, t, t + cycle, (0.0, machine.speed_rad_s))
+            machine.integrator(),
+            machine.start,
+            law_pieces(machine.law, t, t + cycle, (0.0, machine.nominal_speed_rad_s)),
         )
         for t in (0.0, start_s)
     ]

@@ -13,9 +13,9 @@ from tests.contact.needle_reference import Stroke
 from textile_twin_core.contact import ContactError, ContactRun
 from textile_twin_core.contact.law_pieces import law_pieces
 from textile_twin_core.errors import MachineError, MotionError, SceneError
+from textile_twin_core.machine.contact_motion import ContactMotion, measured_error
 from textile_twin_core.machines.needle_transfer import COLLETS, CONE, DESIGNS, PAD, PIN, needle_transfer
-from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion, measured_error
-from textile_twin_core.machines.published_needle_transfer import (
+from textile_twin_core.papers.needle_transfer import (
     OTHER_READING,
     forward_stroke,
 )
@@ -91,7 +91,7 @@ def test_motion_against_a_solver_that_knows_no_events() -> None:
     machine = needle_transfer()
     run = machine.simulate(end_s=0.02)
     touch, cone = run.happened("touch", PAD)[0].time_s, run.happened("release", CONE)[0].time_s
-    law, w = machine.law, machine.speed_rad_s
+    law, w = machine.law, machine.nominal_speed_rad_s
 
     def right_side(t: float, y: np.ndarray) -> list[float]:
         x1, v1 = law.evaluate(w * t), law.evaluate(w * t, 1) * w
@@ -168,12 +168,12 @@ def samples(machine_speed: float, count: int, step_s: float) -> tuple[np.ndarray
 
 def test_samples_at_constant_speed_give_the_run_whatever_the_blocks_and_the_wrapping() -> None:
     machine = needle_transfer()
-    times, theta, omega, alpha = samples(machine.speed_rad_s, 241, 1e-3)
+    times, theta, omega, alpha = samples(machine.nominal_speed_rad_s, 241, 1e-3)
     run = machine.simulate(times=times)
     rows = {"element_2": 0, "element_3": 1, "element_1": 2}
     for wrap in (False, True):
         for cuts in ([241], [1, 5, 30, 200], list(range(1, 241, 7))):
-            motion = NeedleTransferMotion(machine)
+            motion = ContactMotion(machine)
             angle = (theta + math.pi) % (2 * math.pi) - math.pi if wrap else theta
             parts = [
                 motion.step(*(column[a:b] for column in (times, angle, omega, alpha)))
@@ -197,10 +197,10 @@ def test_an_accelerating_shaft_against_the_same_motion_in_one_piece() -> None:
     times = np.linspace(0.0, 0.2, 101)
     theta = c[1] * times + c[2] * times**2 + c[3] * times**3
     omega, alpha = c[1] + 2 * c[2] * times + 3 * c[3] * times**2, 2 * c[2] + 6 * c[3] * times
-    motion = NeedleTransferMotion(machine)
+    motion = ContactMotion(machine)
     found = motion.step(times, theta, omega, alpha)
     integrator = machine.integrator()
-    state = integrator.start(machine.start_m)
+    state = integrator.start(machine.start)
     events = []
     for piece in law_pieces(machine.law, 0.0, 0.2, c):
         events += integrator.advance(state, piece).events
@@ -213,8 +213,8 @@ def test_an_accelerating_shaft_against_the_same_motion_in_one_piece() -> None:
 def test_the_drives_work_is_the_energy_it_brings_in() -> None:
     """Integral of torque over the angle against the booked energy, up to the first impact."""
     machine = needle_transfer()
-    times, theta, omega, alpha = samples(machine.speed_rad_s, 15001, 1e-6)
-    found = NeedleTransferMotion(machine).step(times, theta, omega, alpha)
+    times, theta, omega, alpha = samples(machine.nominal_speed_rad_s, 15001, 1e-6)
+    found = ContactMotion(machine).step(times, theta, omega, alpha)
     torque = found["balancing_torque_Nm"]
     parts = found["torque_inertial_Nm"] + found["torque_gravity_Nm"] + found["torque_load_Nm"]
     assert np.abs(torque - parts).max() < 1e-15
@@ -229,17 +229,17 @@ def test_the_drives_work_is_the_energy_it_brings_in() -> None:
 def test_a_first_sample_anywhere_in_the_cycle_finds_the_machine_there() -> None:
     """Once transients have died out the machine that was joined late moves as the one followed from the start."""
     machine = needle_transfer()
-    times, theta, omega, alpha = samples(machine.speed_rad_s, 481, 1e-3)
-    whole = NeedleTransferMotion(machine).step(times, theta, omega, alpha)
+    times, theta, omega, alpha = samples(machine.nominal_speed_rad_s, 481, 1e-3)
+    whole = ContactMotion(machine).step(times, theta, omega, alpha)
     for first in (5, 40, 100, 130, 200):
-        part = NeedleTransferMotion(machine).step(*(c[first:] for c in (times, theta, omega, alpha)))
+        part = ContactMotion(machine).step(*(c[first:] for c in (times, theta, omega, alpha)))
         late = np.abs(part["element_2_position_m"] - whole["element_2_position_m"][first:])[-100:]
         assert late.max() < 1e-9
 
 
 def test_a_gap_of_many_turns_starts_anew_and_standstill_holds() -> None:
     machine = needle_transfer()
-    motion = NeedleTransferMotion(machine)
+    motion = ContactMotion(machine)
     times = np.array([0.0, 0.001, 10.0, 10.001, 10.005, 20.5])
     theta = np.array([0.0, 0.026, 300.0, 300.026, 300.1, 300.1])
     omega = np.array([26.0, 26.0, 26.0, 26.0, 0.0, 0.0])
@@ -252,8 +252,8 @@ def test_a_gap_of_many_turns_starts_anew_and_standstill_holds() -> None:
 def test_wrong_input_is_told_with_its_sample() -> None:
     machine = needle_transfer()
     with pytest.raises(SceneError, match="no output 'needle_position_m'"):
-        NeedleTransferMotion(machine, ["needle_position_m"])
-    motion = NeedleTransferMotion(machine)
+        ContactMotion(machine, ["needle_position_m"])
+    motion = ContactMotion(machine)
     motion.step(np.array([0.0, 0.1]), np.zeros(2), np.zeros(2), np.zeros(2))
     with pytest.raises(MotionError, match=r"sample 3: its time 0\.1 s"):
         motion.step(np.array([0.2, 0.1]), np.zeros(2), np.zeros(2), np.zeros(2))

@@ -9,12 +9,12 @@ import pytest
 
 from textile_twin_core.contact import (
     FRAME,
-    Body,
     ContactError,
     ContactIntegrator,
     ContactModel,
     DrivePiece,
     Pad,
+    SlidingBody,
     SpringDamper,
     Stop,
     run_contact,
@@ -27,7 +27,8 @@ def random_model(random: np.random.Generator) -> tuple[ContactModel, np.ndarray]
     """Up to three bodies with anything between any two ends; many stops are closed at the start, some twice over."""
     count = int(random.integers(1, 4))
     bodies = tuple(
-        Body(f"b{k}", 10 ** random.uniform(-2, 0), random.normal() * (random.random() < 0.5)) for k in range(count)
+        SlidingBody(f"b{k}", 10 ** random.uniform(-2, 0), random.normal() * (random.random() < 0.5))
+        for k in range(count)
     )
     start = np.cumsum(random.uniform(0.01, 0.05, count))
     ends = ["drive", *(body.name for body in bodies), FRAME]

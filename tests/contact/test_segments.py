@@ -10,12 +10,12 @@ import pytest
 
 from textile_twin_core.contact import (
     FRAME,
-    Body,
     ContactIntegrator,
     ContactModel,
     ContactRun,
     DrivePiece,
     Pad,
+    SlidingBody,
     SpringDamper,
     run_contact,
 )
@@ -42,7 +42,7 @@ def test_linear_motion_is_the_matrix_exponential(seed: int) -> None:
     free = random.uniform(-0.05, 0.05, 3)
     model = ContactModel(
         "drive",
-        (Body("a", mass[0], 0.3), Body("b", mass[1])),
+        (SlidingBody("a", mass[0], 0.3), SlidingBody("b", mass[1])),
         (
             SpringDamper("s0", "drive", "a", k[0], b[0], free[0]),
             SpringDamper("s1", "a", "b", k[1], b[1], free[1]),
@@ -101,7 +101,7 @@ def test_undamped_pad_is_duffings_oscillator(linear: float, cubic: float) -> Non
     """A body thrown on a pad comes back after half a period, which an elliptic integral gives to any digit."""
     mass, speed = 0.0426, 2.5
     pad = Pad("pad", FRAME, "body", 0.1, (linear, 0.0, cubic))
-    model = ContactModel("drive", (Body("body", mass),), pads=(pad,))
+    model = ContactModel("drive", (SlidingBody("body", mass),), pads=(pad,))
     run = run_contact(ContactIntegrator(model, 1e-14), [0.0], still(0.2), velocities_m_s=[speed])
     touch, leave = run.happened("touch", "pad")[0].time_s, run.happened("leave", "pad")[0].time_s
     with mp.workdps(30):
@@ -119,7 +119,7 @@ def test_undamped_pad_is_duffings_oscillator(linear: float, cubic: float) -> Non
 def test_damped_linear_pad_lets_go_where_its_force_would_pull() -> None:
     """k c + b v = 0 has a closed form for a linear pad; the element keeps the velocity it has there."""
     mass, k, b, speed = 0.05, 4.0e4, 20.0, 1.7
-    model = ContactModel("drive", (Body("body", mass),), pads=(Pad("pad", FRAME, "body", 0.1, (k,), b),))
+    model = ContactModel("drive", (SlidingBody("body", mass),), pads=(Pad("pad", FRAME, "body", 0.1, (k,), b),))
     run = run_contact(ContactIntegrator(model), [0.1 - 1e-3], still(0.1), velocities_m_s=[speed])
     decay, fast = b / (2 * mass), math.sqrt(k / mass - (b / (2 * mass)) ** 2)
     # c = speed/fast e^(-decay t) sin(fast t), and the force k c + b c' first vanishes at
@@ -129,7 +129,9 @@ def test_damped_linear_pad_lets_go_where_its_force_would_pull() -> None:
     left = speed * math.exp(-decay * slack) * (math.cos(fast * slack) - decay / fast * math.sin(fast * slack))
     assert run.velocities[0, -1] == pytest.approx(left, rel=1e-12)
     assert run.energies.imbalance < 1e-13
-    pulling = ContactModel("drive", (Body("body", mass),), pads=(Pad("pad", FRAME, "body", 0.1, (k,), b, pulls=True),))
+    pulling = ContactModel(
+        "drive", (SlidingBody("body", mass),), pads=(Pad("pad", FRAME, "body", 0.1, (k,), b, pulls=True),)
+    )
     run = run_contact(ContactIntegrator(pulling), [0.1 - 1e-3], still(0.1), velocities_m_s=[speed])
     leave = run.happened("leave", "pad")[0].time_s
     assert leave - touch == pytest.approx(math.pi / fast, rel=1e-12)
@@ -138,7 +140,9 @@ def test_damped_linear_pad_lets_go_where_its_force_would_pull() -> None:
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-12])
 def test_error_on_the_pad_follows_the_tolerance(tolerance: float) -> None:
     mass, linear, cubic, speed = 0.0426, 4.4517e5, 1.5739e12, 2.5
-    model = ContactModel("drive", (Body("body", mass),), pads=(Pad("pad", FRAME, "body", 0.0, (linear, 0.0, cubic)),))
+    model = ContactModel(
+        "drive", (SlidingBody("body", mass),), pads=(Pad("pad", FRAME, "body", 0.0, (linear, 0.0, cubic)),)
+    )
     run = run_contact(ContactIntegrator(model, tolerance), [0.0], still(0.01), velocities_m_s=[speed])
     energy = 0.5 * mass * speed**2
     deepest = math.sqrt((-linear + math.sqrt(linear**2 + 4 * cubic * energy)) / cubic)

@@ -24,7 +24,7 @@ from textile_twin_core.dynamics.loads import (
     TorqueTable,
     TorsionSpring,
 )
-from textile_twin_core.machines import Machine, ShaftPlace
+from textile_twin_core.machine import Machine, ShaftPlace
 from textile_twin_core.mechanism import Crank, Group, RigidArm, RRPDyad, RRRDyad, Travel
 
 ANGLES = tuple(2.0 * math.pi * k / 16 for k in range(16))

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import textile_twin_core as ttc
 from textile_twin_core.dynamics import Body, Load
 from textile_twin_core.dynamics.loads import Backing, JointFriction, ShaftFriction, Spring, TorqueTable
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import Crank, RRRDyad
 
 TURN = 2.0 * math.pi

@@ -16,7 +16,7 @@ import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core.dynamics import Body
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import Crank, RRRDyad
 
 TIMES = np.linspace(0.0, 10.0, 1001)

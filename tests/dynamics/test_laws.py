@@ -15,7 +15,7 @@ from tests.dynamics.random_machines import machines, motions, nearly_stretched
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import Expr, interpret
 from textile_twin_core.expression.loop import Loop
-from textile_twin_core.machines import Machine, ShaftPlace
+from textile_twin_core.machine import Machine, ShaftPlace
 
 Motion = tuple[FloatArray, FloatArray, FloatArray]
 ROUTES = ["balancing_torque_Nm", "balancing_torque_newton_euler_Nm"]

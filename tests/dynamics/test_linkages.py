@@ -12,7 +12,7 @@ import textile_twin_core as ttc
 from textile_twin_core.dynamics import Body
 from textile_twin_core.dynamics.loads import ShaftFriction
 from textile_twin_core.expression import topological_order
-from textile_twin_core.machines import Machine, ShaftPlace
+from textile_twin_core.machine import Machine, ShaftPlace
 from textile_twin_core.mechanism import Crank, RRRDyad
 
 SUMS = [

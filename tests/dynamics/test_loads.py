@@ -26,7 +26,7 @@ from textile_twin_core.dynamics.loads import (
     TorqueTable,
     TorsionSpring,
 )
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import Crank, RRPDyad, RRRDyad
 
 Values = dict[str, FloatArray]

@@ -53,7 +53,7 @@ def test_curves_are_those_of_the_twin(name: str) -> None:
     begin, size = next(iter(charts["Acceleration"]["curves"].values()))
     curve, theta = floats[begin : begin + size], np.arange(720) * (math.pi / 360.0)
     if name == "needle_transfer":
-        run = machine.simulate(times=theta / machine.speed_rad_s)
+        run = machine.simulate(times=theta / machine.nominal_speed_rad_s)
         expected = run.accelerations[run.model.index["element_1"]]
     else:
         output = f"{machine.measures[0].name}_acceleration_m_s2"

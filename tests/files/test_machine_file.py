@@ -75,7 +75,7 @@ def test_a_published_machine_with_the_users_sensors(tmp_path: Path) -> None:
 
 def test_a_parameter_that_is_a_word(tmp_path: Path) -> None:
     machine = load_machine_file(_file(tmp_path, "machine: needle_transfer\nparameters: {design: optimised}"))
-    assert machine.start_m[0] == 0.0669
+    assert machine.start[0] == 0.0669
 
 
 @pytest.mark.parametrize("name", ["six_bar_loom", "tufting_two_linkages"])

@@ -17,7 +17,7 @@ from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import MachineError
 from textile_twin_core.files.declarations import build, plain
 from textile_twin_core.files.machine_file import GROUPS, LOADS, MEASURES
-from textile_twin_core.machines import Encoder, Machine, Scene, ShaftPlace, TorqueSensor
+from textile_twin_core.machine import Encoder, Machine, Scene, ShaftPlace, TorqueSensor
 from textile_twin_core.twin.compiled import METHODS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "machine_file.md").read_text(encoding="utf-8")

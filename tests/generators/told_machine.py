@@ -11,8 +11,8 @@ import textile_twin_core as ttc
 from tests.generators.mill_recordings import Case
 from tests.generators.shaft_law import LOOM_FILE
 from textile_twin_core.dynamics.loads import ShaftFriction
-from textile_twin_core.machines import Machine
-from textile_twin_core.machines.sensors import Encoder, Sensors, TorqueSensor
+from textile_twin_core.machine import Machine
+from textile_twin_core.machine.sensors import Encoder, Sensors, TorqueSensor
 
 
 @cache

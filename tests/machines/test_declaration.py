@@ -9,7 +9,7 @@ import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core.dynamics import Backing, Body
-from textile_twin_core.machines import ShaftPlace
+from textile_twin_core.machine import ShaftPlace
 from textile_twin_core.mechanism import Arc, Crank, EllipticGearPair, RigidArm, RRRDyad, Travel
 
 POINTS = {"O": (0.0, 0.0), "C": (0.3, 0.0)}

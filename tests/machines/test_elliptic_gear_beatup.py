@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import textile_twin_core as ttc
 from tests.machines.four_bar_by_hand import cross, rocker_joint
 from textile_twin_core.machines import elliptic_gear_beatup
-from textile_twin_core.machines.published_beatup import elliptic_gear_rows
 from textile_twin_core.mechanism import EllipticGearPair
+from textile_twin_core.papers.beatup import elliptic_gear_rows
 
 SPEED = 10 * np.pi
 MASSES = {

@@ -10,7 +10,7 @@ import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core.dynamics import Body
-from textile_twin_core.machines import ShaftPlace
+from textile_twin_core.machine import ShaftPlace
 from textile_twin_core.mechanism import Arc, Crank, RRRDyad, Travel
 
 RANGE = (0.32, 0.55)

@@ -9,7 +9,7 @@ import pytest
 import textile_twin_core as ttc
 from tests.machines.four_bar_by_hand import cross, joint_forces, rocker_joint, second_derivative
 from textile_twin_core.machines import handloom_beatup
-from textile_twin_core.machines.published_beatup import handloom_rows
+from textile_twin_core.papers.beatup import handloom_rows
 from textile_twin_core.synthesis import crank_rocker
 
 SPEED = 15.5

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import pytest
 
-from textile_twin_core.machines.published import PublishedRow
-from textile_twin_core.machines.published_beatup import elliptic_gear_rows, handloom_rows
-from textile_twin_core.machines.published_needle_transfer import needle_transfer_rows
-from textile_twin_core.machines.published_tufting import tufting_rows
+from textile_twin_core.papers.beatup import elliptic_gear_rows, handloom_rows
+from textile_twin_core.papers.needle_transfer import needle_transfer_rows
+from textile_twin_core.papers.rows import PublishedRow
+from textile_twin_core.papers.tufting import tufting_rows
 
 EVERY = (*tufting_rows(), *handloom_rows(), *elliptic_gear_rows(), *needle_transfer_rows())
 READINGS = {"Pad at 94.9 mm": "A", "Pad at 98.9 mm": "B"}

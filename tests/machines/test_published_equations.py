@@ -9,8 +9,8 @@ import pytest
 
 from tests.machines.xu_equations import L4, W1, Mended, centroid_accelerations, forces, motion
 from textile_twin_core.machines import tufting
-from textile_twin_core.machines.published import at_angles
-from textile_twin_core.machines.published_tufting import tufting_rows
+from textile_twin_core.papers.rows import at_angles
+from textile_twin_core.papers.tufting import tufting_rows
 from textile_twin_core.twin import compile_machine
 
 ANGLES = np.radians(np.arange(0.5, 360.0, 1.0))

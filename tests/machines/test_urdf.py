@@ -10,8 +10,7 @@ import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core.dynamics import Body
-from textile_twin_core.machines import AnyMachine
-from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
+from textile_twin_core.machine import AnyMachine, ContactMachine
 
 
 def test_bodies_of_one_link_are_put_together() -> None:
@@ -105,7 +104,7 @@ def test_links_collide_and_say_when_they_have_no_mass(name: str) -> None:
 
 def test_elements_of_the_needle_transfer_slide_within_their_limits() -> None:
     machine = ttc.machines.needle_transfer()
-    assert isinstance(machine, NeedleTransferMachine)
+    assert isinstance(machine, ContactMachine)
     described, run = joints_of(machine), machine.simulate(times=np.linspace(0.0, 0.24, 7001))
     for element in ("element_1", "element_2", "element_3"):
         lower, upper, velocity = bounds(described[element])

@@ -19,8 +19,9 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import interpret
 from textile_twin_core.files.machine_file import save_machine_file
 from textile_twin_core.mechanism import CamFollower, Crank, Linkage, RRPDyad, RRRDyad
-from textile_twin_core.mechanism.cam_follower import LiftTable, SecondRoller
+from textile_twin_core.mechanism.cam_follower import SecondRoller
 from textile_twin_core.mechanism.law_strokes import Stroke
+from textile_twin_core.mechanism.law_table import LiftTable
 
 AXIS, PIVOT = (0.01, -0.02), (0.15, 0.03)
 POINTS = {"O": AXIS, "C": PIVOT}

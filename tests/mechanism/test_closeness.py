@@ -11,7 +11,7 @@ import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core.dynamics import Body
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import Arc, Crank, RigidArm, RRPDyad, RRRDyad, Travel
 
 THETA = np.linspace(0.0, 2.0 * math.pi, 20001)

@@ -19,7 +19,7 @@ from textile_twin_core.dynamics.loads import (
     TorsionSpring,
 )
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.synthesis import Batch, family_of, offset_slider
 from textile_twin_core.synthesis.balancing import shaking
 from textile_twin_core.synthesis.batch import TRANSMISSION

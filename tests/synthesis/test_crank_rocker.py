@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from textile_twin_core.errors import SceneError, TwinError
+from textile_twin_core.papers.crank_rocker import TABLE_1, table_1_designs
 from textile_twin_core.synthesis import CrankRockerFamily, best_rotation, crank_rocker
-from textile_twin_core.synthesis.published import TABLE_1, table_1_designs
 
 SWING = np.radians(30.0)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from textile_twin_core.synthesis.published import TABLE_1, table_1_designs, table_1_rows
+from textile_twin_core.papers.crank_rocker import TABLE_1, table_1_designs, table_1_rows
 
 
 @pytest.mark.parametrize(("printed", "design"), list(zip(TABLE_1, table_1_designs(), strict=True)))

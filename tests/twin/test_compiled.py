@@ -12,7 +12,7 @@ import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core.dynamics import Body, loads
-from textile_twin_core.machines import Scene
+from textile_twin_core.machine import Scene
 from textile_twin_core.mechanism import Crank, RRRDyad
 
 

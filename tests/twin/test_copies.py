@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
-from textile_twin_core.machines import AnyMachine
+from textile_twin_core.machine import AnyMachine
 
 _EXAMPLES = Path(__file__).parents[2] / "examples"
 _FILES = ("six_bar_loom.yaml", "tufting_two_linkages.yaml")

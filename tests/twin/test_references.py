@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines import Encoder
+from textile_twin_core.machine import Encoder
 from textile_twin_core.twin.references import TURN, EdgeCounter, IndexedAngle, Reading, reference_of
 
 TEETH = 60

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
-from textile_twin_core.machines import Encoder, Sensors
+from textile_twin_core.machine import Encoder, Sensors
 
 TURN = 2.0 * math.pi
 

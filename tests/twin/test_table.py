@@ -12,7 +12,7 @@ import pytest
 import textile_twin_core as ttc
 from tests.generators.tufting_truth import truth
 from textile_twin_core.expression import loop
-from textile_twin_core.machines import ShaftPlace
+from textile_twin_core.machine import ShaftPlace
 
 SPEED = 160.0 * 2.0 * math.pi / 60.0
 TORQUE = "balancing_torque_Nm"

@@ -13,7 +13,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.scenes import Motion
 from textile_twin_core.bench.timing import clock, one_core
-from textile_twin_core.machines import Machine, ShaftPlace
+from textile_twin_core.machine import Machine, ShaftPlace
 from textile_twin_core.twin import Twin, compile_machine
 
 TORQUE = "balancing_torque_Nm"

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.machines.needle_transfer import COLLETS, PAD, NeedleTransferMachine
+from textile_twin_core.machine import ContactMachine
+from textile_twin_core.machines.needle_transfer import COLLETS, PAD
 
 END_S = 0.0195
 """A little after the first contact of elements 2 and 3."""
@@ -21,7 +22,7 @@ _APPROACH_LOSS = 10.0
 """Hunt and Crossley's damping of a penalty contact [s/m]."""
 
 
-def event_driven(machine: NeedleTransferMachine, tolerance: float) -> Times:
+def event_driven(machine: ContactMachine, tolerance: float) -> Times:
     """The package's own integrator: closed forms and power series between events."""
     run = machine.simulate(end_s=END_S, tolerance=tolerance)
     return run.happened("touch", PAD)[0].time_s, run.happened("impact", COLLETS)[0].time_s
@@ -33,15 +34,15 @@ class ForwardStroke:
     A state is (x_2, v_2, x_3, v_3).
     """
 
-    def __init__(self, machine: NeedleTransferMachine) -> None:
+    def __init__(self, machine: ContactMachine) -> None:
         model = machine.model
-        self._law, self._speed = machine.law, machine.speed_rad_s
+        self._law, self._speed = machine.law, machine.nominal_speed_rad_s
         self._duration_s = machine.parameters["forward_duration_s"]
         self._first, self._second = model.springs
         self._m2, self._m3 = (body.mass_kg for body in model.bodies)
         self._pin, self._cone, self._collets = (stop.limit_m for stop in model.stops)
         (self._pad,) = model.pads
-        self._start = np.array([machine.start_m[0], 0.0, machine.start_m[1], 0.0])
+        self._start = np.array([machine.start[0], 0.0, machine.start[1], 0.0])
 
     def _jacket(self, t: float) -> tuple[float, float, float]:
         """Position, velocity and acceleration of element 1."""

@@ -10,7 +10,7 @@ from textile_twin_core.bench.own_methods import own_candidates
 from textile_twin_core.bench.peers import peer_candidates
 from textile_twin_core.bench.scenes import Scene, scenes
 from textile_twin_core.bench.timing import Candidate, one_core, take_turns
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 
 
 @dataclass(frozen=True)

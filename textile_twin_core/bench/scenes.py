@@ -10,7 +10,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import interpret
 from textile_twin_core.expression.loop import Numpy
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 
 Motion = tuple[FloatArray, FloatArray, FloatArray]
 _CHECKED = 20_000

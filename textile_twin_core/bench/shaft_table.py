@@ -14,8 +14,8 @@ from textile_twin_core.bench.shaft_signal import KNOCKS, MANY_ORDERS, STEADY, En
 from textile_twin_core.bench.timing import clock, one_core
 from textile_twin_core.dynamics import INPUTS
 from textile_twin_core.expression.loop import Loop
-from textile_twin_core.machines import Machine
-from textile_twin_core.machines.sensitivity import TorqueSensitivity
+from textile_twin_core.machine import Machine
+from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import ShaftStates, create_estimator
 
 LAGS_S = {"causal": 0.0, "lag 20 ms": 0.02, "lag 40 ms": 0.04, "lag 80 ms": 0.08, "smooth": math.inf}

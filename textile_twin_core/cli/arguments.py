@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NoReturn
 from textile_twin_core.errors import TwinError
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines import AnyMachine, Machine
+    from textile_twin_core.machine import AnyMachine, Machine
 
 _MOST_WORDS = 12
 MACHINE_SUFFIXES = (".yaml", ".yml")
@@ -172,7 +172,7 @@ def load_machine(name: str, settings: list[str]) -> AnyMachine:
 
 def load_linkage(name: str, settings: list[str]) -> Machine:
     """The same for what works with linkages alone. Raises UsageError for another machine."""
-    from textile_twin_core.machines import Machine
+    from textile_twin_core.machine import Machine
 
     machine = load_machine(name, settings)
     if not isinstance(machine, Machine):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, count, load_linkage
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines import Machine
+    from textile_twin_core.machine import Machine
 
 Rows = list[dict[str, object]]
 

@@ -25,7 +25,7 @@ from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison import Comparison
-    from textile_twin_core.machines import Machine
+    from textile_twin_core.machine import Machine
 
 _LIMITS = {
     "max-rms": ("rms_error_Nm", "RMS error [N m]"),

@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
     import numpy as np
 
     from textile_twin_core.files import check_folder, write_table
-    from textile_twin_core.machines.drive import drive
+    from textile_twin_core.machine.drive import drive
 
     check_folder(arguments.out)
     times = np.linspace(0.0, arguments.time, arguments.samples)

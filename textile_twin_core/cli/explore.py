@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> None:
     from textile_twin_core.explore.overlay import overlay
     from textile_twin_core.explore.server import Page, serve
     from textile_twin_core.explore.session import Session
-    from textile_twin_core.machines import Machine
+    from textile_twin_core.machine import Machine
 
     recording = None
     if arguments.recording:

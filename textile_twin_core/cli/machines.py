@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"{machine.name}: {machine.description}" if machine.description else machine.name)
         _print("outputs", machine.outputs)
         _print("parameters", [f"{key}={value:.7g}" for key, value in machine.parameters.items()])
-        _print("needed for torque, no default", getattr(machine, "missing_for_torque", ()))
+        _print("needed for torque, no default", machine.missing_for_torque)
         print()
 
 

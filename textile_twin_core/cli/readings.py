@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from textile_twin_core.comparison import Readings
     from textile_twin_core.files.bag import AngleSamples, Bag, TorqueSamples
-    from textile_twin_core.machines import AnyMachine
+    from textile_twin_core.machine import AnyMachine
 
 
 def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from textile_twin_core.cli.arguments import count, number, positive
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines.sensors import SomeMachine
+    from textile_twin_core.machine.protocol import SomeMachine
 
 _TYPES = {int: count, float: positive, type(None): positive}
 _UNITS = {"_rad": "RAD", "_s": "S"}
@@ -16,7 +16,7 @@ _UNITS = {"_rad": "RAD", "_s": "S"}
 
 def add_sensors(parser: argparse.ArgumentParser) -> None:
     """The encoder's settings, its index pulse, and what one unit of the torque's topic is."""
-    from textile_twin_core.machines.sensors import ENCODER_OPTIONS, Encoder
+    from textile_twin_core.machine.sensors import ENCODER_OPTIONS, Encoder
 
     group = parser.add_argument_group("sensors", "instead of what the machine file says of them")
     for name, text in ENCODER_OPTIONS.items():
@@ -42,7 +42,7 @@ def add_sensors(parser: argparse.ArgumentParser) -> None:
 
 def with_sensors(machine: SomeMachine, arguments: argparse.Namespace) -> SomeMachine:
     """The machine with the encoder that the arguments tell of. Raises MachineError."""
-    from textile_twin_core.machines.sensors import ENCODER_OPTIONS, with_encoder
+    from textile_twin_core.machine import ENCODER_OPTIONS, with_encoder
 
     given = {name: getattr(arguments, name) for name in ENCODER_OPTIONS}
     return with_encoder(machine, {name: value for name, value in given.items() if value is not None})

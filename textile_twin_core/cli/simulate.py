@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from textile_twin_core.arrays import FloatArray
     from textile_twin_core.contact import ContactEvent
     from textile_twin_core.files import MotionTable
-    from textile_twin_core.machines import AnyMachine
+    from textile_twin_core.machine import AnyMachine
 
 _TORQUES = ("balancing_torque_Nm", "torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm")
 _MOST_EVENTS = 40
@@ -113,16 +113,12 @@ def _evaluate(
 ) -> tuple[dict[str, FloatArray], list[ContactEvent]]:
     """The outputs over the motion, and the impacts and touches of a machine that has them."""
     from textile_twin_core.twin import compile_machine
-    from textile_twin_core.twin.history import HistoryTwin
 
     method, tolerance = arguments.method or machine.scene.method, arguments.tolerance or machine.scene.tolerance
     twin = compile_machine(machine, names, method=method, tolerance=tolerance)
     columns = (motion.theta_rad, motion.omega_rad_s, motion.alpha_rad_s2)
-    if isinstance(twin, HistoryTwin):
-        found = twin.evaluate(*columns, time=motion.time_s)
-        return {name: found[name] for name in names}, twin.events
-    found = twin.evaluate(*columns)
-    return {name: found[name] for name in names}, []
+    found = twin.evaluate(*columns, time=motion.time_s)
+    return {name: found[name] for name in names}, list(twin.events)
 
 
 def _print_events(events: list[ContactEvent]) -> None:
@@ -145,18 +141,9 @@ def _print_events(events: list[ContactEvent]) -> None:
 def _outputs(machine: AnyMachine, asked: str | None) -> list[str]:
     """Names of the outputs, each known to the machine."""
     from textile_twin_core.errors import SceneError
-    from textile_twin_core.machines import Machine, Scene
 
     if asked is None:
-        if machine.scene != Scene() or not isinstance(machine, Machine):
-            return list(machine.scene.outputs)
-        moved = [
-            f"{measure.name}_{what}"
-            for measure in machine.measures
-            for what in ("position_m", "velocity_m_s", "acceleration_m_s2")
-        ]
-        torques = () if machine.missing_for_torque else _TORQUES
-        return [name for name in (*torques, *moved) if name in machine.outputs] or list(machine.outputs[:1])
+        return list(machine.shown_outputs)
     names = list(dict.fromkeys(name.strip() for name in asked.split(",") if name.strip()))
     if not names:
         raise SceneError("--outputs names nothing; give names with commas between, such as balancing_torque_Nm")

@@ -15,7 +15,7 @@ from textile_twin_core.comparison.search import RATIOS
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE, Cause, causes
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 
 OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
 """Units that are tried for an angle that never begins anew, when radians explain little."""

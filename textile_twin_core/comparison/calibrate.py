@@ -19,8 +19,8 @@ from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.torque_units import nearest_gain
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.machines import Machine
-from textile_twin_core.machines.sensors import Sensors, TorqueSensor
+from textile_twin_core.machine import Machine
+from textile_twin_core.machine.sensors import Sensors, TorqueSensor
 
 _ALL_SAMPLES = 60_000
 

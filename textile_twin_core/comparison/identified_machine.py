@@ -9,8 +9,8 @@ from textile_twin_core.comparison.torque_model import DELAY, EVENTS, GAIN, INERT
 from textile_twin_core.comparison.unmodelled import UnmodelledTorque
 from textile_twin_core.dynamics import Body
 from textile_twin_core.dynamics.loads import Backing, Load, ShaftFriction, TorqueTable
-from textile_twin_core.machines import Machine
-from textile_twin_core.machines.sensors import Sensors, TorqueSensor
+from textile_twin_core.machine import Machine
+from textile_twin_core.machine.sensors import Sensors, TorqueSensor
 from textile_twin_core.twin import compile_machine
 
 

@@ -24,7 +24,7 @@ from textile_twin_core.comparison.settings_fit import HUBER, robust_scale
 from textile_twin_core.comparison.torque_model import DELAY, EVENTS, GAIN, NOT_NEGATIVE, OFFSET, ZERO, TorqueModel
 from textile_twin_core.comparison.unmodelled import UnmodelledTorque, unmodelled_torque
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 
 GIVEN_UP_FIRST = (OFFSET, ZERO, "shaft_viscous_Nms", "added_inertia_kgm2", "free_force_N", DELAY)
 """The order in which parameters are given up whose effects look the same."""

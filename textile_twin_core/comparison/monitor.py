@@ -17,7 +17,7 @@ from textile_twin_core.comparison.fault_watch import SERIES, Alarm, FaultWatch, 
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import TorqueTerms
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.shaft import create_estimator
 from textile_twin_core.twin.session import encoder_settings
 

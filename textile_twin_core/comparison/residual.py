@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from textile_twin_core.comparison.compare import TorqueSensorLike
-from textile_twin_core.twin import Twin
+from textile_twin_core.twin.predictor import AnyTwin
 
 TWO_PI = 2.0 * math.pi
 _RECENT = 1000
@@ -140,7 +140,7 @@ class ResidualStream:
             del self._stamps[:first], self._torques[:first], self._thetas[:first]
 
 
-def load_jumps(twin: Twin) -> tuple[float, ...]:
+def load_jumps(twin: AnyTwin) -> tuple[float, ...]:
     """Shaft angles [rad] at which the balancing torque of a machine jumps, found among its events.
 
     Args:
@@ -155,5 +155,5 @@ def load_jumps(twin: Twin) -> tuple[float, ...]:
     )
 
 
-def _torque(twin: Twin, theta_rad: float) -> float:
+def _torque(twin: AnyTwin, theta_rad: float) -> float:
     return float(twin.evaluate(theta_rad, 1.0, 0.0)["balancing_torque_Nm"])

@@ -9,7 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.machines.sensors import Encoder
+from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import create_estimator
 from textile_twin_core.twin.session import encoder_settings
 

@@ -13,7 +13,7 @@ from textile_twin_core.comparison.event_angle import BesideEvent
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.dynamics.loads import Backing, ShaftFriction
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.twin import Twin, compile_machine
 
 FORCES = ("backing_force_N", "free_force_N")

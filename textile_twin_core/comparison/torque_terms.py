@@ -9,7 +9,7 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.residual import load_jumps
 from textile_twin_core.dynamics.loads import ShaftFriction
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.twin import compile_machine
 
 TURN = 2.0 * np.pi

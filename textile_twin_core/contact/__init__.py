@@ -3,31 +3,30 @@
 Declare a `ContactModel`; run it whole with `run_contact`, or piece by piece with a `ContactIntegrator`.
 """
 
-from textile_twin_core.contact.drive import Drive, DrivePiece, hermite_piece, quintic
+from textile_twin_core.contact.drive import DrivePiece, hermite_piece, quintic
 from textile_twin_core.contact.energy import EnergyBook, book_energy
 from textile_twin_core.contact.integrator import ContactIntegrator, Progress
 from textile_twin_core.contact.law_pieces import law_pieces
-from textile_twin_core.contact.model import FRAME, Body, ContactError, ContactModel, Pad, SpringDamper, Stop
+from textile_twin_core.contact.model import FRAME, ContactError, ContactModel, Pad, SlidingBody, SpringDamper, Stop
 from textile_twin_core.contact.result import ContactEvent, Segment
 from textile_twin_core.contact.run import ContactRun, run_contact
 from textile_twin_core.contact.state import ContactState, PadState
 
 __all__ = [
     "FRAME",
-    "Body",
     "ContactError",
     "ContactEvent",
     "ContactIntegrator",
     "ContactModel",
     "ContactRun",
     "ContactState",
-    "Drive",
     "DrivePiece",
     "EnergyBook",
     "Pad",
     "PadState",
     "Progress",
     "Segment",
+    "SlidingBody",
     "SpringDamper",
     "Stop",
     "book_energy",

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -47,14 +46,6 @@ class DrivePiece:
         """Position [m], velocity [m/s] and acceleration [m/s^2] at a time."""
         x, v, half_a = self.taylor(time_s, 1.0, 2).tolist()
         return x, v, 2.0 * half_a
-
-
-class Drive(Protocol):
-    """A prescribed motion that can be cut into pieces, one after the other without a gap in time or position."""
-
-    def pieces(self, start_s: float, end_s: float) -> Iterator[DrivePiece]:
-        """The pieces that cover [start, end] in order, the first beginning at start, the last ending at end."""
-        ...
 
 
 def hermite_piece(start_s: float, start: Sequence[float], end_s: float, end: Sequence[float]) -> DrivePiece:

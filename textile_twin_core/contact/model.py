@@ -29,7 +29,7 @@ def _finite(owner: str, **values: float) -> None:
 
 
 @dataclass(frozen=True)
-class Body:
+class SlidingBody:
     """A rigid body that moves along the line, with a constant force on it (its weight, for instance)."""
 
     name: str
@@ -132,7 +132,7 @@ class ContactModel:
     """
 
     drive: str
-    bodies: tuple[Body, ...]
+    bodies: tuple[SlidingBody, ...]
     springs: tuple[SpringDamper, ...] = ()
     stops: tuple[Stop, ...] = ()
     pads: tuple[Pad, ...] = ()

@@ -1,17 +1,18 @@
-"""What the page shows of a design: curves over one turn, the moving linkage, marks and numbers."""
+"""A design worked out for the page: curves over one turn, the moving linkage, marks and numbers."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.loads import Backing
+from textile_twin_core.explore.analysis_of_transfer import analyse_transfer
 from textile_twin_core.explore.design import Design
-from textile_twin_core.explore.interference import Clash, clashes
-from textile_twin_core.machines import Machine
+from textile_twin_core.explore.interference import clashes
+from textile_twin_core.explore.shown import Analysis, Bar, Chart, Mark
+from textile_twin_core.machine import ContactMachine, Machine
 from textile_twin_core.mechanism import Crank, EllipticGearPair, RRPDyad, RRRDyad
 from textile_twin_core.synthesis.balancing.shaking import shaking
 from textile_twin_core.synthesis.batch import TRANSMISSION
@@ -26,56 +27,12 @@ _TORQUE = {
 }
 
 
-@dataclass(frozen=True)
-class Chart:
-    """Curves over the shaft angle that share an axis: (n,) values by label, in the unit that people read."""
-
-    title: str
-    unit: str
-    curves: dict[str, FloatArray]
-
-
-@dataclass(frozen=True)
-class Mark:
-    """A shaft angle [rad] at which something happens."""
-
-    name: str
-    angle_rad: float
-
-
-@dataclass(frozen=True)
-class Bar:
-    """A link as it is drawn, from point to point; a gear has half axes [m] and is drawn about its middle."""
-
-    name: str
-    start: str
-    end: str
-    half_axes_m: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True)
-class Analysis:
-    """One design over one turn of (n,) angles."""
-
-    theta_rad: FloatArray
-    points: dict[str, tuple[FloatArray, FloatArray]]
-    fixed: tuple[str, ...]
-    bars: tuple[Bar, ...]
-    charts: tuple[Chart, ...]
-    numbers: dict[str, float]
-    marks: tuple[Mark, ...] = ()
-    clashes: tuple[Clash, ...] = ()
-    guides: tuple[tuple[float, float, float, float], ...] = ()
-    notes: tuple[str, ...] = field(default=())
-
-
 def analyse(design: Design) -> Analysis:
     """One turn of a design. Raises MachineError, with the shaft angle, where it cannot close."""
     machine = design.machine()
-    if not isinstance(machine, Machine):
-        from textile_twin_core.explore.analysis_of_transfer import analyse_transfer
-
+    if isinstance(machine, ContactMachine):
         return analyse_transfer(machine)
+    assert isinstance(machine, Machine)  # a family makes no other kind
     theta = shaft_angles()
     points = _points(machine, theta)
     charts, numbers, curves = _motion(machine, design, theta)

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from textile_twin_core.explore.analysis import Analysis, Bar, Chart, Mark
-from textile_twin_core.machines.needle_transfer import ELEMENTS, PAD, NeedleTransferMachine
-from textile_twin_core.machines.published_needle_transfer import ForwardStroke, forward_stroke
+from textile_twin_core.explore.shown import Analysis, Bar, Chart, Mark
+from textile_twin_core.machine import ContactMachine
+from textile_twin_core.machines.needle_transfer import ELEMENTS, PAD
+from textile_twin_core.papers.needle_transfer import ForwardStroke, forward_stroke
 from textile_twin_core.synthesis.turn import SAMPLES, shaft_angles
 
 _BESIDE_M = 0.012
@@ -17,10 +18,10 @@ _FINER = 10
 _SHOWN = {"impact": "hits", "touch": "touches", "release": "leaves"}
 
 
-def analyse_transfer(machine: NeedleTransferMachine) -> Analysis:
+def analyse_transfer(machine: ContactMachine) -> Analysis:
     """One cycle from the published start, at the declared cycles per minute. Raises ContactError and MachineError."""
     fine, theta = shaft_angles(_FINER * SAMPLES), shaft_angles()
-    run = machine.simulate(times=fine / machine.speed_rad_s)
+    run = machine.simulate(times=fine / machine.nominal_speed_rad_s)
     rows = [run.model.index[element] for element in ELEMENTS]
     position, velocity, acceleration = (a[:, ::_FINER] for a in (run.positions, run.velocities, run.accelerations))
     labels = [element.replace("_", " ") for element in ELEMENTS]
@@ -50,9 +51,9 @@ def analyse_transfer(machine: NeedleTransferMachine) -> Analysis:
     }
     firsts: dict[str, float] = {}
     for event in run.events:
-        if event.kind in _SHOWN and event.time_s * machine.speed_rad_s < 2.0 * math.pi:
+        if event.kind in _SHOWN and event.time_s * machine.nominal_speed_rad_s < 2.0 * math.pi:
             name = f"{event.name.replace('_', ' ')} {_SHOWN[event.kind]}"
-            firsts.setdefault(name, event.time_s * machine.speed_rad_s)
+            firsts.setdefault(name, event.time_s * machine.nominal_speed_rad_s)
     charts = (
         Chart("Displacement", "mm", {n: 1e3 * position[r] for n, r in zip(labels, rows, strict=True)}),
         Chart("Velocity", "m/s", {n: velocity[r] for n, r in zip(labels, rows, strict=True)}),
@@ -71,7 +72,7 @@ def analyse_transfer(machine: NeedleTransferMachine) -> Analysis:
     )
 
 
-def _forward(machine: NeedleTransferMachine) -> ForwardStroke:
+def _forward(machine: ContactMachine) -> ForwardStroke:
     """What the paper tells of the forward motion; NaN where element 2 meets neither pad nor element 3."""
     try:
         return forward_stroke(machine)

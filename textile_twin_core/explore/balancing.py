@@ -10,7 +10,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
 from textile_twin_core.explore.design import Design
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.synthesis.balancing import balancing_spring, counterweights, flywheel, opposed_linkages
 
 WAYS = ("counterweight", "force", "spring", "second-linkage", "flywheel")

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines import AnyMachine, Machine
-from textile_twin_core.machines.published_beatup import WITHIN_M
-from textile_twin_core.machines.sizes import check_size
+from textile_twin_core.machine import AnyMachine
+from textile_twin_core.machine.sizes import check_size
+from textile_twin_core.papers.beatup import WITHIN_M
 from textile_twin_core.synthesis import Family, family_of
 
 _LARGEST_SPEED = 1e5
@@ -31,7 +31,7 @@ class Design:
     def of(cls, machine: AnyMachine) -> Design:
         """What a machine is at its own speed; the dwell of the elliptic-gear loom as its paper counts it."""
         within = WITHIN_M if machine.name == "elliptic_gear_beatup" else None
-        return cls(family_of(machine), own_speed(machine), {}, within)
+        return cls(family_of(machine), machine.nominal_speed_rad_s, {}, within)
 
     def machine(self) -> AnyMachine:
         """The machine. Raises MachineError where these values make none."""
@@ -66,11 +66,6 @@ class Design:
             if not within_m > 0.0:
                 raise SceneError("dwell within: must be a positive length")
         return replace(self, dwell_within_m=within_m)
-
-
-def own_speed(machine: AnyMachine) -> float:
-    """The shaft speed that a machine is declared for [rad/s]."""
-    return machine.nominal_speed_rad_s if isinstance(machine, Machine) else machine.speed_rad_s
 
 
 def check_number(value: object, what: str) -> None:

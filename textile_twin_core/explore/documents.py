@@ -13,7 +13,7 @@ import yaml
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.explore.design import Design, check_number
 from textile_twin_core.files.machine_file import load_machine_file, machine_document
-from textile_twin_core.machines import AnyMachine, Machine, create
+from textile_twin_core.machine import AnyMachine
 
 _FORMAT = "textile-twin design 1"
 _LARGEST = 2_000_000
@@ -64,12 +64,7 @@ def read_design(text: str, name: str = "the file") -> tuple[Design, dict[str, An
 
 
 def _document(machine: AnyMachine) -> dict[str, Any]:
-    if isinstance(machine, Machine):
-        return machine_document(machine)
-    base = create(machine.name)
-    changed = {k: v for k, v in machine.parameters.items() if v != base.parameters.get(k)}
-    words = {"design": machine.design} if machine.design != getattr(base, "design", "") else {}
-    return {"machine": machine.name, "parameters": {**words, **changed}}
+    return machine_document(machine)
 
 
 def _machine(text: str, name: str) -> AnyMachine:

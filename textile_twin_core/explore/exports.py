@@ -11,7 +11,7 @@ from ezdxf.filemanagement import new as new_drawing
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from textile_twin_core.explore.analysis import Analysis
+from textile_twin_core.explore.shown import Analysis
 
 _INK, _FAINT, _COLOURS = "#22272e", "#c8ced6", ("#0072b2", "#e07b00", "#2a9d63", "#c2377a", "#6b7480", "#8a63d2")
 _MILLI = 1e3

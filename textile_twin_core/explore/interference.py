@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import EllipticGearPair
 
 _EVERY = 4

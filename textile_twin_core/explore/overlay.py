@@ -12,7 +12,7 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.files import open_bag
 from textile_twin_core.files.machine_topics import beside, usable_angles
 from textile_twin_core.files.prediction import recompute
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 
 _BINS = 360
 

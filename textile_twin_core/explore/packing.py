@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.explore.analysis import Analysis
-from textile_twin_core.explore.design import Design, own_speed
+from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.labels import PRINTED, label, shown_unit
-from textile_twin_core.machines import Machine
+from textile_twin_core.explore.shown import Analysis
+from textile_twin_core.machine import Machine
 
 
 class Arrays:
@@ -103,7 +103,7 @@ def design_head(design: Design) -> dict[str, Any]:
 
 def printed_of(design: Design) -> dict[str, str]:
     """What the paper prints, where the design stands as it does."""
-    if design.values or not math.isclose(design.speed_rad_s, own_speed(design.family.base), rel_tol=1e-3):
+    if design.values or not math.isclose(design.speed_rad_s, design.family.base.nominal_speed_rad_s, rel_tol=1e-3):
         return {}
     kind = getattr(design.family, "kind", "")
     return PRINTED.get(kind, {}) if design.family.base.name == kind else {}

@@ -11,7 +11,7 @@ from typing import Any
 
 from textile_twin_core import machines
 from textile_twin_core.errors import SceneError, TwinError
-from textile_twin_core.explore.analysis import Analysis, analyse
+from textile_twin_core.explore.analysis import analyse
 from textile_twin_core.explore.balancing import balanced
 from textile_twin_core.explore.design import Design, check_number
 from textile_twin_core.explore.documents import design_text, machine_text, read_design
@@ -21,6 +21,7 @@ from textile_twin_core.explore.labels import label, shown_unit
 from textile_twin_core.explore.overlay import Overlay
 from textile_twin_core.explore.packing import Arrays, analysis_head, design_head, plain, printed_of
 from textile_twin_core.explore.search import Found, Goal, Progress, Task, search
+from textile_twin_core.explore.shown import Analysis
 from textile_twin_core.synthesis.tolerance import Limit, batch_of, monte_carlo, sensitivities
 
 Message = Mapping[str, Any]

@@ -12,7 +12,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.machines.sizes import check_size
+from textile_twin_core.machine.sizes import check_size
 
 _KEY_OF_FIELD = {"from_point": "from", "to_point": "to"}
 

@@ -16,8 +16,8 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.files.atomic import staged
 from textile_twin_core.files.declarations import build, convert, list_at, mapping_at, plain, type_tag, unknown
 from textile_twin_core.files.strict_yaml import read_yaml
-from textile_twin_core.machines import AnyMachine, Machine, Scene, Sensors, ShaftPlace
-from textile_twin_core.machines.sizes import reckonable
+from textile_twin_core.machine import AnyMachine, ContactMachine, Machine, Scene, Sensors, ShaftPlace
+from textile_twin_core.machine.sizes import reckonable
 from textile_twin_core.mechanism import MAIN_SHAFT, Linkage
 
 
@@ -38,6 +38,8 @@ _MASS_BY_DENSITY = {"density_kg_m3", "width_m", "thickness_m"}
 _DEFAULT: dict[str, Any] = {"sensors": Sensors(), "linkages": (ShaftPlace(),), "scene": Scene()}
 _APART = tuple(_DEFAULT)
 """What a user sets on any machine, whatever its geometry."""
+_NOT_DECLARED = ("parameters", "choices", "missing_for_torque")
+"""What a file says by naming a machine of the catalogue, or not at all."""
 _ON_A_PUBLISHED_MACHINE = ("machine", "name", "parameters", "sensors", "linkages", "scene")
 
 
@@ -52,6 +54,12 @@ def load_machine_file(path: str | Path) -> AnyMachine:
           - {type: rrr_dyad, coupler: l2, rocker: l3, from: A, ground: C, end: B, lengths_m: [0.2, 0.23], branch: left}
         bodies: {l2: {mass_kg: 0.4, inertia_kgm2: 0.0015, centroid: [0.5, 0]}}
         measures: [{type: arc, name: sley, link: l3, radius_m: 0.23}]
+
+    or bodies between springs, stops and pads (see ContactMachine):
+
+        driven: {name: stick, strokes: [{start_rad: 0, turn_rad: 1, to: 0.2}, {start_rad: 3, turn_rad: 1, to: 0}]}
+        bodies: [{name: picker, mass_kg: 0.3}]
+        springs: [{name: strap, lower: stick, upper: picker, stiffness_N_m: 20000}]
 
     or a published machine with the user's own numbers:
 
@@ -104,11 +112,25 @@ def _published(entries: dict[str, Any]) -> AnyMachine:
     return dataclasses.replace(machine, **changes) if changes else machine
 
 
-def _declared(entries: dict[str, Any], path: Path) -> Machine:
-    plain_fields = {name: hint for name, hint in get_type_hints(Machine).items() if name not in _NOT_PLAIN}
-    keys = [*_TOP_LEVEL, *plain_fields, "bodies", "machine"]
+def _declared(entries: dict[str, Any], path: Path) -> AnyMachine:
     if "parameters" in entries:
         raise MachineError("parameters: are those of a published machine; name it with 'machine: ..'")
+    return _contact(entries, path) if "driven" in entries else _linkage(entries, path)
+
+
+def _contact(entries: dict[str, Any], path: Path) -> ContactMachine:
+    """Bodies between springs, stops and pads: the file's keys are the fields."""
+    hints = {name: hint for name, hint in get_type_hints(ContactMachine).items() if name not in _NOT_DECLARED}
+    for key in entries:
+        if key not in hints:
+            raise MachineError(f"{key}: {unknown('key', key, list(hints))}")
+    declared: dict[str, Any] = {"name": path.stem, "bodies": ()}
+    return ContactMachine(**declared | {key: convert(entry, hints[key], key) for key, entry in entries.items()})
+
+
+def _linkage(entries: dict[str, Any], path: Path) -> Machine:
+    plain_fields = {name: hint for name, hint in get_type_hints(Machine).items() if name not in _NOT_PLAIN}
+    keys = [*_TOP_LEVEL, *plain_fields, "bodies", "machine"]
     for key in entries:
         if key not in keys:
             raise MachineError(f"{key}: {unknown('key', key, keys)}")
@@ -155,7 +177,7 @@ _TOP_LEVEL: dict[str, Callable[[Any, str], Any]] = {
     "scene": lambda value, place: build(Scene, value, place),
 }
 
-_NOT_PLAIN = (*_TOP_LEVEL, "bodies", "parameters", "missing_for_torque")
+_NOT_PLAIN = (*_TOP_LEVEL, "bodies", *_NOT_DECLARED)
 """Fields of a machine that a file gives in a form of their own, or not at all."""
 
 
@@ -187,15 +209,27 @@ def _bar(entries: dict[str, Any], place: str, link: str, length_m: float) -> Bod
     return Body.bar(link, length_m, **sizes)
 
 
-def machine_document(machine: Machine) -> dict[str, Any]:
-    """What a file says to declare this machine: a published one by name and parameters, else its groups."""
-    changed = {key: plain(getattr(machine, key)) for key in _APART if getattr(machine, key) != _DEFAULT[key]}
-    base = _published_base(machine)
+def machine_document(machine: AnyMachine) -> dict[str, Any]:
+    """What a file says to declare this machine: one of the catalogue by name and parameters, else its parts."""
+    base = _catalogue_base(machine)
+    apart = [key for key in _APART if hasattr(machine, key)]
+    usual = _DEFAULT if base is None else {key: getattr(base, key) for key in apart}
+    changed = {key: plain(getattr(machine, key)) for key in apart if getattr(machine, key) != usual[key]}
     if base is not None:
         name = {} if machine.name == base.name else {"name": machine.name}
-        parameters = {key: value for key, value in machine.parameters.items() if value != base.parameters[key]}
+        given = {**machine.choices, **machine.parameters}
+        usually = {**base.choices, **base.parameters}
+        parameters = {key: value for key, value in given.items() if value != usually[key]}
         return {"machine": base.name, **name, **({"parameters": parameters} if parameters else {}), **changed}
-    document: dict[str, Any] = plain(machine, leave_out=(*_APART, "parameters", "bodies", "missing_for_torque"))
+    document: dict[str, Any] = plain(machine, leave_out=(*_APART, *_NOT_DECLARED))
+    if isinstance(machine, Machine):
+        document |= _linkage_parts(machine)
+    return document | changed
+
+
+def _linkage_parts(machine: Machine) -> dict[str, Any]:
+    """Groups, measures and loads with their types, and bodies by link."""
+    document: dict[str, Any] = {}
     for key in ("groups", "measures", "loads"):
         if getattr(machine, key):
             document[key] = [{"type": type_tag(type(entry)), **plain(entry)} for entry in getattr(machine, key)]
@@ -204,22 +238,22 @@ def machine_document(machine: Machine) -> dict[str, Any]:
         bodies.setdefault(body.on, []).append(plain(body, leave_out=("on",)))
     if bodies:
         document["bodies"] = {link: entries[0] if len(entries) == 1 else entries for link, entries in bodies.items()}
-    return document | changed
+    return document
 
 
-def _published_base(machine: Machine) -> Machine | None:
-    """The published machine that this one is, apart from name, parameters, sensors, scene and places on the shaft."""
+def _catalogue_base(machine: AnyMachine) -> AnyMachine | None:
+    """The machine of the catalogue that this one is, apart from name, parameters, sensors, scene and places."""
     for name in machines.NAMES:
         base = machines.create(name)
-        if isinstance(base, Machine) and base.parameters.keys() == machine.parameters.keys():
-            again = machines.create(name, **machine.parameters)
-            kept = {key: getattr(machine, key) for key in ("name", *_APART)}
+        if type(base) is type(machine) and base.parameters.keys() == machine.parameters.keys():
+            again = machines.create(name, **machine.choices, **machine.parameters)
+            kept = {key: getattr(machine, key) for key in ("name", *_APART) if hasattr(machine, key)}
             if dataclasses.replace(again, **kept) == machine:
                 return base
     return None
 
 
-def save_machine_file(machine: Machine, path: str | Path) -> None:
+def save_machine_file(machine: AnyMachine, path: str | Path) -> None:
     """Write a machine as a YAML file that load_machine_file reads back. Raises OutputError."""
     text: str = yaml.safe_dump(machine_document(machine), sort_keys=False, default_flow_style=None, width=110)
     with staged(path) as partial:

@@ -17,7 +17,7 @@ from textile_twin_core.comparison.monitor import monitor_recording
 from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.files.bag import open_bag
 from textile_twin_core.files.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, beside, usable_angles
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 
 
 @dataclass(frozen=True)

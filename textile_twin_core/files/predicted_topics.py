@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from textile_twin_core.machines import AnyMachine, Machine
+from textile_twin_core.machine import AnyMachine
 
 TORQUE = "balancing_torque_Nm"
 
@@ -34,15 +34,8 @@ def predicted_topics(machine: AnyMachine) -> PredictedTopics:
 
     A machine of sliding elements has them as its joints, and no torque: its impacts are none that a sample could tell.
     """
-    if not isinstance(machine, Machine):
-        suffix = "_position_m"
-        elements = [name.removesuffix(suffix) for name in machine.outputs if name.endswith(suffix)]
-        return PredictedTopics(False, {}, {name: (f"{name}{suffix}", f"{name}_velocity_m_s") for name in elements})
-    motion = machine.linkage.solved
-    points = {f"{measure.name}/position": measure.tool(motion) for measure in machine.measures}
-    joints = [joint.name for joint in machine.joints if joint.kind != "fixed"]
     return PredictedTopics(
-        has_torque=not machine.missing_for_torque,
-        points=points,
-        joints={name: (f"joint_{name}_position", f"joint_{name}_velocity") for name in joints},
+        has_torque=machine.tells_torque,
+        points={f"{measure}/position": point for measure, point in machine.tools.items()},
+        joints=dict(machine.joint_outputs),
     )

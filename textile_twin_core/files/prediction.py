@@ -13,7 +13,7 @@ from textile_twin_core.files.bag import AngleSamples, Bag
 from textile_twin_core.files.machine_topics import beside
 from textile_twin_core.files.predicted_topics import TORQUE
 from textile_twin_core.files.recording import Progress
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.twin import Samples, Session, compile_machine
 
 _BLOCK = 8192

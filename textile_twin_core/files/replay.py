@@ -16,7 +16,7 @@ from textile_twin_core.files.predicted_topics import TORQUE, PredictedTopics, pr
 from textile_twin_core.files.prediction import predictions
 from textile_twin_core.files.recording import Progress
 from textile_twin_core.files.rosbag2_metadata import LATCHED
-from textile_twin_core.machines import AnyMachine, Machine
+from textile_twin_core.machine import AnyMachine
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin import Samples, compile_machine
 
@@ -66,7 +66,7 @@ def replay_bag(
     out.add_topic(description, "std_msgs/msg/String", LATCHED)
     out.write(description, bag.start_ns, encode_string(machine.urdf()))
     residual = None
-    if isinstance(machine, Machine) and topics.has_torque and bag.has_topic(torque_topic):
+    if topics.has_torque and bag.has_topic(torque_topic):
         jumps = load_jumps(compile_machine(machine, [TORQUE]))
         stream = ResidualStream(machine.sensors.torque, jumps)
         residual = _Residual(

@@ -1,4 +1,7 @@
-"""The machines: published ones by name, each a short declaration, and a user's own from a file."""
+"""The catalogue: machines of published papers by name, each a short declaration.
+
+What a declaration is made of (Machine, Sensors, ..) is offered here too.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +11,25 @@ from inspect import signature
 from pathlib import Path
 
 from textile_twin_core.errors import MachineError
+from textile_twin_core.machine import (
+    ENCODER_OPTIONS,
+    AnyMachine,
+    ContactMachine,
+    DrivenElement,
+    Encoder,
+    Event,
+    Machine,
+    Scene,
+    Sensors,
+    ShaftPlace,
+    TorqueSensor,
+    with_encoder,
+)
+from textile_twin_core.machine.sizes import check_size, reckonable
 from textile_twin_core.machines.elliptic_gear_beatup import elliptic_gear_beatup
-from textile_twin_core.machines.events import Event
 from textile_twin_core.machines.handloom_beatup import handloom_beatup
-from textile_twin_core.machines.machine import Machine, ShaftPlace
-from textile_twin_core.machines.needle_transfer import NeedleTransferMachine, needle_transfer
-from textile_twin_core.machines.sensors import ENCODER_OPTIONS, Encoder, Scene, Sensors, TorqueSensor, with_encoder
-from textile_twin_core.machines.sizes import check_size, reckonable
+from textile_twin_core.machines.needle_transfer import needle_transfer
 from textile_twin_core.machines.tufting import tufting
-
-AnyMachine = Machine | NeedleTransferMachine
 
 _FACTORIES: Mapping[str, Callable[..., AnyMachine]] = {
     "tufting": tufting,
@@ -53,10 +65,11 @@ __all__ = [
     "ENCODER_OPTIONS",
     "NAMES",
     "AnyMachine",
+    "ContactMachine",
+    "DrivenElement",
     "Encoder",
     "Event",
     "Machine",
-    "NeedleTransferMachine",
     "Scene",
     "Sensors",
     "ShaftPlace",

@@ -10,8 +10,8 @@ import math
 
 from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import MachineError
-from textile_twin_core.machines.machine import Machine
-from textile_twin_core.machines.sensors import Encoder, Scene, Sensors, TorqueSensor
+from textile_twin_core.machine.machine import Machine
+from textile_twin_core.machine.sensors import Encoder, Scene, Sensors, TorqueSensor
 from textile_twin_core.mechanism import Arc, Crank, EllipticGearPair, RigidArm, RRRDyad
 
 

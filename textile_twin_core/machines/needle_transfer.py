@@ -9,29 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
-from types import MappingProxyType
 from typing import cast
 
-import numpy as np
-
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact import (
-    FRAME,
-    Body,
-    ContactIntegrator,
-    ContactModel,
-    ContactRun,
-    Pad,
-    SpringDamper,
-    Stop,
-    law_pieces,
-    run_contact,
-)
+from textile_twin_core.contact import FRAME, Pad, SlidingBody, SpringDamper, Stop
 from textile_twin_core.errors import MachineError
-from textile_twin_core.machines.declared import Declared
-from textile_twin_core.machines.sensors import Scene, Sensors
+from textile_twin_core.machine.contact_machine import ContactMachine, DrivenElement
 from textile_twin_core.mechanism.law_strokes import LawName, Stroke, law_of_strokes
 from textile_twin_core.mechanism.law_table import from_function, from_table
 from textile_twin_core.mechanism.motion_law import TURN, MotionLaw
@@ -40,79 +23,8 @@ DESIGNS = ("original", "optimised")
 ELEMENTS = ("element_1", "element_2", "element_3")
 PIN, CONE, PAD, COLLETS = "pin", "cone", "rubber_pad", "collet_contact"
 
-MOTION = ("position_m", "velocity_m_s", "acceleration_m_s2")
-DRIVE = (
-    "drive_force_N",
-    "balancing_torque_Nm",
-    "torque_inertial_Nm",
-    "torque_gravity_Nm",
-    "torque_load_Nm",
-    "kinetic_energy_J",
-    "potential_energy_J",
-)
-"""What the drive must give between impacts: force on element 1, its torque on the shaft (force times dx_1/dtheta) with
-its parts (element 1's own inertia; springs, dampers and stops), and the energies of the elements and the springs."""
-
 _START_2_M: Mapping[str, float] = {"original": 0.0719, "optimised": 0.0669}
 _MILLI = 1e3
-_FASTEST_HZ = 3e6
-"""Rates, a thousand times those of the published pad; a hundred times are still followed in seconds."""
-
-
-@dataclass(frozen=True)
-class NeedleTransferMachine(Declared):
-    """The mechanism with its drive: what moves element 1 over a turn of the shaft, and what hangs on it."""
-
-    design: str
-    law: MotionLaw
-    model: ContactModel
-    """bodies element_2 and element_3, driven element element_1"""
-    start_m: tuple[float, float]
-    """positions of elements 2 and 3 with the jacket at 0, at rest"""
-    speed_rad_s: float
-    """speed of the shaft at the declared cycles per minute"""
-    parameters: Mapping[str, float]
-    name: str = "needle_transfer"
-    description: str = "needle transfer of a sewing machine (Pejchar and Beran 2011)"
-    sensors: Sensors = field(default_factory=Sensors)
-    scene: Scene = field(default_factory=lambda: Scene(outputs=tuple(f"{e}_{m}" for e in ELEMENTS for m in MOTION)))
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
-
-    @cached_property
-    def outputs(self) -> tuple[str, ...]:
-        """Every output by name."""
-        motion = tuple(f"{element}_{what}" for element in ELEMENTS for what in MOTION)
-        return (*motion, *DRIVE)
-
-    def urdf(self) -> str:
-        """The robot description (URDF): three sliding elements."""
-        from textile_twin_core.machines.urdf import needle_transfer_urdf
-
-        return needle_transfer_urdf(self)
-
-    def integrator(self, tolerance: float = 1e-13) -> ContactIntegrator:
-        """An integrator for its contact model."""
-        return ContactIntegrator(self.model, tolerance)
-
-    def simulate(
-        self,
-        end_s: float | None = None,
-        times: FloatArray | None = None,
-        speed_rad_s: float | None = None,
-        tolerance: float = 1e-13,
-    ) -> ContactRun:
-        """Run at constant shaft speed from the published start, theta = 0, to `end_s` (one cycle by default).
-
-        `times` [s] are where motion is wanted, by default the ends of the integrator's own segments. Rows of the
-        result: element 2, element 3, element 1. Raises ContactError for times outside of the run.
-        """
-        speed = self.speed_rad_s if speed_rad_s is None else speed_rad_s
-        if end_s is None:
-            end_s = TURN / abs(speed) if times is None else float(np.max(times))
-        pieces = law_pieces(self.law, 0.0, end_s, (0.0, speed))
-        return run_contact(self.integrator(tolerance), self.start_m, pieces, times)
 
 
 def needle_transfer(
@@ -147,7 +59,7 @@ def needle_transfer(
     pin_restitution: float = 0.0,
     cone_restitution: float = 0.0,
     collet_restitution: float = 0.6,
-) -> NeedleTransferMachine:
+) -> ContactMachine:
     """The mechanism with the paper's Tables 1 to 3; `design` is "original" or "optimised" (element 2 starts 5 mm back).
 
     What the paper leaves open is a parameter:
@@ -179,20 +91,19 @@ def needle_transfer(
         raise MachineError(f"needle_transfer: design is {design!r}; there are {' and '.join(DESIGNS)}")
     if not cycles_per_minute > 0.0:
         raise MachineError(f"needle_transfer: cycles_per_minute is {cycles_per_minute!r}; give a positive number")
-    _check_stiffness(
-        [
-            (element_2_kg, pad_linear_N_mm + abs(pad_quadratic_N_mm2) + pad_cubic_N_mm3, pad_damping_Ns_m),
-            (element_2_kg, spring_1_N_m / _MILLI, spring_1_Ns_m),
-            (min(element_2_kg, element_3_kg), spring_2_N_m / _MILLI, spring_2_Ns_m),
-        ]
-    )
     given = {name: value for name, value in locals().items() if isinstance(value, (int, float))}
     speed = TURN * cycles_per_minute / 60.0
     back = forward_duration_s if return_duration_s is None else return_duration_s
     start_2 = _START_2_M[design] if element_2_start_m is None else element_2_start_m
-    model = ContactModel(
-        drive="element_1",
-        bodies=(Body("element_2", element_2_kg), Body("element_3", element_3_kg)),
+    given |= {"return_duration_s": back, "element_2_start_m": start_2}
+    return ContactMachine(
+        name="needle_transfer",
+        driven=DrivenElement(
+            "element_1",
+            law=_law(motion_law, stroke_m, forward_duration_s * speed, return_start_rad, back * speed),
+            mass_kg=element_1_kg,
+        ),
+        bodies=(SlidingBody("element_2", element_2_kg), SlidingBody("element_3", element_3_kg)),
         springs=(
             SpringDamper("spring_1", "element_1", "element_2", spring_1_N_m, spring_1_Ns_m, spring_1_free_m),
             SpringDamper(
@@ -215,28 +126,13 @@ def needle_transfer(
                 pad_pulls,
             ),
         ),
-    )
-    given |= {"return_duration_s": back, "element_2_start_m": start_2}
-    machine = NeedleTransferMachine(
-        design=design,
-        law=_law(motion_law, stroke_m, forward_duration_s * speed, return_start_rad, back * speed),
-        model=model,
-        start_m=(start_2, element_3_start_m),
-        speed_rad_s=speed,
+        start_m={"element_2": start_2, "element_3": element_3_start_m},
+        axis=(0.0, -1.0),
+        nominal_speed_rad_s=speed,
         parameters={name: float(value) for name, value in given.items()},
+        choices={"design": design},
+        description="needle transfer of a sewing machine (Pejchar and Beran 2011)",
     )
-    machine.integrator().check(machine.start_m)
-    return machine
-
-
-def _check_stiffness(held: list[tuple[float, float, float]]) -> None:
-    """Refuse what would have to be followed in steps below a microsecond: masses [kg], N/mm (at 1 mm) and N s/m."""
-    for mass, stiffness, damping in held:
-        if mass > 0.0 and max(damping / mass, math.sqrt(abs(stiffness) * _MILLI / mass)) > _FASTEST_HZ:
-            raise MachineError(
-                f"needle_transfer: a mass of {mass:g} kg on {stiffness:g} N/mm and {damping:g} N s/m is too stiff to"
-                " be followed; look for a wrong unit"
-            )
 
 
 def _law(

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 from textile_twin_core.dynamics import Backing, Body
-from textile_twin_core.machines.machine import Machine
-from textile_twin_core.machines.sensors import Encoder, Sensors, TorqueSensor
+from textile_twin_core.machine.machine import Machine
+from textile_twin_core.machine.sensors import Encoder, Sensors, TorqueSensor
 from textile_twin_core.mechanism import Crank, RigidArm, RRPDyad, RRRDyad, Travel
 
 

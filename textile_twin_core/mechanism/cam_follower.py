@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
-import numpy as np
-
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, at_least, atan2, const, cos, select, sin, sqrt
 from textile_twin_core.mechanism.crank import Crank
@@ -17,20 +15,12 @@ from textile_twin_core.mechanism.extremes import smallest_value
 from textile_twin_core.mechanism.group import MAIN_SHAFT, Closure, ContactForce, PlainGroup, check_finite, check_length
 from textile_twin_core.mechanism.joint import Joint, guide, pivot
 from textile_twin_core.mechanism.law_strokes import Stroke, law_of_strokes
-from textile_twin_core.mechanism.law_table import from_table
+from textile_twin_core.mechanism.law_table import LiftTable
 from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion
 from textile_twin_core.mechanism.motion_law import MotionLaw
 from textile_twin_core.mechanism.transmission import Transmission
 from textile_twin_core.mechanism.vector import Vector, unit_direction
 from textile_twin_core.mechanism.wrenches import Wrenches
-
-
-@dataclass(frozen=True)
-class LiftTable:
-    """The lift [m or rad] at rising angles of the cam [rad], through which a periodic quintic spline goes."""
-
-    angle_rad: tuple[float, ...]
-    lift: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -142,9 +132,7 @@ class CamFollower(PlainGroup):
     def law(self) -> MotionLaw:
         """The lift over the cam's angle."""
         try:
-            if self.table is None:
-                return law_of_strokes(self.strokes)
-            return from_table(np.array(self.table.angle_rad), np.array(self.table.lift))
+            return law_of_strokes(self.strokes) if self.table is None else self.table.law
         except MachineError as error:
             raise MachineError(f"cam '{self.name}': {error}") from None
 

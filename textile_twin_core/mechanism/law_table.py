@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import PPoly, make_interp_spline
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MachineError
 from textile_twin_core.mechanism.motion_law import TURN, MotionLaw, Section
 
-if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
-
 _FIT_KNOTS_LARGEST = 8192
+
+
+@dataclass(frozen=True)
+class LiftTable:
+    """A position [m, or rad of what swings] at rising angles of a shaft or cam [rad], over one turn."""
+
+    angle_rad: tuple[float, ...]
+    lift: tuple[float, ...]
+
+    @cached_property
+    def law(self) -> MotionLaw:
+        """The spline through it (see from_table)."""
+        return from_table(np.array(self.angle_rad), np.array(self.lift))
 
 
 def from_table(theta_rad: FloatArray, position_m: FloatArray, name: str = "table") -> MotionLaw:
@@ -42,8 +54,6 @@ def from_table(theta_rad: FloatArray, position_m: FloatArray, name: str = "table
     elif abs(positions[-1] - positions[0]) > 1e-12 * max(float(np.abs(positions).max()), 1e-300):
         raise MachineError("the motion table's first and last row are one turn apart but differ in position")
     positions[-1] = positions[0]
-    from scipy.interpolate import PPoly, make_interp_spline  # slow to import, and only tables need it
-
     spline = PPoly.from_spline(make_interp_spline(angles, positions, k=5, bc_type="periodic"))
     return _from_spline(spline, angles, name)
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines.drive import load_names
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.drive import load_names
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import MAIN_SHAFT
 from textile_twin_core.synthesis.batch_loads import Turn, displacement, is_known, load_torque
 from textile_twin_core.synthesis.batch_motion import Chain, Columns, Point, solve

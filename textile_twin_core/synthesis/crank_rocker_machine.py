@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 from textile_twin_core.dynamics import Body
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Arc, Crank, Group, RigidArm, RRRDyad
 from textile_twin_core.synthesis.bars import CAST_IRON, Section
 from textile_twin_core.synthesis.crank_rocker import LinkLengths

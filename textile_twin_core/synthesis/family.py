@@ -14,7 +14,7 @@ import numpy as np
 from textile_twin_core import machines
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines import AnyMachine, Machine
+from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.synthesis.slots import read, write
 
 _UNITS = {
@@ -97,7 +97,6 @@ class PublishedFamily:
         known = {n: p.default for n, p in signature(getattr(machines, kind)).parameters.items()}
         values = {n: machine.parameters.get(n, default) for n, default in known.items() if not n.startswith(_LEFT_OUT)}
         self.parameters = tuple(_parameter(n, v) for n, v in values.items() if v is None or isinstance(v, (int, float)))
-        self._words = {n: getattr(machine, n) for n, v in known.items() if isinstance(v, str) and hasattr(machine, n)}
         self._known = set(values)
 
     def machine(self, values: Mapping[str, float]) -> AnyMachine:
@@ -105,7 +104,7 @@ class PublishedFamily:
         for name in values:
             if name not in self._known:
                 raise SceneError(f"machine '{self.kind}' has no parameter '{name}'")
-        made = machines.create(self.kind, **{**self.base.parameters, **self._words, **values})
+        made = machines.create(self.kind, **self.base.choices, **{**self.base.parameters, **values})
         kept: dict[str, Any] = {"name": self.base.name, "sensors": self.base.sensors, "scene": self.base.scene}
         if isinstance(made, Machine) and isinstance(self.base, Machine):
             if self.base.missing_for_torque and not made.missing_for_torque:
@@ -117,7 +116,7 @@ class PublishedFamily:
     @property
     def searchable(self) -> tuple[str, ...]:
         """Parameters that many designs may differ in; none for a machine with a history."""
-        if not isinstance(self.base, Machine):
+        if self.base.has_history:
             return ()
         return tuple(p.name for p in self.parameters if p.value is not None and p.name not in _NOT_SEARCHED)
 
@@ -126,7 +125,7 @@ class PublishedFamily:
 
         Raises SceneError for a machine that has no slots.
         """
-        if not isinstance(self.base, Machine):
+        if self.base.has_history:
             raise SceneError(f"machine '{self.kind}' has a history, which no batch holds")
         given = {p.name: np.asarray(values.get(p.name, p.value or 0.0), dtype=np.float64) for p in self.parameters}
         equal = {slot: given[name] for slot, name in self._equal_slots.items()}
@@ -212,7 +211,10 @@ def family_of(machine: AnyMachine) -> Family:
         if not given or not given <= known or type(machines.create(kind)) is not type(machine):
             continue
         family = PublishedFamily(machine, kind)
-        if not isinstance(machine, Machine) or family.machine({}) == machine:
+        if machine.has_history or family.machine({}) == machine:
             return family
-    assert isinstance(machine, Machine)
+    if not isinstance(machine, Machine):
+        raise SceneError(
+            f"machine '{machine.name}' is no linkage, and none of the catalogue: it has no parameters to turn"
+        )
     return DeclaredFamily(machine)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Crank, RigidArm, RRRDyad
 from textile_twin_core.mechanism.rrr_dyad import Branch
 from textile_twin_core.synthesis.bars import CAST_IRON, Section

@@ -11,7 +11,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Crank, RRPDyad, Travel
 from textile_twin_core.synthesis.bars import CAST_IRON, Section
 from textile_twin_core.synthesis.crank_rocker import LARGEST_DEVIATION_RAD, WANTED_RATIO

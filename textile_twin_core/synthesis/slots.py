@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple, get_type_hints
 
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines.drive import load_names
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.drive import load_names
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Arc, Crank, EllipticGearPair, Group, RigidArm, RRPDyad, RRRDyad
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.synthesis.batch import Batch
 from textile_twin_core.synthesis.family import Family
 

@@ -11,7 +11,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import Expr, interpret
 from textile_twin_core.expression.loop import Numpy
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.machine import Machine
 
 _ANGLES = 20_000
 _MARGIN = 2.0

@@ -6,22 +6,20 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import MotionError, SceneError
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine import AnyMachine, ContactMachine, Machine
 from textile_twin_core.twin.accuracy import reached_errors
 from textile_twin_core.twin.exact import ExactEvaluator
+from textile_twin_core.twin.history import HistoryTwin
 from textile_twin_core.twin.instant import InstantPredictor
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
 from textile_twin_core.twin.plan import describe
+from textile_twin_core.twin.session import Session
 from textile_twin_core.twin.table import FINEST_TABLE, TableEvaluator
-
-if TYPE_CHECKING:
-    from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
-    from textile_twin_core.twin.history import HistoryTwin
-    from textile_twin_core.twin.session import Session
 
 METHODS = ("exact", "table", "auto")
 _TABLE_PAYS_FROM = 200_000
@@ -93,6 +91,7 @@ class Twin:
         omega: float | FloatArray = 0.0,
         alpha: float | FloatArray = 0.0,
         *,
+        time: float | FloatArray | None = None,
         out: Mapping[str, FloatArray] | None = None,
         cores: int = 1,
     ) -> dict[str, Any]:
@@ -100,7 +99,7 @@ class Twin:
 
         Floats give floats. Arrays are broadcast against each other and give arrays of the common
         shape; `out` may hold arrays of that shape, float64 and contiguous, to write into. Long blocks are shared by as
-        many `cores`.
+        many `cores`. When the samples were taken (`time`) makes no difference to a machine without a history.
         NaN in gives NaN out; so does, among arrays, an angle at which the machine cannot close or its motion is not
         determined. Raises MotionError for such an angle or an infinite one given as a float, for shapes that do not
         fit, and for arrays of `out` that are not separate; SceneError for `cores` below 1.
@@ -141,6 +140,11 @@ class Twin:
             "where its motion or its forces are not determined"
         )
 
+    @property
+    def events(self) -> tuple[ContactEvent, ...]:
+        """No impacts: the machine has no history."""
+        return ()
+
     def predictor(self) -> InstantPredictor:
         """What a session asks for predictions."""
         return InstantPredictor(self)
@@ -151,8 +155,6 @@ class Twin:
         `shaft` is the estimator: causal, lag or smooth; its settings follow by keyword.
         Raises SceneError for an unknown estimator or setting.
         """
-        from textile_twin_core.twin.session import Session
-
         return Session(self, shaft, **settings)
 
 
@@ -164,15 +166,21 @@ def compile_machine(
 
 @overload
 def compile_machine(
-    machine: NeedleTransferMachine,
+    machine: ContactMachine,
     outputs: Sequence[str] | None = None,
     method: str | None = None,
     tolerance: float | None = None,
 ) -> HistoryTwin: ...
 
 
+@overload
 def compile_machine(
-    machine: Machine | NeedleTransferMachine,
+    machine: AnyMachine, outputs: Sequence[str] | None = None, method: str | None = None, tolerance: float | None = None
+) -> Twin | HistoryTwin: ...
+
+
+def compile_machine(
+    machine: AnyMachine,
     outputs: Sequence[str] | None = None,
     method: str | None = None,
     tolerance: float | None = None,
@@ -196,10 +204,10 @@ def compile_machine(
         raise SceneError(f"there is no method '{method}'; choose one of {', '.join(METHODS)}")
     if not (math.isfinite(tolerance) and tolerance > 0.0):
         raise SceneError(f"tolerance must be a positive number, not {tolerance!r}")
-    if not isinstance(machine, Machine):
-        from textile_twin_core.twin.history import HistoryTwin
-
+    if isinstance(machine, ContactMachine):
         if method == "table":
             raise SceneError(f"machine '{machine.name}' has a history, which no table holds; use method 'exact'")
         return HistoryTwin(machine, names, tolerance)
+    if not isinstance(machine, Machine):
+        raise SceneError(f"there is no law for a machine of type {type(machine).__name__}")
     return Twin(machine, names, method, tolerance)

@@ -1,25 +1,23 @@
-"""Twins of machines with a history: the needle transfer, whose springs and stops remember what went before."""
+"""Twins of machines with a history: springs and stops remember what went before."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import MotionError, SceneError
-from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
-from textile_twin_core.machines.needle_transfer_motion import NeedleTransferMotion, measured_error
+from textile_twin_core.machine import ContactMachine
+from textile_twin_core.machine.contact_motion import ContactMotion, measured_error
+from textile_twin_core.shaft import ShaftStates
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
-
-if TYPE_CHECKING:
-    from textile_twin_core.contact import ContactEvent
-    from textile_twin_core.shaft import ShaftStates
-    from textile_twin_core.twin.session import Session
+from textile_twin_core.twin.session import Session
 
 
 class HistoryTwin:
@@ -31,7 +29,7 @@ class HistoryTwin:
 
     method = "exact"
 
-    def __init__(self, machine: NeedleTransferMachine, outputs: tuple[str, ...], tolerance: float) -> None:
+    def __init__(self, machine: ContactMachine, outputs: tuple[str, ...], tolerance: float) -> None:
         self.machine, self.outputs, self.tolerance = machine, outputs, tolerance
         self.events: list[ContactEvent] = []
         if not 1e-14 <= tolerance <= 1e-3:
@@ -52,8 +50,8 @@ class HistoryTwin:
     ) -> dict[str, Any]:
         """The outputs by name at samples (n,) of shaft angle [rad], speed, acceleration and time [s], in order.
 
-        Element 1 follows the law of motion at theta; the first sample finds the machine as it comes from the
-        published start. Without `time` the shaft turns at a constant speed that is not zero. Raises
+        The driven element follows its law of motion at theta; the first sample finds the machine as it comes from its
+        declared start. Without `time` the shaft turns at a constant speed that is not zero. Raises
         MotionError when times do not rise or cannot be told, and for arrays that do not fit.
         """
         motion: dict[str, npt.ArrayLike] = {"theta": theta, "omega": omega, "alpha": alpha}
@@ -89,16 +87,14 @@ class HistoryTwin:
 
     def session(self, shaft: str = "causal", **settings: Any) -> Session:
         """A session: angle samples in, predictions out, the machine's state kept between blocks."""
-        from textile_twin_core.twin.session import Session
-
         return Session(self, shaft, **settings)
 
     def predictor(self) -> HistoryPredictor:
         """What a session asks for predictions."""
         return HistoryPredictor(self._motion())
 
-    def _motion(self) -> NeedleTransferMotion:
-        return NeedleTransferMotion(self.machine, self.outputs, self.tolerance)
+    def _motion(self) -> ContactMotion:
+        return ContactMotion(self.machine, self.outputs, self.tolerance)
 
 
 class HistoryPredictor:
@@ -106,7 +102,7 @@ class HistoryPredictor:
 
     sensitivity = None
 
-    def __init__(self, motion: NeedleTransferMotion) -> None:
+    def __init__(self, motion: ContactMotion) -> None:
         self.motion = motion
         self._first: Any = None
 

@@ -3,27 +3,51 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError
-from textile_twin_core.machines.sensitivity import TorqueSensitivity
+from textile_twin_core.machine.machine import Machine
+from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import ShaftStates
-
-if TYPE_CHECKING:
-    from textile_twin_core.twin.compiled import Twin
 
 _FEW = 16
 _INSIDE = 0.3819
 """Share of the machine's range at which windings are read: away from the angles at which machines are set."""
 
 
+class InstantTwin(Protocol):
+    """A twin that tells its outputs at any shaft state (see Twin)."""
+
+    @property
+    def machine(self) -> Machine:
+        """Whose twin it is."""
+        ...
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of what it tells."""
+        ...
+
+    def evaluate(
+        self,
+        theta: float | FloatArray,
+        omega: float | FloatArray = 0.0,
+        alpha: float | FloatArray = 0.0,
+        *,
+        out: Mapping[str, FloatArray] | None = None,
+    ) -> dict[str, Any]:
+        """The outputs by name."""
+        ...
+
+
 class InstantPredictor:
     """A twin evaluated at shaft states, by phase and turns, so that long runs keep their digits."""
 
-    def __init__(self, twin: Twin) -> None:
+    def __init__(self, twin: InstantTwin) -> None:
         self._twin = twin
         self._winding = _windings(twin)
 
@@ -65,7 +89,7 @@ class InstantPredictor:
         """Nothing to forget."""
 
 
-def _windings(twin: Twin) -> dict[str, float]:
+def _windings(twin: InstantTwin) -> dict[str, float]:
     """Outputs that wind up with the shaft, such as its angle: their growth over one turn.
 
     Closed forms wind wherever the linkage closes, also when it does so over a part of the turn only.

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from textile_twin_core.dynamics import ShaftState
 from textile_twin_core.expression import Expr, const, derivative, substitute, topological_order, variable
 from textile_twin_core.expression.scalar import compile_scalar
-from textile_twin_core.machines.machine import Machine
-from textile_twin_core.machines.model import MachineModel
+from textile_twin_core.machine.machine import Machine
+from textile_twin_core.machine.model import MachineModel
 from textile_twin_core.mechanism import THETA
 
 OMEGA_SQUARED = variable("omega_squared")

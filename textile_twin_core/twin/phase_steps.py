@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from textile_twin_core.expression import Expr, at_least, const, sign, substitute, topological_order, variable
 from textile_twin_core.expression.scalar import compile_scalar
-from textile_twin_core.machines.events import crossings
+from textile_twin_core.machine.events import crossings
 from textile_twin_core.twin.linear_form import depends_on
 
 PHASE = variable("phase")

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from textile_twin_core.expression import Expr, topological_order
 from textile_twin_core.expression.graph import scaled
 from textile_twin_core.expression.traversal import operation_counts
-from textile_twin_core.machines.drive import load_names
-from textile_twin_core.machines.machine import Machine
-from textile_twin_core.machines.model import MachineModel
+from textile_twin_core.machine.drive import load_names
+from textile_twin_core.machine.machine import Machine
+from textile_twin_core.machine.model import MachineModel
 from textile_twin_core.twin.exact import ExactEvaluator
 from textile_twin_core.twin.table import TableEvaluator
 

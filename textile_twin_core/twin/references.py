@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Protocol, TypeAlias
 
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines.sensors import Encoder
+from textile_twin_core.machine.sensors import Encoder
 
 #: Stamp [ns], angle as the encoder measures it [rad], speed [rad/s] or NaN.
 Reading: TypeAlias = tuple[int, float, float]

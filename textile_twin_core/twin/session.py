@@ -7,20 +7,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import repeat
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines.sensitivity import TorqueSensitivity
-from textile_twin_core.machines.sensors import Encoder
+from textile_twin_core.machine.sensitivity import TorqueSensitivity
+from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
-
-if TYPE_CHECKING:
-    from textile_twin_core.twin.compiled import Twin
-    from textile_twin_core.twin.history import HistoryTwin
+from textile_twin_core.twin.predictor import AnyTwin, Predictor
 
 
 class Sample(NamedTuple):
@@ -130,7 +127,7 @@ def encoder_settings(encoder: Encoder) -> dict[str, Any]:
 class Session:
     """A twin that is fed with angle samples of its encoder."""
 
-    def __init__(self, twin: Twin | HistoryTwin, shaft: str, **settings: Any) -> None:
+    def __init__(self, twin: AnyTwin, shaft: str, **settings: Any) -> None:
         self.twin = twin
         self._encoder = twin.machine.sensors.encoder
         self._estimator = create_estimator(shaft, **(encoder_settings(self._encoder) | settings))
@@ -172,7 +169,7 @@ class Session:
         outputs = self._predictor.predict_one(states)
         return (Sample(states.stamps.item(), states.theta_rad.item(), *motion, math.nan, outputs),)
 
-    def use(self, twin: Twin | HistoryTwin) -> None:
+    def use(self, twin: AnyTwin) -> None:
         """Go on with another twin of the same machine: other outputs, the shaft's state is kept.
 
         Raises SceneError for a twin of another machine.
@@ -196,24 +193,3 @@ class Session:
 
     def _predict(self, states: ShaftStates) -> Samples:
         return Samples(states, self._predictor.predict(states), self._predictor.sensitivity)
-
-
-class Predictor(Protocol):
-    """What turns shaft states into outputs, in their order."""
-
-    @property
-    def sensitivity(self) -> TorqueSensitivity | None:
-        """How the torque follows the state; None for a machine without one."""
-        ...
-
-    def predict(self, states: ShaftStates) -> dict[str, FloatArray]:
-        """Outputs at states, arrays (n,)."""
-        ...
-
-    def predict_one(self, states: ShaftStates) -> dict[str, float]:
-        """Outputs at the one state there is."""
-        ...
-
-    def reset(self) -> None:
-        """Begin anew."""
-        ...

@@ -15,7 +15,7 @@ from textile_twin_core.expression import Expr, const, derivative, interpret, squ
 from textile_twin_core.expression.graph import scaled
 from textile_twin_core.expression.loop import Loop
 from textile_twin_core.expression.traversal import operation_cost
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import THETA
 from textile_twin_core.twin.exact import ExactEvaluator
 from textile_twin_core.twin.linear_form import OMEGA_SQUARED, LinearForms

@@ -16,7 +16,7 @@ from textile_twin_core.views.live_drawing import LiveDrawing
 from textile_twin_core.views.port import Port
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines.machine import Machine
+    from textile_twin_core.machine.machine import Machine
 
 
 class LiveView:

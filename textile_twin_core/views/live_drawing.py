@@ -18,7 +18,7 @@ from textile_twin_core.views.scene import PointPositions, build_scene
 from textile_twin_core.views.scribe import Scribe
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines.machine import Machine
+    from textile_twin_core.machine.machine import Machine
 
 _HISTORY_S = 4.0  # predictions kept to find the shaft angle of a measured torque
 _AHEAD_S = 0.2  # measured torque may be this far ahead of its prediction

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.machines import AnyMachine, Machine
+from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.twin import compile_machine
-from textile_twin_core.twin.history import HistoryTwin
 from textile_twin_core.views.plot_linkage import draw_linkage
 from textile_twin_core.views.scene import build_scene
 
@@ -86,8 +85,7 @@ def _linkage_page(machine: Machine, rpm: float | None) -> Figure:
 
 def _law_page(machine: AnyMachine, rpm: float | None) -> Figure:
     """A machine with a law of its own: what its scene asks for, over one turn."""
-    nominal = float(getattr(machine, "nominal_speed_rad_s", 10.0))
-    speed = nominal if rpm is None else rpm * np.pi / 30.0
+    speed = machine.nominal_speed_rad_s if rpm is None else rpm * np.pi / 30.0
     time = np.linspace(0.0, 2.0 * np.pi / speed, _SAMPLES + 1)
     theta = speed * time
     outputs = list(machine.outputs)
@@ -95,8 +93,7 @@ def _law_page(machine: AnyMachine, rpm: float | None) -> Figure:
     wanted = {what: [name for name in outputs if name.endswith(what)] for what in motions}
     twin = compile_machine(machine, [name for names in wanted.values() for name in names])
     columns = (theta, np.full_like(theta, speed), np.zeros_like(theta))
-    # What has a history needs its time.
-    found = twin.evaluate(*columns, time=time) if isinstance(twin, HistoryTwin) else twin.evaluate(*columns)
+    found = twin.evaluate(*columns, time=time)
     figure = _page(machine.name, machine.description, speed)
     grid = figure.add_gridspec(3, 1, left=0.06, right=0.978, top=0.885, bottom=0.07, hspace=0.35)
     for row, (what, names) in enumerate(wanted.items()):

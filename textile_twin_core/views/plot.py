@@ -20,7 +20,7 @@ from textile_twin_core.views.plot_linkage import draw_linkage
 from textile_twin_core.views.scene import build_scene
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines.machine import Machine
+    from textile_twin_core.machine.machine import Machine
 
 # On paper the same hues as in the viewer, dark enough for white.
 _MEASURED, _PREDICTED, _RESIDUAL = "#e07b00", "#0072b2", "#c2377a"

@@ -11,7 +11,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.views.scene import MachineScene, PointPositions
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines.machine import Machine
+    from textile_twin_core.machine.machine import Machine
 
 _BACKING, _INK, _PATH = "#2a9d63", "#22272e", "#b9c0c9"
 

@@ -21,7 +21,7 @@ from textile_twin_core.views.scene import PointPositions, build_scene
 from textile_twin_core.views.scribe import Scribe
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines.machine import Machine
+    from textile_twin_core.machine.machine import Machine
 
 APPLICATION = "textile-twin"
 _FRAME_RATE_HZ = 125.0  # of the moving linkage: 18 pictures a turn at 400 rpm

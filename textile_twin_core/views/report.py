@@ -14,7 +14,7 @@ from pathlib import Path
 
 from textile_twin_core.comparison import Comparison, summary_rows, verdict_lines
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.views.plot import plot_comparison
 from textile_twin_core.views.report_figure import errors_figure
 

@@ -16,7 +16,7 @@ from textile_twin_core.views import palette
 from textile_twin_core.views.solids import Solid, circle, extrude, join, rectangle, stadium
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines.machine import Machine
+    from textile_twin_core.machine.machine import Machine
 
 _TURN = np.linspace(0.0, 2.0 * np.pi, 361)
 

@@ -10,7 +10,7 @@ import textile_twin_core as ttc
 from tests.benchmarks.engine_records import BORE_M, CRANK_M, ROD_M, EngineRun, gas_torque
 from tests.benchmarks.shaft_judge.views import Track
 from textile_twin_core.dynamics import Body
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import Crank, RRPDyad
 
 ORDERS = 12  # half orders: 0.5 to 6 of the turn

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import Backing, Body
-from textile_twin_core.machines import Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import MAIN_SHAFT, Crank, RigidArm, RRPDyad, RRRDyad, Travel
 from textile_twin_core.twin import compile_machine
 

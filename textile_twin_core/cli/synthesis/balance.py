@@ -11,7 +11,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, load_linkage, n
 from textile_twin_core.cli.synthesis.shared import add_output, write
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines import Machine
+    from textile_twin_core.machine import Machine
 
 DESCRIPTION = "A machine balanced by counterweights, a spring, a second linkage out of phase, or a flywheel."
 EXAMPLE = "textile-twin synthesize balance tufting --by counterweight --out balanced.yaml"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from textile_twin_core.cli.arguments import Parser, UsageError, number, positive
 
 if TYPE_CHECKING:
-    from textile_twin_core.machines import Machine
+    from textile_twin_core.machine import Machine
     from textile_twin_core.synthesis import Section
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import MachineError, SceneError
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Crank, LinkMotion
 from textile_twin_core.synthesis.balancing.shaking import shaking
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles

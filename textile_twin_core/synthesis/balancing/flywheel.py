@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
 _SAMPLES = 2880

@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MachineError
-from textile_twin_core.machines.machine import Machine, ShaftPlace
+from textile_twin_core.machine import Machine, ShaftPlace
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
 _GRID = 721

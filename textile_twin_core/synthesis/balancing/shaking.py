@@ -9,7 +9,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.expression import Expr
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Motion
 from textile_twin_core.synthesis.turn import SAMPLES, over_turn, shaft_angles
 

@@ -11,7 +11,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.loads import Spring
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.expression import sqrt
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
 _SHORTEST = 0.02

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from textile_twin_core.machines import elliptic_gear_beatup
-from textile_twin_core.machines.published import at_angles
-from textile_twin_core.machines.published_beatup import DWELL_END_DEG, DWELL_START_DEG, SPINDLE_RAD_S
+from textile_twin_core.papers.beatup import DWELL_END_DEG, DWELL_START_DEG, SPINDLE_RAD_S
+from textile_twin_core.papers.rows import at_angles
 from textile_twin_core.views.figures import style
 
 _DEGREES = np.linspace(0.0, 360.0, 7201)

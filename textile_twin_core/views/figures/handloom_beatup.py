@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machines import handloom_beatup
-from textile_twin_core.machines.machine import Machine
-from textile_twin_core.machines.published import at_angles
-from textile_twin_core.machines.published_beatup import CRANK_RAD_S
+from textile_twin_core.papers.beatup import CRANK_RAD_S
+from textile_twin_core.papers.rows import at_angles
 from textile_twin_core.views.figures import style
 
 _TURNS = 2

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactRun
-from textile_twin_core.machines.needle_transfer import DESIGNS, PAD, NeedleTransferMachine, needle_transfer
-from textile_twin_core.machines.published_needle_transfer import (
+from textile_twin_core.machine import ContactMachine
+from textile_twin_core.machines.needle_transfer import DESIGNS, PAD, needle_transfer
+from textile_twin_core.papers.needle_transfer import (
     COLLETS_MEET_MS,
     LARGEST_DECELERATION_MS,
     NEEDLE_TRANSFER,
@@ -28,7 +29,7 @@ _NOTE = "Law of motion of element 1: modified sine, 32.6 mm in 24.62 ms (a pictu
 @dataclass(frozen=True)
 class _Run:
     design: str
-    machine: NeedleTransferMachine
+    machine: ContactMachine
     motion: ContactRun
 
     def of(self, what: str, element: str) -> FloatArray:

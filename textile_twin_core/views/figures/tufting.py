@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.machines import tufting
-from textile_twin_core.machines.published import at_angles
-from textile_twin_core.machines.published_tufting import FIGURE_9_START_S, PRINTED_EVENTS, SPEED_RAD_S
+from textile_twin_core.papers.rows import at_angles
+from textile_twin_core.papers.tufting import FIGURE_9_START_S, PRINTED_EVENTS, SPEED_RAD_S
 from textile_twin_core.views.figures import style
 
 _ANGLE = "angle of the main shaft [deg]"

@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 import textile_twin_core as ttc
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.loads import Backing
-from textile_twin_core.machines import AnyMachine
+from textile_twin_core.machine import AnyMachine
 from textile_twin_core.mechanism import Travel
 from textile_twin_ros.endpoints import latched_qos
 from textile_twin_ros.twin_outputs import BASE_FRAME

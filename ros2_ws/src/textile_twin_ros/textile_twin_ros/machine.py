@@ -7,7 +7,7 @@ from pathlib import Path
 
 import textile_twin_core as ttc
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machines import AnyMachine
+from textile_twin_core.machine import AnyMachine, with_encoder
 
 
 def load_machine(name: str, encoder: Mapping[str, float] | None = None) -> AnyMachine:
@@ -18,7 +18,7 @@ def load_machine(name: str, encoder: Mapping[str, float] | None = None) -> AnyMa
     """
     is_file = Path(name).suffix in (".yaml", ".yml")
     machine: AnyMachine = ttc.load_machine(name) if is_file else ttc.machines.create(name)
-    return ttc.machines.with_encoder(machine, encoder or {})
+    return with_encoder(machine, encoder or {})
 
 
 def load_linkage(name: str, encoder: Mapping[str, float] | None = None) -> ttc.Machine:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from rclpy.node import Node
 
-from textile_twin_core.machines import AnyMachine
+from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin.references import reference_of
 from textile_twin_ros.diagnostics import Status
 from textile_twin_ros.sample_inputs import ANGLE_READERS, EDGES, TORQUE_READERS, Sample, SampleInput

@@ -24,7 +24,7 @@ from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sensor_parameters import EncoderParameters
 from textile_twin_ros.shaft_motion import TURN, Encoder, Marks, ShaftMotion, TorqueSensor
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
-from textile_twin_ros.twin_outputs import TORQUE, has_torque
+from textile_twin_ros.twin_outputs import TORQUE
 
 
 @dataclass
@@ -59,7 +59,7 @@ class ShaftNode(Node):
         self.executor_name = parameters.executor
         self.finished = Future()
         machine = load_machine(parameters.machine, parameters.encoder())
-        self._twin = ttc.compile(machine, outputs=[TORQUE]) if has_torque(machine) else None
+        self._twin = ttc.compile(machine, outputs=[TORQUE]) if machine.tells_torque else None
         encoder, torque = machine.sensors.encoder, machine.sensors.torque
         self._motion = ShaftMotion(parameters.rpm, parameters.run_up_s, parameters.ripple)
         self._encoder = Encoder(parameters.encoder_bits, encoder.zero_rad, encoder.direction, encoder.ratio)

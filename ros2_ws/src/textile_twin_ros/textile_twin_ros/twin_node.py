@@ -9,7 +9,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from textile_twin_core.errors import TwinError
-from textile_twin_core.machines import AnyMachine
+from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin.references import reference_of
 from textile_twin_ros.description import Description
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status

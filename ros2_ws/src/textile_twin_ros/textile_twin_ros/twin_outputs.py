@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual
-from textile_twin_core.machines import AnyMachine
+from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin.session import Sample
 from textile_twin_ros.messages import (
     JOINT_STATE,
@@ -107,11 +107,11 @@ class JointOutput:
     msgtype = JOINT_STATE
     needs: tuple[str, ...] = ()
 
-    def __init__(self, machine: ttc.Machine, rate_hz: Callable[[], float], compile_twin: CompileTwin) -> None:
-        names = [joint.name for joint in machine.joints if joint.kind != "fixed"]
-        self._template = JointTemplate(names)
-        self._count = len(names)
-        self._values = *(f"joint_{name}_position" for name in names), *(f"joint_{name}_velocity" for name in names)
+    def __init__(self, machine: AnyMachine, rate_hz: Callable[[], float], compile_twin: CompileTwin) -> None:
+        positions, velocities = zip(*machine.joint_outputs.values(), strict=True)
+        self._template = JointTemplate(tuple(machine.joint_outputs))
+        self._count = len(positions)
+        self._values = *positions, *velocities
         self._thinning, self._compile = Thinning(rate_hz), compile_twin
         self._twin: Any = None
 
@@ -126,15 +126,14 @@ class JointOutput:
 
 
 class ElementOutput:
-    """Positions and velocities of a machine's sliding elements, as joints of their names, at a limited rate."""
+    """Positions and velocities of the joints of a machine with a history, which every sample goes through."""
 
     topic = "joint_states"
     msgtype = JOINT_STATE
 
-    def __init__(self, elements: Sequence[str], rate_hz: Callable[[], float]) -> None:
-        self._template = JointTemplate(elements)
-        self._positions = tuple(f"{element}_position_m" for element in elements)
-        self._velocities = tuple(f"{element}_velocity_m_s" for element in elements)
+    def __init__(self, machine: AnyMachine, rate_hz: Callable[[], float]) -> None:
+        self._template = JointTemplate(tuple(machine.joint_outputs))
+        self._positions, self._velocities = zip(*machine.joint_outputs.values(), strict=True)
         self.needs = (*self._positions, *self._velocities)
         self._thinning = Thinning(rate_hz)
 
@@ -164,22 +163,14 @@ def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float], compile_
 
     Each measure of a linkage (needle, beater, sley) gives the topic of its point's position.
     """
-    if not isinstance(machine, ttc.Machine):
-        suffix = "_position_m"
-        elements = [name.removesuffix(suffix) for name in machine.outputs if name.endswith(suffix)]
-        return [ElementOutput(elements, joint_rate_hz)]
     outputs: list[Output] = []
-    if has_torque(machine):
+    if machine.tells_torque:
         outputs.append(TorqueOutput("balancing_torque/predicted", lambda sample: sample.outputs[TORQUE]))
         outputs.append(TorqueOutput(SIGMA_TOPIC, lambda sample: sample.torque_sigma_Nm))
-    motion = machine.linkage.solved
-    outputs += [PointOutput(f"{measure.name}/position", measure.tool(motion)) for measure in machine.measures]
+    outputs += [PointOutput(f"{measure}/position", point) for measure, point in machine.tools.items()]
+    if machine.has_history:
+        return [*outputs, ElementOutput(machine, joint_rate_hz)]
     return [*outputs, JointOutput(machine, joint_rate_hz, compile_twin)]
-
-
-def has_torque(machine: AnyMachine) -> bool:
-    """Whether a balancing torque of this machine can be told: it has one, and no mass is missing."""
-    return isinstance(machine, ttc.Machine) and TORQUE in machine.outputs and not machine.missing_for_torque
 
 
 def twins_of(machine: AnyMachine) -> CompileTwin:

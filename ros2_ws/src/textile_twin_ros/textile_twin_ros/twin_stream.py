@@ -11,7 +11,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_jumps
-from textile_twin_core.machines import AnyMachine
+from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin.session import Sample
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
@@ -24,7 +24,6 @@ from textile_twin_ros.twin_outputs import (
     TORQUE,
     Output,
     ResidualMessages,
-    has_torque,
     outputs_of,
     twins_of,
 )
@@ -54,13 +53,13 @@ class TwinStream:
         self._compile = twins_of(machine)
         self._outputs = outputs_of(machine, joint_rate_hz, self._compile)
         # A machine with a history goes through all of it, whoever listens.
-        self._has_history = not isinstance(machine, ttc.Machine)
+        self._has_history = machine.has_history
         self._idle = (
             ttc.Twin(machine, (), "exact", machine.scene.tolerance)
             if isinstance(machine, ttc.Machine)
             else self._compile(self._needs(self._outputs))
         )
-        self._has_torque = has_torque(machine)
+        self._has_torque = machine.tells_torque
         jumps = load_jumps(self._compile((TORQUE,))) if self._has_torque else ()
         self._residuals = ResidualStream(machine.sensors.torque, jumps)
         self._residual_messages = ResidualMessages()

@@ -10,6 +10,8 @@ from xml.etree import ElementTree as Xml
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.mechanism.joint import BASE
 
+BAR_WIDTH_SHARE = 0.08
+"""Width of the bars over the longest link."""
 _COLOURS = (
     "0.80 0.45 0.20 1",
     "0.25 0.50 0.75 1",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
 
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.dynamics.loads.load import LoadContext, intensity
@@ -14,16 +13,13 @@ from textile_twin_core.dynamics.reduction import Reduction, reduce_bodies
 from textile_twin_core.dynamics.shaft_state import ShaftState
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.expression import Expr, const, variable
-from textile_twin_core.machines.joints import joint_state
-from textile_twin_core.machines.sensitivity import TorqueSensitivity
+from textile_twin_core.machine.declaration import Declaration
+from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.mechanism import MAIN_SHAFT, Displacement, Motion
 from textile_twin_core.mechanism.angles import link_angle
-from textile_twin_core.mechanism.joint import Joint
+from textile_twin_core.mechanism.joint import BASE, Joint
 from textile_twin_core.mechanism.vector import Vector
 from textile_twin_core.mechanism.wrenches import Wrenches
-
-if TYPE_CHECKING:
-    from textile_twin_core.machines.machine import Machine
 
 Builder = Callable[[], Expr]
 
@@ -31,7 +27,7 @@ Builder = Callable[[], Expr]
 class LinkageModel:
     """One linkage at its phase: motion, reduction, loads and reactions."""
 
-    def __init__(self, machine: Machine, number: int, shaft: ShaftState, loads_as_variables: bool = False) -> None:
+    def __init__(self, machine: Declaration, number: int, shaft: ShaftState, loads_as_variables: bool = False) -> None:
         self.machine, self.number, self.shaft = machine, number, shaft
         self._loads_as_variables = loads_as_variables
         phase_rad = machine.linkages[number].phase_rad
@@ -99,7 +95,7 @@ class MachineModel:
     With `loads_as_variables` the loads' intensities stay open, for those who evaluate them apart.
     """
 
-    def __init__(self, machine: Machine, shaft: ShaftState | None = None, loads_as_variables: bool = False) -> None:
+    def __init__(self, machine: Declaration, shaft: ShaftState | None = None, loads_as_variables: bool = False) -> None:
         self.machine, self.shaft = machine, shaft or ShaftState()
         self.linkages = [
             LinkageModel(machine, number, self.shaft, loads_as_variables) for number in range(len(machine.linkages))
@@ -146,6 +142,20 @@ class MachineModel:
         motion = self.first.motion
         near = self.machine.angle_near_rad.get(name, 0.0)
         return link_angle(motion.links[name], motion, near)
+
+    def joint_state(self, joint: Joint) -> tuple[Expr, Expr]:
+        """Position and velocity of a joint [rad, rad/s or m, m/s]."""
+        motion, omega = self.first.motion, self.shaft.omega
+        child = motion.links[joint.child_link]
+        if joint.kind == "prismatic":
+            slide, along = motion.points[child.start], Vector.of(*joint.axis)
+            travel = (slide.position - Vector.of(*joint.origin_m)).dot(along)
+            return travel, slide.first.dot(along) * omega
+        if joint.parent_link == BASE:
+            return self.link_angle(child.name), child.first * omega
+        parent = motion.links[joint.parent_link]
+        angle = self.link_angle(child.name) - self.link_angle(parent.name)
+        return angle, (child.first - parent.first) * omega if joint.kind != "fixed" else const(0.0)
 
     def _offer(self, name: str, builder: Builder) -> None:
         if name in self._builders:
@@ -243,7 +253,7 @@ class MachineModel:
         return position.x if axis == "x" else position.y
 
     def _joint(self, joint: Joint, which: int) -> Expr:
-        return joint_state(self, joint)[which]
+        return self.joint_state(joint)[which]
 
 
 def _itself(quantity: Expr) -> Expr:

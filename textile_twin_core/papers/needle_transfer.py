@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.contact.polynomials import derivative, first_crossing, value
+from textile_twin_core.machine import ContactMachine
 from textile_twin_core.machines.needle_transfer import (
     COLLETS,
     DESIGNS,
     PAD,
-    NeedleTransferMachine,
     needle_transfer,
 )
-from textile_twin_core.machines.published import PrintedAndOurs, PublishedRow, in_sections
+from textile_twin_core.papers.rows import PrintedAndOurs, PublishedRow, in_sections
 
 NEEDLE_TRANSFER = "Pejchar and Beran 2011"
 
@@ -44,7 +44,7 @@ class ForwardStroke:
     leaves_pin_m: float
 
 
-def forward_stroke(machine: NeedleTransferMachine) -> ForwardStroke:
+def forward_stroke(machine: ContactMachine) -> ForwardStroke:
     """The forward motion from the published start to a little after its end.
 
     Times are roots of the motion's own power series, not samples: pad reached, acceleration of element 2 largest on it
@@ -58,7 +58,7 @@ def forward_stroke(machine: NeedleTransferMachine) -> ForwardStroke:
     for segment in run.segments:
         if segment.end_s <= pad_s:
             gap = segment.positions[2] - segment.positions[0]
-            gap[0] += machine.start_m[0]
+            gap[0] += machine.start[0]
             turn = first_crossing(derivative(gap), 1e-15)
             leaves = max(leaves, value(gap, 1.0), value(gap, turn) if turn <= 1.0 else 0.0)
         elif deceleration_s == pad_s:
@@ -85,7 +85,7 @@ def needle_transfer_rows() -> tuple[PublishedRow, ...]:
     )
 
 
-def _reading(machines: dict[str, NeedleTransferMachine], fitted: str) -> list[PrintedAndOurs]:
+def _reading(machines: dict[str, ContactMachine], fitted: str) -> list[PrintedAndOurs]:
     picture = f"the law of motion is but a picture in print; {fitted} to all printed times"
     stroke = machines["original"].parameters["stroke_m"] * 1e3
     rows: list[PrintedAndOurs] = [
@@ -112,15 +112,15 @@ def _reading(machines: dict[str, NeedleTransferMachine], fitted: str) -> list[Pr
 _CLOSE_MM = 0.1
 
 
-def _conditions(machines: dict[str, NeedleTransferMachine]) -> list[PrintedAndOurs]:
+def _conditions(machines: dict[str, ContactMachine]) -> list[PrintedAndOurs]:
     rows: list[PrintedAndOurs] = []
     for design, printed in (("original", 71.8), ("optimised", 66.8)):
-        start = machines[design].start_m[0] * 1e3
+        start = machines[design].start[0] * 1e3
         why = "Tab. 2 starts element 2 against its pin, 0.1 mm further than lp1 of Tab. 3"
         rows.append((f"{design}: element 2 over 1 at its pin", "mm", printed, start, why))
     for design, machine in machines.items():
         p = machine.parameters
-        gap = (machine.start_m[0] + p["value_d_m"] - machine.start_m[1] - p["value_a_m"]) * 1e3
+        gap = (machine.start[0] + p["value_d_m"] - machine.start[1] - p["value_a_m"]) * 1e3
         rows.append((f"{design}: gap between F and G at the start", "mm", None, gap, ""))
     return [
         *rows,

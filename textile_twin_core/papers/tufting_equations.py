@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from textile_twin_core.machines.machine import Machine
-from textile_twin_core.machines.published import PrintedAndOurs, over_a_turn, span
+from textile_twin_core.machine.machine import Machine
+from textile_twin_core.papers.rows import PrintedAndOurs, over_a_turn, span
 
 _SAMPLES = 3600
 _MOTION = ("theta_2_rad", "omega_2_rad_s", "alpha_2_rad_s2", "omega_4_rad_s", "alpha_4_rad_s2", "theta_5_rad")

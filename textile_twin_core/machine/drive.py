@@ -16,8 +16,8 @@ from textile_twin_core.dynamics.drive_torque import DriveTorque
 from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.dynamics.motion_equation import MotionEquation
 from textile_twin_core.errors import MachineError, MotionError
-from textile_twin_core.machines.machine import Machine
-from textile_twin_core.machines.model import total
+from textile_twin_core.machine.machine import Machine
+from textile_twin_core.machine.model import total
 
 _TIMES = 1001
 

@@ -1,4 +1,4 @@
-"""The needle transfer driven by samples of the shaft: state that lives between samples, outputs at each of them."""
+"""A contact machine driven by samples of the shaft: state that lives between samples, outputs at each of them."""
 
 from __future__ import annotations
 
@@ -15,35 +15,36 @@ from textile_twin_core.contact.log import Log
 from textile_twin_core.contact.reading import read_motion
 from textile_twin_core.contact.result import events_of
 from textile_twin_core.errors import MotionError, SceneError
-from textile_twin_core.machines.needle_transfer import DRIVE, ELEMENTS, MOTION, NeedleTransferMachine
-from textile_twin_core.machines.sizes import reckonable
+from textile_twin_core.machine.contact_machine import DRIVE, MOTION, ContactMachine
+from textile_twin_core.machine.sizes import reckonable
 from textile_twin_core.mechanism.motion_law import TURN
 
 _TURN_TAIL = 2.4492935982947064e-16
 """2 pi minus its float64 value"""
 _MOMENT_S = 1e-6
 _SAME_ANGLE = 1e-13
-"""rad: so small a difference moves element 1 by less than rounding does"""
+"""rad: so small a difference moves the driven element by less than rounding does"""
 
 
-class NeedleTransferMotion:
+class ContactMotion:
     """Integrates the machine in the order of the samples, in blocks of any size; the blocks do not change the numbers.
 
-    Between two samples the shaft angle is the quintic through both angles, speeds and accelerations, and element 1
-    follows the law of motion at that angle; at constant speed that is the law itself, without interpolation error.
-    The first sample finds the machine as it would be after the shaft had turned smoothly from the published start
+    Between two samples the shaft angle is the quintic through both angles, speeds and accelerations, and the driven
+    element follows its law of motion at that angle; at constant speed that is the law itself, without interpolation
+    error.
+    The first sample finds the machine as it would be after the shaft had turned smoothly from the declared start
     at theta = 0 to it. The same holds after a gap in which the shaft made more than half a turn: nothing says how.
     `events` collects what happened, on the samples' clock.
     """
 
-    def __init__(
-        self, machine: NeedleTransferMachine, outputs: Sequence[str] | None = None, tolerance: float = 1e-13
-    ) -> None:
+    def __init__(self, machine: ContactMachine, outputs: Sequence[str] | None = None, tolerance: float = 1e-13) -> None:
         self.machine = machine
         self.outputs = tuple(machine.outputs if outputs is None else outputs)
         for name in self.outputs:
             if name not in machine.outputs:
-                raise SceneError(f"needle_transfer has no output {name!r}; it has {', '.join(machine.outputs)}")
+                raise SceneError(
+                    f"machine {machine.name!r} has no output {name!r}; it has {', '.join(machine.outputs)}"
+                )
         self.events: list[ContactEvent] = []
         self.restarts = 0
         self._integrator = machine.integrator(tolerance)
@@ -82,7 +83,7 @@ class NeedleTransferMotion:
 
     def _along(self, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Motion of the elements (3, elements, n) and force of the drive (n,) along samples (5, n)."""
-        found = np.empty((3, len(ELEMENTS), samples.shape[1]))
+        found = np.empty((3, len(self.machine.elements), samples.shape[1]))
         drive = np.zeros(samples.shape[1])
         first = 0
         while first < samples.shape[1]:
@@ -144,14 +145,14 @@ class NeedleTransferMotion:
         return logs
 
     def _begin(self, time: float, theta: float, omega: float, alpha: float) -> Log:
-        """Bring the machine from its published start to a first sample, along a smooth motion of the shaft."""
+        """Bring the machine from its declared start to a first sample, along a smooth motion of the shaft."""
         machine = self.machine
         kept = len(self.events)
         angle = theta % TURN
         if omega < 0.0 and angle > 0.0:
             angle -= TURN
-        duration = 1.5 * abs(angle) / max(abs(omega), machine.speed_rad_s)
-        self._state = self._integrator.start(machine.start_m, (machine.law.evaluate(0.0), 0.0, 0.0), time_s=-duration)
+        duration = 1.5 * abs(angle) / max(abs(omega), machine.nominal_speed_rad_s)
+        self._state = self._integrator.start(machine.start, (machine.law.evaluate(0.0), 0.0, 0.0), time_s=-duration)
         if duration > 0.0:
             self._follow(quintic(duration, (0.0, 0.0, 0.0), (angle, omega, 0.0)), -duration, 0.0)
         del self.events[kept:]
@@ -163,15 +164,16 @@ class NeedleTransferMotion:
         return self._integrator.advance(self._state.copy(), piece).log
 
     def _read(self, logs: list[Log], times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position, velocity, acceleration (3, elements, times) and force on element 1; at an event, as before it."""
-        motion, force = np.empty((3, len(ELEMENTS), times.size)), np.empty(times.size)
+        """Position, velocity, acceleration (3, elements, times) and the drive's force; at an event, as before it."""
+        motion, force = np.empty((3, len(self.machine.elements), times.size)), np.empty(times.size)
         for number, log in enumerate(logs):
             read_motion(self._integrator.plant, log, times, number == 0, motion, force)
         return motion, force
 
     def _outputs(self, samples: FloatArray, motion: FloatArray, force: FloatArray) -> dict[str, FloatArray]:
         values: dict[str, FloatArray] = {}
-        for element, row in zip(ELEMENTS, (2, 0, 1), strict=True):
+        for element in self.machine.elements:
+            row = self.machine.model.index[element]
             for k, what in enumerate(MOTION):
                 values[f"{element}_{what}"] = motion[k, row]
         if self._wants_drive:
@@ -179,10 +181,10 @@ class NeedleTransferMotion:
         return {name: values[name] for name in self.outputs}
 
     def _drive(self, samples: FloatArray, motion: FloatArray, force: FloatArray) -> dict[str, FloatArray]:
-        law, mass = self.machine.law, self.machine.parameters["element_1_kg"]
+        law, mass = self.machine.law, self.machine.driven.mass_kg
         slope = np.array([law.evaluate(theta, 1) for theta in samples[1].tolist()])
-        own = mass * motion[2, 2]
-        kinetic = kinetic_energy(self._integrator.plant, motion[1]) + 0.5 * mass * motion[1, 2] ** 2
+        own = mass * motion[2, -1]
+        kinetic = kinetic_energy(self._integrator.plant, motion[1]) + 0.5 * mass * motion[1, -1] ** 2
         return {
             "drive_force_N": own - force,
             "balancing_torque_Nm": (own - force) * slope,
@@ -223,17 +225,17 @@ def _straight(last: list[float], samples: FloatArray) -> int:
     return max(int(broken[0]) if broken.size else same.size, 1)
 
 
-def measured_error(machine: NeedleTransferMachine, outputs: Sequence[str], tolerance: float) -> float:
+def measured_error(machine: ContactMachine, outputs: Sequence[str], tolerance: float) -> float:
     """Error over peak, of the worst of the outputs, over one cycle at the declared speed: measured, not promised.
 
     The same samples are integrated with a tolerance a thousand times tighter (1e-16 at the tightest). Three times
     the largest difference is given, and not less than 1e-15: bounces enlarge rounding, other samples fall otherwise.
     """
-    times = np.linspace(0.0, TURN / machine.speed_rad_s, 4801)
-    speed = np.full(times.size, machine.speed_rad_s)
-    shaft = (times, machine.speed_rad_s * times, speed, np.zeros(times.size))
-    found = NeedleTransferMotion(machine, outputs, tolerance).step(*shaft)
-    tighter = NeedleTransferMotion(machine, outputs, max(1e-3 * tolerance, 1e-16)).step(*shaft)
+    times = np.linspace(0.0, TURN / machine.nominal_speed_rad_s, 4801)
+    speed = np.full(times.size, machine.nominal_speed_rad_s)
+    shaft = (times, machine.nominal_speed_rad_s * times, speed, np.zeros(times.size))
+    found = ContactMotion(machine, outputs, tolerance).step(*shaft)
+    tighter = ContactMotion(machine, outputs, max(1e-3 * tolerance, 1e-16)).step(*shaft)
     worst = 0.0
     for name, values in tighter.items():
         peak = float(np.abs(values).max())

@@ -11,7 +11,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import INPUTS
 from textile_twin_core.expression.loop import Loop
-from textile_twin_core.machines.machine import Machine
+from textile_twin_core.machine.machine import Machine
 
 
 @dataclass(frozen=True)

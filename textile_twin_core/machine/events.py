@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import brentq
 
 from textile_twin_core.expression import Expr, const, derivative, substitute, variable
 from textile_twin_core.expression.loop import Loop
 from textile_twin_core.expression.scalar import compile_scalar
+from textile_twin_core.machine.event import Event
+from textile_twin_core.machine.model import MachineModel
 from textile_twin_core.mechanism.motion import FULL_TURN
-
-if TYPE_CHECKING:
-    from textile_twin_core.machines.machine import Machine
 
 _TURN = 2.0 * math.pi
 _SAMPLES = 2880
@@ -23,17 +21,9 @@ _START = 0.1234
 """Where the search begins [rad]: no angle at which machines are set, so that no event lies on a sample."""
 
 
-@dataclass(frozen=True)
-class Event:
-    """Something that happens at a shaft angle in [0, 2 pi) [rad]."""
-
-    name: str
-    angle_rad: float
-
-
-def machine_events(machine: Machine) -> tuple[Event, ...]:
+def machine_events(model: MachineModel) -> tuple[Event, ...]:
     """Events of the first linkage, by angle; crossings to the rounding of the angle."""
-    linkage = machine.model.first
+    machine, linkage = model.machine, model.first
     found: list[Event] = []
     for load in machine.loads:
         for crossing in load.crossings(linkage.load_context):
@@ -43,17 +33,18 @@ def machine_events(machine: Machine) -> tuple[Event, ...]:
         rising, falling = crossings(displacement.first, machine.range_rad)
         found += [Event(f"{name}_largest", angle) for angle in falling]
         found += [Event(f"{name}_smallest", angle) for angle in rising]
-    found += _lift_offs(machine)
+    found += _lift_offs(model)
     return tuple(sorted(found, key=lambda event: event.angle_rad))
 
 
-def _lift_offs(machine: Machine) -> list[Event]:
+def _lift_offs(model: MachineModel) -> list[Event]:
     """Where bodies that only press on each other would part at the nominal speed; at 0 if they press nowhere."""
+    machine = model.machine
     steady = {variable("omega"): const(machine.nominal_speed_rad_s), variable("alpha"): const(0.0)}
     found: list[Event] = []
     contacts = [contact for group in machine.groups for contact in group.contact_forces]
     for contact in contacts if machine.bodies and not machine.missing_for_torque else ():
-        (force,) = substitute([machine.model.output(contact.output)], steady)
+        (force,) = substitute([model.output(contact.output)], steady)
         rising, falling = crossings(force, machine.range_rad)
         at_start = compile_scalar([force], ["theta"])(machine.range_rad[0])[0]
         parting = falling if rising or falling or at_start >= 0.0 else [machine.range_rad[0] % _TURN]
@@ -89,8 +80,6 @@ def crossings(level: Expr, range_rad: tuple[float, float] = FULL_TURN) -> tuple[
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    from scipy.optimize import brentq  # slow to import, and most commands ask for no events
-
     at_low, at_high = function(low), function(high)
     if at_low * at_high >= 0.0:  # one end is the root, to rounding
         return low if abs(at_low) <= abs(at_high) else high

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import dataclass
 
 from textile_twin_core.errors import MachineError
-
-if TYPE_CHECKING:
-    from textile_twin_core.machines import AnyMachine
-
-    SomeMachine = TypeVar("SomeMachine", bound=AnyMachine)
 
 ENCODER_OPTIONS: Mapping[str, str] = {
     "teeth": "samples are edges of a wheel with so many teeth a turn, missing ones counted",
@@ -94,14 +88,3 @@ class Scene:
     outputs: tuple[str, ...] = ("balancing_torque_Nm",)
     method: str = "auto"
     tolerance: float = 1e-12
-
-
-def with_encoder(machine: SomeMachine, settings: Mapping[str, float]) -> SomeMachine:
-    """The machine with other settings of its encoder (see `ENCODER_OPTIONS`).
-
-    Raises MachineError for values that an encoder cannot have.
-    """
-    if not settings:
-        return machine
-    encoder = replace(machine.sensors.encoder, **settings)  # type: ignore[arg-type]
-    return replace(machine, sensors=replace(machine.sensors, encoder=encoder))

@@ -3,39 +3,33 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from textile_twin_core.dynamics.body import Body
 from textile_twin_core.expression import Expr
-from textile_twin_core.machines.robot import Limits, Robot
+from textile_twin_core.machine.model import MachineModel
+from textile_twin_core.machine.robot import BAR_WIDTH_SHARE, Limits, Robot
 from textile_twin_core.mechanism.extremes import smallest_value, values_over
-from textile_twin_core.mechanism.joint import BASE, Joint
+from textile_twin_core.mechanism.joint import Joint
 
-if TYPE_CHECKING:
-    from textile_twin_core.machines.machine import Machine
-    from textile_twin_core.machines.needle_transfer import NeedleTransferMachine
-
-_BAR_WIDTH_SHARE = 0.08
 _PROBES = 721
-_INSTANTS = 4801
 _ROOM = 1e-9
 """Share of a joint's stroke by which its limits lie outside of it, so that rounding does not cross them."""
 
 
-def machine_urdf(machine: Machine) -> str:
+def machine_urdf(model: MachineModel) -> str:
     """The URDF text of a linkage: its tree of links, and a frame `needle_tip`, `beater_tip` or `sley_tip` at the tool.
 
     Loops are cut; the twin publishes every joint, passive ones too, so that the loops stay closed. Joints that do not
     turn fully have the limits of their motion in the machine, at its nominal speed.
     """
+    machine = model.machine
     links = machine.linkage.solved.links
-    robot = Robot(machine.name, max(link.length for link in links.values()) * _BAR_WIDTH_SHARE)
+    robot = Robot(machine.name, max(link.length for link in links.values()) * BAR_WIDTH_SHARE)
     for link in links.values():
         robot.bar(link.name, link.length, [body for body in machine.bodies if body.on == link.name])
     for joint in machine.joints:
-        limits = None if joint.kind == "fixed" else _limits(machine, joint)
+        limits = None if joint.kind == "fixed" else _limits(model, joint)
         turns = joint.kind == "continuous" and limits is not None
         along = math.atan2(joint.axis[1], joint.axis[0]) if joint.kind == "prismatic" else joint.origin_angle_rad
         kind = "revolute" if turns else joint.kind
@@ -49,9 +43,10 @@ def machine_urdf(machine: Machine) -> str:
     return robot.text()
 
 
-def _limits(machine: Machine, joint: Joint) -> Limits | None:
+def _limits(model: MachineModel, joint: Joint) -> Limits | None:
     """How far and how fast a joint goes; None for one that turns on and on."""
-    position = machine.model.output(f"joint_{joint.name}_position")
+    machine = model.machine
+    position = model.output(f"joint_{joint.name}_position")
     low, high = machine.range_rad
     angles = values_over(position, np.linspace(low, high, _PROBES))
     steps = np.diff(angles)
@@ -65,25 +60,3 @@ def _limits(machine: Machine, joint: Joint) -> Limits | None:
 
 def _extreme(value: Expr, range_rad: tuple[float, float]) -> float:
     return smallest_value(value, range_rad)[1]
-
-
-def needle_transfer_urdf(machine: NeedleTransferMachine) -> str:
-    """The URDF text of a needle transfer: three elements that slide along the needle bar, downwards.
-
-    Limits are those of one cycle from the published start at the machine's speed.
-    """
-    from textile_twin_core.machines.needle_transfer import ELEMENTS
-
-    run = machine.simulate(times=np.linspace(0.0, 2.0 * math.pi / machine.speed_rad_s, _INSTANTS))
-    rows = {name: row for name, row in run.model.index.items() if name in ELEMENTS}
-    strokes = {name: run.positions[row] for name, row in rows.items()}
-    length = max(float(np.ptp(positions)) for positions in strokes.values())
-    robot = Robot(machine.name, length * _BAR_WIDTH_SHARE)
-    for name, positions in sorted(strokes.items()):
-        # It only slides: its inertia, which nobody declares, is that of a rod.
-        mass = machine.parameters[f"{name}_kg"]
-        robot.bar(name, length, [Body(name, mass, mass * length**2 / 12.0)])
-        fastest = float(np.abs(run.velocities[rows[name]]).max())
-        limits = Limits(float(positions.min()), float(positions.max()), fastest)
-        robot.joint(name, "prismatic", BASE, name, (0.0, 0.0), -math.pi / 2, limits)
-    return robot.text()

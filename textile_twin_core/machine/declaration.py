@@ -1,4 +1,4 @@
-"""Machine: the declaration of a linkage machine, from which everything else is derived."""
+"""The declaration of a linkage machine: what a user says of it, checked as far as that says it itself."""
 
 from __future__ import annotations
 
@@ -7,23 +7,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.errors import MachineError
-from textile_twin_core.machines.declared import Declared
-from textile_twin_core.machines.joints import default_joint_names, named_joints
-from textile_twin_core.machines.sensors import Scene, Sensors
-from textile_twin_core.machines.sizes import reckonable
+from textile_twin_core.machine.declared import Declared
+from textile_twin_core.machine.joints import default_joint_names, named_joints
+from textile_twin_core.machine.sensors import Scene, Sensors
+from textile_twin_core.machine.sizes import reckonable
 from textile_twin_core.mechanism import Closeness, Group, Linkage, Measure, check_assembly
 from textile_twin_core.mechanism.group import check_finite
 from textile_twin_core.mechanism.joint import Joint
 from textile_twin_core.mechanism.motion import FULL_TURN
-
-if TYPE_CHECKING:
-    from textile_twin_core.machines.events import Event
-    from textile_twin_core.machines.model import MachineModel
 
 
 @dataclass(frozen=True)
@@ -45,7 +41,7 @@ class Link(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Machine(Declared):
+class Declaration(Declared):
     """A machine with one degree of freedom: ground points, groups, bodies, loads, measures and sensors.
 
     Several equal linkages can sit on one shaft; torque and energy are their sums, positions and
@@ -83,8 +79,7 @@ class Machine(Declared):
             names = default_joint_names(self.linkage) | dict(self.joint_names)
             object.__setattr__(self, "joint_names", MappingProxyType(names))
             self._check_names_and_numbers()
-            _ = self.closeness, self.model.outputs, self.model.first.reduction, self.model.first.load_torque
-            # so a wrong declaration is refused at once
+            _ = self.closeness
 
     def _check_names_and_numbers(self) -> None:
         links = tuple(self.linkage.solved.links)
@@ -130,18 +125,6 @@ class Machine(Declared):
         turned = [(low + place.phase_rad, high + place.phase_rad) for place in self.linkages]
         return [check_assembly(replace(self.linkage, range_rad=angles)) for angles in turned]
 
-    @cached_property
-    def model(self) -> MachineModel:
-        """Expressions of all outputs, built when asked for."""
-        from textile_twin_core.machines.model import MachineModel
-
-        return MachineModel(self)
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Every output that can be asked for."""
-        return self.model.outputs
-
     @property
     def links(self) -> tuple[Link, ...]:
         """The skeleton for drawing."""
@@ -157,18 +140,12 @@ class Machine(Declared):
         """The joints of the robot description, passive ones too."""
         return named_joints(self.linkage, self.joint_names)
 
-    def urdf(self) -> str:
-        """The robot description (URDF) of the first linkage."""
-        from textile_twin_core.machines.urdf import machine_urdf
+    @property
+    def choices(self) -> Mapping[str, str]:
+        """None: parameters of linkages are numbers."""
+        return {}
 
-        return machine_urdf(self)
-
-    def events(self) -> tuple[Event, ...]:
-        """Angles of one turn at which something happens: entry and exit of loads, dead centres of measures."""
-        return self._events
-
-    @cached_property
-    def _events(self) -> tuple[Event, ...]:
-        from textile_twin_core.machines.events import machine_events
-
-        return machine_events(self)
+    @property
+    def tools(self) -> Mapping[str, str]:
+        """The point whose way each measure tells, by the measure's name."""
+        return {measure.name: measure.tool(self.linkage.solved) for measure in self.measures}

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from textile_twin_core.machines.published import PublishedRow
-from textile_twin_core.machines.published_beatup import HANDLOOM
+from textile_twin_core.papers.beatup import HANDLOOM
+from textile_twin_core.papers.rows import PublishedRow
 from textile_twin_core.synthesis.crank_rocker import CrankRockerDesign, crank_rocker
 
 SWING_DEG = 30.0

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from textile_twin_core.machines.machine import Machine
-from textile_twin_core.machines.published import PrintedAndOurs, PublishedRow, at_angles, in_sections, over_a_turn, span
-from textile_twin_core.machines.published_tufting_equations import equation_rows
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machines.tufting import tufting
+from textile_twin_core.papers.rows import PrintedAndOurs, PublishedRow, at_angles, in_sections, over_a_turn, span
+from textile_twin_core.papers.tufting_equations import equation_rows
 
 TUFTING = "Xu et al. 2016"
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import Body
+from textile_twin_core.machine.events import crossings
+from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machines.elliptic_gear_beatup import elliptic_gear_beatup, stretched_angle
-from textile_twin_core.machines.events import crossings
 from textile_twin_core.machines.handloom_beatup import handloom_beatup
-from textile_twin_core.machines.machine import Machine
-from textile_twin_core.machines.published import PrintedAndOurs, PublishedRow, at_angles, in_sections, over_a_turn
+from textile_twin_core.papers.rows import PrintedAndOurs, PublishedRow, at_angles, in_sections, over_a_turn
 
 HANDLOOM = "Topalbekiroglu and Celik 2010"
 ELLIPTIC_GEAR = "Zhao, Ren and Chen 2011"

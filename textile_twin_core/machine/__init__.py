@@ -1,0 +1,14 @@
+"""What a machine is: a linkage or a contact machine by its declaration, its outputs, sensors and robot description."""
+
+from textile_twin_core.machine.contact_machine import ContactMachine as ContactMachine
+from textile_twin_core.machine.contact_machine import DrivenElement as DrivenElement
+from textile_twin_core.machine.declaration import ShaftPlace as ShaftPlace
+from textile_twin_core.machine.event import Event as Event
+from textile_twin_core.machine.machine import Machine as Machine
+from textile_twin_core.machine.protocol import AnyMachine as AnyMachine
+from textile_twin_core.machine.protocol import with_encoder as with_encoder
+from textile_twin_core.machine.sensors import ENCODER_OPTIONS as ENCODER_OPTIONS
+from textile_twin_core.machine.sensors import Encoder as Encoder
+from textile_twin_core.machine.sensors import Scene as Scene
+from textile_twin_core.machine.sensors import Sensors as Sensors
+from textile_twin_core.machine.sensors import TorqueSensor as TorqueSensor

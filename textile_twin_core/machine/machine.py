@@ -1,0 +1,79 @@
+"""Machine: a linkage by its declaration, from which everything else is derived when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from textile_twin_core.machine.declaration import Declaration
+from textile_twin_core.machine.event import Event
+from textile_twin_core.machine.events import machine_events
+from textile_twin_core.machine.model import MachineModel
+from textile_twin_core.machine.sensors import Scene
+from textile_twin_core.machine.sizes import reckonable
+from textile_twin_core.machine.urdf import machine_urdf
+
+_MOTION = ("position_m", "velocity_m_s", "acceleration_m_s2")
+_TORQUES = ("balancing_torque_Nm", "torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm")
+
+
+@dataclass(frozen=True)
+class Machine(Declaration):
+    """A linkage machine (see Declaration), with its outputs, events and robot description."""
+
+    __doc__ = Declaration.__doc__
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        with reckonable(f"machine '{self.name}'"):
+            _ = self.model.outputs, self.model.first.reduction, self.model.first.load_torque
+            # so a wrong declaration is refused at once
+
+    @cached_property
+    def model(self) -> MachineModel:
+        """Expressions of all outputs, built when asked for."""
+        return MachineModel(self)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Every output that can be asked for."""
+        return self.model.outputs
+
+    @property
+    def shown_outputs(self) -> tuple[str, ...]:
+        """Those that the scene names, else the torque with its parts and what the measures tell."""
+        if self.scene != Scene():
+            return self.scene.outputs
+        moved = [
+            f"{m.name}_{what}" for m in self.measures for what in ("position_m", "velocity_m_s", "acceleration_m_s2")
+        ]
+        return (*(_TORQUES if self.tells_torque else ()), *moved) or self.outputs[:1]
+
+    @property
+    def has_history(self) -> bool:
+        """A linkage has none."""
+        return False
+
+    @property
+    def tells_torque(self) -> bool:
+        """Whether no mass is missing for the torque."""
+        return not self.missing_for_torque
+
+    @property
+    def joint_outputs(self) -> Mapping[str, tuple[str, str]]:
+        """The outputs for position and velocity of each moving joint, by its name."""
+        names = [joint.name for joint in self.joints if joint.kind != "fixed"]
+        return {name: (f"joint_{name}_position", f"joint_{name}_velocity") for name in names}
+
+    def urdf(self) -> str:
+        """The robot description (URDF) of the first linkage."""
+        return machine_urdf(self.model)
+
+    def events(self) -> tuple[Event, ...]:
+        """Angles of one turn at which something happens: entry and exit of loads, dead centres of measures."""
+        return self._events
+
+    @cached_property
+    def _events(self) -> tuple[Event, ...]:
+        return machine_events(self.model)
