@@ -13,18 +13,20 @@ import pytest
 import yaml
 
 import textile_twin_core as ttc
+from textile_twin_core.contact import Pad, SlidingBody, SpringDamper, Stop
 from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import MachineError
 from textile_twin_core.files.declarations import build, plain
 from textile_twin_core.files.machine_file import GROUPS, LOADS, MEASURES
-from textile_twin_core.machine import Encoder, Machine, Scene, ShaftPlace, TorqueSensor
+from textile_twin_core.machine import ContactMachine, DrivenElement, Encoder, Machine, Scene, ShaftPlace, TorqueSensor
 from textile_twin_core.twin.compiled import METHODS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "machine_file.md").read_text(encoding="utf-8")
 YAML_BLOCKS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.M | re.S)
 COMPLETE = [block for block in YAML_BLOCKS if "groups" in yaml.safe_load(block)]
+CONTACT = [block for block in YAML_BLOCKS if "driven" in yaml.safe_load(block)]
 PUBLISHED = [block for block in YAML_BLOCKS if "machine" in yaml.safe_load(block)]
-FRAGMENTS = [block for block in YAML_BLOCKS if block not in (*COMPLETE, *PUBLISHED)]
+FRAGMENTS = [block for block in YAML_BLOCKS if block not in (*COMPLETE, *CONTACT, *PUBLISHED)]
 
 TYPES = {"Groups": GROUPS, "Loads": LOADS, "Measures": MEASURES}
 PARTS: list[tuple[str, str, type]] = [
@@ -33,6 +35,11 @@ PARTS: list[tuple[str, str, type]] = [
     ("Sensors", "torque", TorqueSensor),
     ("Linkages and scene", "linkages", ShaftPlace),
     ("Linkages and scene", "scene", Scene),
+    ("A contact machine", "driven", DrivenElement),
+    ("A contact machine", "bodies", SlidingBody),
+    ("A contact machine", "springs", SpringDamper),
+    ("A contact machine", "stops", Stop),
+    ("A contact machine", "pads", Pad),
 ]
 
 
@@ -132,6 +139,15 @@ def test_a_complete_example_loads_and_runs(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize("text", FRAGMENTS, ids=lambda text: text.split("\n")[0][:30])
 def test_a_fragment_fits_the_complete_example(tmp_path: Path, text: str) -> None:
     _check_torque(_load(tmp_path, _with(text)))
+
+
+@pytest.mark.parametrize("text", CONTACT, ids=lambda text: text.split("\n")[0][:30])
+def test_a_contact_machine_loads_and_runs(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(text, encoding="utf-8")
+    machine = ttc.load_machine(path)
+    assert isinstance(machine, ContactMachine)
+    assert machine.simulate().energies.imbalance < 1e-12
 
 
 def test_the_loads_fragment_shows_every_load(tmp_path: Path) -> None:
