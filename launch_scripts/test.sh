@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Checks everything: style, types, the order of the packages, then the tests. Arguments go to pytest.
+# Checks everything: style, types, the order of the packages, then the tests. Arguments go to pytest: -m "not slow" for
+# the quicker ones, -n 0 for one after the other.
 set -euo pipefail
 lock=requirements-tests.lock
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -41,14 +42,7 @@ needles.step(np.arange(200) * 2_000_000, np.arange(200) * 0.05)
 COMPILE
 compiling=$!
 
-check() {
-    local output
-    if output="$("$@" 2>&1)"; then echo "$*: passed"; else printf '%s\n%s: FAILED\n' "$output" "$*"; exit 1; fi
-}
-check ruff check --output-format concise
-check ruff format --check --quiet
-check mypy
-check lint-imports
-
+launch_scripts/checks.sh
 wait "$compiling" || true
-python -m pytest "$@"
+# Side by side on all processors, but for what tests/conftest.py keeps in one row.
+python -m pytest -n auto "$@"

@@ -79,6 +79,7 @@ def _run(modules: Path, cache: Path, program: str = _PROGRAM) -> tuple[float, in
     return float(total), int(hits), err
 
 
+@pytest.mark.slow
 def test_what_was_compiled_is_kept_until_something_it_calls_changes(modules: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     assert _run(modules, cache) == (20.0, 0, "")
@@ -87,6 +88,7 @@ def test_what_was_compiled_is_kept_until_something_it_calls_changes(modules: Pat
     assert _run(modules, cache) == (30.0, 0, "")
 
 
+@pytest.mark.slow
 def test_damaged_entries_are_compiled_anew_and_told_once(modules: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     _run(modules, cache)
@@ -105,6 +107,7 @@ def test_a_directory_that_cannot_be_written_is_told_once(modules: Path, tmp_path
     assert "TEXTILE_TWIN_CACHE_DIR" in said
 
 
+@pytest.mark.slow
 def test_processes_that_start_together_leave_each_other_alone(modules: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     together = [_start(modules, cache) for _ in range(3)]

@@ -37,6 +37,7 @@ def rows() -> list[Row]:
     return run_bench(ttc.machines.tufting(), rounds=1, samples=2000)
 
 
+@pytest.mark.slow
 def test_rows_are_what_is_promised(rows: list[Row]) -> None:
     for row in json.loads(json.dumps([row.to_json() for row in rows])):
         assert row.keys() >= KEYS
@@ -69,6 +70,7 @@ def test_tables_name_every_row(rows: list[Row]) -> None:
         assert "exact / C, libm loop" in ratio_lines(ratios(rows))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", MODULES)
 @pytest.mark.parametrize("number", range(len(SCENES)), ids=SCENES)
 def test_peers_do_the_same_work(library: str, number: int, monkeypatch: pytest.MonkeyPatch) -> None:

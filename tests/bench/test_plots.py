@@ -90,6 +90,7 @@ def test_work_precision(tmp_path: Path) -> None:
     assert _share(few, style.LIMIT) == 0.0
 
 
+@pytest.mark.slow
 def test_shaft(tmp_path: Path) -> None:
     def row(estimator: str, load: str, bits: int, rpm: float) -> ShaftRow:
         latency, cost = (None, None) if estimator == NO_ALPHA else (min(LAGS_S[estimator], 6.0), 200.0 / bits)

@@ -33,6 +33,7 @@ def little_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(impact_table, "_ways", lambda: [way for way in ways() if "1e+08" not in way[1]])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("little_work")
 def test_all_tables_files_and_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     report, picture = tmp_path / "bench.json", tmp_path / "bench.png"
@@ -60,6 +61,7 @@ def test_all_tables_files_and_pictures(tmp_path: Path, capsys: pytest.CaptureFix
         assert pixels.shape[1] > 800 and pixels.std() > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("little_work")
 def test_speed_alone_is_the_default(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     report, loom = tmp_path / "bench.json", Path("examples/six_bar_loom.yaml")

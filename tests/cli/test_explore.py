@@ -17,6 +17,7 @@ from textile_twin_core.cli.main import main
 COMMAND = str(Path(sys.executable).with_name("textile-twin"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_prints_its_address_serves_and_ends_when_told(ending: signal.Signals) -> None:
     command = [COMMAND, "explore", "handloom_beatup", "--no-browser"]

@@ -20,6 +20,7 @@ def write(path: Path, kind: str, size: float, seed: int) -> None:
         out.write_wrenches("balancing_torque/measured", made.torque_stamps_ns, made.torque)
 
 
+@pytest.mark.slow
 def test_a_folder_is_watched_alike_by_one_process_and_by_two(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

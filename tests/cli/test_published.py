@@ -22,6 +22,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "papers.md"
 BEGIN, END = "<!-- published:begin -->", "<!-- published:end -->"
 
 
+@pytest.mark.slow
 def test_table_for_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["published"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -68,6 +69,7 @@ def test_the_page_carries_what_is_computed(capsys: pytest.CaptureFixture[str]) -
     assert capsys.readouterr().out.strip() == block
 
 
+@pytest.mark.slow
 def test_figures_and_a_progress_bar_on_a_terminal(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "figures"
     code = "import sys; from textile_twin_core.cli.main import main; sys.exit(main(sys.argv[1:]))"

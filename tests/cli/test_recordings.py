@@ -178,6 +178,7 @@ def test_recorded_predictions_are_those_computed(tmp_path: Path, replayed: Path)
     assert live["samples"]["used"] == again["samples"]["used"]
 
 
+@pytest.mark.slow
 def test_recorded_predictions_of_another_machine_are_told(tmp_path: Path, replayed: Path) -> None:
     own, other = (
         _compare(tmp_path, replayed, "--predicted", "recorded", *options)["notes"]

@@ -13,6 +13,7 @@ from textile_twin_core.comparison import Readings, assess, calibrate
 from textile_twin_core.errors import RecordingError
 
 
+@pytest.mark.slow
 def test_every_sensor_setting_of_a_loom_is_found_at_once() -> None:
     case = healthy("loom", 951, duration_s=40.0)
     encoder = replace(case.encoder, zero_rad=-2.0, direction=-1, ratio=0.5)

@@ -27,6 +27,7 @@ def entry_and_exit(plane_m: float) -> tuple[float, float]:
     return float(theta[inside[0]]), float(theta[inside[-1]])
 
 
+@pytest.mark.slow
 def test_a_run_up_tells_every_parameter_of_the_tufting_machine() -> None:
     case = healthy("tufting", 971, duration_s=30.0)
     case = replace(

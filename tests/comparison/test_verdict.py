@@ -71,6 +71,7 @@ def test_at_one_speed_zero_and_delay_are_one() -> None:
     assert "run-up" in first.text
 
 
+@pytest.mark.slow
 def test_an_angle_in_degrees_that_never_begins_anew_is_seen_by_its_torque() -> None:
     case = healthy("loom", 905, run_up=False, duration_s=12.0)
     case = replace(case, encoder=replace(case.encoder, turn=360.0, wrapped=False))

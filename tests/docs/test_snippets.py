@@ -49,12 +49,14 @@ def running(
         yield {page: pool.submit(run_page, page, place / page.as_posix().replace("/", "_")) for page in sorted(wanted)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", pages_with_code(), ids=str)
 def test_a_page_runs(page: Path, running: dict[Path, Future[Said]]) -> None:
     said = running[page].result()
     assert said or all("not run" in block.marks for block in blocks(page) if block.language in RUN)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [Path("README.md")], ids=str)
 def test_the_demonstration_prints_what_the_readme_prints(page: Path, running: dict[Path, Future[Said]]) -> None:
     """Word by word; numbers may differ by a tenth, agreement of nodes and engine by what both promise."""

@@ -112,6 +112,7 @@ def four_bars() -> list[FourBar]:
     return [random_four_bar(rng) for _ in range(COUNT)]
 
 
+@pytest.mark.slow
 def test_torque_and_reactions_as_in_pinocchio(four_bars: list[FourBar]) -> None:
     rng = np.random.default_rng(3)
     for number, bar in enumerate(four_bars):

@@ -135,6 +135,7 @@ def test_two_tabs_hold_two_designs(page: Page, address: str) -> None:
     assert page.number("sley_stroke_m") == stroke
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tufting", "handloom_beatup", "needle_transfer", "elliptic_gear_beatup"])
 def test_every_machine_moves_and_fits_a_phone(page: Page, name: str) -> None:
     if name != "elliptic_gear_beatup":
@@ -157,6 +158,7 @@ def test_every_machine_moves_and_fits_a_phone(page: Page, name: str) -> None:
     assert wide <= 0
 
 
+@pytest.mark.slow
 def test_without_the_token_there_is_nothing_and_the_end_of_the_server_is_said() -> None:
     page = Page()
     try:

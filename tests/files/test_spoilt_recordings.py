@@ -15,6 +15,7 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.files import open_bag
 
 
+@pytest.mark.slow
 def test_spoilt_recordings_are_read_or_refused(tmp_path: Path) -> None:
     judges = mutations.run(tmp_path, count=600, seed=20)
     for name, judge in judges.items():

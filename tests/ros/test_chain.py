@@ -82,6 +82,7 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
         yield Chain(stamps, angles, measured, offline, play_through(suite, bag, 2.0))
 
 
+@pytest.mark.slow
 def test_what_was_played_is_recorded_byte_for_byte(chain: Chain) -> None:
     played = open_bag(chain.recording.parent / "played")
     recorded = open_bag(chain.recording)
@@ -91,6 +92,7 @@ def test_what_was_played_is_recorded_byte_for_byte(chain: Chain) -> None:
         assert taken == sent
 
 
+@pytest.mark.slow
 def test_nodes_publish_what_an_offline_session_computes(chain: Chain) -> None:
     recorded, offline = open_bag(chain.recording), chain.offline
     assert len(offline) == len(chain.stamps) - 2
@@ -137,6 +139,7 @@ def test_an_independent_reader_counts_the_same(chain: Chain) -> None:
         assert counts[f"/{topic}"] == len(chain.stamps) - 2
 
 
+@pytest.mark.slow
 def test_fixed_lag_gives_every_sample_too(suite: Suite) -> None:
     stamps, angles = shaft_angles(600)
     bag = write_bag(suite.folder / "played", stamps, angles, angles)

@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Callable
 
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
@@ -84,6 +85,7 @@ class Feeder:
         self._thread.join()
 
 
+@pytest.mark.slow
 def test_every_fault_is_told(suite: Suite) -> None:
     twin = suite.start("twin_node")
     node = suite.node()

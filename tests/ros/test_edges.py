@@ -34,6 +34,7 @@ def passing(angles: list[float], seconds: float = 4.0) -> list[int]:
     return [50 * SECOND_NS + round(time * SECOND_NS) for time in times]
 
 
+@pytest.mark.slow
 def test_edges_and_current_live_as_offline(suite: Suite, tmp_path: Path) -> None:
     node = suite.node()
     teeth = passing([k * TURN / TEETH for k in range(TEETH - MISSING)])
@@ -88,6 +89,7 @@ def test_edges_that_cannot_be_counted_are_told_at_the_start(suite: Suite) -> Non
     assert "Traceback" not in program.words()
 
 
+@pytest.mark.slow
 def test_a_simulated_wheel(suite: Suite) -> None:
     node = suite.node()
     heard: list[JointState] = []

@@ -23,6 +23,7 @@ from textile_twin_ros.commands import ENDING_SIGNALS, twin_node
 ALARM = re.compile("Traceback|FATAL|Exception|never retrieved")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("executor", "number"), [("events", signal.SIGINT), ("single", signal.SIGTERM)])
 def test_nodes_end_on_signals(suite: Suite, number: signal.Signals, executor: str) -> None:
     bag = write_bag(suite.folder / "played", *shaft_angles(100_000))
@@ -51,6 +52,7 @@ def keep_signals() -> Iterator[None]:
             signal.signal(number, handler)
 
 
+@pytest.mark.slow
 def test_nodes_end_while_they_wait(suite: Suite) -> None:
     bag = write_bag(suite.folder / "played", *shaft_angles(100))
     node = suite.node()

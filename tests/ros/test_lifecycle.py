@@ -56,6 +56,7 @@ def test_configure_activate_deactivate_cleanup(suite: Suite) -> None:
     assert twin.wait() == 0, twin.words()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("executor", EXECUTORS)
 def test_ten_cycles_under_load(suite: Suite, executor: str) -> None:
     """Angles go on at 1 kHz while the twin is configured, activated, deactivated and cleaned up ten times."""

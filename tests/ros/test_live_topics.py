@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped, WrenchStamped
 from rclpy.node import Node
@@ -193,6 +194,7 @@ def test_what_nobody_hears_is_not_computed(suite: Suite) -> None:
     suite.spin_until(lambda: told[-1] == "computing needle/position", "diagnostics of one subscriber")
 
 
+@pytest.mark.slow
 def test_every_machine_has_its_topics(suite: Suite) -> None:
     tools = {"tufting": "needle", "handloom_beatup": "beater", "elliptic_gear_beatup": "sley", "needle_transfer": ""}
     assert set(tools) == set(ttc.machines.NAMES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from tests.generators.faults import faulty
@@ -9,6 +10,7 @@ from tests.ros.suite import RELIABLE, Suite
 from textile_twin_core.files import BagWriter
 
 
+@pytest.mark.slow
 def test_a_fault_is_on_the_diagnostics(suite: Suite) -> None:
     made = faulty("needle_force", 0.2, 985, duration_s=26.0, onset_s=18.0, rate=200.0).recording
     bag = suite.folder / "faulty"

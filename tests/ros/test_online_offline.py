@@ -47,6 +47,7 @@ def _has(messages: list[JointState], count: int) -> bool:
     return len(messages) >= count
 
 
+@pytest.mark.slow
 def test_all_machines_live_as_offline(suite: Suite) -> None:
     node = suite.node()
     heard: dict[str, list[JointState]] = {name: [] for name in ttc.machines.NAMES}

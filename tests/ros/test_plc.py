@@ -74,6 +74,7 @@ def plc() -> Iterator[Plc]:
     server.close()
 
 
+@pytest.mark.slow
 def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
     kind = ModbusTcpClient.DATATYPE
     node = suite.node()

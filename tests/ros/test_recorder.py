@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
@@ -119,6 +120,7 @@ def test_repetition_goes_on_in_time(suite: Suite) -> None:
     assert stamps[0] <= clocks[0] and abs(clocks[-1] - times[-1]) < SECOND_NS
 
 
+@pytest.mark.slow
 def test_recorders_side_by_side_keep_their_own_machine_each(suite: Suite) -> None:
     """Three, told to begin in the same moment and the same folder, two of them without a namespace of its own."""
     spaces = ("/", "/machine_3", "/mill/m7")

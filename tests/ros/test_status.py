@@ -53,6 +53,7 @@ def status(suite: Suite, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=suite.environment, capture_output=True, text=True, timeout=60)
 
 
+@pytest.mark.slow
 def test_a_running_suite_is_shown(suite: Suite) -> None:
     twin = suite.start("twin_node", remaps=["__ns:=/m3"])
     suite.start("shaft_node", "rate_hz:=200", remaps=["__ns:=/m3"])

@@ -12,6 +12,7 @@ from tests.ros.suite import RELIABLE, Suite, shaft_angles, write_bag
 rerun_chunk = pytest.importorskip("rerun.chunk")
 
 
+@pytest.mark.slow
 def test_live_view_is_written(suite: Suite) -> None:
     file = suite.folder / "live.rrd"
     stamps, angles = shaft_angles(1000)

@@ -40,6 +40,7 @@ def test_torque_error(name: str, knocks: bool, allowed: float) -> None:
     assert np.sqrt(np.mean(np.square(found))) <= allowed, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("knocks", [False, True])
 @pytest.mark.parametrize("name", ["causal", "lag", "smooth"])
 def test_sigmas_hold_the_truth_about_as_often_as_they_say(name: str, knocks: bool) -> None:

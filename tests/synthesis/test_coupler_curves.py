@@ -57,6 +57,7 @@ def test_limit_of_the_transmission_angle_is_kept() -> None:
     assert all(design.four_bar.mu_min_rad >= math.radians(45.0) for design in found)
 
 
+@pytest.mark.slow
 def test_curve_of_a_known_linkage_is_found_again() -> None:
     """To half a percent of its size; other four-bars share nearly the same curve, so lengths are not compared."""
     targets = KNOWN.points(np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False) + 0.01)

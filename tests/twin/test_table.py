@@ -93,6 +93,7 @@ def test_nan_and_infinity_pass_through_a_table(machine: ttc.Machine) -> None:
     assert np.isnan(r).tolist() == [False, True, True, False]
 
 
+@pytest.mark.slow
 def test_many_linkages_with_events_at_the_origin(machine: ttc.Machine) -> None:
     """Phases that put entries and exits on both sides of angle 0 are met exactly."""
     entry = machine.events()[0].angle_rad
@@ -105,6 +106,7 @@ def test_many_linkages_with_events_at_the_origin(machine: ttc.Machine) -> None:
     assert np.abs(table - exact).max() <= 1.2e-10 * np.abs(exact).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [SPEED, -SPEED, 0.0])
 def test_every_direction_and_every_number_of_leaps_in_an_interval(machine: ttc.Machine, speed: float) -> None:
     """A coarse table has an interval with several leaps: each sample takes the piece between its own two."""

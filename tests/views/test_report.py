@@ -26,6 +26,7 @@ def test_simulate_without_any_output_says_so(capsys: pytest.CaptureFixture[str])
     assert "--png" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_report_holds_verdict_numbers_and_pictures_and_nothing_from_outside(tmp_path: Path) -> None:
     report = tmp_path / "report.html"
     bag = "bags/tufting_160rpm_synthetic"

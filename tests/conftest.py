@@ -1,0 +1,20 @@
+"""Which tests may run side by side: files of tests, but all that start nodes stay in one row."""
+
+from __future__ import annotations
+
+import pytest
+from xdist.scheduler import LoadScopeScheduling
+
+START_NODES = ("tests/ros/", "tests/launch_scripts/", "tests/docs/")
+"""Folders whose tests start processes that talk in real time: one after the other, so that none lacks a processor."""
+
+
+class Rows(LoadScopeScheduling):
+    """Hands whole files to the workers, and the folders above as one."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return "nodes" if nodeid.startswith(START_NODES) else nodeid.split("::", 1)[0]
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Rows:
+    return Rows(config, log)
