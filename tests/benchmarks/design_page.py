@@ -10,8 +10,11 @@ import argparse
 import itertools
 import os
 import statistics
+import tempfile
 import time
 from pathlib import Path
+
+from selenium.webdriver.common.by import By
 
 from tests.explore.browser import Page, served
 
@@ -47,7 +50,12 @@ def main() -> None:
     """All four machines."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--moves", type=int, default=40, help="slider moves a machine")
-    moves = parser.parse_args().moves
+    parser.add_argument("--cold", action="store_true", help="the first look at the needle transfer, nothing compiled")
+    arguments = parser.parse_args()
+    if arguments.cold:
+        _cold()
+        return
+    moves = arguments.moves
     print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}")
     print(f"{'machine':22}{'painted':>9}{'95 %':>7}{'server':>8}{'of it':>7}{'drawing':>9}{'dragged':>9}")
     with served("tufting") as (server, address):
@@ -75,6 +83,34 @@ def main() -> None:
         finally:
             page.close()
     print("milliseconds; 'of it': the server's processor time; 'dragged': from one answer to the next, without rest")
+
+
+def _cold() -> None:
+    """What the page does while the loops of the needle transfer are compiled."""
+    with tempfile.TemporaryDirectory() as empty, served("tufting", TEXTILE_TWIN_CACHE_DIR=empty) as (_, address):
+        page = Page()
+        page.driver.set_script_timeout(60)
+        try:
+            page.open(address)
+            begun = time.monotonic()
+            page.answered(lambda: page.find("#machine option[value=needle_transfer]").click(), 60)
+            print(f"answered after {time.monotonic() - begun:.1f} s", flush=True)
+            page.until(lambda: "compiled" in page.text("#banner"))
+            print(page.text("#banner"), flush=True)
+            page.driver.switch_to.new_window("tab")
+            page.open(address)
+            low, high = _near(page, "s_l1_m")
+            taken = [page.moved("s_l1_m", low + (high - low) * k / 19).painted_ms for k in range(20)]
+            print(f"meanwhile, in another tab: a slider's answer in {statistics.median(taken):.0f} ms", flush=True)
+            page.driver.close()
+            page.driver.switch_to.window(page.driver.window_handles[0])
+            page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "[data-number=impacts]"), 900)
+            print(f"shown after {time.monotonic() - begun:.1f} s", flush=True)
+            low, high = _near(page, "s_stroke_m")
+            taken = [page.moved("s_stroke_m", low + (high - low) * k / 19).painted_ms for k in range(20)]
+            print(f"then a slider's answer in {statistics.median(taken):.0f} ms")
+        finally:
+            page.close()
 
 
 def _choose(page: Page, name: str) -> None:

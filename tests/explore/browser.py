@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -32,16 +33,16 @@ FLAGS = (
 
 
 @contextmanager
-def served(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """textile-twin explore as a process, and the address that it prints."""
+def served(*arguments: str, **variables: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """textile-twin explore as a process, and the address that it prints; `variables` are those of its environment."""
     command = [str(Path(sys.executable).with_name("textile-twin")), "explore", *arguments, "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | variables) as process:
         assert process.stdout is not None
         try:
             yield process, process.stdout.readline().strip()
         finally:
             process.terminate()
-            process.wait(20)
+            process.wait(120)
 
 
 class Moved(NamedTuple):

@@ -13,6 +13,7 @@ from selenium.webdriver.support.select import Select
 
 import textile_twin_core as ttc
 from tests.explore.browser import CHROMIUM, DRIVER, Page, served
+from tests.explore.soak import soak
 
 pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="no chromium with chromium-driver here (apt-get install chromium chromium-driver)"
@@ -171,3 +172,11 @@ def test_without_the_token_there_is_nothing_and_the_end_of_the_server_is_said() 
         page.until(lambda: float(page.find("#linkage").get_attribute("aria-valuenow") or 0) > 1.0)
     finally:
         page.close()
+
+
+def test_page_left_open_comes_back_from_lost_wires_and_sleep_and_holds_no_more() -> None:
+    """The short form of `python -m tests.explore.soak`."""
+    held = list(soak(minutes=10.0, moves=10, names=("elliptic_gear_beatup",), rounds=3))
+    assert len(held) == 3 and held[-1].moves == 3 * 2 * 10
+    assert held[2].elements < 1.5 * held[1].elements and held[2].page_MB < held[1].page_MB + 1.5
+    assert held[2].server_MB < held[1].server_MB + 25.0

@@ -112,6 +112,22 @@ def test_two_tabs_have_designs_of_their_own_and_a_lost_one_comes_back() -> None:
     visit(act)
 
 
+def test_sessions_are_few_and_those_of_open_tabs_stay() -> None:
+    async def act(client: aiohttp.ClientSession, url: str) -> None:
+        await enter(client, url)
+        async with client.ws_connect(url + "/talk?tab=open") as one:
+            first = await ask(one, type="change", values={"crank_m": 55.0})
+            for number in range(70):
+                async with client.ws_connect(f"{url}/talk?tab=closed{number}") as other:
+                    await ask(other, type="hello")
+            for tab, status in (("open", 200), ("closed69", 200), ("closed0", 404)):
+                async with client.get(f"{url}/file/yaml?tab={tab}") as answer:
+                    assert answer.status == status
+            assert numbers(await ask(one, type="hello")) == numbers(first)
+
+    visit(act)
+
+
 def test_duplicated_tab_goes_its_own_way() -> None:
     async def act(client: aiohttp.ClientSession, url: str) -> None:
         await enter(client, url)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import json
 import math
+import time
+from concurrent.futures import Future
 from pathlib import Path
 
 import ezdxf
@@ -15,7 +18,10 @@ import textile_twin_core as ttc
 from tests.explore.unpack import numbers, unpack
 from textile_twin_core import machines
 from textile_twin_core.errors import TwinError
+from textile_twin_core.explore import first_look as first_look_module
+from textile_twin_core.explore import session as session_module
 from textile_twin_core.explore.design import Design
+from textile_twin_core.explore.first_look import first_look
 from textile_twin_core.explore.overlay import overlay
 from textile_twin_core.explore.session import Session
 
@@ -48,6 +54,8 @@ def test_paper_s_loom_gives_the_computed_values_with_the_printed_ones_beside(loo
 @pytest.mark.parametrize("name", machines.NAMES)
 def test_curves_are_those_of_the_twin(name: str) -> None:
     machine = machines.create(name)
+    if name == "needle_transfer":
+        first_look()[0].result()
     head, floats = unpack(Session(Design.of(machine)).answer({"type": "hello"}))
     charts = {chart["title"]: chart for chart in head["analysis"]["charts"]}
     begin, size = next(iter(charts["Acceleration"]["curves"].values()))
@@ -220,3 +228,40 @@ def test_shared_design_holds_what_is_searched_for(loom: Session) -> None:
     assert state(Session(Design.of(machines.tufting())), type="load", name="d.json", text=json.dumps(shared))["task"][
         "free"
     ]
+
+
+def test_marks_and_dwell_stand_where_the_paper_has_them(loom: Session) -> None:
+    analysis = state(loom, type="hello")["analysis"]
+    marks = dict(analysis["marks"])
+    assert min(marks["beat-up"], 360.0 - marks["beat-up"]) == pytest.approx(0.0, abs=1e-6)
+    ((name, begin, end),) = analysis["dwells"]
+    assert name == "sley dwell" and (begin, end) == pytest.approx((91.0, 291.0), abs=0.5)
+    dwell = next(n["value"] for n in analysis["numbers"] if n["name"] == "sley_dwell_rad")
+    assert end - begin == pytest.approx(dwell, abs=1e-9)
+
+
+def test_what_is_not_compiled_yet_is_waited_for_and_all_else_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiling: Future[None] = Future()
+    monkeypatch.setattr(first_look_module, "first_look", lambda: (compiling, time.monotonic() - 30.0))
+    monkeypatch.setattr(session_module, "first_look", first_look_module.first_look)
+    session = Session(Design.of(machines.tufting()))
+    waiting = state(session, type="machine", name="needle_transfer")
+    assert waiting["analysis"] is None and waiting["compiling_s"] >= 30.0 and session.awaited is compiling
+    assert state(session, type="undo")["analysis"]["numbers"] and session.awaited is None
+    state(session, type="redo")
+    compiling.set_result(None)
+    head, _ = unpack(session.state())
+    assert head["compiling_s"] is None and session.awaited is None
+    assert any(n["name"] == "impacts" for n in head["analysis"]["numbers"])
+
+
+def test_many_changes_leave_nothing_behind(loom: Session) -> None:
+    def changed(times: int) -> int:
+        for k in range(times):
+            state(loom, type="change", values={"crank_m": 40.0 + 1e-3 * k}, gesture="drag")
+        gc.collect()
+        return len(gc.get_objects())
+
+    changed(70)  # plans of the last 64 evaluations are kept
+    before = changed(20)
+    assert changed(60) - before < 500

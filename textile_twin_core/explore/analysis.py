@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -11,14 +12,24 @@ from textile_twin_core.dynamics.loads import Backing
 from textile_twin_core.explore.analysis_of_transfer import analyse_transfer
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.interference import clashes
-from textile_twin_core.explore.shown import Analysis, Bar, Chart, Mark
+from textile_twin_core.explore.shown import Analysis, Bar, Chart, Mark, Span
 from textile_twin_core.machine import ContactMachine, Machine
 from textile_twin_core.mechanism import Crank, EllipticGearPair, RRPDyad, RRRDyad
 from textile_twin_core.synthesis.balancing.shaking import shaking
 from textile_twin_core.synthesis.batch import TRANSMISSION
-from textile_twin_core.synthesis.numbers import MOTION, motion_number, shaking_numbers, torque_numbers
+from textile_twin_core.synthesis.numbers import (
+    MOTION,
+    dwell_within,
+    motion_number,
+    shaking_numbers,
+    smallest,
+    torque_numbers,
+)
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
+_TURN = 2.0 * math.pi
+_BEAT_UP = ("beater", "reed", "sley")
+"""Measures whose front is where the weft is beaten up."""
 _TORQUE = {
     "balancing_torque_Nm": "balancing",
     "torque_inertial_Nm": "inertia",
@@ -56,6 +67,7 @@ def analyse(design: Design) -> Analysis:
         tuple(charts),
         {name: float(value) for name, value in numbers.items()},
         tuple(_marks(machine, curves, theta)),
+        tuple(_dwells(design, curves, theta)),
         clashes(machine, points, theta),
         tuple((*g.guide_point_m, *g.axis) for g in machine.groups if isinstance(g, RRPDyad)),
         tuple(notes),
@@ -146,7 +158,8 @@ def _bars(machine: Machine) -> tuple[Bar, ...]:
 def _marks(machine: Machine, curves: dict[str, tuple[FloatArray, ...]], theta: FloatArray) -> list[Mark]:
     found = []
     for name, (position, velocity, _) in curves.items():
-        found += [Mark(f"{name} front", angle) for angle in _crossings(theta, -velocity)]
+        front = "beat-up" if name in _BEAT_UP else f"{name} front"
+        found += [Mark(front, angle) for angle in _crossings(theta, -velocity)]
         found += [Mark(f"{name} rear", angle) for angle in _crossings(theta, velocity)]
         for load in machine.loads:
             if isinstance(load, Backing) and load.on == name:
@@ -155,10 +168,19 @@ def _marks(machine: Machine, curves: dict[str, tuple[FloatArray, ...]], theta: F
     return sorted(found, key=lambda mark: mark.angle_rad)
 
 
+def _dwells(design: Design, curves: dict[str, tuple[FloatArray, ...]], theta: FloatArray) -> Iterator[Span]:
+    """Where each measure dwells at its rear, as its number counts it."""
+    for name, (position, _, _) in curves.items():
+        inside = smallest(position) + dwell_within(position, design.dwell_within_m) - position
+        ends = _crossings(theta, -inside)
+        for begin in _crossings(theta, inside):
+            yield Span(f"{name} dwell", begin, (begin + min((end - begin) % _TURN for end in ends)) % _TURN)
+
+
 def _crossings(theta: FloatArray, values: FloatArray) -> list[float]:
     """Angles where values rise through zero, the samples joined by straight lines [rad]."""
     after = np.roll(values, -1)
     k = np.flatnonzero((values < 0.0) & (after >= 0.0))
     share = values[k] / (values[k] - after[k])
     angles = theta[k] + share * (theta[1] - theta[0])
-    return [float(angle) % (2.0 * math.pi) for angle in angles]
+    return [float(angle) % _TURN for angle in angles]

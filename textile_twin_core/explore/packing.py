@@ -61,6 +61,7 @@ def analysis_head(analysis: Analysis, arrays: Arrays, printed: dict[str, str]) -
         ],
         "numbers": [_number(name, value, printed.get(name, "")) for name, value in analysis.numbers.items()],
         "marks": [[mark.name, math.degrees(mark.angle_rad)] for mark in analysis.marks],
+        "dwells": [[d.name, math.degrees(d.begin_rad), math.degrees(d.end_rad)] for d in analysis.dwells],
         "clashes": [[c.first, c.second, math.degrees(c.begin_rad), math.degrees(c.end_rad)] for c in analysis.clashes],
         "notes": list(analysis.notes),
     }
@@ -83,8 +84,9 @@ def design_head(design: Design) -> dict[str, Any]:
         parameters.append(
             {
                 "name": p.name,
+                "text": p.text,
                 "unit": unit,
-                "factor": factor,
+                "whole": p.whole,
                 "value": None if value is None else value * factor,
                 "low": p.low * factor,
                 "high": p.high * factor,

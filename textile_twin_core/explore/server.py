@@ -103,9 +103,10 @@ class Page:
             tab = self._part(tab)
             self._sockets[tab] = socket_
             await self._send(tab, Arrays().packed({"type": "tab", "tab": tab}), None)
-        session = self._session(tab)
         self._sockets[tab] = socket_
+        session = self._session(tab)
         searching: asyncio.Task[None] | None = None
+        later: asyncio.Task[None] | None = None
         async for message in socket_:
             if message.type is not WSMsgType.TEXT:
                 continue
@@ -123,6 +124,8 @@ class Page:
                     searching = asyncio.create_task(self._search(tab, session, request_))
                 else:
                     await self._send(tab, await self._run(session.answer, request_), request_.get("id"))
+                    if session.awaited and (later is None or later.done()):
+                        later = asyncio.create_task(self._later(tab, session))
             except (TwinError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
                 await self._send(tab, _error(error), request_.get("id"))
         if self._sockets.get(tab) is socket_:
@@ -141,6 +144,12 @@ class Page:
             done = _error(error)
         await self._send(tab, done, request.get("id"))
 
+    async def _later(self, tab: str, session: Session) -> None:
+        """The state again when what it waits for is there."""
+        while awaited := session.awaited:
+            await asyncio.wait([asyncio.wrap_future(awaited)])
+        await self._send(tab, await self._run(session.state), None)
+
     async def _send(self, tab: str, message: bytes, number: Any) -> None:
         """To the tab's present connection, if it has one; `number` says which message this answers."""
         socket_ = self._sockets.get(tab)
@@ -152,8 +161,9 @@ class Page:
     def _session(self, tab: str) -> Session:
         if tab not in self._sessions:
             self._sessions[tab] = self._make_session()
-            while len(self._sessions) > _MOST_SESSIONS:
-                self._sessions.popitem(last=False)
+            for old in [name for name in self._sessions if name not in self._sockets]:
+                if len(self._sessions) > _MOST_SESSIONS:  # of those tabs that nobody has open, the longest unused
+                    del self._sessions[old]
         self._sessions.move_to_end(tab)
         return self._sessions[tab]
 

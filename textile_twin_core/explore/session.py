@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass
 from threading import Event
 from typing import Any
@@ -16,6 +17,7 @@ from textile_twin_core.explore.balancing import balanced
 from textile_twin_core.explore.design import Design, check_number
 from textile_twin_core.explore.documents import design_text, machine_text, read_design
 from textile_twin_core.explore.exports import as_csv, as_dxf, as_picture
+from textile_twin_core.explore.first_look import NotYetCompiledError, await_first_look, first_look
 from textile_twin_core.explore.history import History
 from textile_twin_core.explore.labels import label, shown_unit
 from textile_twin_core.explore.overlay import Overlay
@@ -79,9 +81,12 @@ class Session:
             "analysis": None,
             "pinned": None,
             "problem": "",
+            "compiling_s": None,
         }
         try:
             head["analysis"] = analysis_head(self.analysis(), arrays, printed_of(self.design))
+        except NotYetCompiledError as wait:
+            head["compiling_s"] = time.monotonic() - wait.begun
         except TwinError as error:
             head["problem"] = str(error)
         if self._pinned is not None:
@@ -93,10 +98,20 @@ class Session:
         return arrays.packed(head)
 
     def analysis(self) -> Analysis:
-        """The present design's analysis. Raises MachineError where it cannot close."""
+        """The present design's analysis. Raises MachineError where it cannot close; NotYetCompiledError."""
         if self._seen is None or self._seen[0] is not self.design:
+            if self.design.family.base.has_history:
+                await_first_look()
             self._seen = self.design, analyse(self.design)
         return self._seen[1]
+
+    @property
+    def awaited(self) -> Future[None] | None:
+        """What the present design still waits for: the loops' first compilation, or nothing."""
+        if not self.design.family.base.has_history:
+            return None
+        run, _ = first_look()
+        return None if run.done() else run
 
     def _hello(self, message: Message) -> bytes:
         return self.state()

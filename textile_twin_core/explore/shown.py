@@ -26,6 +26,15 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class Span:
+    """A range of the shaft angle [rad] over which something holds; its end lies before its begin past 0."""
+
+    name: str
+    begin_rad: float
+    end_rad: float
+
+
+@dataclass(frozen=True)
 class Bar:
     """A link as it is drawn, from point to point; a gear has half axes [m] and is drawn about its middle."""
 
@@ -46,6 +55,7 @@ class Analysis:
     charts: tuple[Chart, ...]
     numbers: dict[str, float]
     marks: tuple[Mark, ...] = ()
+    dwells: tuple[Span, ...] = ()
     clashes: tuple[Clash, ...] = ()
     guides: tuple[tuple[float, float, float, float], ...] = ()
     notes: tuple[str, ...] = field(default=())

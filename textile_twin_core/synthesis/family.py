@@ -44,27 +44,37 @@ _NOT_SEARCHED = ("gravity_m_s2",)
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a design: its value (None where the paper has none), unit, and the range that a slider offers."""
+    """A number of a design: its value (None where the paper has none), unit, and the range that a slider offers.
+
+    `text` is its name in words, without the unit; `whole` says that it is 0 or 1, for no or yes.
+    """
 
     name: str
     value: float | None
     unit: str
     low: float
     high: float
+    text: str = ""
+    whole: bool = False
 
 
-def _parameter(name: str, value: float | None) -> Parameter:
-    unit = next((u for end, u in _UNITS.items() if name.endswith(f"_{end}")), "")
+def _parameter(name: str, value: float | None, whole: bool = False) -> Parameter:
+    ending, unit = next(((end, u) for end, u in _UNITS.items() if name.endswith(f"_{end}")), ("", ""))
+    text = name.removesuffix(f"_{ending}").replace("_", " ")
+    if whole:
+        return Parameter(name, value, "", 0.0, 1.0, text, True)
     v = 1.0 if value is None and unit == "kg" else (value or 0.0)
     if unit == "rad":
         low, high = v - _ANGLE_SPAN, v + _ANGLE_SPAN
+    elif "restitution" in name:
+        low, high = 0.0, 1.0
     elif v == 0.0:
         low, high = (-0.05, 0.05) if unit == "m" else (-1.0, 1.0) if unit == "" else (0.0, 1.0)
     else:
         low, high = sorted((v * (1.0 - _SPAN), v * (1.0 + _SPAN)))
     if name.endswith("axis_ratio"):
         high = min(high, 1.0)
-    return Parameter(name, value, unit, low, high)
+    return Parameter(name, value, unit, low, high, text)
 
 
 class DeclaredFamily:
@@ -96,7 +106,11 @@ class PublishedFamily:
         self.base, self.kind, self.name = machine, kind, machine.name
         known = {n: p.default for n, p in signature(getattr(machines, kind)).parameters.items()}
         values = {n: machine.parameters.get(n, default) for n, default in known.items() if not n.startswith(_LEFT_OUT)}
-        self.parameters = tuple(_parameter(n, v) for n, v in values.items() if v is None or isinstance(v, (int, float)))
+        self.parameters = tuple(
+            _parameter(n, v, isinstance(known[n], bool))
+            for n, v in values.items()
+            if v is None or isinstance(v, (int, float))
+        )
         self._known = set(values)
 
     def machine(self, values: Mapping[str, float]) -> AnyMachine:
@@ -115,10 +129,9 @@ class PublishedFamily:
 
     @property
     def searchable(self) -> tuple[str, ...]:
-        """Parameters that many designs may differ in; none for a machine with a history."""
-        if self.base.has_history:
-            return ()
-        return tuple(p.name for p in self.parameters if p.value is not None and p.name not in _NOT_SEARCHED)
+        """Parameters that many designs may differ in."""
+        valued = [p.name for p in self.parameters if p.value is not None and not p.whole]
+        return tuple(name for name in valued if name not in _NOT_SEARCHED)
 
     def columns(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Values by slot of many designs, as the paper's parameters place them.

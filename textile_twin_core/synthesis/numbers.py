@@ -49,8 +49,7 @@ def dwell(position: FloatArray, within: FloatArray | float) -> FloatArray:
 
     The samples are joined by straight lines, so that the angle is no multiple of their spacing.
     """
-    level = smallest(position) + within
-    here = level[..., None] - position  # positive inside
+    here = (smallest(position) + within)[..., None] - position  # positive inside
     after = np.roll(here, -1, axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         crossing = np.maximum(here, after) / np.abs(here - after)
@@ -62,8 +61,9 @@ def _stroke(position: FloatArray) -> FloatArray:
     return largest(position) - smallest(position)
 
 
-def _dwell(position: FloatArray, within: float | None) -> FloatArray:
-    return dwell(position, DWELL_SHARE * _stroke(position) if within is None else within)
+def dwell_within(position: FloatArray, within: float | None) -> FloatArray:
+    """How near the rear point a dwell counts [m]: what is given, else 5 % of the stroke."""
+    return DWELL_SHARE * _stroke(position) if within is None else np.asarray(within)
 
 
 MOTION = ("stroke_m", "dwell_rad", "largest_speed_m_s", "largest_acceleration_m_s2", "front_acceleration_m_s2")
@@ -82,7 +82,7 @@ def motion_number(
         case "stroke_m":
             return _stroke(position)
         case "dwell_rad":
-            return _dwell(position, dwell_within_m)
+            return dwell(position, dwell_within(position, dwell_within_m))
         case "largest_speed_m_s":
             return largest(np.abs(velocity))
         case "largest_acceleration_m_s2":

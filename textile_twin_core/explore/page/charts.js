@@ -3,7 +3,7 @@
 import { draw, shown, ticks } from "./dom.js";
 import { sample } from "./linkage.js";
 
-const LEFT = 52, RIGHT = 10, TOP = 20, BOTTOM = 18, HEIGHT = 163;
+const LEFT = 52, RIGHT = 16, TITLE = 20, BOTTOM = 18, PLOT = 125, ROW = 13;
 
 export class Charts {
   constructor(box, onTurn) {
@@ -30,26 +30,27 @@ export class Charts {
     let [low, high] = extent(all);
     const room = 0.06 * (high - low) || 1;
     [low, high] = [low - room, high + room];
-    const inner = width - LEFT - RIGHT, tall = HEIGHT - TOP - BOTTOM;
-    const x = (degrees) => LEFT + (inner * degrees) / 360, y = (value) => TOP + tall * (1 - (value - low) / (high - low));
-    const svg = draw("svg", { class: "chart", viewBox: `0 0 ${width} ${HEIGHT}`, role: "img", "aria-label": `${chart.title} over the shaft angle` });
+    const inner = width - LEFT - RIGHT, x = (degrees) => LEFT + (inner * degrees) / 360;
+    const named = number === 0 ? this.#named(x, width - RIGHT) : []; // the first chart names the marks of all
+    const top = TITLE + ROW * Math.max(0, ...named.map((label) => label.row + 1)), bottom = top + PLOT;
+    const y = (value) => bottom - (PLOT * (value - low)) / (high - low);
+    const svg = draw("svg", { class: "chart", viewBox: `0 0 ${width} ${bottom + BOTTOM}`, style: `height: ${bottom + BOTTOM}px`, role: "img", "aria-label": `${chart.title} over the shaft angle` });
+    for (const [, begin, end] of this.analysis.dwells) {
+      for (const [from, to] of begin <= end ? [[begin, end]] : [[begin, 360], [0, end]]) {
+        svg.append(draw("rect", { x: x(from), y: top, width: x(to) - x(from), height: PLOT, class: "dwell" }));
+      }
+    }
     for (const value of ticks(low, high, 3)) {
       svg.append(draw("line", { x1: LEFT, x2: width - RIGHT, y1: y(value), y2: y(value), stroke: "var(--line)" }));
       svg.append(draw("text", { x: LEFT - 5, y: y(value) + 4, "text-anchor": "end" }, shown(value, 4)));
     }
     for (let degrees = 0; degrees <= 360; degrees += 60) {
-      svg.append(draw("text", { x: x(degrees), y: HEIGHT - 4, "text-anchor": "middle" }, `${degrees}`));
+      svg.append(draw("text", { x: x(degrees), y: bottom + BOTTOM - 4, "text-anchor": "middle" }, `${degrees}°`));
     }
-    const ends = [-1, -1, -1]; // of the labels in three rows, so that none lies on another
-    for (const [name, degrees] of this.analysis.marks) {
-      svg.append(draw("line", { x1: x(degrees), x2: x(degrees), y1: TOP, y2: TOP + tall, stroke: "var(--muted)", "stroke-dasharray": "2 3" }));
-      const size = 6.2 * name.length, begin = x(degrees) + size + 6 > width - RIGHT ? x(degrees) - size - 3 : x(degrees) + 3;
-      const row = ends.findIndex((end) => end < begin);
-      if (number === 0 && row >= 0) {
-        ends[row] = begin + size + 4;
-        svg.append(draw("text", { x: begin, y: TOP + 10 + 12 * row }, name));
-      }
+    for (const [, degrees] of this.analysis.marks) {
+      svg.append(draw("line", { x1: x(degrees), x2: x(degrees), y1: top, y2: bottom, stroke: "var(--muted)", "stroke-dasharray": "2 3" }));
     }
+    for (const label of named) svg.append(draw("text", { x: label.x, y: TITLE + ROW * (label.row + 1) - 4, class: "mark" }, label.name));
     svg.append(draw("text", { x: 2, y: 13, class: "title" }, `${chart.title}, ${chart.unit}`));
     if (measured) svg.append(draw("path", { d: dots(measured.theta, measured.torque, x, y), stroke: "var(--c6)", "stroke-width": 3, "stroke-linecap": "round", fill: "none", class: "recording" }));
     const labels = [];
@@ -65,7 +66,7 @@ export class Charts {
       right -= 6.2 * (names[k].length + (names.length < 4 ? 11 : 2)) + 8;
       svg.append(text);
     }
-    const cursor = draw("line", { y1: TOP, y2: TOP + tall, stroke: "var(--ink)", "stroke-width": 1 });
+    const cursor = draw("line", { y1: top, y2: bottom, stroke: "var(--ink)", "stroke-width": 1 });
     svg.append(cursor);
     const turn = (event) => {
       const box = svg.getBoundingClientRect(), px = ((event.clientX - box.left) / box.width) * width;
@@ -74,6 +75,19 @@ export class Charts {
     svg.addEventListener("pointerdown", (event) => { svg.setPointerCapture(event.pointerId); turn(event); });
     svg.addEventListener("pointermove", (event) => { if (event.buttons) turn(event); });
     return { svg, cursor, x, labels: names.length < 4 ? labels : [] };
+  }
+
+  // Names of marks and dwells above the plot, in as many rows as they need so that none lies on another.
+  #named(x, right) {
+    const spans = this.analysis.dwells.map(([name, begin, end]) => [`${name} ${shown((end - begin + 360) % 360, 4)}°`, begin]);
+    const ends = [];
+    return [...this.analysis.marks, ...spans].sort((a, b) => a[1] - b[1]).map(([name, degrees]) => {
+      const size = 6.2 * name.length, begin = Math.min(x(degrees) + 2, right - size);
+      let row = ends.findIndex((end) => end < begin);
+      if (row < 0) row = ends.length;
+      ends[row] = begin + size + 6;
+      return { name, x: begin, row };
+    });
   }
 
   turn(angle) {

@@ -8,7 +8,7 @@ import { Search } from "./search.js";
 import * as tables from "./tables.js";
 import { Talk } from "./talk.js";
 
-let angle = 0, playing = false, design = null;
+let angle = 0, playing = false, design = null, compiling = null;
 
 const linkage = new Linkage(byId("linkage"), (turned) => turnTo(turned));
 const charts = new Charts(byId("charts"), (turned) => turnTo(turned));
@@ -41,6 +41,7 @@ function state(head, floats) {
   const recording = head.recording && { theta: floats(head.recording.theta), torque: floats(head.recording.torque) };
   design = head.design;
   banner(head.said, true);
+  compiling = head.compiling_s === null ? null : performance.now() - 1000 * head.compiling_s;
   menu(head);
   parameters.show(design);
   byId("problem").hidden = !head.problem;
@@ -126,7 +127,7 @@ function coupler() {
 }
 
 setInterval(() => {
-  if (talk.patience > 10000) banner("Working .. The first look at a machine with impacts compiles its loops, once on this computer; that may take a minute or two.", true);
+  if (compiling) banner(`The loops of machines with impacts are being compiled, once on this computer: ${Math.round((performance.now() - compiling) / 1000)} s so far, a minute or two in all. It is shown when they are there; all else goes on.`, true);
   else if (talk.patience > 700) banner("Working ..", true);
 }, 300);
 turnTo(0);

@@ -41,9 +41,9 @@ export class Parameters {
   }
 
   #row(p) {
-    const id = `p_${p.name}`, short = p.name.replace(/_(m|rad|kg|kgm2|N)$/, "").replaceAll("_", " ");
+    const id = `p_${p.name}`, short = p.text;
     const free = make("input", { type: "checkbox", title: `${short}: free for the search`, "aria-label": `${short} is free for the search`, disabled: !p.searchable, onchange: () => this.onFree() });
-    const slider = make("input", { type: "range", id: `s_${p.name}`, "aria-label": short, step: "any", tabindex: 0 });
+    const slider = make("input", { type: "range", id: `s_${p.name}`, "aria-label": short, step: p.whole ? 1 : "any", tabindex: 0 });
     const field = make("input", { type: "number", id, step: "any", inputmode: "decimal", placeholder: "give" });
     const name = make("label", { for: id, class: "name", title: `${p.name}; double-click sets it back` }, short);
     const row = { p, free, slider, field, box: null };

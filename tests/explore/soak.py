@@ -1,0 +1,151 @@
+"""A page left open and used without end: two tabs, sliders, undo, other machines, lost wires, sleep, reloads.
+
+    python -m tests.explore.soak --minutes 30
+
+One round is what a person does in an hour or so; a night is some ten. Memory of server and page is told as it goes:
+resident memory of the server [MB], heap of the page after its garbage is collected [MB], elements of its document.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.explore.browser import Page, served
+from tests.explore.wire import Wire, wire
+
+MACHINES = {
+    "tufting": "s_l1_m",
+    "handloom_beatup": "s_crank_m",
+    "elliptic_gear_beatup": "s_crank_m",
+    "needle_transfer": "s_stroke_m",
+}
+# Moves a slider again and again, each time when the last answer is shown.
+_MOVES = """
+const [id, times, done] = arguments, slider = document.getElementById(id), middle = slider.valueAsNumber;
+const body = document.body;
+let left = times, states = body.dataset.states;
+const move = () => {
+  slider.value = middle * (1 - 0.01 * Math.abs(Math.sin(left)));
+  slider.dispatchEvent(new Event("input", { bubbles: true }));
+};
+new MutationObserver((_, watch) => {
+  if (body.dataset.states === states) return;
+  states = body.dataset.states;
+  left -= 1;
+  if (left > 0) setTimeout(move, 0);
+  else { watch.disconnect(); done(times); }
+}).observe(body, { attributes: true });
+move();
+"""
+
+
+class Held(NamedTuple):
+    """What is held after a round."""
+
+    moves: int
+    server_MB: float
+    page_MB: float
+    elements: int
+
+
+class Soak:
+    """Rounds on one server and one browser with two tabs."""
+
+    def __init__(self, page: Page, server: int, link: Wire, address: str, names: tuple[str, ...]) -> None:
+        self.page, self.server, self.link, self.names = page, server, link, names
+        self.moves = 0
+        page.driver.set_script_timeout(120)
+        page.open(address)
+        self.tabs = [page.driver.current_window_handle]
+        page.driver.switch_to.new_window("tab")
+        page.open(address)
+        self.tabs.append(page.driver.current_window_handle)
+
+    def round(self, moves: int) -> Held:
+        """One round: both tabs, `moves` slider moves a machine, a lost wire, a sleep, a reload."""
+        page = self.page
+        for tab in self.tabs:
+            page.driver.switch_to.window(tab)
+            for name in self.names:
+                if name.replace("_", " ") not in page.driver.title:
+                    page.find(f"#machine option[value={name}]").click()
+                    page.until(lambda name=name: name.replace("_", " ") in page.driver.title, 120.0)
+                page.answered(lambda: page.find("#pin").click())
+                self.moves += page.driver.execute_async_script(_MOVES, MACHINES[name], moves)
+                page.answered(lambda: page.find("#undo").click())
+                page.answered(lambda: page.find("#pin").click())
+        self._lose_the_wire()
+        self._sleep()
+        page.driver.refresh()
+        page.until(lambda: page.states > 0)
+        return self.held()
+
+    def _lose_the_wire(self) -> None:
+        page = self.page
+        stroke = page.text("#numbers tbody tr:nth-child(2)")
+        self.link.cut()
+        page.until(lambda: "trying again" in page.text("#banner"))
+        before = page.states
+        self.link.mend()
+        page.until(lambda: page.states > before and not page.find("#banner").is_displayed())
+        assert page.text("#numbers tbody tr:nth-child(2)") == stroke
+
+    def _sleep(self) -> None:
+        """The server sleeps, as with the computer's lid closed; the wire does not survive it."""
+        page, before = self.page, self.page.states
+        os.kill(self.server, signal.SIGSTOP)
+        self.link.cut()
+        time.sleep(1.0)
+        self.link.mend()
+        time.sleep(1.0)
+        os.kill(self.server, signal.SIGCONT)
+        page.until(lambda: page.states > before and not page.find("#banner").is_displayed())
+
+    def held(self) -> Held:
+        """Memory of server and of the tab looked at."""
+        driver = self.page.driver
+        driver.execute_cdp_cmd("HeapProfiler.collectGarbage", {})
+        heap = driver.execute_cdp_cmd("Runtime.getHeapUsage", {})["usedSize"]
+        elements = driver.execute_cdp_cmd("Memory.getDOMCounters", {})["nodes"]
+        status = Path(f"/proc/{self.server}/status").read_text()
+        resident = float(re.findall(r"VmRSS:\s+(\d+)", status)[0]) / 1024.0
+        return Held(self.moves, resident, heap / 2**20, elements)
+
+
+def soak(minutes: float, moves: int, names: tuple[str, ...] = tuple(MACHINES), rounds: int = 10**9) -> Iterator[Held]:
+    """Rounds for so long; each with what is held after it."""
+    with served("tufting") as (server, address):
+        port = int(re.findall(r":(\d+)/", address)[0])
+        with wire(port) as link:
+            page = Page()
+            try:
+                run = Soak(page, server.pid, link, address.replace(str(port), str(link.port)), names)
+                end = time.monotonic() + 60.0 * minutes
+                while time.monotonic() < end and rounds > 0:
+                    rounds -= 1
+                    yield run.round(moves)
+                assert not [c for c in page.complaints if "WebSocket" not in c and "ERR_" not in c]
+            finally:
+                page.close()
+
+
+def main() -> None:
+    """Tell of every round."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--moves", type=int, default=100, help="slider moves for each machine and tab in a round")
+    arguments = parser.parse_args()
+    print(f"{'moves':>8}{'server MB':>11}{'page MB':>9}{'elements':>10}")
+    for held in soak(arguments.minutes, arguments.moves):
+        print(f"{held.moves:8}{held.server_MB:11.1f}{held.page_MB:9.2f}{held.elements:10}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
