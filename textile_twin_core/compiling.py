@@ -30,6 +30,8 @@ try:
     from numba.core.serialize import dumps
     from numba.core.types import void
     from numba.extending import intrinsic
+
+    from textile_twin_core.programs import Program
 except ImportError:
     numba = None
 
@@ -49,9 +51,7 @@ def compiled(function: _Function, *, inlined: bool = False, apart: bool = False)
     if numba is None:
         say_once("numba is missing: loops run uncompiled, some hundred times slower; install numba")
         return function
-    dispatcher = numba.njit(**_OPTIONS, forceinline=inlined)(function)
-    if apart:
-        dispatcher._compiler._customize_flags = _without_aliases
+    dispatcher = Program(function, apart, forceinline=inlined, **_OPTIONS)
     dispatcher._cache = _ContentCache(function, inlined, apart)
     result: _Function = dispatcher
     return result
@@ -84,11 +84,6 @@ align_stack: Final[Callable[[], None]] = intrinsic(_aligned) if numba is not Non
 
 Vectors of 64 bytes would else lie across two of them in three processes of four: a third more time for many outputs.
 """
-
-
-def _without_aliases(flags: Any) -> Any:
-    flags.noalias = True
-    return flags
 
 
 @cache

@@ -1,0 +1,76 @@
+"""One program of what Python calls: a function compiled with all functions that it calls, which alone become no code.
+
+numba by itself makes machine code of every function, and wrappers by which Python can call it, and does so again
+wherever one is part of another: of forty functions that call each other that takes three times as long.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core.caching import NullCache
+from numba.core.codegen import CPUCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.registry import CPUDispatcher
+
+
+class _Part(CPUCodeLibrary):  # type: ignore[misc]
+    """A function that others call, for them to link: they optimise it, and make machine code of it, with their own."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
+class _Pipeline(Compiler):  # type: ignore[misc]
+    def __init__(
+        self, typing_context: Any, context: Any, _library: Any, args: Any, result: Any, flags: Any, *more: Any
+    ):
+        library = _Part(context.codegen(), "part") if flags.no_compile else None
+        super().__init__(typing_context, context, library, args, result, flags, *more)
+
+
+class Program(CPUDispatcher):  # type: ignore[misc]
+    """A compiled function: a program of its own when Python calls it, a part of another when that one does."""
+
+    _cache: Any
+
+    def __init__(self, function: Any, apart: bool, **options: Any) -> None:
+        super().__init__(
+            function, targetoptions={"nopython": True, "boundscheck": None} | options, pipeline_class=_Pipeline
+        )
+        self._compiler._customize_flags = self._set
+        self._apart, self._is_part = apart, False
+
+    def _set(self, flags: Any) -> Any:
+        flags.noalias = self._apart
+        flags.no_cfunc_wrapper = True
+        flags.no_cpython_wrapper = flags.no_compile = self._is_part
+        return flags
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """What numba asks of a function that another one calls."""
+        before = self._is_part, self._cache
+        self._is_part, self._cache = True, NullCache()  # a part is kept with its program
+        try:
+            return super().get_call_template(args, kws)
+        finally:
+            self._is_part, self._cache = before
+
+    def compile(self, sig: Any) -> Any:
+        """Compile for a signature: for Python anew what is there as a part only."""
+        if not self._is_part:
+            for args in [args for args, made in self.overloads.items() if isinstance(made.library, _Part)]:
+                del self.overloads[args]
+        return super().compile(sig)
+
+    def add_overload(self, made: Any) -> None:
+        """Keep what was compiled; a part where functions that call it find it, and Python does not."""
+        if isinstance(made.library, _Part):
+            made = made._replace(entry_point=object())  # what it is known by
+            self.targetctx.insert_user_function(made.entry_point, made.fndesc, [made.library])
+            self.overloads[tuple(made.signature.args)] = made
+        else:
+            super().add_overload(made)
