@@ -16,6 +16,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -114,14 +115,16 @@ def run(command: str, create: Callable[[], SuiteNode], declaration: type, argume
 
 
 def _created(create: Callable[[], SuiteNode]) -> SuiteNode:
-    """The node; what rclpy refuses in its parameters is the user's mistake like any other.
+    """The node; what rclpy refuses in its parameters, or the middleware in its settings, is the user's mistake.
 
     Raises:
-        SceneError: a parameter of rclpy's own has a wrong value.
+        SceneError: a parameter of rclpy's own has a wrong value, or the middleware cannot give what the environment
+            asks for, such as security.
     """
+    refused = (InvalidParameterTypeException, InvalidParameterValueException, rclpy_implementation.RCLError)
     try:
         return create()
-    except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+    except refused as error:
         raise SceneError(str(error)) from error
 
 

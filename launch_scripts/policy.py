@@ -1,0 +1,100 @@
+"""An SROS2 policy for the suite of one machine: what each of its nodes may publish, hear and offer."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+PROGRAM = "policy.sh"
+DESCRIPTION = """\
+Prints an SROS2 policy for the nodes in the namespace /NAME, which run in the enclave /NAME. On a ROS installation:
+  ros2 security create_keystore keys && ros2 security create_enclave keys /NAME
+  launch_scripts/policy.sh NAME > NAME.policy.xml
+  ros2 security create_permission keys /NAME NAME.policy.xml"""
+
+INPUTS = ("main_shaft/angle", "main_shaft/index", "balancing_torque/measured")
+OUTPUTS = (
+    "balancing_torque/predicted",
+    "balancing_torque/predicted_sigma",
+    "balancing_torque/residual",
+    "needle/position",
+    "beater/position",
+    "sley/position",
+    "joint_states",
+    "robot_description",
+    "markers",
+)
+SHARED = ("/diagnostics", "/rosout", "/parameter_events")
+PARAMETERS = (
+    "describe_parameters",
+    "get_parameter_types",
+    "get_parameters",
+    "list_parameters",
+    "set_parameters",
+    "set_parameters_atomically",
+    "get_type_description",
+)
+LIFECYCLE = ("change_state", "get_available_states", "get_available_transitions", "get_state", "get_transition_graph")
+
+
+@dataclass(frozen=True)
+class Rights:
+    """What one node does beside what every node does: topics by name in its namespace, its own services."""
+
+    publish: Sequence[str] = ()
+    subscribe: Sequence[str] = ()
+    services: Sequence[str] = ()
+
+
+RIGHTS = {
+    "twin_node": Rights((*OUTPUTS, "~/transition_event"), INPUTS, ("reset", *LIFECYCLE)),
+    "record_node": Rights((), (*INPUTS, *OUTPUTS, "twin_node/transition_event", "/diagnostics"), ("start", "stop")),
+    "view_node": Rights((), (*INPUTS, *OUTPUTS)),
+    "monitor_node": Rights((), INPUTS, ("learn_again",)),
+    "shaft_node": Rights(INPUTS),
+    "plc_node": Rights(INPUTS, ("balancing_torque/predicted",)),
+    "opcua_node": Rights(INPUTS, ("balancing_torque/predicted",)),
+}
+
+
+def policy(name: str) -> str:
+    """The policy of the machine in the namespace of this name, as SROS2 takes it (policy.xsd, version 0.2.0)."""
+    root = ElementTree.Element("policy", version="0.2.0")
+    enclave = ElementTree.SubElement(ElementTree.SubElement(root, "enclaves"), "enclave", path=f"/{name}")
+    profiles = ElementTree.SubElement(enclave, "profiles")
+    for node, rights in RIGHTS.items():
+        profile = ElementTree.SubElement(profiles, "profile", ns=f"/{name}", node=node)
+        services = [f"~/{service}" for service in (*PARAMETERS, *rights.services)]
+        _rule(profile, "service", {"reply": "ALLOW"}, services)
+        _rule(profile, "topic", {"publish": "ALLOW"}, [*SHARED, *rights.publish])
+        _rule(profile, "topic", {"subscribe": "ALLOW"}, ["/parameter_events", "/clock", *rights.subscribe])
+    ElementTree.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def _rule(profile: ElementTree.Element, kind: str, allowed: dict[str, str], names: Sequence[str]) -> None:
+    rule = ElementTree.SubElement(profile, f"{kind}s", allowed)
+    for name in names:
+        ElementTree.SubElement(rule, kind).text = name
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print it."""
+    parser = argparse.ArgumentParser(
+        PROGRAM, description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
+    )
+    parser.add_argument("name", metavar="NAME", help="the machine's namespace, such as loom_3")
+    name = parser.parse_args(arguments).name.strip("/")
+    if not re.fullmatch(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", name, re.ASCII):
+        print(f"{PROGRAM}: NAME must be a ROS namespace such as loom_3, not '{name}'", file=sys.stderr)
+        return 2
+    print(policy(name), end="")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
