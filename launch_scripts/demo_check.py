@@ -11,7 +11,7 @@ import numpy as np
 import textile_twin_core as ttc
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import TwinError
-from textile_twin_core.files import AngleSamples, TorqueSamples, open_bag
+from textile_twin_core.recordings import AngleSamples, TorqueSamples, open_bag
 
 ANGLE, MEASURED, PREDICTED = "main_shaft/angle", "balancing_torque/measured", "balancing_torque/predicted"
 AGREEMENT = 1e-9

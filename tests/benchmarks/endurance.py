@@ -17,7 +17,7 @@ import numpy as np
 
 from tests.ros.suite import SECOND_NS, Program, Suite, running_suite
 from textile_twin_core.arrays import IntArray
-from textile_twin_core.files import Bag, open_bag
+from textile_twin_core.recordings import Bag, open_bag
 
 ANGLE, PREDICTED = "main_shaft/angle", "balancing_torque/predicted"
 RATE_HZ = 1000.0

@@ -24,7 +24,7 @@ from sensor_msgs.msg import JointState
 
 from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, running_suite
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files import open_bag
+from textile_twin_core.recordings import open_bag
 
 ROOT = Path(__file__).parents[2]
 PREDICTED = "balancing_torque/predicted"

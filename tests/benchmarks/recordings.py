@@ -16,7 +16,8 @@ from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from textile_twin_core.files import BagWriter, open_bag, read_motion_table, write_table
+from textile_twin_core.files import read_motion_table, write_table
+from textile_twin_core.recordings import BagWriter, open_bag
 
 
 def _seconds(work: Callable[[], object], times: int) -> float:

@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.files.mutations import cut_everywhere, run
+from tests.recordings.mutations import cut_everywhere, run
 
 
 def main() -> None:

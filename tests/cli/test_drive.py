@@ -10,7 +10,7 @@ import pytest
 
 from textile_twin_core.cli.main import main
 from textile_twin_core.files import read_motion_table
-from textile_twin_core.files.log_read import read_log
+from textile_twin_core.recordings.log_read import read_log
 
 
 def test_the_torque_that_drove_it_comes_back_from_simulate(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from textile_twin_core import machines
 from textile_twin_core.cli.main import main
 from textile_twin_core.errors import MachineError
-from textile_twin_core.files import BagWriter
+from textile_twin_core.recordings import BagWriter
 
 SETTINGS = [
     ("tufting", "l1_m=1e300", "l1_m"),

@@ -10,7 +10,7 @@ from pyarrow import parquet
 
 from tests.generators.faults import faulty
 from textile_twin_core.cli.main import main
-from textile_twin_core.files import BagWriter
+from textile_twin_core.recordings import BagWriter
 
 
 def write(path: Path, kind: str, size: float, seed: int) -> None:

@@ -19,8 +19,8 @@ from rosbags.highlevel import AnyReader
 
 import textile_twin_core as ttc
 from textile_twin_core.cli.main import main
-from textile_twin_core.files import BagWriter, OfferedQos, open_bag
-from textile_twin_core.files.schemas import MessageSchema
+from textile_twin_core.recordings import BagWriter, OfferedQos, open_bag
+from textile_twin_core.recordings.schemas import MessageSchema
 
 EPOCH = 1_700_000_000_000_000_000
 RATE = 500
@@ -325,7 +325,7 @@ def test_a_full_disk_names_the_output(
 
 _STOPPED = """
 import os, signal, sys, time
-import textile_twin_core.files.replay as replay
+import textile_twin_core.recordings.replay as replay
 from textile_twin_core.cli.main import main
 
 def stopped_halfway(bag, out, *_, **__):

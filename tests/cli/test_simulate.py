@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 
 import textile_twin_core as ttc
 from textile_twin_core.cli.main import main
-from textile_twin_core.files import open_bag
+from textile_twin_core.recordings import open_bag
 
 MOTION = ["theta_rad", "omega_rad_s", "alpha_rad_s2"]
 

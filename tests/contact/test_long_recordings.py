@@ -11,10 +11,10 @@ import pytest
 
 from textile_twin_core.contact import DrivePiece, run_contact
 from textile_twin_core.contact.law_pieces import law_pieces
-from textile_twin_core.files import open_bag
 from textile_twin_core.machine.contact_motion import ContactMotion, phase
 from textile_twin_core.machines.needle_transfer import needle_transfer
 from textile_twin_core.mechanism.motion_law import Section
+from textile_twin_core.recordings import open_bag
 from textile_twin_core.twin import compile_machine
 
 BAG = Path(__file__).parents[2] / "bags/tufting_160rpm_synthetic"

@@ -15,7 +15,7 @@ from shutil import copyfile
 import numpy as np
 
 from tests.docs.pages import ROOT, Block
-from textile_twin_core.files import BagWriter, open_bag
+from textile_twin_core.recordings import BagWriter, open_bag
 
 PATIENCE_S = 300.0
 BIN = Path(sys.prefix) / "bin"

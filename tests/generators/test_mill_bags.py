@@ -9,7 +9,7 @@ import pytest
 
 import textile_twin_core as ttc
 from tests.generators.mill_bags import DURATION_S, FRICTION, RATE_HZ, SPEED_RAD_S, TORQUE_NOISE_NM, handloom_law, plan
-from textile_twin_core.files import open_bag
+from textile_twin_core.recordings import open_bag
 
 BAGS = Path(__file__).parents[2] / "bags"
 

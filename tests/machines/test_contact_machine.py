@@ -15,10 +15,10 @@ import textile_twin_core as ttc
 from textile_twin_core.contact import FRAME, Pad, SlidingBody, SpringDamper, Stop
 from textile_twin_core.errors import MachineError, TwinError
 from textile_twin_core.files.machine_file import save_machine_file
-from textile_twin_core.files.predicted_topics import predicted_topics
 from textile_twin_core.machine import ContactMachine, DrivenElement
 from textile_twin_core.mechanism.law_strokes import Stroke
 from textile_twin_core.mechanism.motion_law import MotionLaw, Section
+from textile_twin_core.recordings.predicted_topics import predicted_topics
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "picker.yaml"
 SPEED = 20.0

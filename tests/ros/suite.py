@@ -20,7 +20,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from textile_twin_core.files import BagWriter
+from textile_twin_core.recordings import BagWriter
 from textile_twin_ros.spinning import create_executor
 
 PATIENCE_S = 60.0

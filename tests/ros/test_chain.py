@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 import textile_twin_core as ttc
 from tests.ros.suite import SECOND_NS, Suite, running_suite, shaft_angles, write_bag
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.files import open_bag
+from textile_twin_core.recordings import open_bag
 
 RESIDUAL = "balancing_torque/residual"
 OUTPUTS = (

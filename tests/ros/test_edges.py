@@ -15,10 +15,10 @@ from std_msgs.msg import Header
 
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite
 from tests.ros.test_live_topics import stamp_of
-from textile_twin_core.files import BagWriter, open_bag
-from textile_twin_core.files.replay import replay_bag
 from textile_twin_core.machine import with_encoder
 from textile_twin_core.machines import tufting
+from textile_twin_core.recordings import BagWriter, open_bag
+from textile_twin_core.recordings.replay import replay_bag
 from textile_twin_ros.messages import HeaderTemplate
 from textile_twin_ros.shaft_motion import TURN, Encoder, Marks, ShaftMotion
 

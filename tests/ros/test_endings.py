@@ -16,7 +16,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters
 
 from tests.ros.suite import Suite, node_environment, shaft_angles, write_bag
-from textile_twin_core.files import open_bag
+from textile_twin_core.recordings import open_bag
 from textile_twin_ros.commands import ENDING_SIGNALS, twin_node
 
 # What the middleware and Python print when something is taken away under a running callback.

@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from tests.generators.faults import faulty
 from tests.ros.suite import RELIABLE, Suite
-from textile_twin_core.files import BagWriter
+from textile_twin_core.recordings import BagWriter
 
 
 @pytest.mark.slow

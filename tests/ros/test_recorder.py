@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 
 from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, shaft_angles, write_bag
 from tests.ros.test_live_topics import joint_state, stamp_of
-from textile_twin_core.files import open_bag
+from textile_twin_core.recordings import open_bag
 
 
 def test_a_kill_loses_a_second_at_most(suite: Suite) -> None:

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files import BagWriter
+from textile_twin_core.recordings import BagWriter
 from textile_twin_ros.recording_place import RecordingPlace
 
 

@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> None:
 def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded: bool = False) -> Comparison:
     """The comparison that the arguments of add_recording ask for; recorded: with the predictions in the recording."""
     from textile_twin_core.comparison import assess, compare_torque
-    from textile_twin_core.files.prediction import published, recompute
+    from textile_twin_core.recordings.prediction import published, recompute
 
     bag, angles, measured = read_samples(arguments, machine)
     with progress(len(angles), "predicting") as done:

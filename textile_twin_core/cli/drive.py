@@ -91,7 +91,7 @@ def _torque(text: str) -> DriveTorque | float:
 
 def _table(path: Path) -> DriveTorque:
     from textile_twin_core.dynamics.drive_torque import TorqueOverAngle, TorqueOverTime
-    from textile_twin_core.files.log_read import read_log
+    from textile_twin_core.recordings.log_read import read_log
 
     columns = read_log(path)
     for names, kind in ((_OVER_TIME, TorqueOverTime), (_OVER_ANGLE, TorqueOverAngle)):

@@ -41,9 +41,9 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, choose, write, tell."""
-    from textile_twin_core.files import BagWriter
-    from textile_twin_core.files.log_import import Wishes, import_log
-    from textile_twin_core.files.log_read import read_log
+    from textile_twin_core.recordings import BagWriter
+    from textile_twin_core.recordings.log_import import Wishes, import_log
+    from textile_twin_core.recordings.log_read import read_log
 
     separator = "\t" if arguments.separator == "tab" else arguments.separator
     columns = read_log(arguments.log, separator, arguments.decimal, arguments.table)

@@ -14,7 +14,7 @@ from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 
 if TYPE_CHECKING:
-    from textile_twin_core.files.monitored import Watched
+    from textile_twin_core.recordings.monitored import Watched
 
 
 def parser() -> Parser:
@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     from textile_twin_core.cli.arguments import BeyondLimitError
     from textile_twin_core.comparison.fault_watch import WatchSettings
-    from textile_twin_core.files.monitored import Job, watch_bags
+    from textile_twin_core.recordings.monitored import Job, watch_bags
 
     bags = _recordings(arguments.bags)
     settings = WatchSettings(learn_turns=arguments.learn)
@@ -102,7 +102,7 @@ def _tell(watched: Watched) -> None:
 
 def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
     from textile_twin_core.files import staged
-    from textile_twin_core.files.monitored import trend_table
+    from textile_twin_core.recordings.monitored import trend_table
 
     if arguments.parquet is not None:
         import pyarrow

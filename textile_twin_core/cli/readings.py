@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison import Readings
-    from textile_twin_core.files.bag import AngleSamples, Bag, TorqueSamples
     from textile_twin_core.machine import AnyMachine
+    from textile_twin_core.recordings.bag import AngleSamples, Bag, TorqueSamples
 
 
 def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:
@@ -17,8 +17,8 @@ def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Ba
 
     Raises RecordingError, and SceneError for edges that this machine's encoder cannot count.
     """
-    from textile_twin_core.files import open_bag
-    from textile_twin_core.files.machine_topics import beside, usable_angles
+    from textile_twin_core.recordings import open_bag
+    from textile_twin_core.recordings.machine_topics import beside, usable_angles
 
     bag = open_bag(arguments.bag)
     for notice in bag.notices:

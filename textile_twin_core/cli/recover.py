@@ -27,7 +27,7 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Copy what is there."""
     from textile_twin_core.errors import RecordingError
-    from textile_twin_core.files import BagWriter, open_bag
+    from textile_twin_core.recordings import BagWriter, open_bag
 
     bag = open_bag(arguments.bag)
     for notice in bag.notices:

@@ -31,8 +31,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Replay the recording."""
     machine = with_sensors(load_machine(arguments.machine, arguments.set), arguments)
 
-    from textile_twin_core.files import BagWriter, open_bag
-    from textile_twin_core.files.replay import replay_bag
+    from textile_twin_core.recordings import BagWriter, open_bag
+    from textile_twin_core.recordings.replay import replay_bag
 
     bag = open_bag(arguments.bag)
     for notice in bag.notices:

@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> None:
     motion = _motion(arguments)
     values, events = _evaluate(arguments, machine, names, motion)
     if arguments.out.suffix == ".mcap":
-        from textile_twin_core.files.simulated_bag import write_simulated_bag
+        from textile_twin_core.recordings.simulated_bag import write_simulated_bag
 
         write_simulated_bag(arguments.out, machine, motion, values)
     else:

@@ -9,10 +9,10 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files import open_bag
-from textile_twin_core.files.machine_topics import beside, usable_angles
-from textile_twin_core.files.prediction import recompute
 from textile_twin_core.machine import Machine
+from textile_twin_core.recordings import open_bag
+from textile_twin_core.recordings.machine_topics import beside, usable_angles
+from textile_twin_core.recordings.prediction import recompute
 
 _BINS = 360
 

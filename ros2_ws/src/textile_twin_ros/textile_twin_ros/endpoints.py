@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from textile_twin_core.files import OfferedQos
+from textile_twin_core.recordings import OfferedQos
 
 _STARTED = time.monotonic()
 _DISCOVERY_S = 5.0

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.files.cdr_decode import LAYOUT_READERS, Bytes, Layout
-from textile_twin_core.files.cdr_encode import encode_headers, encode_joint_states, encode_points, encode_wrenches
+from textile_twin_core.recordings.cdr_decode import LAYOUT_READERS, Bytes, Layout
+from textile_twin_core.recordings.cdr_encode import encode_headers, encode_joint_states, encode_points, encode_wrenches
 
 SECOND_NS = 1_000_000_000
 JOINT_STATE = "sensor_msgs/msg/JointState"

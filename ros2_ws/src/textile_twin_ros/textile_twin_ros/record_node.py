@@ -28,7 +28,7 @@ from textile_twin_ros.recording_place import RecordingPlace
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
 
 if TYPE_CHECKING:
-    from textile_twin_core.files import BagWriter
+    from textile_twin_core.recordings import BagWriter
 
 # What nodes tell each other, not what a machine does.
 _OWN_BUSINESS = ("/rosout", "/parameter_events")
@@ -138,7 +138,7 @@ class RecordNode(Node):
 
     def _open(self) -> None:
         # Optional packages are imported where they are used, so that a missing one is told in one line.
-        from textile_twin_core.files import BagWriter
+        from textile_twin_core.recordings import BagWriter
 
         path = self._place.next()
         settings = self.settings

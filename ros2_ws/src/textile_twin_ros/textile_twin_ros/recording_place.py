@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from textile_twin_core.errors import RecordingError
 
 if TYPE_CHECKING:
-    from textile_twin_core.files import BagWriter
+    from textile_twin_core.recordings import BagWriter
 
 _TIME_PATTERN = r"\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d"
 

@@ -56,7 +56,7 @@ class ReplayNode(Node):
 
     def __init__(self) -> None:
         # Optional packages are imported where they are used, so that a missing one is told in one line.
-        from textile_twin_core.files import open_bag
+        from textile_twin_core.recordings import open_bag
 
         super().__init__("replay_node")
         self.settings = declare(self, ReplayParameters, self._on_change)

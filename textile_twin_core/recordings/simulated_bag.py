@@ -10,9 +10,9 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError
-from textile_twin_core.files.bag_write import BagWriter
 from textile_twin_core.files.motion_table import MotionTable
 from textile_twin_core.machine import AnyMachine
+from textile_twin_core.recordings.bag_write import BagWriter
 
 _START_NS = 1_000_000_000
 """Time of the first sample: a stamp of 0 means in ROS that there is none."""

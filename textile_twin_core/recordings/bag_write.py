@@ -13,14 +13,14 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files import cdr_encode, rosbag2_metadata
 from textile_twin_core.files.atomic import OutputError, check_folder, partial_path, put_in_place, remove
-from textile_twin_core.files.bag import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
-from textile_twin_core.files.cdr_decode import Bytes, MessageBlock, gather
-from textile_twin_core.files.mcap_write import McapFileWriter
-from textile_twin_core.files.recording import Progress, Recording
-from textile_twin_core.files.rosbag2_metadata import FileInfo, OfferedQos, TopicInfo
-from textile_twin_core.files.schemas import MessageSchema, message_schema
+from textile_twin_core.recordings import cdr_encode, rosbag2_metadata
+from textile_twin_core.recordings.bag import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
+from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
+from textile_twin_core.recordings.mcap_write import McapFileWriter
+from textile_twin_core.recordings.recording import Progress, Recording
+from textile_twin_core.recordings.rosbag2_metadata import FileInfo, OfferedQos, TopicInfo
+from textile_twin_core.recordings.schemas import MessageSchema, message_schema
 
 _FLUSH_SECONDS = 1.0
 _OF_A_RECORDING = (".yaml", ".mcap", ".db3", ".zstd")

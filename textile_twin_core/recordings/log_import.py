@@ -9,8 +9,8 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files.bag_write import BagWriter
-from textile_twin_core.files.log_columns import (
+from textile_twin_core.recordings.bag_write import BagWriter
+from textile_twin_core.recordings.log_columns import (
     SPEED_UNITS,
     Column,
     angle_radians,

@@ -15,9 +15,9 @@ from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.fault_watch import Alarm, WatchSettings
 from textile_twin_core.comparison.monitor import monitor_recording
 from textile_twin_core.errors import RecordingError, TwinError
-from textile_twin_core.files.bag import open_bag
-from textile_twin_core.files.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, beside, usable_angles
 from textile_twin_core.machine import Machine
+from textile_twin_core.recordings.bag import open_bag
+from textile_twin_core.recordings.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, beside, usable_angles
 
 
 @dataclass(frozen=True)

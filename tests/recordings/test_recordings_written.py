@@ -18,9 +18,10 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files import LATCHED, BagWriter, OutputError, open_bag
-from textile_twin_core.files.cdr_encode import encode_string
-from textile_twin_core.files.schemas import message_schema
+from textile_twin_core.files import OutputError
+from textile_twin_core.recordings import LATCHED, BagWriter, open_bag
+from textile_twin_core.recordings.cdr_encode import encode_string
+from textile_twin_core.recordings.schemas import message_schema
 
 N = 5_000
 EPOCH = 1_700_000_000_000_000_000
@@ -231,7 +232,7 @@ def test_installed_definitions_agree_with_the_rosbags_library(msgtype: str, monk
     """The fall-back for unknown types, tried on known ones: same hash, same fields of every type needed."""
     from rosbags.typesys import get_types_from_msg
 
-    from textile_twin_core.files import schemas
+    from textile_twin_core.recordings import schemas
 
     monkeypatch.setenv("AMENT_PREFIX_PATH", sys.prefix)
     if not (Path(sys.prefix) / "share" / "lifecycle_msgs").exists():
@@ -288,7 +289,7 @@ def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path, place: str) 
 _LIVE = """
 import sys, time
 import numpy as np
-from textile_twin_core.files import BagWriter
+from textile_twin_core.recordings import BagWriter
 with BagWriter(sys.argv[1], live=True) as out:
     out.add_topic("x", "std_msgs/msg/Float64")
     start = time.monotonic()

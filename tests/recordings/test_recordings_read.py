@@ -14,9 +14,9 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files import BagWriter, open_bag
-from textile_twin_core.files.prediction import far_apart
-from textile_twin_core.files.schemas import message_schema
+from textile_twin_core.recordings import BagWriter, open_bag
+from textile_twin_core.recordings.prediction import far_apart
+from textile_twin_core.recordings.schemas import message_schema
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINT_STATE = "sensor_msgs/msg/JointState"

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Protocol
 
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files.cdr_decode import MessageBlock
-from textile_twin_core.files.rosbag2_metadata import TopicInfo
+from textile_twin_core.recordings.cdr_decode import MessageBlock
+from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
 
 Progress = Callable[[int], object]
 """Called with the number of messages just read."""

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.files import mutations
+from tests.recordings import mutations
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files import open_bag
+from textile_twin_core.recordings import open_bag
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files.cdr_decode import Bytes
+from textile_twin_core.recordings.cdr_decode import Bytes
 
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files.schemas import MessageSchema
+from textile_twin_core.recordings.schemas import MessageSchema
 
 _KEY = "rosbag2_bagfile_information"
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}

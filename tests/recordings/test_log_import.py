@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from scipy.io import savemat
 
 from textile_twin_core.cli.main import main
-from textile_twin_core.files import open_bag
+from textile_twin_core.recordings import open_bag
 
 N = 2000
 TIME = np.arange(N) * 0.002

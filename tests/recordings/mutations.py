@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from textile_twin_core.errors import RecordingError, TwinError
-from textile_twin_core.files import BagWriter, open_bag
+from textile_twin_core.recordings import BagWriter, open_bag
 
 START_NS = 1_700_000_000_000_000_000
 CHUNK = 0x06

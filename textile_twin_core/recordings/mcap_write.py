@@ -16,9 +16,9 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from textile_twin_core.arrays import IntArray
-from textile_twin_core.files.cdr_decode import Bytes
-from textile_twin_core.files.mcap_read import MAGIC
-from textile_twin_core.files.schemas import MessageSchema
+from textile_twin_core.recordings.cdr_decode import Bytes
+from textile_twin_core.recordings.mcap_read import MAGIC
+from textile_twin_core.recordings.schemas import MessageSchema
 
 _CHUNK_BYTES = 1 << 20
 _MESSAGE_HEAD = np.dtype(

@@ -19,9 +19,9 @@ from mcap.records import Channel, Metadata, Schema, Statistics
 
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files.cdr_decode import Bytes, MessageBlock, gather
-from textile_twin_core.files.rosbag2_metadata import OfferedQos, TopicInfo
-from textile_twin_core.files.schemas import MessageSchema
+from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
+from textile_twin_core.recordings.rosbag2_metadata import OfferedQos, TopicInfo
+from textile_twin_core.recordings.schemas import MessageSchema
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files.cdr_decode import MessageBlock
-from textile_twin_core.files.rosbag2_metadata import OfferedQos, TopicInfo
-from textile_twin_core.files.schemas import MessageSchema
+from textile_twin_core.recordings.cdr_decode import MessageBlock
+from textile_twin_core.recordings.rosbag2_metadata import OfferedQos, TopicInfo
+from textile_twin_core.recordings.schemas import MessageSchema
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection

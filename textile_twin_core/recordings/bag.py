@@ -11,12 +11,12 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.files import rosbag2_metadata
-from textile_twin_core.files.cdr_decode import Layout, layouts
-from textile_twin_core.files.mcap_read import McapFile
-from textile_twin_core.files.other_storage import OtherFile
-from textile_twin_core.files.recording import Progress, Recording
-from textile_twin_core.files.rosbag2_metadata import TopicInfo
+from textile_twin_core.recordings import rosbag2_metadata
+from textile_twin_core.recordings.cdr_decode import Layout, layouts
+from textile_twin_core.recordings.mcap_read import McapFile
+from textile_twin_core.recordings.other_storage import OtherFile
+from textile_twin_core.recordings.recording import Progress, Recording
+from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
