@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import textile_twin_core as ttc
-from textile_twin_core.files import BagWriter, open_bag
+from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_core.shaft import create_estimator
 
 _SPEED = 160.0 * 2.0 * np.pi / 60.0

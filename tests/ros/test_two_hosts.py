@@ -16,7 +16,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from tests.ros.suite import Program, node_environment
-from textile_twin_core.files import open_bag
+from textile_twin_core.recordings import open_bag
 
 MACHINE, ROOM = "10.77.0.1", "10.77.0.2"
 """Addresses of the computer at the machine and of the one in the control room."""
