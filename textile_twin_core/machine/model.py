@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from functools import cached_property, partial
 
 from textile_twin_core.dynamics.body import Body
-from textile_twin_core.dynamics.loads.load import LoadContext, intensity
+from textile_twin_core.dynamics.loads.load import LoadContext
 from textile_twin_core.dynamics.reactions import balance, gather, inertia_force
 from textile_twin_core.dynamics.reduction import Reduction, reduce_bodies
 from textile_twin_core.dynamics.shaft_state import ShaftState
@@ -72,7 +72,7 @@ class LinkageModel:
         """The intensity of a load of the machine."""
         if self._loads_as_variables:
             return self.intensity_variable(number)
-        return intensity(self.machine.loads[number], self.load_context)
+        return self.machine.loads[number].intensity(self.load_context)
 
     def intensity_variable(self, number: int) -> Expr:
         """The name of a load's intensity where loads are kept apart."""

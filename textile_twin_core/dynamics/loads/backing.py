@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import Crossing, LoadContext
@@ -40,10 +39,6 @@ class Backing:
                     "always opposes the travel"
                 )
 
-    def parameters(self) -> Mapping[str, float]:
-        """The two friction forces."""
-        return {"backing_force_N": self.force_N, "free_force_N": self.free_force_N}
-
     def inside(self, context: LoadContext) -> Expr:
         """1 while the needle is in the backing."""
         travel = self._displacement(context)
@@ -53,11 +48,11 @@ class Backing:
         plane = select(going_in, self.entry_plane_m, self.exit_plane_m)
         return at_least(travel.position, plane)
 
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
+    def intensity(self, context: LoadContext) -> Expr:
         """Friction against the velocity of the travel, in the backing and outside."""
         against = -sign(self._displacement(context).first * context.shaft.omega)
         inside = self.inside(context)
-        return {"backing_force_N": against * inside, "free_force_N": against * (1.0 - inside)}
+        return self.force_N * (against * inside) + self.free_force_N * (against * (1.0 - inside))
 
     def unit_force(self, context: LoadContext) -> Expr:
         """A force along the travel works on the shaft through the travel's derivative."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
@@ -27,13 +26,9 @@ class JointDamping(Uneventful):
                 f"damping of '{self.link}': viscous_Nms must be zero or positive, not {self.viscous_Nms!r}"
             )
 
-    def parameters(self) -> Mapping[str, float]:
-        """The damping coefficient."""
-        return {"joint_viscous_Nms": self.viscous_Nms}
-
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Against the shaft's speed."""
-        return {"joint_viscous_Nms": -context.shaft.omega}
+    def intensity(self, context: LoadContext) -> Expr:
+        """The coefficient, against the shaft's speed."""
+        return self.viscous_Nms * -context.shaft.omega
 
     def unit_force(self, context: LoadContext) -> Expr:
         """The square of the relative angle's derivative."""
@@ -59,13 +54,9 @@ class PointDamping(Uneventful):
                 f"damping of point '{self.point}': viscous_Ns_m must be zero or positive, not {self.viscous_Ns_m!r}"
             )
 
-    def parameters(self) -> Mapping[str, float]:
-        """The damping coefficient."""
-        return {"point_viscous_Ns_m": self.viscous_Ns_m}
-
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Against the shaft's speed."""
-        return {"point_viscous_Ns_m": -context.shaft.omega}
+    def intensity(self, context: LoadContext) -> Expr:
+        """The coefficient, against the shaft's speed."""
+        return self.viscous_Ns_m * -context.shaft.omega
 
     def unit_force(self, context: LoadContext) -> Expr:
         """The square of the point's derivative."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
@@ -31,13 +30,9 @@ class JointFriction(Uneventful):
         if not (math.isfinite(self.torque_Nm) and self.torque_Nm >= 0.0):
             raise MachineError(f"friction of '{self.link}': torque_Nm must be zero or positive, not {self.torque_Nm!r}")
 
-    def parameters(self) -> Mapping[str, float]:
-        """The friction torque."""
-        return {"joint_friction_Nm": self.torque_Nm}
-
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Against the relative speed."""
-        return {"joint_friction_Nm": -sign(self.unit_force(context) * context.shaft.omega)}
+    def intensity(self, context: LoadContext) -> Expr:
+        """The friction torque, against the relative speed."""
+        return self.torque_Nm * -sign(self.unit_force(context) * context.shaft.omega)
 
     def unit_force(self, context: LoadContext) -> Expr:
         """The derivative of the relative angle."""
@@ -59,13 +54,9 @@ class SliderFriction(Uneventful):
         if not (math.isfinite(self.force_N) and self.force_N >= 0.0):
             raise MachineError(f"friction of '{self.slider}': force_N must be zero or positive, not {self.force_N!r}")
 
-    def parameters(self) -> Mapping[str, float]:
-        """The friction force."""
-        return {"slider_friction_N": self.force_N}
-
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Against the slider's velocity."""
-        return {"slider_friction_N": -sign(self.unit_force(context) * context.shaft.omega)}
+    def intensity(self, context: LoadContext) -> Expr:
+        """The friction force, against the slider's velocity."""
+        return self.force_N * -sign(self.unit_force(context) * context.shaft.omega)
 
     def unit_force(self, context: LoadContext) -> Expr:
         """The derivative of the slider's way along its guide."""

@@ -1,8 +1,8 @@
 """The Load protocol: an external action by virtual work and, independently, as forces on links.
 
-A load is an intensity times a unit action. The intensity may leap (a needle enters the backing, the speed
-changes its sign) and is linear in named parameters; the unit action is a smooth function of
-the shaft angle. So the smooth part can be tabulated while the leaps stay exact.
+A load is an intensity times a unit action. The intensity may leap (a needle enters the backing, the speed changes its
+sign); the unit action is a smooth function of the shaft angle. So the smooth part can be tabulated while the leaps stay
+exact.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from textile_twin_core.dynamics.shaft_state import ShaftState
-from textile_twin_core.expression import Expr, const
+from textile_twin_core.expression import Expr
 from textile_twin_core.mechanism import Displacement, Measure, Motion
 from textile_twin_core.mechanism.wrenches import Wrenches
 
@@ -44,12 +44,8 @@ class Crossing:
 class Load(Protocol):
     """An external load."""
 
-    def parameters(self) -> Mapping[str, float]:
-        """Values of the named parameters, SI."""
-        ...
-
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Intensity per unit of each named parameter."""
+    def intensity(self, context: LoadContext) -> Expr:
+        """How strongly it acts, which may leap where it sets in or turns round."""
         ...
 
     def unit_force(self, context: LoadContext) -> Expr:
@@ -71,11 +67,3 @@ class Uneventful:
     def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
         """None."""
         return ()
-
-
-def intensity(load: Load, context: LoadContext) -> Expr:
-    """The load's intensity: the sum of parameter times indicator."""
-    indicators, total = load.indicators(context), const(0.0)
-    for name, value in load.parameters().items():
-        total += value * indicators[name]
-    return total

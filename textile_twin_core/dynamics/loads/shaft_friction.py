@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
@@ -29,14 +28,10 @@ class ShaftFriction(Uneventful):
             if not (math.isfinite(value) and value >= 0.0):
                 raise MachineError(f"friction of the shaft: {what} must be zero or positive, not {value!r}")
 
-    def parameters(self) -> Mapping[str, float]:
-        """The two coefficients."""
-        return {"shaft_viscous_Nms": self.viscous_Nms, "shaft_coulomb_Nm": self.coulomb_Nm}
-
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
+    def intensity(self, context: LoadContext) -> Expr:
         """Against the shaft's speed and against its direction."""
         omega = context.shaft.omega
-        return {"shaft_viscous_Nms": -omega, "shaft_coulomb_Nm": -sign(omega)}
+        return self.viscous_Nms * -omega + self.coulomb_Nm * -sign(omega)
 
     def unit_force(self, context: LoadContext) -> Expr:
         """It acts on the shaft itself."""

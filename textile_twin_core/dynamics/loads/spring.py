@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
@@ -41,13 +40,9 @@ class Spring(Uneventful):
         if self.from_point == self.to_point:
             raise MachineError(f"{what}: it needs two different points")
 
-    def parameters(self) -> Mapping[str, float]:
+    def intensity(self, context: LoadContext) -> Expr:
         """The stiffness."""
-        return {"spring_stiffness_N_m": self.stiffness_N_m}
-
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Always there."""
-        return {"spring_stiffness_N_m": const(1.0)}
+        return const(self.stiffness_N_m)
 
     def unit_force(self, context: LoadContext) -> Expr:
         """Minus the slope of the energy stored."""
@@ -85,13 +80,9 @@ class TorsionSpring(Uneventful):
     def __post_init__(self) -> None:
         _check(f"torsion spring on '{self.link}'", self.stiffness_Nm_rad, self.free_angle_rad, self.preload_Nm)
 
-    def parameters(self) -> Mapping[str, float]:
+    def intensity(self, context: LoadContext) -> Expr:
         """The stiffness."""
-        return {"torsion_stiffness_Nm_rad": self.stiffness_Nm_rad}
-
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Always there."""
-        return {"torsion_stiffness_Nm_rad": const(1.0)}
+        return const(self.stiffness_Nm_rad)
 
     def unit_force(self, context: LoadContext) -> Expr:
         """Minus the slope of the energy stored."""

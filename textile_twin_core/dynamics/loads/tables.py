@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,13 +37,9 @@ class TorqueTable(Uneventful):
         """The table as a series."""
         return PeriodicTable(f"torque table on '{self.on}'", self.angle_rad, self.torque_Nm, self.harmonics)
 
-    def parameters(self) -> Mapping[str, float]:
+    def intensity(self, context: LoadContext) -> Expr:
         """The factor on the table."""
-        return {"torque_table_scale": self.scale}
-
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Always there."""
-        return {"torque_table_scale": const(1.0)}
+        return const(self.scale)
 
     def unit_force(self, context: LoadContext) -> Expr:
         """The table's torque times the derivative of the angle it works on."""
@@ -91,13 +86,9 @@ class ForceTable(Uneventful):
         """The table as a series."""
         return PeriodicTable(f"force table on '{self.point}'", self.angle_rad, self.force_N, self.harmonics)
 
-    def parameters(self) -> Mapping[str, float]:
+    def intensity(self, context: LoadContext) -> Expr:
         """The factor on the table."""
-        return {"force_table_scale": self.scale}
-
-    def indicators(self, context: LoadContext) -> Mapping[str, Expr]:
-        """Always there."""
-        return {"force_table_scale": const(1.0)}
+        return const(self.scale)
 
     def unit_force(self, context: LoadContext) -> Expr:
         """The force's work per angle."""
