@@ -1,8 +1,9 @@
 # Sourced by the other scripts: makes .venv from a lock file when it is missing or out of date, and clears the way for the
-# ROS wheels. A script that needs more than what runs (requirements.lock) names its lock before: lock=requirements-tests.lock.
+# ROS wheels. A script that needs more than what runs (requirements.lock) names its lock before: lock=requirements-tests.lock;
+# and its environment where that is another: environment=.venv-kilted.
 
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
-venv="$root/.venv"
+venv="$root/${environment:-.venv}"
 ros_package="$root/ros2_ws/src/textile_twin_ros"
 lock="${lock:-requirements.lock}"
 
@@ -43,7 +44,7 @@ count_packages() {
         echo "$line" >> "$1"
         if [[ "$line" == Collecting* && -t 2 ]]; then
             count=$((count + 1))
-            printf '\rSetting up .venv: %d of up to %d packages' "$count" "$total" >&2
+            printf '\rSetting up %s: %d of up to %d packages' "${venv##*/}" "$count" "$total" >&2
         fi
     done
     if [ -t 2 ]; then printf '\r\033[K' >&2; fi
@@ -56,7 +57,7 @@ make_environment() (
     local log="$root/out/setup.log"
     if is_made; then return; fi
 
-    echo "Setting up .venv from $lock (once; one to three minutes) ..." >&2
+    echo "Setting up ${venv##*/} from $lock (once; one to three minutes) ..." >&2
     if ! grep -qsF "$venv" "$venv/pyvenv.cfg" || ! is_suitable "$venv/bin/python"; then
         local python
         python="$(find_python)" || exit 2

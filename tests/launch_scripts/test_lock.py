@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[2]
 LOCKS = {
     "requirements.lock": "ros files view design plc",
     "requirements-tests.lock": "ros files view design plc dev",
+    "requirements-kilted.lock": "kilted files view design plc dev",
     "requirements-peers.lock": "files design dev peers",
 }
 PYTHONS = ("3.11.0", "3.12.0", "3.13.0")
