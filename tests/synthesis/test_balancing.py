@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core import machines
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics.body import Body
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.synthesis.balancing import (
     balancing_spring,
@@ -74,6 +77,34 @@ def test_antiphase_takes_the_odd_harmonics_and_doubles_the_even_ones() -> None:
         assert harmonic(found.apart_Nm, order) == pytest.approx(expected, abs=1e-12)
 
 
+def let_run(machine: machines.Machine) -> tuple[FloatArray, FloatArray]:
+    """Angle [rad] and speed [rad/s] over a turn that nothing drives, as `drive` integrates it."""
+    run = ttc.drive(machine, 0.0, 0.0, 20.0, np.linspace(0.0, 0.5, 3000))
+    turn = run.theta_rad < 2.0 * math.pi
+    return run.theta_rad[turn], run.omega_rad_s[turn]
+
+
+def test_antiphase_and_flywheel_agree_with_theory_where_drive_lets_them_run() -> None:
+    """Without weight and drive J omega^2 / 2 stays; under a heavy wheel ripple is energy swing over J omega^2."""
+    loom = machines.handloom_beatup(gravity_m_s2=0.0)
+    one = ttc.compile(loom, ["equivalent_inertia_kgm2"], method="exact")
+
+    def inertia_of_both(theta: FloatArray) -> FloatArray:
+        first, second = (one.evaluate(theta + phase, 0.0 * theta, 0.0 * theta) for phase in (0.0, math.pi))
+        return first["equivalent_inertia_kgm2"] + second["equivalent_inertia_kgm2"]
+
+    both = opposed_linkages(loom, math.pi).machine
+    theta, speed = let_run(both)
+    inertia = inertia_of_both(theta)
+    assert speed == pytest.approx(20.0 * np.sqrt(inertia[0] / inertia), rel=1e-8)
+    for heavy_kgm2 in (5.0, 50.0):
+        theta, speed = let_run(replace(both, bodies=(*both.bodies, Body.flywheel(heavy_kgm2))))
+        inertia = heavy_kgm2 + inertia_of_both(theta)
+        swing_J = 0.5 * np.ptp(inertia) * speed.mean() ** 2
+        ripple = np.ptp(speed) / speed.mean()
+        assert ripple == pytest.approx(swing_J / (inertia.mean() * speed.mean() ** 2), rel=ripple)
+
+
 def test_best_phase_beats_every_other() -> None:
     machine = machines.tufting(backing_force_N=0.0)
     best = opposed_linkages(machine)
@@ -90,8 +121,6 @@ def test_spring_is_the_best_of_its_pair() -> None:
     speed = machine.nominal_speed_rad_s
     torque = twin.evaluate(found.theta_rad, np.full(720, speed), np.zeros(720))["balancing_torque_Nm"]
     assert torque == pytest.approx(found.after_Nm, abs=1e-10)
-    from dataclasses import replace
-
     for stiffer, longer in ((1.01, 1.0), (0.99, 1.0), (1.0, 1.01), (1.0, 0.99)):
         spring = replace(
             found.spring,

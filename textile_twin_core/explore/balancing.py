@@ -34,7 +34,8 @@ def _balanced(machine: Machine, speed: float, way: str, ripple: float) -> tuple[
             place = (
                 f"{weight.mass_kg:.4g} kg at {1e3 * weight.radius_m:.4g} mm, {math.degrees(weight.angle_rad):.2f} deg"
             )
-            rms = f"{_rms(found.before):.4g} to {_rms(found.after):.4g} {unit}"
+            before, after = found.rms
+            rms = f"{before:.4g} to {after:.4g} {unit}"
             return (
                 found.machine,
                 f"Counterweight on {weight.link}: {place} from the link. RMS {aim.replace('_', ' ')} {rms}.",
@@ -64,7 +65,7 @@ def _balanced(machine: Machine, speed: float, way: str, ripple: float) -> tuple[
 
 
 def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)) * (math.sqrt(2.0) if values.ndim == 2 else 1.0))
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _as_design(design: Design, machine: Machine) -> Design:

@@ -29,9 +29,12 @@ class Design:
 
     @classmethod
     def of(cls, machine: AnyMachine) -> Design:
-        """What a machine is at its own speed; the dwell of the elliptic-gear loom as its paper counts it."""
-        within = WITHIN_M if machine.name == "elliptic_gear_beatup" else None
-        return cls(family_of(machine), machine.nominal_speed_rad_s, {}, within)
+        """What a machine is, as it came."""
+        return cls(family_of(machine), machine.nominal_speed_rad_s, {}, _own_dwell(machine))
+
+    def fresh(self) -> Design:
+        """What the machine was as it came."""
+        return Design(self.family, self.family.base.nominal_speed_rad_s, {}, _own_dwell(self.family.base))
 
     def machine(self) -> AnyMachine:
         """The machine. Raises MachineError where these values make none."""
@@ -66,6 +69,11 @@ class Design:
             if not within_m > 0.0:
                 raise SceneError("dwell within: must be a positive length")
         return replace(self, dwell_within_m=within_m)
+
+
+def _own_dwell(machine: AnyMachine) -> float | None:
+    """How near its rear point a machine's paper counts dwell [m]; None where it does not say."""
+    return WITHIN_M if machine.name == "elliptic_gear_beatup" else None
 
 
 def check_number(value: object, what: str) -> None:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import cache
 from threading import Event
 from typing import Any
 
@@ -149,11 +150,11 @@ class Session:
         return self.state()
 
     def _reset(self, message: Message) -> bytes:
-        self._history.put(Design.of(self.design.family.base))
+        self._history.put(self.design.fresh())
         return self.state()
 
     def _machine(self, message: Message) -> bytes:
-        self._history.put(Design.of(machines.create(str(message.get("name")))))
+        self._history.put(_published(str(message.get("name"))))
         self._forget()
         return self.state()
 
@@ -195,11 +196,12 @@ class Session:
         known = [name for name in names if name in batch.names]
         found = sensitivities(self.design.family, self.design.values, batch, known, parameters)
         units = {p.name: p.unit for p in self.design.family.parameters}
+        texts = {p.name: p.text for p in self.design.family.parameters}
         rows = []
         for parameter in parameters:
             step, words = _small_step(units[parameter], self.design.value(parameter) or 0.0)
             cells = [found[name][parameter] * step * label(name).factor for name in known]
-            rows.append({"parameter": parameter, "step": words, "changes": cells})
+            rows.append({"parameter": parameter, "text": texts[parameter], "step": words, "changes": cells})
         heads = [{"text": label(name).text, "unit": label(name).unit} for name in known]
         return Arrays().packed({"type": "sensitivities", "numbers": heads, "rows": rows})
 
@@ -300,6 +302,12 @@ class Session:
                 return File(f"{name}.{kind}", kinds[kind], as_picture(self.analysis(), name, angle_rad, kind))
             case _:
                 raise SceneError(f"there is no file of kind '{kind}'")
+
+
+@cache
+def _published(name: str) -> Design:
+    """A published machine, the same for every tab and every step of its history."""
+    return Design.of(machines.create(name))
 
 
 def _number(value: object, what: str) -> float:

@@ -63,7 +63,7 @@ def _weights(machine: Machine, speed: float, arguments: argparse.Namespace) -> B
         " the link"
         for w in found.weights
     ]
-    before, after = (math.sqrt(float((x**2).mean())) for x in (found.before, found.after))
+    before, after = found.rms
     lines.append(f"RMS {aim.replace('_', ' ')} {before:.6g} {unit} before, {after:.6g} {unit} after")
     weights = [asdict(weight) for weight in found.weights]
     return found.machine, lines, {"counterweights": weights, "rms_before": before, "rms_after": after}

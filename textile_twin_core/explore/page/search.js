@@ -76,10 +76,10 @@ export class Search {
       if (!this.ranges.has(p.name)) this.ranges.set(p.name, range(p));
       const ends = this.ranges.get(p.name);
       const field = (k) => {
-        const input = make("input", { type: "number", step: "any", value: ends[k], "aria-label": `${p.name}, ${k ? "largest" : "smallest"}`, onchange: () => { ends[k] = numberIn(input); } });
+        const input = make("input", { type: "number", step: "any", value: ends[k], "aria-label": `${p.text}, ${k ? "largest" : "smallest"}`, onchange: () => { ends[k] = numberIn(input); } });
         return input;
       };
-      return make("div", { class: "row" }, make("span", { style: "min-width: 8rem" }, p.name), field(0), "to", field(1), make("span", { class: "unit" }, p.unit));
+      return make("div", { class: "row" }, make("span", { style: "min-width: 8rem" }, p.text), field(0), "to", field(1), make("span", { class: "unit" }, p.unit));
     });
     byId("ranges").replaceChildren(...rows);
   }

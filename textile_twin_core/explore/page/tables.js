@@ -30,6 +30,6 @@ export function spread(head) {
 export function sensitivities(head) {
   const row = (cells, tag = "td") => make("tr", {}, ...cells.map((cell) => make(tag, {}, cell)));
   byId("spread").replaceChildren(make("p", {}, "What a small error of one parameter changes:"), make("table", {},
-    make("thead", {}, row(["", "by", ...head.numbers.map((n) => `${n.text}${n.unit ? `, ${n.unit}` : ""}`)], "th")),
-    make("tbody", {}, ...head.rows.map((r) => row([r.parameter, r.step, ...r.changes.map((v) => shown(v, 3))])))));
+    make("thead", {}, row(["", "by", ...head.numbers.map((n) => `${n.text}${n.unit ? `, ${n.unit.replaceAll(" ", "\u00a0")}` : ""}`)], "th")),
+    make("tbody", {}, ...head.rows.map((r) => row([r.text, r.step, ...r.changes.map((v) => shown(v, 3))])))));
 }

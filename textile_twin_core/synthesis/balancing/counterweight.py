@@ -44,6 +44,12 @@ class Counterweighted:
     before: FloatArray
     after: FloatArray
 
+    @property
+    def rms(self) -> tuple[float, float]:
+        """Root mean square of the torque, or of the size of the force, before and after."""
+        before, after = (math.sqrt(float((x**2).sum()) / self.theta_rad.size) for x in (self.before, self.after))
+        return before, after
+
 
 def counterweights(
     machine: Machine,
