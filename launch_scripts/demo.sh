@@ -19,6 +19,7 @@ mkdir -p out/demo
 export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID="$((1 + $$ % 100))" ROS_LOG_DIR="$root/out/demo/log/ros"
 
 echo "Playing $played at $rate times its speed through replay_node, twin_node and record_node ..."
+echo "(the twin's loops are compiled first, about a minute once on a computer; log: out/demo/log)"
 programs=()
 for node in record_node twin_node replay_node; do
     programs+=(--- "$venv/bin/$node" --ros-args --params-file launch_scripts/demo.yaml)

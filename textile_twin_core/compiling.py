@@ -4,7 +4,7 @@ What was compiled once starts at once in the next process. The cache is $TEXTILE
 $XDG_CACHE_HOME or ~/.cache. An entry's name tells the code, its constants and the compiled functions it calls, the
 signature, the processor and the versions of Python and numba: nothing in it is ever out of date, and processes that
 write the same entry write the same. Where it cannot be written or read, loops are compiled anew in each process, and
-without numba they run as they stand in Python, slowly; both are said once.
+without numba they run as plain Python, slowly; either is reported once.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Residuals sorted by shaft angle and by revolution: where in the turn, and when, the machine departs."""
+"""Residuals sorted by shaft angle and by revolution: where in the turn, and when, measured and predicted differ."""
 
 from __future__ import annotations
 

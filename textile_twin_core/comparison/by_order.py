@@ -1,4 +1,4 @@
-"""Residuals by order of the shaft, and by its speed: which harmonic of the turn, and which part of a run, departs."""
+"""Residuals by order of the shaft and by its speed: which harmonic of the turn, and which part of a run, is off."""
 
 from __future__ import annotations
 

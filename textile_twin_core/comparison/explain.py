@@ -1,4 +1,4 @@
-"""Explain a record with as few departures from the configured settings as it bears."""
+"""Explain a record with as few differences from the configured settings as possible."""
 
 from __future__ import annotations
 

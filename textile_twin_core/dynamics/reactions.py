@@ -55,6 +55,6 @@ def gather(motion: Motion, bodies: Iterable[Body], gravity: Vector, shaft: Shaft
 
 
 def balance(groups: Iterable[Group], wrenches: Wrenches) -> None:
-    """Balance every group, the last first; reactions and shaft torque stand in `wrenches` then."""
+    """Balance every group, the last first; reactions and shaft torque are in `wrenches` then."""
     for group in reversed(tuple(groups)):
         group.balance(wrenches)

@@ -25,7 +25,7 @@ def topological_order(outputs: Iterable[Expr]) -> list[Expr]:
 
 
 def operation_counts(outputs: Iterable[Expr]) -> Counter[str]:
-    """How often each operation stands in what the outputs need."""
+    """How often each operation occurs in what the outputs need."""
     return Counter(node.op for node in topological_order(outputs) if node.args)
 
 

@@ -86,7 +86,7 @@ def needle_transfer_rows() -> tuple[PublishedRow, ...]:
 
 
 def _reading(machines: dict[str, ContactMachine], fitted: str) -> list[PrintedAndOurs]:
-    picture = f"the law of motion is but a picture in print; {fitted} to all printed times"
+    picture = f"the paper gives the law of motion only as a picture; {fitted} to all printed times"
     stroke = machines["original"].parameters["stroke_m"] * 1e3
     rows: list[PrintedAndOurs] = [
         ("end of the motion of element 1", "mm", 32.6, stroke, "" if abs(stroke - 32.6) < _CLOSE_MM else picture)

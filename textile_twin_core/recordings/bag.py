@@ -190,7 +190,7 @@ class Bag(Recording):
 
 
 def _place(layout: Layout, joint: str, field: str) -> int | None:
-    """Where the joint's value stands in a JointState of this layout; None when it has none."""
+    """The index of the joint's value in a JointState of this layout; None when it has none."""
     if joint not in layout.names:
         return None
     place = layout.names.index(joint)

@@ -126,7 +126,7 @@ class McapFile:
         return min(part.first_ns for part in filled), max(part.last_ns for part in filled)
 
     def _record(self, opcode: int, body: bytes) -> None:
-        """Take in a record that describes others; a damaged one is left out, as most stand in the file twice."""
+        """Take in a record that describes others; a damaged one is left out, as most are in the file twice."""
         with suppress(EndOfFile, ValueError, struct.error):
             self._describe(opcode, body)
 

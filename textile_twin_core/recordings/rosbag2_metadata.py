@@ -25,7 +25,7 @@ class OfferedQos:
     depth: int = 10
 
     def profiles(self) -> list[dict[str, Any]]:
-        """The list that stands in metadata.yaml and in the channel's metadata."""
+        """The list that is written into metadata.yaml and in the channel's metadata."""
         return [
             {
                 "history": "keep_last",

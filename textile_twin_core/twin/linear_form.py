@@ -60,7 +60,7 @@ def depends_on(expression: Expr) -> set[str]:
 
 
 def is_smooth(expression: Expr) -> bool:
-    """Whether no step or kink stands in the expression."""
+    """Whether the expression has no step and no kink."""
     return all(node.op not in _LEAPS for node in topological_order([expression]))
 
 

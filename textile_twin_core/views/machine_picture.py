@@ -116,8 +116,8 @@ def _curves(axes: Axes, title: str, unit: str, theta: FloatArray, curves: dict[s
         axes.plot(np.rad2deg(theta), np.broadcast_to(values, theta.shape), color=colour, linewidth=1.6, label=name)
     if len(curves) > 1:
         axes.legend(
-            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize=10, borderaxespad=0.1,
-            columnspacing=1.0, handlelength=1.4,
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize=9.5, borderaxespad=0.1,
+            columnspacing=0.8, handlelength=0.9, handletextpad=0.4,
         )  # fmt: skip
     axes.set_title(f"{title}, {unit}", loc="left", fontsize=13, color=_INK, pad=8)
     axes.set_xlim(0.0, 360.0)

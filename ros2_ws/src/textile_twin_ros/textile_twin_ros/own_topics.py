@@ -1,4 +1,4 @@
-"""Which topics are those of one machine: a namespace is a machine, and what stands in another's is not ours."""
+"""Which topics are those of one machine: a namespace is a machine, and topics in another's are not ours."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 #: Topics that all machines share.
 SHARED = ("/diagnostics", "/clock", "/tf", "/tf_static")
 NODES = ("twin_node", "replay_node", "record_node", "shaft_node", "view_node", "plc_node", "opcua_node", "monitor_node")
-# Only a machine has these: what else stands in the same namespace is that machine's, too.
+# Only a machine has these: other topics in the same namespace are that machine's, too.
 _OF_A_MACHINE = (
     "twin_node/transition_event",
     "main_shaft/angle",

@@ -23,7 +23,7 @@ class RecordingPlace:
     Args:
         bag: the first one's path; later ones get _2, _3 and so on.
         folder: where there is no such path: the folder in which recordings are named by their time.
-        namespace: the machine's namespace, which then stands in the name, too.
+        namespace: the machine's namespace, which then is part of the name, too.
 
     Raises:
         RecordingError: neither is given.
