@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -86,6 +87,24 @@ def test_the_readme_is_short_and_counts_rightly() -> None:
     said = COUNTS.search(text)
     assert said is not None
     assert [int(n) for n in said.groups()] == [len(agree), agree.count(True), agree.count(False), agree.count(None)]
+
+
+def test_the_drawing_of_the_layers_is_the_contract() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    layers = next(contract["layers"] for contract in contracts if contract["type"] == "layers")
+    (drawing,) = (block.text for block in blocks(Path("docs/architecture.md")) if block.language == "text")
+    assert re.findall(r"^ {3}(\w+(?: \| \w+)*)(?:  .*)?$", drawing, re.M) == layers
+
+
+def test_what_the_architecture_names_is_there() -> None:
+    """Files by their path below the package, or in the folder of the file named before them in the row."""
+    package = ROOT / "textile_twin_core"
+    for row in re.findall(r"^\| [^|]+ \| (.+) \|$", (ROOT / "docs" / "architecture.md").read_text(), re.M):
+        folder = package
+        for path in re.findall(r"`([\w/]+\.py)`", row):
+            place = next((up / path for up in (folder, package, ROOT) if (up / path).exists()), None)
+            assert place is not None, path
+            folder = place.parent
 
 
 def test_every_page_can_be_reached_from_the_readme() -> None:
