@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 import textile_twin_core as ttc
-from textile_twin_core.bench.scenes import Scene, scenes
+from textile_twin_core.bench.scenes import Workload, scenes
 from textile_twin_core.mechanism import Crank
 
 
 def test_an_error_that_is_not_a_number_is_not_none() -> None:
-    scene = Scene(ttc.machines.tufting(), "both", ("balancing_torque_Nm", "needle_position_m"), samples=100)
+    scene = Workload(ttc.machines.tufting(), "both", ("balancing_torque_Nm", "needle_position_m"), samples=100)
     exact = scene.exact
     assert scene.error({name: values.astype(float) for name, values in exact.items()}) < 1e-15
     for broken in exact:

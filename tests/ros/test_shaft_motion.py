@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from textile_twin_ros.shaft_motion import Encoder, ShaftMotion, TorqueSensor
+from textile_twin_ros.shaft_motion import ShaftMotion, SimulatedEncoder, SimulatedTorqueSensor
 
 
 @given(
@@ -38,7 +38,7 @@ def test_run_up_joins_the_steady_speed() -> None:
 
 @given(theta=st.floats(-100.0, 100.0), bits=st.integers(1, 20), direction=st.sampled_from([1, -1]))
 def test_encoder_shows_the_shaft_angle_to_its_resolution(theta: float, bits: int, direction: int) -> None:
-    encoder = Encoder(bits, zero_rad=0.3, direction=direction)
+    encoder = SimulatedEncoder(bits, zero_rad=0.3, direction=direction)
     measured = encoder.read(theta)
     assert 0.0 <= measured < math.tau
     step = math.tau / 2**bits
@@ -48,8 +48,8 @@ def test_encoder_shows_the_shaft_angle_to_its_resolution(theta: float, bits: int
 
 
 def test_torque_sensor_has_gain_offset_and_noise() -> None:
-    assert TorqueSensor(1.01, 0.2).read(10.0) == pytest.approx(10.3)
-    noisy = TorqueSensor(noise_Nm=0.05, seed=3)
+    assert SimulatedTorqueSensor(1.01, 0.2).read(10.0) == pytest.approx(10.3)
+    noisy = SimulatedTorqueSensor(noise_Nm=0.05, seed=3)
     values = [noisy.read(1.0) for _ in range(4000)]
     assert statistics.mean(values) == pytest.approx(1.0, abs=0.004)
     assert statistics.stdev(values) == pytest.approx(0.05, rel=0.05)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 from textile_twin_core.expression import Expr, topological_order
 
@@ -109,7 +109,7 @@ def _line(node: Expr, name: dict[Expr, str]) -> str:
     return f"        double {name[node]} = {right};"
 
 
-def c_candidates(scene: Scene) -> Iterator[Candidate]:
+def c_candidates(scene: Workload) -> Iterator[Candidate]:
     """The vectorised limit and the plain loop, where a C compiler is at hand."""
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
@@ -143,7 +143,7 @@ def _compile(compiler: str, source: str, flags: Sequence[str]) -> tuple[ctypes._
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _candidate(scene: Scene, function: ctypes._NamedFuncPointer, method: str, note: str) -> Candidate:
+def _candidate(scene: Workload, function: ctypes._NamedFuncPointer, method: str, note: str) -> Candidate:
     pointer = ctypes.POINTER(ctypes.c_double)
     function.argtypes = [ctypes.c_size_t, *[pointer] * (3 + len(scene.outputs))]
     function.restype = None

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 from textile_twin_core.errors import SceneError
 from textile_twin_core.twin import Twin, compile_machine
@@ -14,7 +14,7 @@ from textile_twin_core.twin import Twin, compile_machine
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-13)
 
 
-def own_candidates(scene: Scene) -> Iterator[Candidate]:
+def own_candidates(scene: Workload) -> Iterator[Candidate]:
     """Exact, and tables where they reach their tolerance."""
     yield _candidate(scene, compile_machine(scene.machine, scene.outputs, "exact"), "exact")
     for tolerance in TOLERANCES:
@@ -25,7 +25,7 @@ def own_candidates(scene: Scene) -> Iterator[Candidate]:
         yield _candidate(scene, twin, f"table {tolerance:.0e}")
 
 
-def _candidate(scene: Scene, twin: Twin, method: str) -> Candidate:
+def _candidate(scene: Workload, twin: Twin, method: str) -> Candidate:
     out = dict(zip(scene.outputs, np.empty((len(scene.outputs), scene.samples)), strict=True))
     theta, omega, alpha = scene.motion
     one = (1.234, float(omega[0]), float(alpha[0]))

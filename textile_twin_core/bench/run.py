@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass
 
 from textile_twin_core.bench.c_limit import c_candidates
 from textile_twin_core.bench.own_methods import own_candidates
-from textile_twin_core.bench.peers import peer_candidates
-from textile_twin_core.bench.scenes import Scene, scenes
+from textile_twin_core.bench.scenes import Workload, scenes
 from textile_twin_core.bench.timing import Candidate, one_core, take_turns
+from textile_twin_core.errors import SceneError
 from textile_twin_core.machine import Machine
 
 
@@ -72,18 +72,30 @@ def run_bench(
         done += count
         progress(done, total)
 
-    candidates: list[tuple[Scene, Candidate]] = []
+    candidates: list[tuple[Workload, Candidate]] = []
     for scene in chosen:
         found = [*c_candidates(scene), *own_candidates(scene)]
         if with_peers:
-            found += peer_candidates(scene, say_once)
+            found += _peers(scene, say_once)
         candidates += [(scene, candidate) for candidate in found]
         tick(1)
     take_turns([candidate for _, candidate in candidates], rounds, tick)
     return [_row(scene, candidate) for scene, candidate in candidates]
 
 
-def _row(scene: Scene, candidate: Candidate) -> Row:
+def _peers(scene: Workload, say: Callable[[str], object]) -> list[Candidate]:
+    try:  # it is in the repository, not in the wheel that users install
+        from textile_twin_core.bench.peers import peer_candidates
+    except ModuleNotFoundError as error:
+        if error.name != "textile_twin_core.bench.peers":
+            raise
+        raise SceneError(
+            "the bench of other libraries is in the repository of textile-twin alone; run it there"
+        ) from None
+    return peer_candidates(scene, say)
+
+
+def _row(scene: Workload, candidate: Candidate) -> Row:
     error = None
     if candidate.error is not None:
         error = candidate.error()

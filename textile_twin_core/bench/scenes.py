@@ -17,7 +17,7 @@ _CHECKED = 20_000
 
 
 @dataclass(frozen=True)
-class Scene:
+class Workload:
     """Outputs of a machine over random angles at nominal speed with a few percent of ripple."""
 
     machine: Machine
@@ -60,7 +60,7 @@ class Scene:
         return float(np.max(worst))
 
 
-def scenes(machine: Machine, samples: int = 100_000) -> tuple[Scene, ...]:
+def scenes(machine: Machine, samples: int = 100_000) -> tuple[Workload, ...]:
     """Torque alone, with the machine's measures where it has some, and everything with the reactions."""
     torque = "balancing_torque_Nm"
     measures = tuple(f"{m.name}_position_m" for m in machine.measures)
@@ -73,4 +73,4 @@ def scenes(machine: Machine, samples: int = 100_000) -> tuple[Scene, ...]:
         "torque and position": (torque, *measures) if measures else (),
         "everything": (torque, *kinematics, *machine.transmitted, *links, *reactions),
     }
-    return tuple(Scene(machine, name, outputs, samples) for name, outputs in chosen.items() if outputs)
+    return tuple(Workload(machine, name, outputs, samples) for name, outputs in chosen.items() if outputs)

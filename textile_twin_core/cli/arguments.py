@@ -3,38 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
-from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
-from textile_twin_core.errors import TwinError
+from textile_twin_core.cli.mistakes import UsageError
 
-if TYPE_CHECKING:
-    from textile_twin_core.machine import AnyMachine, Machine
-
-_MOST_WORDS = 12
-MACHINE_SUFFIXES = (".yaml", ".yml")
 MOST_RPM = 1e5
 """No shaft of a textile machine turns faster; who asks for more has mistaken the unit."""
-
-
-class UsageError(TwinError):
-    """The command line itself is wrong."""
-
-
-class BeyondLimitError(TwinError):
-    """The work is done, and a result lies beyond a limit that was given: exit code 3, for scripts."""
-
-
-def nearest(given: str, known: Iterable[str]) -> str:
-    """Half a sentence that names the nearest of the known words, or all of them."""
-    words = list(known)
-    near = get_close_matches(given, words, n=3, cutoff=0.5)
-    if near:
-        return f"did you mean {' or '.join(near)}?"
-    more = f" and {len(words) - _MOST_WORDS} more" if len(words) > _MOST_WORDS else ""
-    return f"there are: {', '.join(words[:_MOST_WORDS])}{more}"
 
 
 class Parser(argparse.ArgumentParser):
@@ -139,42 +114,3 @@ def count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number from 1 on, not '{text}'")
     return int(text)
-
-
-def is_machine(name: str) -> bool:
-    """Whether a word names a machine or a machine file."""
-    from textile_twin_core import machines
-
-    return name in machines.NAMES or name.endswith(MACHINE_SUFFIXES)
-
-
-def load_machine(name: str, settings: list[str]) -> AnyMachine:
-    """The machine of that name or file, with --set applied. Raises MachineError or UsageError."""
-    from textile_twin_core import machines
-    from textile_twin_core.files.machine_file import load_machine_file, published_machine
-
-    is_file = name.endswith(MACHINE_SUFFIXES) or (name not in machines.NAMES and Path(name).exists())
-    if is_file and settings:
-        raise UsageError("--set goes with a named machine; write the value into the machine file instead")
-    if is_file:
-        return load_machine_file(name)
-    values: dict[str, float | str] = {}
-    for setting in settings:
-        key, equals, text = setting.partition("=")
-        if not equals:
-            raise UsageError(f"--set {setting}: write NAME=VALUE")
-        try:
-            values[key] = float(text)
-        except ValueError:
-            values[key] = text
-    return published_machine(name, values, "--set ")
-
-
-def load_linkage(name: str, settings: list[str]) -> Machine:
-    """The same for what works with linkages alone. Raises UsageError for another machine."""
-    from textile_twin_core.machine import Machine
-
-    machine = load_machine(name, settings)
-    if not isinstance(machine, Machine):
-        raise UsageError(f"machine '{machine.name}' is no linkage, and has no torque to compare; choose another")
-    return machine

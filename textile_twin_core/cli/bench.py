@@ -10,7 +10,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, count, load_linkage
+from textile_twin_core.cli.arguments import Parser, add_machine, count
+from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.named_machine import load_linkage
 
 if TYPE_CHECKING:
     from textile_twin_core.machine import Machine

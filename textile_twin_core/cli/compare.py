@@ -9,19 +9,13 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import (
-    BeyondLimitError,
-    Parser,
-    UsageError,
-    add_machine,
-    add_recording,
-    load_linkage,
-    number,
-    shaft_settings,
-)
+from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number, shaft_settings
+from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
+from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
+from textile_twin_core.comparison import assess, compare_torque, summary_rows, verdict_lines
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison import Comparison
@@ -92,14 +86,13 @@ def run(arguments: argparse.Namespace) -> None:
 
 def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded: bool = False) -> Comparison:
     """The comparison that the arguments of add_recording ask for; recorded: with the predictions in the recording."""
-    from textile_twin_core.comparison import assess, compare_torque
-    from textile_twin_core.recordings.prediction import published, recompute
+    from textile_twin_core.recordings.prediction import recompute, recorded_torque
 
     bag, angles, measured = read_samples(arguments, machine)
     with progress(len(angles), "predicting") as done:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
     if recorded:
-        predicted = published(bag, predicted, angles.topic)
+        predicted = recorded_torque(bag, predicted, angles.topic)
     judged = assess(readings_of(angles, measured), machine)
     notes, verdict, explained = judged.notes, judged.verdict, judged.explained
     del judged  # it holds the whole recording once more
@@ -173,7 +166,6 @@ def _check_limits(comparison: Comparison, arguments: argparse.Namespace) -> None
 
 
 def _print(comparison: Comparison) -> None:
-    from textile_twin_core.comparison import summary_rows, verdict_lines
 
     rows = summary_rows(comparison)
     width = max(len(name) for name, _ in rows)

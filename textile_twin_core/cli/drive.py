@@ -7,7 +7,13 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, count, load_linkage, number, positive
+import numpy as np
+
+from textile_twin_core.cli.arguments import Parser, add_machine, count, number, positive
+from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.named_machine import load_linkage
+from textile_twin_core.dynamics.drive_torque import TorqueOverAngle, TorqueOverTime
+from textile_twin_core.machine.drive import drive
 
 if TYPE_CHECKING:
     from textile_twin_core.dynamics.drive_torque import DriveTorque
@@ -47,10 +53,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError("--samples: a motion has two or more")
     machine = load_linkage(arguments.machine, arguments.set)
 
-    import numpy as np
-
     from textile_twin_core.files import check_folder, write_table
-    from textile_twin_core.machine.drive import drive
 
     check_folder(arguments.out)
     times = np.linspace(0.0, arguments.time, arguments.samples)
@@ -90,7 +93,6 @@ def _torque(text: str) -> DriveTorque | float:
 
 
 def _table(path: Path) -> DriveTorque:
-    from textile_twin_core.dynamics.drive_torque import TorqueOverAngle, TorqueOverTime
     from textile_twin_core.recordings.log_read import read_log
 
     columns = read_log(path)

@@ -6,7 +6,10 @@ import argparse
 import webbrowser
 from pathlib import Path
 
-from textile_twin_core.cli.arguments import Parser, UsageError, load_machine
+from textile_twin_core.cli.arguments import Parser
+from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.named_machine import load_machine
+from textile_twin_core.machine import Machine
 
 _DEFAULT = "tufting"
 
@@ -38,7 +41,6 @@ def run(arguments: argparse.Namespace) -> None:
     from textile_twin_core.explore.overlay import overlay
     from textile_twin_core.explore.server import Page, serve
     from textile_twin_core.explore.session import Session
-    from textile_twin_core.machine import Machine
 
     recording = None
     if arguments.recording:

@@ -8,9 +8,12 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording, load_linkage
+from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
+from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
+from textile_twin_core.comparison import identify, with_table
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison import Identification
@@ -46,7 +49,6 @@ def run(arguments: argparse.Namespace) -> None:
     """Identify, write, tell."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
-    from textile_twin_core.comparison import identify, with_table
     from textile_twin_core.files import save_machine_file, staged
 
     if arguments.table and arguments.out is None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import textwrap
 
-from textile_twin_core.cli.arguments import Parser, load_machine
+from textile_twin_core.cli.arguments import Parser
+from textile_twin_core.cli.named_machine import load_machine
+from textile_twin_core.machines import NAMES
 
 
 def parser() -> Parser:
@@ -17,8 +19,6 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the machines."""
-    from textile_twin_core.machines import NAMES
-
     for name in [arguments.machine] if arguments.machine else NAMES:
         machine = load_machine(name, [])
         print(f"{machine.name}: {machine.description}" if machine.description else machine.name)

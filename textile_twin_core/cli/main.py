@@ -7,8 +7,9 @@ import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.metadata import version
 
-from textile_twin_core.cli.arguments import BeyondLimitError, nearest
+from textile_twin_core.cli.mistakes import BeyondLimitError, nearest
 from textile_twin_core.errors import TwinError
 
 COMMANDS = {
@@ -99,8 +100,6 @@ def _run(given: list[str]) -> int:
         print(_help())
         return 0 if given else 2
     if given[0] == "--version":
-        from importlib.metadata import version
-
         print(version("textile-twin-core"))
         return 0
     name = given[0]

@@ -9,9 +9,12 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import Parser, UsageError, add_machine, add_recording_topics, count, load_linkage
+from textile_twin_core.cli.arguments import Parser, add_machine, add_recording_topics, count
+from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
+from textile_twin_core.comparison.fault_watch import WatchSettings
 
 if TYPE_CHECKING:
     from textile_twin_core.recordings.monitored import Watched
@@ -48,8 +51,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Watch, tell, write."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
-    from textile_twin_core.cli.arguments import BeyondLimitError
-    from textile_twin_core.comparison.fault_watch import WatchSettings
+    from textile_twin_core.cli.mistakes import BeyondLimitError
     from textile_twin_core.recordings.monitored import Job, watch_bags
 
     bags = _recordings(arguments.bags)

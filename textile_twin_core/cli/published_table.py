@@ -9,7 +9,11 @@ from functools import cache
 from itertools import groupby
 from typing import Any, NamedTuple
 
+from textile_twin_core.papers.beatup import ELLIPTIC_GEAR, HANDLOOM, elliptic_gear_rows, handloom_rows
+from textile_twin_core.papers.crank_rocker import table_1_rows
+from textile_twin_core.papers.needle_transfer import NEEDLE_TRANSFER, needle_transfer_rows
 from textile_twin_core.papers.rows import PublishedRow, decimals, printed_numbers
+from textile_twin_core.papers.tufting import TUFTING, tufting_rows
 
 _WIDTH = 98
 _COLUMNS = (47, 6, 16, 18, 10)
@@ -28,11 +32,6 @@ class Paper(NamedTuple):
 @cache
 def papers() -> tuple[tuple[Paper, tuple[PublishedRow, ...]], ...]:
     """The four papers with their rows."""
-    from textile_twin_core.papers.beatup import ELLIPTIC_GEAR, HANDLOOM, elliptic_gear_rows, handloom_rows
-    from textile_twin_core.papers.crank_rocker import table_1_rows
-    from textile_twin_core.papers.needle_transfer import NEEDLE_TRANSFER, needle_transfer_rows
-    from textile_twin_core.papers.tufting import TUFTING, tufting_rows
-
     return (
         (
             Paper(

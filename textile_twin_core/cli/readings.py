@@ -6,8 +6,9 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from textile_twin_core.comparison import Readings
+
 if TYPE_CHECKING:
-    from textile_twin_core.comparison import Readings
     from textile_twin_core.machine import AnyMachine
     from textile_twin_core.recordings.bag import AngleSamples, Bag, TorqueSamples
 
@@ -38,6 +39,4 @@ def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Ba
 
 def readings_of(angles: AngleSamples, measured: TorqueSamples) -> Readings:
     """Samples as the comparison takes them."""
-    from textile_twin_core.comparison import Readings
-
     return Readings(angles.stamps, angles.angles_rad, measured.stamps, measured.torque_Nm, angles.velocities)

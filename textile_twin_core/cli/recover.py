@@ -8,6 +8,7 @@ from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser
 from textile_twin_core.cli.progress import progress
+from textile_twin_core.errors import RecordingError
 
 
 def parser() -> Parser:
@@ -26,7 +27,6 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Copy what is there."""
-    from textile_twin_core.errors import RecordingError
     from textile_twin_core.recordings import BagWriter, open_bag
 
     bag = open_bag(arguments.bag)

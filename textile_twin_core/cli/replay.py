@@ -6,7 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, load_machine, shaft_settings
+from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, shaft_settings
+from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 

@@ -6,6 +6,8 @@ import argparse
 from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import count, number, positive
+from textile_twin_core.machine import ENCODER_OPTIONS, with_encoder
+from textile_twin_core.machine.sensors import Encoder
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.protocol import SomeMachine
@@ -16,8 +18,6 @@ _UNITS = {"_rad": "RAD", "_s": "S"}
 
 def add_sensors(parser: argparse.ArgumentParser) -> None:
     """The encoder's settings, its index pulse, and what one unit of the torque's topic is."""
-    from textile_twin_core.machine.sensors import ENCODER_OPTIONS, Encoder
-
     group = parser.add_argument_group("sensors", "instead of what the machine file says of them")
     for name, text in ENCODER_OPTIONS.items():
         end = next((end for end in _UNITS if name.endswith(end)), "")
@@ -42,7 +42,5 @@ def add_sensors(parser: argparse.ArgumentParser) -> None:
 
 def with_sensors(machine: SomeMachine, arguments: argparse.Namespace) -> SomeMachine:
     """The machine with the encoder that the arguments tell of. Raises MachineError."""
-    from textile_twin_core.machine import ENCODER_OPTIONS, with_encoder
-
     given = {name: getattr(arguments, name) for name in ENCODER_OPTIONS}
     return with_encoder(machine, {name: value for name, value in given.items() if value is not None})

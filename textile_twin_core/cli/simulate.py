@@ -9,17 +9,14 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import (
-    Parser,
-    UsageError,
-    add_machine,
-    count,
-    load_machine,
-    nearest,
-    positive,
-    shaft_speed,
-)
+import numpy as np
+
+from textile_twin_core.cli.arguments import Parser, add_machine, count, positive, shaft_speed
+from textile_twin_core.cli.mistakes import UsageError, nearest
+from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.progress import progress
+from textile_twin_core.errors import SceneError
+from textile_twin_core.twin import compile_machine
 
 if TYPE_CHECKING:
     from textile_twin_core.arrays import FloatArray
@@ -112,8 +109,6 @@ def _evaluate(
     arguments: argparse.Namespace, machine: AnyMachine, names: list[str], motion: MotionTable
 ) -> tuple[dict[str, FloatArray], list[ContactEvent]]:
     """The outputs over the motion, and the impacts and touches of a machine that has them."""
-    from textile_twin_core.twin import compile_machine
-
     method, tolerance = arguments.method or machine.scene.method, arguments.tolerance or machine.scene.tolerance
     twin = compile_machine(machine, names, method=method, tolerance=tolerance)
     columns = (motion.theta_rad, motion.omega_rad_s, motion.alpha_rad_s2)
@@ -140,8 +135,6 @@ def _print_events(events: list[ContactEvent]) -> None:
 
 def _outputs(machine: AnyMachine, asked: str | None) -> list[str]:
     """Names of the outputs, each known to the machine."""
-    from textile_twin_core.errors import SceneError
-
     if asked is None:
         return list(machine.shown_outputs)
     names = list(dict.fromkeys(name.strip() for name in asked.split(",") if name.strip()))
@@ -155,8 +148,6 @@ def _outputs(machine: AnyMachine, asked: str | None) -> list[str]:
 
 def _motion(arguments: argparse.Namespace) -> MotionTable:
     """The shaft's motion: a table, or one revolution at constant speed."""
-    import numpy as np
-
     from textile_twin_core.files import MotionTable, read_motion_table
     from textile_twin_core.files.motion_table import looks_like_degrees
 

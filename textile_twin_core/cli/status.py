@@ -6,6 +6,7 @@ import argparse
 from importlib.metadata import entry_points
 
 from textile_twin_core.cli.arguments import Parser, positive
+from textile_twin_core.errors import TwinError
 
 GROUP = "textile_twin.status"
 """Entry points of this group show a running suite; the ROS package has one, and nothing of ROS is known here."""
@@ -25,8 +26,6 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Show it."""
-    from textile_twin_core.errors import TwinError
-
     shows = list(entry_points(group=GROUP))
     if not shows:
         raise TwinError(

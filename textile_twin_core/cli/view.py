@@ -6,17 +6,12 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from textile_twin_core.cli.arguments import (
-    Parser,
-    UsageError,
-    add_machine,
-    add_recording,
-    is_machine,
-    load_linkage,
-    load_machine,
-)
+from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.compare import compare_recording
+from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.named_machine import is_machine, load_linkage, load_machine
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
+from textile_twin_core.errors import TwinError
 
 
 def parser() -> Parser:
@@ -66,7 +61,6 @@ def _show_machine(arguments: argparse.Namespace) -> None:
 
 
 def _show(recording: Path) -> None:
-    from textile_twin_core.errors import TwinError
     from textile_twin_core.views import open_viewer
 
     if code := open_viewer(recording).wait():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -15,37 +14,10 @@ from textile_twin_core.comparison.delay import SensorFit, fit_sensor, line, usab
 from textile_twin_core.comparison.inputs import usable_measurements, usable_predictions
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
 from textile_twin_core.comparison.statistics import error_statistics
+from textile_twin_core.machine import Event, TorqueSensor
 
 _LEAST_SAMPLES = 16
 _TURNING_SHARE = 0.1  # of the fast end of the recorded speeds
-
-
-class TorqueSensorLike(Protocol):
-    """A torque sensor: `measured(t) = gain * true(t - delay) + offset`."""
-
-    @property
-    def gain(self) -> float:
-        """Dimensionless gain."""
-
-    @property
-    def offset_Nm(self) -> float:
-        """Reading at zero torque [N m]."""
-
-    @property
-    def delay_s(self) -> float:
-        """Time by which the reading lags [s]."""
-
-
-class EventLike(Protocol):
-    """An event of the turn."""
-
-    @property
-    def name(self) -> str:
-        """Name of the event."""
-
-    @property
-    def angle_rad(self) -> float:
-        """Shaft angle of the event [rad]."""
 
 
 def compare_torque(
@@ -55,8 +27,8 @@ def compare_torque(
     predicted_Nm: FloatArray,
     theta_rad: FloatArray,
     *,
-    torque_sensor: TorqueSensorLike | None = None,
-    events: Sequence[EventLike] = (),
+    torque_sensor: TorqueSensor | None = None,
+    events: Sequence[Event] = (),
     settled: BoolArray | None = None,
     predicted_sigma_Nm: FloatArray | None = None,
     rejected: Mapping[str, int] | None = None,

@@ -8,7 +8,7 @@ from collections import Counter, deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from textile_twin_core.comparison.compare import TorqueSensorLike
+from textile_twin_core.machine import TorqueSensor
 from textile_twin_core.twin.predictor import AnyTwin
 
 TWO_PI = 2.0 * math.pi
@@ -41,7 +41,7 @@ class ResidualStream:
         memory_s: how long a prediction, or a measured sample, waits for its counterpart.
     """
 
-    sensor: TorqueSensorLike
+    sensor: TorqueSensor
     jump_angles_rad: Sequence[float] = ()
     longest_interval_s: float = 0.05
     memory_s: float = 30.0

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression.scalar import compile_scalar
@@ -70,7 +71,6 @@ def _opens_at(closure: Closure, range_rad: tuple[float, float]) -> str:
     if opening.size == 0:
         return " at any shaft angle:" if not closed.any() else f": at {math.degrees(thetas[~closed][0]):.4f} deg"
     low, high = float(thetas[opening[0]]), float(thetas[opening[0] + 1])
-    from scipy.optimize import brentq
 
     function = compile_scalar([value], ["theta"])
     angle = brentq(lambda t: function(t)[0], low, high)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -154,8 +155,6 @@ def _text(path: Path, separator: str | None, decimal: str | None) -> dict[str, F
 
 def _spaced(path: Path, dialect: Dialect) -> dict[str, FloatArray]:
     """Columns parted by any number of spaces."""
-    from itertools import islice
-
     with path.open(encoding="utf-8-sig", errors="replace") as lines:
         rows = (
             line.replace(",", ".") if dialect.decimal == "," else line for line in islice(lines, dialect.skipped, None)

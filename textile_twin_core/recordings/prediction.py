@@ -80,7 +80,7 @@ def recompute(
     )
 
 
-def published(bag: Bag, computed: PredictedTorque, angle_topic: str) -> PredictedTorque:
+def recorded_torque(bag: Bag, computed: PredictedTorque, angle_topic: str) -> PredictedTorque:
     """The torque that the live twin published into the recording, beside the topic of the shaft angle.
 
     Shaft angles, and whether the estimator had settled, are those of `computed`, by the stamps, which a prediction

@@ -34,7 +34,7 @@ _MARGIN = 2.0
 
 
 @dataclass(frozen=True)
-class PeriodicTable:
+class AngleTable:
     """Piecewise polynomials: coefficients (functions, degree + 1, rows), lowest power first.
 
     `error` bounds the deviation of any output over its peak, at speeds from 0.1 to 10 times nominal: summed from the
@@ -81,7 +81,7 @@ class PeriodicTable:
         return lines
 
 
-def tabulate(functions: Sequence[Expr], weights: FloatArray, tolerance: float) -> PeriodicTable | None:
+def tabulate(functions: Sequence[Expr], weights: FloatArray, tolerance: float) -> AngleTable | None:
     """The cheapest table of functions of theta, phase and direction that keeps outputs within the tolerance.
 
     `weights` (outputs, functions) is what an error of a function does to an output, over the output's peak. None
@@ -94,7 +94,7 @@ def tabulate(functions: Sequence[Expr], weights: FloatArray, tolerance: float) -
 
 def _coarsest(
     program: Loop, functions: Sequence[Expr], weights: FloatArray, tolerance: float, degree: int
-) -> PeriodicTable | None:
+) -> AngleTable | None:
     """The table of a degree with the fewest nodes."""
     nodes = _FEWEST_NODES
     while nodes <= MOST_NODES:
@@ -107,7 +107,7 @@ def _coarsest(
     return None
 
 
-def _fit(program: Loop, pieces: Pieces, weights: FloatArray, degree: int) -> PeriodicTable:
+def _fit(program: Loop, pieces: Pieces, weights: FloatArray, degree: int) -> AngleTable:
     step, points, count = pieces.grid.step, degree + 1, weights.shape[1]
     angles = (np.arange(points) + 0.5) * math.pi / points
     values = _evaluate(program, count, pieces, 0.5 * np.cos(angles) * step)
@@ -125,7 +125,7 @@ def _fit(program: Loop, pieces: Pieces, weights: FloatArray, degree: int) -> Per
     for power in reversed(orders):
         approximate = approximate * off + coefficients[:, power, :, None]
     errors = np.nanmax(np.abs(approximate - exact), axis=(1, 2))  # NaN where no direction is known
-    return PeriodicTable(pieces, np.ascontiguousarray(coefficients), float((weights @ errors).max(initial=0.0)))
+    return AngleTable(pieces, np.ascontiguousarray(coefficients), float((weights @ errors).max(initial=0.0)))
 
 
 def _evaluate(program: Loop, count: int, pieces: Pieces, off: FloatArray) -> FloatArray:

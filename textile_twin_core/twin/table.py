@@ -19,7 +19,7 @@ from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import THETA
 from textile_twin_core.twin.exact import ExactEvaluator
 from textile_twin_core.twin.linear_form import OMEGA_SQUARED, LinearForms
-from textile_twin_core.twin.periodic_table import PeriodicTable, tabulate
+from textile_twin_core.twin.periodic_table import AngleTable, tabulate
 from textile_twin_core.twin.phase_steps import as_phase_steps
 
 FINEST_TABLE = 1e-13
@@ -80,7 +80,7 @@ class TableEvaluator:
         name, held = self._names.setdefault(function, (variable(f"f{len(self._names)}"), size))
         return (size / held) * name
 
-    def _tabulate(self, machine: Machine, tolerance: float) -> PeriodicTable | None:
+    def _tabulate(self, machine: Machine, tolerance: float) -> AngleTable | None:
         if not self.functions:
             return None
         table = tabulate(self.functions, self._weights(machine.nominal_speed_rad_s), tolerance)

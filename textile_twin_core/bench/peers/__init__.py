@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from importlib.util import find_spec
 
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 
 MODULES: Mapping[str, str] = {
@@ -22,7 +22,7 @@ MODULES: Mapping[str, str] = {
 """Import name of each library and the module here that drives it."""
 
 
-def peer_candidates(scene: Scene, say: Callable[[str], object] = lambda _: None) -> list[Candidate]:
+def peer_candidates(scene: Workload, say: Callable[[str], object] = lambda _: None) -> list[Candidate]:
     """Candidates of every peer that is installed and can do the scene; `say` hears, in a line, what is left out."""
     found: list[Candidate] = []
     for library, module in MODULES.items():
@@ -30,7 +30,7 @@ def peer_candidates(scene: Scene, say: Callable[[str], object] = lambda _: None)
             say(f"{library} is left out: not installed (pip install -r requirements-peers.lock)")
             continue
         try:
-            make: Callable[[Scene], Iterator[Candidate]] = import_module(f"{__name__}.{module}").candidates
+            make: Callable[[Workload], Iterator[Candidate]] = import_module(f"{__name__}.{module}").candidates
             found += [tried(candidate) for candidate in make(scene)]
         except Exception as error:  # whatever fails in another library costs its own rows, not the bench
             cause = " ".join(str(error).split()) or type(error).__name__

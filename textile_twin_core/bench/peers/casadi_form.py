@@ -17,7 +17,7 @@ import casadi
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 from textile_twin_core.expression import interpret
 
@@ -28,7 +28,7 @@ class _Functions:
     sqrt, sin, cos, atan2, where = casadi.sqrt, casadi.sin, casadi.cos, casadi.atan2, casadi.if_else
 
 
-def candidates(scene: Scene) -> Iterator[Candidate]:
+def candidates(scene: Workload) -> Iterator[Candidate]:
     """The closed form, as generated C or interpreted."""
     names = ("theta", "omega", "alpha")
     inputs = {name: casadi.SX.sym(name) for name in names}

@@ -15,7 +15,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.peers.planar_tree import PlanarTree, planar_tree
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 
 TORQUE = "balancing_torque_Nm"
@@ -108,7 +108,7 @@ class ClosedLoop:
         return Solved(torque, travel, friction, q, v, a, slope, inverse, forces)
 
 
-def projected(scene: Scene, library: str, engine: Callable[[PlanarTree], TreeEngine]) -> Iterator[Candidate]:
+def projected(scene: Workload, library: str, engine: Callable[[PlanarTree], TreeEngine]) -> Iterator[Candidate]:
     """The engine on the scene's machine, where it is one of pins and sliders and the outputs are torque and travel."""
     tree = planar_tree(scene.machine)
     if tree is None:
@@ -131,7 +131,7 @@ def projected(scene: Scene, library: str, engine: Callable[[PlanarTree], TreeEng
 
 
 def one_by_one(
-    scene: Scene,
+    scene: Workload,
     library: str,
     method: str,
     sample: Callable[[float, float, float], tuple[float, ...]],

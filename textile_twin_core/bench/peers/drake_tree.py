@@ -24,7 +24,7 @@ from pydrake.multibody.tree import (
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.peers.closed_loop import projected
 from textile_twin_core.bench.peers.planar_tree import GROUND, PlanarTree
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 
 _ORIGIN = np.zeros(3)
@@ -105,6 +105,6 @@ class DrakeTree:
         return self._position(*self._tip)
 
 
-def candidates(scene: Scene) -> Iterator[Candidate]:
+def candidates(scene: Workload) -> Iterator[Candidate]:
     """Torque and travel by projection."""
     yield from projected(scene, "drake", DrakeTree)

@@ -32,7 +32,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.peers.closed_loop import TORQUE
 from textile_twin_core.bench.peers.planar_tree import GROUND, ComplexArray, PlanarTree, Point, planar_tree
 from textile_twin_core.bench.peers.turn import SteadyTurn
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 
 _A_TURN = 2000
@@ -133,7 +133,7 @@ def _slope(values: ComplexArray) -> ComplexArray:
     return slope
 
 
-def candidates(scene: Scene) -> Iterator[Candidate]:
+def candidates(scene: Workload) -> Iterator[Candidate]:
     """Torque and travel by time stepping."""
     tree = planar_tree(scene.machine)
     if tree is None or not set(scene.outputs) <= {TORQUE, tree.needle.output if tree.needle else ""}:

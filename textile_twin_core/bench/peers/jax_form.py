@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 from textile_twin_core.expression import interpret
 
@@ -21,7 +21,7 @@ class _Functions:
     atan2, where = jax.numpy.arctan2, jax.numpy.where
 
 
-def candidates(scene: Scene) -> Iterator[Candidate]:
+def candidates(scene: Workload) -> Iterator[Candidate]:
     """The closed form, jitted and mapped."""
     jax.config.update("jax_enable_x64", True)
     expressions = [scene.machine.model.output(name) for name in scene.outputs]

@@ -16,7 +16,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.peers.closed_loop import TORQUE, ClosedLoop, one_by_one, projected
 from textile_twin_core.bench.peers.planar_tree import GROUND, PlanarTree, planar_tree
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 
 
@@ -134,7 +134,7 @@ class SoftLoop:
         return (float(torque),)
 
 
-def candidates(scene: Scene) -> Iterator[Candidate]:
+def candidates(scene: Workload) -> Iterator[Candidate]:
     """Torque and travel by projection; the torque by soft constraints as MuJoCo sets them and as hard as they get."""
     yield from projected(scene, "mujoco", MuJoCoTree)
     tree = planar_tree(scene.machine)

@@ -12,14 +12,14 @@ from typing import Any
 import numba
 import numpy as np
 
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 from textile_twin_core.expression.scalar import scalar_source
 
 _INPUTS = ("theta", "omega", "alpha")
 
 
-def candidates(scene: Scene) -> Iterator[Candidate]:
+def candidates(scene: Workload) -> Iterator[Candidate]:
     """The closed form, with and without reordering."""
     source = scalar_source([scene.machine.model.output(name) for name in scene.outputs], _INPUTS)
     for method, fast in (("njit", False), ("njit, fast", True)):
@@ -33,7 +33,7 @@ def _function(source: str, name: str, **names: Any) -> Callable[..., Any]:
     return namespace[name]  # type: ignore[no-any-return]
 
 
-def _candidate(scene: Scene, method: str, one: Any, compiled: Any) -> Candidate:
+def _candidate(scene: Workload, method: str, one: Any, compiled: Any) -> Candidate:
     stores = "\n".join(f"        out[{k}, i] = values[{k}]" for k in range(len(scene.outputs)))
     loop = (
         "def loop(theta, omega, alpha, out):\n    for i in range(theta.size):\n"

@@ -13,7 +13,7 @@ import pinocchio as pin
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.peers.closed_loop import TORQUE, ClosedLoop, one_by_one, projected
 from textile_twin_core.bench.peers.planar_tree import GROUND, PlanarTree, Point, planar_tree
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 
 
@@ -133,7 +133,7 @@ class Reactions:
         return (*found, *across)
 
 
-def candidates(scene: Scene) -> Iterator[Candidate]:
+def candidates(scene: Workload) -> Iterator[Candidate]:
     """Torque and travel by projection; where reactions are asked for, all that a second pass gives."""
     yield from projected(scene, "pinocchio", PinocchioTree)
     tree = planar_tree(scene.machine)

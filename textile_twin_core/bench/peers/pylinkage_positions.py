@@ -14,7 +14,7 @@ import pylinkage
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.peers.turn import SteadyTurn
-from textile_twin_core.bench.scenes import Scene
+from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import MAIN_SHAFT, Crank, RigidArm, RRPDyad, RRRDyad, Travel
@@ -87,7 +87,7 @@ class Positions:
         return along
 
 
-def candidates(scene: Scene) -> Iterator[Candidate]:
+def candidates(scene: Workload) -> Iterator[Candidate]:
     """The travel of the machine's measure alone."""
     measure = next((m for m in scene.machine.measures if scene.outputs == (f"{m.name}_position_m",)), None)
     if not isinstance(measure, Travel):

@@ -6,10 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from textile_twin_core.bench.scenes import Motion, Scene
+from textile_twin_core.bench.scenes import Motion, Workload
 
 
-class SteadyTurn(Scene):
+class SteadyTurn(Workload):
     """The angles 2 pi k / samples for k = 1 .. samples, at the machine's nominal speed without acceleration."""
 
     @cached_property
@@ -19,6 +19,6 @@ class SteadyTurn(Scene):
         return theta, np.full(self.samples, self.machine.nominal_speed_rad_s), np.zeros(self.samples)
 
     @classmethod
-    def of(cls, scene: Scene, samples: int) -> SteadyTurn:
+    def of(cls, scene: Workload, samples: int) -> SteadyTurn:
         """The same machine and outputs in a turn of so many samples."""
         return cls(scene.machine, scene.name, scene.outputs, samples)

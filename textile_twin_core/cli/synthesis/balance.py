@@ -7,8 +7,10 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from textile_twin_core.cli.arguments import Parser, add_machine, load_linkage, number, positive
+from textile_twin_core.cli.arguments import Parser, add_machine, number, positive
+from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.synthesis.shared import add_output, write
+from textile_twin_core.synthesis.balancing import balancing_spring, counterweights, flywheel, opposed_linkages
 
 if TYPE_CHECKING:
     from textile_twin_core.machine import Machine
@@ -51,7 +53,6 @@ Balanced = tuple["Machine", list[str], dict[str, Any]]
 
 
 def _weights(machine: Machine, speed: float, arguments: argparse.Namespace) -> Balanced:
-    from textile_twin_core.synthesis.balancing import counterweights
 
     force = arguments.by == "force"
     links = arguments.links.split(",") if arguments.links else None
@@ -70,7 +71,6 @@ def _weights(machine: Machine, speed: float, arguments: argparse.Namespace) -> B
 
 
 def _spring(machine: Machine, speed: float, _: argparse.Namespace) -> Balanced:
-    from textile_twin_core.synthesis.balancing import balancing_spring
 
     found = balancing_spring(machine, speed)
     spring = found.spring
@@ -83,7 +83,6 @@ def _spring(machine: Machine, speed: float, _: argparse.Namespace) -> Balanced:
 
 
 def _second(machine: Machine, speed: float, arguments: argparse.Namespace) -> Balanced:
-    from textile_twin_core.synthesis.balancing import opposed_linkages
 
     phase = None if arguments.phase is None else math.radians(arguments.phase)
     found = opposed_linkages(machine, phase, speed)
@@ -97,7 +96,6 @@ def _second(machine: Machine, speed: float, arguments: argparse.Namespace) -> Ba
 
 
 def _flywheel(machine: Machine, speed: float, arguments: argparse.Namespace) -> Balanced:
-    from textile_twin_core.synthesis.balancing import flywheel
 
     found = flywheel(machine, arguments.ripple, speed)
     lines = [

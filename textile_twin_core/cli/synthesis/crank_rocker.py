@@ -6,8 +6,10 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import Parser, UsageError, number, positive
+from textile_twin_core.cli.arguments import Parser, number, positive
+from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.synthesis.shared import add_output, add_rotation, add_section, points, rotation, write
+from textile_twin_core.synthesis import Tool, best_rotation, crank_rocker, crank_rocker_machine, rocker_through
 
 if TYPE_CHECKING:
     from textile_twin_core.synthesis import CrankRockerDesign, CrankRockerSynthesis
@@ -47,8 +49,6 @@ def add(parser: Parser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Synthesize, print a table, write files."""
-    from textile_twin_core.synthesis import Tool, best_rotation, crank_rocker, crank_rocker_machine, rocker_through
-
     if (arguments.swing is None) == (arguments.hand is None):
         raise UsageError("give --swing in degrees, or --hand with three positions")
     if arguments.hand and len(arguments.hand) != 3:

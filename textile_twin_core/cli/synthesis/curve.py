@@ -8,9 +8,11 @@ import math
 from dataclasses import asdict
 from pathlib import Path
 
-from textile_twin_core.cli.arguments import Parser, UsageError, count, number
+from textile_twin_core.cli.arguments import Parser, count, number
+from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.synthesis.shared import add_output, add_section, points, write
+from textile_twin_core.synthesis import fit_curve
 
 DESCRIPTION = "The four-bar whose coupler curve comes nearest to six or more points, by optimisation."
 EXAMPLE = "textile-twin synthesize curve --file path.csv --least-transmission 40 --out four_bar.yaml"
@@ -30,8 +32,6 @@ def add(parser: Parser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Search, print, write."""
-    from textile_twin_core.synthesis import fit_curve
-
     if (arguments.file is None) == (arguments.points is None):
         raise UsageError("give the curve by --file or by --points")
     curve = arguments.points if arguments.file is None else _read(arguments.file)

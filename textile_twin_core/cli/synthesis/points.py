@@ -8,6 +8,7 @@ from dataclasses import asdict
 
 from textile_twin_core.cli.arguments import Parser, count, number
 from textile_twin_core.cli.synthesis.shared import add_output, add_section, points, write
+from textile_twin_core.synthesis import through_points
 
 DESCRIPTION = "Four-bars whose coupler point passes two to five points exactly, in their order."
 EXAMPLE = "textile-twin synthesize points --points '0,0 0.1,0.02 0.15,0.1 0.1,0.16' --out four_bar.yaml"
@@ -27,8 +28,6 @@ def add(parser: Parser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Synthesize, print a table, write."""
-    from textile_twin_core.synthesis import through_points
-
     found = through_points(
         arguments.points, arguments.seed, arguments.count, math.radians(arguments.least_transmission)
     )

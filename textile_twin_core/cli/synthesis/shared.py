@@ -8,11 +8,13 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from textile_twin_core.cli.arguments import Parser, UsageError, number, positive
+from textile_twin_core.cli.arguments import Parser, number, positive
+from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.errors import SceneError
+from textile_twin_core.synthesis import Section, rotation_of_time_ratio
 
 if TYPE_CHECKING:
     from textile_twin_core.machine import Machine
-    from textile_twin_core.synthesis import Section
 
 
 def add_output(parser: Parser) -> None:
@@ -48,8 +50,6 @@ def add_rotation(parser: Parser, default: str) -> None:
 
 def rotation(arguments: argparse.Namespace, default_rad: float) -> float:
     """The crank rotation asked for [rad]."""
-    from textile_twin_core.synthesis import rotation_of_time_ratio
-
     if arguments.rotation is not None and arguments.time_ratio is not None:
         raise UsageError("--rotation and --time-ratio say the same in two ways; give one of them")
     if arguments.time_ratio is not None:
@@ -70,8 +70,6 @@ def points(text: str) -> list[tuple[float, float]]:
 
 
 def _section(text: str) -> Section:
-    from textile_twin_core.errors import SceneError
-    from textile_twin_core.synthesis import Section
 
     try:
         density, width, thickness = (float(part) for part in text.split(","))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 
 from textile_twin_core.cli.arguments import Parser, positive
 from textile_twin_core.cli.synthesis.shared import add_output, add_rotation, add_section, rotation, write
+from textile_twin_core.synthesis import offset_slider
 
 DESCRIPTION = "A slider-crank for a stroke, offset where the way out and the way back differ in time."
 EXAMPLE = "textile-twin synthesize slider --stroke 0.05 --time-ratio 1.1 --out slider.yaml"
@@ -28,10 +30,6 @@ def add(parser: Parser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Synthesize, print, write."""
-    import math
-
-    from textile_twin_core.synthesis import offset_slider
-
     design = offset_slider(arguments.stroke, rotation(arguments, math.pi), arguments.crank_over_rod)
     print(
         f"slider-crank, stroke {design.stroke_m:g} m, rotation {math.degrees(design.rotation_rad):.6g} deg:"

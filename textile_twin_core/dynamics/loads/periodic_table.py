@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import CubicSpline
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const
@@ -81,7 +82,6 @@ class PeriodicTable:
             own = np.fft.rfft(self.values)[: n // 3 + 1] * (2.0 / n)
             own[0] *= 0.5
             yield own * np.exp(-1j * np.arange(own.size) * angles[0])
-        from scipy.interpolate import CubicSpline  # slow to import, and few machines have a table
 
         spline = CubicSpline(angles, [*self.values, self.values[0]], bc_type="periodic")
         smooth = np.fft.rfft(spline(np.arange(_SAMPLES) * (_TURN / _SAMPLES))) * (2.0 / _SAMPLES)

@@ -42,7 +42,7 @@ class ShaftMotion:
 
 
 @dataclass
-class Encoder:
+class SimulatedEncoder:
     """Wrapped angle of an absolute encoder.
 
     Args:
@@ -79,7 +79,7 @@ class Marks:
 
     angles_rad: Sequence[float]
     motion: ShaftMotion
-    encoder: Encoder
+    encoder: SimulatedEncoder
 
     def passed(self, begin_s: float, end_s: float) -> list[float]:
         """Times in (begin, end] at which a mark passes, for an interval in which the shaft does not reverse."""
@@ -106,7 +106,7 @@ class Marks:
 
 
 @dataclass
-class TorqueSensor:
+class SimulatedTorqueSensor:
     """A torque sensor with gain, offset and noise; its delay is a matter of when it is asked.
 
     Args:

@@ -1,0 +1,28 @@
+"""Mistakes on the command line, and the nearest words that would be right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+from textile_twin_core.errors import TwinError
+
+_MOST_WORDS = 12
+
+
+class UsageError(TwinError):
+    """The command line itself is wrong."""
+
+
+class BeyondLimitError(TwinError):
+    """The work is done, and a result lies beyond a limit that was given: exit code 3, for scripts."""
+
+
+def nearest(given: str, known: Iterable[str]) -> str:
+    """Half a sentence that names the nearest of the known words, or all of them."""
+    words = list(known)
+    near = get_close_matches(given, words, n=3, cutoff=0.5)
+    if near:
+        return f"did you mean {' or '.join(near)}?"
+    more = f" and {len(words) - _MOST_WORDS} more" if len(words) > _MOST_WORDS else ""
+    return f"there are: {', '.join(words[:_MOST_WORDS])}{more}"
