@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,14 @@ JUMP_RATIO = 5.0
 
 #: Two predictions further apart than this many median periods have a gap between them.
 GAP_PERIODS = 5.0
+
+
+_PART = 65_536
+
+
+def parts(n: int) -> Iterator[slice]:
+    """Slices that cover n samples: what is worked out for one at a time takes no memory for an hour of them."""
+    return (slice(start, start + _PART) for start in range(0, n, _PART))
 
 
 class AlignmentError(TwinError):
@@ -52,12 +60,19 @@ class Track:
 
     def piece(self, time_s: FloatArray) -> tuple[IntArray, BoolArray]:
         """Index of the piece that holds each time (m,), and whether there is one."""
-        index = np.searchsorted(self.edge_s, time_s, side="right") - 1
+        index = np.searchsorted(self.edge_s, time_s, side="right").astype(np.int64, copy=False)
+        index -= 1
         inside = (index >= 0) & (time_s <= self.edge_s[-1])
-        return np.clip(index, 0, self.edge_s.size - 2).astype(np.int64), inside
+        return np.clip(index, 0, self.edge_s.size - 2, out=index), inside
 
     def torque_at(self, time_s: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:
         """Torque [N m] and its derivative [N m/s] at times (m,) in their pieces: cubic Hermite."""
+        torque, slope = np.empty(time_s.size), np.empty(time_s.size)
+        for part in parts(time_s.size):
+            torque[part], slope[part] = self._torque_at(time_s[part], piece[part])
+        return torque, slope
+
+    def _torque_at(self, time_s: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:
         step = self.edge_s[piece + 1] - self.edge_s[piece]
         u = (time_s - self.edge_s[piece]) / step
         v = 1.0 - u
@@ -71,16 +86,21 @@ class Track:
 
     def theta_at(self, time_s: FloatArray, piece: IntArray) -> FloatArray:
         """Shaft angle [rad] at times (m,), linear between samples."""
-        u = (time_s - self.edge_s[piece]) / (self.edge_s[piece + 1] - self.edge_s[piece])
-        return self.theta_rad[piece] * (1.0 - u) + self.theta_rad[piece + 1] * u
+        theta = np.empty(time_s.size)
+        for part in parts(time_s.size):
+            here = piece[part]
+            u = (time_s[part] - self.edge_s[here]) / (self.edge_s[here + 1] - self.edge_s[here])
+            theta[part] = self.theta_rad[here] * (1.0 - u) + self.theta_rad[here + 1] * u
+        return theta
 
     def near_jump(self, time_s: FloatArray, guard_s: float) -> BoolArray:
         """Whether each time (m,) lies within `guard_s` of a jump of the torque."""
         near = np.zeros(time_s.size, dtype=np.bool_)
-        if self.jump_time_s.size:
-            after = np.searchsorted(self.jump_time_s, time_s)
+        for part in parts(time_s.size if self.jump_time_s.size else 0):
+            after = np.searchsorted(self.jump_time_s, time_s[part])
             for k in (after - 1, after):
-                near |= np.abs(self.jump_time_s[np.clip(k, 0, self.jump_time_s.size - 1)] - time_s) <= guard_s
+                jump = self.jump_time_s[np.clip(k, 0, self.jump_time_s.size - 1)]
+                near[part] |= np.abs(jump - time_s[part]) <= guard_s
         return near
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.comparison.alignment import TWO_PI, Track
+from textile_twin_core.comparison.alignment import TWO_PI, Track, parts
 
 _COARSE_SAMPLES = 5000
 _COARSE_STEPS = 100  # on either side of the configured delay
@@ -71,32 +71,52 @@ def fit_sensor(
     delay, gain, offset, sigma = float(grid[best]), 1.0, 0.0, float("nan")
     span = float(grid[1] - grid[0])
     for _ in range(30):
-        piece, _ = track.piece(time_s - delay)
         good, torque, slope = usable(track, time_s - delay, guard_s)
         torque, slope, seen = torque[good], slope[good], measured_Nm[good]
         if sigma != sigma:  # the first pass
             gain, offset = line(torque, seen)
         error = seen - gain * torque - offset
         scale = 1.4826 * float(np.median(np.abs(error))) + 1e-12 * float(np.max(np.abs(seen)))
-        weight = np.minimum(1.0, _HUBER * scale / np.maximum(np.abs(error), 1e-300))
-        columns = np.stack([-gain * slope, torque, np.ones_like(torque)])
-        normal = (columns * weight) @ columns.T
-        move = np.linalg.lstsq(normal, (columns * weight) @ error, rcond=None)[0]
+        theta = track.theta_at(time_s - delay, track.piece(time_s - delay)[0])[good]
+        move, sigma = _gauss_newton(np.stack([-gain * slope, torque, np.ones_like(torque)]), error, scale, theta)
         shift = float(np.clip(move[0], -span, span))
         delay, gain, offset = delay + shift, gain + float(move[1]), offset + float(move[2])
-        sigma = _sigma_over_turns(columns, weight * error, normal, track.theta_at(time_s - delay, piece)[good])
         if abs(shift) < 1e-10:
             break
     return SensorFit(delay, sigma, gain, offset, True, abs(delay - configured_s) > search_s)
 
 
-def _sigma_over_turns(columns: FloatArray, errors: FloatArray, normal: FloatArray, theta_rad: FloatArray) -> float:
-    """Standard deviation of the first unknown: the larger with residuals of one turn as one, or each on its own."""
-    weights = (np.linalg.pinv(normal)[0] @ columns) * errors
-    turns, place = np.unique(np.floor(theta_rad / TWO_PI), return_inverse=True)
-    scores = np.bincount(place, weights=weights)
-    few = turns.size / max(turns.size - 1, 1)
-    return float(np.sqrt(max(few * (scores @ scores), weights @ weights)))
+def _gauss_newton(
+    columns: FloatArray, error: FloatArray, scale: float, theta_rad: FloatArray
+) -> tuple[FloatArray, float]:
+    """Move of the unknowns for their slopes (3, m) and errors (m,), and the first one's standard deviation.
+
+    The deviation is the larger one with residuals of one turn as one, or each on its own.
+    """
+    normal, sides = np.zeros((3, 3)), np.zeros(3)
+    for part in parts(error.size):
+        error[part], weighted = _huber(columns[:, part], error[part], scale)
+        normal += weighted @ columns[:, part].T
+        sides += columns[:, part] @ error[part]
+    first = np.linalg.pinv(normal)[0]
+    turn = np.floor(theta_rad / TWO_PI).astype(np.int64)
+    turn -= turn.min()
+    scores, count, alone = np.zeros(turn.max() + 1), np.zeros(turn.max() + 1), 0.0
+    for part in parts(error.size):
+        weights = (first @ columns[:, part]) * error[part]
+        scores += np.bincount(turn[part], weights=weights, minlength=scores.size)
+        count += np.bincount(turn[part], minlength=scores.size)
+        alone += float(weights @ weights)
+    turns = int(np.count_nonzero(count))
+    few = turns / max(turns - 1, 1)
+    move = np.asarray(np.linalg.lstsq(normal, sides, rcond=None)[0], np.float64)
+    return move, float(np.sqrt(max(few * float(scores @ scores), alone)))
+
+
+def _huber(columns: FloatArray, error: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
+    """Errors and columns with what lies beyond `_HUBER` scales weighed down."""
+    weight = np.minimum(1.0, _HUBER * scale / np.maximum(np.abs(error), 1e-300))
+    return np.asarray(weight * error), np.asarray(columns * weight)
 
 
 def _correlation(track: Track, time_s: FloatArray, measured_Nm: FloatArray, guard_s: float) -> float:
