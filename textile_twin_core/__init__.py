@@ -6,7 +6,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from textile_twin_core.errors import MachineError, MotionError, RecordingError, SceneError, TwinError
+from textile_twin_core.errors import (
+    AlignmentError,
+    ContactError,
+    MachineError,
+    MotionError,
+    OutputError,
+    RecordingError,
+    SceneError,
+    TwinError,
+)
 
 if TYPE_CHECKING:
     from textile_twin_core import machines
@@ -17,9 +26,12 @@ if TYPE_CHECKING:
     from textile_twin_core.twin import compile_machine as compile
 
 __all__ = [
+    "AlignmentError",
+    "ContactError",
     "Machine",
     "MachineError",
     "MotionError",
+    "OutputError",
     "RecordingError",
     "Samples",
     "SceneError",

@@ -21,3 +21,15 @@ class MotionError(TwinError):
 
 class RecordingError(TwinError):
     """A recording cannot be read or written: no bag, no such topic, empty, truncated, no room, no permission."""
+
+
+class OutputError(TwinError):
+    """An output cannot be written where the user wants it."""
+
+
+class AlignmentError(TwinError):
+    """Measured and predicted torque cannot be brought onto one time axis."""
+
+
+class ContactError(TwinError):
+    """A contact model or its motion cannot be: a bad parameter, a start inside a stop, a body jammed between stops."""

@@ -11,8 +11,8 @@ import numpy.typing as npt
 import pytest
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison import AlignmentError, compare_torque, summary_rows
-from textile_twin_core.errors import TwinError
+from textile_twin_core.comparison import compare_torque, summary_rows
+from textile_twin_core.errors import AlignmentError, TwinError
 
 START_NS = 1_763_000_000_123_456_789
 ENTRY, EXIT, LOWEST = 0.38312100023839724, 3.3846508836082833, 0.4 + np.pi / 2

@@ -10,9 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.contact.needle_reference import Stroke
-from textile_twin_core.contact import ContactError, ContactRun
+from textile_twin_core.contact import ContactRun
 from textile_twin_core.contact.law_pieces import law_pieces
-from textile_twin_core.errors import MachineError, MotionError, SceneError
+from textile_twin_core.errors import ContactError, MachineError, MotionError, SceneError
 from textile_twin_core.machine.contact_motion import ContactMotion, measured_error
 from textile_twin_core.machines.needle_transfer import COLLETS, CONE, DESIGNS, PAD, PIN, needle_transfer
 from textile_twin_core.papers.needle_transfer import (

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
-from textile_twin_core.errors import MachineError
-from textile_twin_core.files import OutputError, load_machine_file, machine_document, save_machine_file
+from textile_twin_core.errors import MachineError, OutputError
+from textile_twin_core.files import load_machine_file, machine_document, save_machine_file
 
 LOOM = """\
 name: my_loom

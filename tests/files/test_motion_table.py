@@ -10,8 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from textile_twin_core.errors import MotionError
-from textile_twin_core.files import OutputError, read_motion_table, write_table
+from textile_twin_core.errors import MotionError, OutputError
+from textile_twin_core.files import read_motion_table, write_table
 
 MOTION = ("theta_rad", "omega_rad_s", "alpha_rad_s2")
 

@@ -17,8 +17,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from textile_twin_core.errors import RecordingError
-from textile_twin_core.files import OutputError
+from textile_twin_core.errors import OutputError, RecordingError
 from textile_twin_core.recordings import LATCHED, BagWriter, open_bag
 from textile_twin_core.recordings.cdr_encode import encode_string
 from textile_twin_core.recordings.schemas import message_schema

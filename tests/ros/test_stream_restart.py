@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
-from textile_twin_ros.restart import RestartWatch
+from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.twin_stream import TwinStream
 
 

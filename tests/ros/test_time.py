@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.ros.suite import SECOND_NS
+from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.pacing import Pace
-from textile_twin_ros.restart import RestartWatch
 
 
 def test_moments_are_never_early_and_do_not_drift() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser
 from textile_twin_core.cli.progress import progress
+from textile_twin_core.errors import OutputError
 
 
 def parser() -> Parser:
@@ -46,7 +47,6 @@ def run(arguments: argparse.Namespace) -> None:
 def _make_folder(folder: Path) -> None:
     """Make the folder for the figures, or say why it cannot be written. Raises OutputError."""
     from textile_twin_core.files import check_folder
-    from textile_twin_core.files.atomic import OutputError
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

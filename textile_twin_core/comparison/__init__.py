@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from textile_twin_core.comparison.alignment import AlignmentError
 from textile_twin_core.comparison.assess import Assessment, assess
 from textile_twin_core.comparison.bootstrap import Estimate
 from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors, RunningAngleBins
@@ -16,6 +15,7 @@ from textile_twin_core.comparison.result import Comparison, ComparisonEvent, Sam
 from textile_twin_core.comparison.statistics import ErrorStatistics
 from textile_twin_core.comparison.summary import summary_rows, verdict_lines
 from textile_twin_core.comparison.verdict import Cause
+from textile_twin_core.errors import AlignmentError
 
 __all__ = [
     "AlignmentError",

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.errors import TwinError
 
 TWO_PI = 2.0 * np.pi
 
@@ -25,10 +24,6 @@ _PART = 65_536
 def parts(n: int) -> Iterator[slice]:
     """Slices that cover n samples: what is worked out for one at a time takes no memory for an hour of them."""
     return (slice(start, start + _PART) for start in range(0, n, _PART))
-
-
-class AlignmentError(TwinError):
-    """Measured and predicted torque cannot be brought onto one time axis."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.alignment import AlignmentError, Track, build_track, time_ranges
+from textile_twin_core.comparison.alignment import Track, build_track, time_ranges
 from textile_twin_core.comparison.by_angle import bin_by_angle, by_revolution
 from textile_twin_core.comparison.by_order import by_order, by_speed
 from textile_twin_core.comparison.delay import SensorFit, fit_sensor, line, usable
 from textile_twin_core.comparison.inputs import usable_measurements, usable_predictions
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
 from textile_twin_core.comparison.statistics import error_statistics
+from textile_twin_core.errors import AlignmentError
 from textile_twin_core.machine import Event, TorqueSensor
 
 _LEAST_SAMPLES = 16

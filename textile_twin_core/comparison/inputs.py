@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.alignment import AlignmentError
+from textile_twin_core.errors import AlignmentError
 
 
 @dataclass(frozen=True, slots=True)

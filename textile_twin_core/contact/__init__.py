@@ -7,10 +7,11 @@ from textile_twin_core.contact.drive import DrivePiece, hermite_piece, quintic
 from textile_twin_core.contact.energy import EnergyBook, book_energy
 from textile_twin_core.contact.integrator import ContactIntegrator, Progress
 from textile_twin_core.contact.law_pieces import law_pieces
-from textile_twin_core.contact.model import FRAME, ContactError, ContactModel, Pad, SlidingBody, SpringDamper, Stop
+from textile_twin_core.contact.model import FRAME, ContactModel, Pad, SlidingBody, SpringDamper, Stop
 from textile_twin_core.contact.result import ContactEvent, Segment
 from textile_twin_core.contact.run import ContactRun, run_contact
 from textile_twin_core.contact.state import ContactState, PadState
+from textile_twin_core.errors import ContactError
 
 __all__ = [
     "FRAME",

@@ -12,10 +12,11 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import stepping
 from textile_twin_core.contact.drive import IDENTITY, DrivePiece
 from textile_twin_core.contact.log import Log
-from textile_twin_core.contact.model import ContactError, ContactModel
+from textile_twin_core.contact.model import ContactModel
 from textile_twin_core.contact.plant import plant_of
 from textile_twin_core.contact.result import ContactEvent, Segment, events_of, segments_of
 from textile_twin_core.contact.state import LENGTH_NOISE, ContactState, PadState
+from textile_twin_core.errors import ContactError
 
 _BEYOND = 1e3
 _SLOW = 1e-6

@@ -8,14 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.errors import TwinError
+from textile_twin_core.errors import ContactError
 
 FRAME = "frame"
 """The end that does not move: the machine's frame, at position 0."""
-
-
-class ContactError(TwinError):
-    """A contact model or its motion cannot be: a bad parameter, a start inside a stop, a body jammed between stops."""
 
 
 def _require(condition: bool, message: str) -> None:

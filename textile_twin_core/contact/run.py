@@ -12,8 +12,9 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact.drive import DrivePiece
 from textile_twin_core.contact.energy import EnergyBook, book_energy
 from textile_twin_core.contact.integrator import ContactIntegrator
-from textile_twin_core.contact.model import ContactError, ContactModel
+from textile_twin_core.contact.model import ContactModel
 from textile_twin_core.contact.result import ContactEvent, Segment
+from textile_twin_core.errors import ContactError
 
 
 @dataclass(frozen=True)

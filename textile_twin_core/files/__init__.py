@@ -5,7 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from textile_twin_core.files.atomic import OutputError, check_folder, remove, staged
+from textile_twin_core.errors import OutputError
+from textile_twin_core.files.atomic import check_folder, remove, staged
 
 if TYPE_CHECKING:
     from textile_twin_core.files.machine_file import load_machine_file, machine_document, save_machine_file

@@ -8,11 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from textile_twin_core.errors import TwinError
-
-
-class OutputError(TwinError):
-    """An output cannot be written where the user wants it."""
+from textile_twin_core.errors import OutputError
 
 
 def _why(error: OSError) -> str:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.errors import MotionError
-from textile_twin_core.files.atomic import OutputError, staged
+from textile_twin_core.errors import MotionError, OutputError
+from textile_twin_core.files.atomic import staged
 
 if TYPE_CHECKING:
     import pyarrow

@@ -12,8 +12,8 @@ from typing import Any, Self
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.errors import RecordingError
-from textile_twin_core.files.atomic import OutputError, check_folder, partial_path, put_in_place, remove
+from textile_twin_core.errors import OutputError, RecordingError
+from textile_twin_core.files.atomic import check_folder, partial_path, put_in_place, remove
 from textile_twin_core.recordings import cdr_encode, rosbag2_metadata
 from textile_twin_core.recordings.bag import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
