@@ -12,6 +12,8 @@ from tests.generators.mill_recordings import Case, MillRecording, healthy, mista
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Assessment, Readings, assess
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings.bag import AngleSamples
+from textile_twin_core.recordings.prediction import recompute
 
 
 def judged(case: Case, made: MillRecording | None = None) -> Assessment:
@@ -108,3 +110,21 @@ def test_gaps_are_told_and_do_no_harm() -> None:
     found = judged(case, _cut(made, ~((second > 7.0) & (second < 8.5))))
     assert found.verdict == ()
     assert any("gap" in note for note in found.notes)
+
+
+def test_a_track_that_is_there_already_serves_as_well() -> None:
+    case = healthy("tufting", 903, run_up=False, duration_s=12.0)
+    case = replace(
+        case,
+        encoder=replace(case.encoder, direction=-1, ratio=0.5, zero_rad=0.8),
+        told=replace(case.told, direction=-1, ratio=0.5, zero_rad=0.8),
+    )
+    made, machine = record(case), told_machine(case)
+    angles = AngleSamples("main_shaft/angle", made.angle_stamps_ns, made.angle, None, True)
+    track = recompute(angles, machine).track
+    assert track is not None
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    again, with_it = assess(readings, machine), assess(readings, machine, track)
+    assert with_it.explained == pytest.approx(again.explained, abs=1e-6)
+    assert with_it.explained > 0.99
+    assert with_it.verdict == again.verdict == ()

@@ -91,11 +91,12 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
     bag, angles, measured = read_samples(arguments, machine)
     with progress(len(angles), "predicting") as done:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
+    judged = assess(readings_of(angles, measured), machine, predicted.track)
+    notes, verdict, explained = judged.notes, judged.verdict, judged.explained
+    del judged  # it and the track hold the whole recording once more
+    predicted = dataclasses.replace(predicted, track=None)
     if recorded:
         predicted = recorded_torque(bag, predicted, angles.topic)
-    judged = assess(readings_of(angles, measured), machine)
-    notes, verdict, explained = judged.notes, judged.verdict, judged.explained
-    del judged  # it holds the whole recording once more
     comparison = compare_torque(
         measured.stamps,
         measured.torque_Nm,

@@ -42,14 +42,18 @@ class Assessment:
         return math.nan if self.explanation is None else self.explanation.explained
 
 
-def assess(readings: Readings, machine: Machine) -> Assessment:
+def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None) -> Assessment:
     """Try the hypotheses of settings on a recording.
 
+    `track` is the shaft's motion where it was estimated before, of angles in radians, from the first angle's stamp on.
     Raises RecordingError when there are too few samples for a motion of the shaft.
     """
     unit = angle_unit(readings.angle)
     terms = TorqueTerms(machine)
-    evidence = gather(readings, machine, terms, unit)
+    if track is not None and unit.name == "radians":
+        evidence = evidence_of(readings, track, terms, int(readings.angle_stamps_ns[0]))
+    else:
+        evidence = gather(readings, machine, terms, unit)
     reason = nothing_to_tell(evidence)
     if reason:
         return Assessment(unit, None, (), (reason,))

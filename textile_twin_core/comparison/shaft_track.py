@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine.sensors import Encoder
-from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft import ShaftStates, create_estimator
 from textile_twin_core.twin.session import encoder_settings
 
 TURN = 2.0 * math.pi
@@ -74,8 +75,6 @@ def shaft_track(
 ) -> ShaftTrack:
     """Estimate the shaft's motion from the encoder's angles (n,) over the whole record.
 
-    This is the one place at which the comparison asks for the shaft's state.
-
     Args:
         stamps_ns: stamps of the angles, int64 ns.
         angle_rad: angles of the encoder, in radians, wrapped or not.
@@ -91,6 +90,15 @@ def shaft_track(
     states = [part for part in (blocks, estimator.finish()) if len(part)]
     if not states:
         raise RecordingError(f"too few shaft angles for a motion; {estimator.report.text()}")
+    return track_of(states, origin_ns)
+
+
+def track_of(states: Sequence[ShaftStates], origin_ns: int, direction: int = 1, zero_rad: float = 0.0) -> ShaftTrack:
+    """The track that states of the shaft give, those of a whole record that were estimated with its own stamps in ns.
+
+    An encoder's direction and zero (as angle of the shaft) that the states were estimated with are taken back. Raises
+    RecordingError where too few states are usable.
+    """
     stamps = np.concatenate([np.asarray(part.stamps, np.int64) for part in states])
     theta = np.concatenate([part.theta_rad for part in states])
     omega = np.concatenate([part.omega_rad_s for part in states])
@@ -101,4 +109,5 @@ def shaft_track(
         raise RecordingError(f"too few shaft angles for a motion: {np.count_nonzero(good)} states are usable")
     time = (stamps[good] - origin_ns) * 1e-9
     longest = GAP_PERIODS * float(np.median(np.diff(time)))
-    return ShaftTrack(time, theta[good], omega[good], alpha[good], longest)
+    theta, omega, alpha = direction * theta[good] + zero_rad, direction * omega[good], direction * alpha[good]
+    return ShaftTrack(time, theta, omega, alpha, longest)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.shaft_track import ShaftTrack, track_of
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag import AngleSamples, Bag
@@ -26,7 +27,8 @@ class PredictedTorque:
     """Predictions in order of time; arrays of shape (n,).
 
     sigma_Nm: standard deviation, NaN where not known; settled: whether the shaft estimator had settled;
-    rejected: angle samples that gave no prediction, by cause; notes: what a reader of the numbers should know.
+    rejected: angle samples that gave no prediction, by cause; notes: what a reader of the numbers should know;
+    track: the shaft's motion, where the whole record was smoothed for it.
     """
 
     stamps_ns: IntArray
@@ -36,6 +38,7 @@ class PredictedTorque:
     settled: BoolArray
     rejected: Mapping[str, int]
     notes: tuple[str, ...] = ()
+    track: ShaftTrack | None = None
 
 
 def predictions(session: Session, angles: AngleSamples, progress: Progress | None = None) -> Iterator[Samples]:
@@ -70,6 +73,10 @@ def recompute(
     """The torque that the twin predicts from recorded angles, with the shaft estimator of that name."""
     session = compile_machine(machine, [TORQUE]).session(shaft, **shaft_settings)
     blocks = list(predictions(session, angles, progress))
+    track, encoder = None, machine.sensors.encoder
+    if shaft == "smooth":
+        states = [block.states for block in blocks]
+        track = track_of(states, int(angles.stamps[0]), encoder.direction, encoder.zero_rad * encoder.ratio)
     return PredictedTorque(
         stamps_ns=np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks]),
         torque_Nm=np.concatenate([block[TORQUE] for block in blocks]),
@@ -77,6 +84,7 @@ def recompute(
         sigma_Nm=np.concatenate([block.torque_sigma_Nm for block in blocks]),
         settled=np.concatenate([block.settled for block in blocks]),
         rejected=session.report.rejected,
+        track=track,
     )
 
 
