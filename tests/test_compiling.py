@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from textile_twin_core.compiling import align_stack, compiled
 
 _PROGRAM = """
 import sys
+from concurrent.futures import ThreadPoolExecutor
 sys.path.insert(0, sys.argv[1])
 import logging
 logging.basicConfig(format="%(message)s")
@@ -153,3 +155,19 @@ def test_a_part_of_a_program_can_be_called_as_well(tmp_path: Path, monkeypatch: 
     assert twice(1.5) == 3.0
     assert twice(2) == 4  # of another type
     assert four_times(2) == 8
+
+
+def test_threads_may_ask_for_a_part_and_its_program_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
+
+    @compiled
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    @compiled
+    def four_times(x: float) -> float:
+        return twice(twice(x))
+
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda function: function(1.5), [four_times, twice] * 4))
+    assert found == [6.0, 3.0] * 4

@@ -11,6 +11,7 @@ from typing import Any
 from numba.core.caching import NullCache
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 
@@ -52,19 +53,21 @@ class Program(CPUDispatcher):  # type: ignore[misc]
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """What numba asks of a function that another one calls."""
-        before = self._is_part, self._cache
-        self._is_part, self._cache = True, NullCache()  # a part is kept with its program
-        try:
-            return super().get_call_template(args, kws)
-        finally:
-            self._is_part, self._cache = before
+        with global_compiler_lock:
+            before = self._is_part, self._cache
+            self._is_part, self._cache = True, NullCache()  # a part is kept with its program
+            try:
+                return super().get_call_template(args, kws)
+            finally:
+                self._is_part, self._cache = before
 
     def compile(self, sig: Any) -> Any:
         """Compile for a signature: for Python anew what is there as a part only."""
-        if not self._is_part:
-            for args in [args for args, made in self.overloads.items() if isinstance(made.library, _Part)]:
-                del self.overloads[args]
-        return super().compile(sig)
+        with global_compiler_lock:  # another thread may be at it as a part
+            if not self._is_part:
+                for args in [args for args, made in self.overloads.items() if isinstance(made.library, _Part)]:
+                    del self.overloads[args]
+            return super().compile(sig)
 
     def add_overload(self, made: Any) -> None:
         """Keep what was compiled; a part where functions that call it find it, and Python does not."""
