@@ -6,8 +6,9 @@ from collections import Counter
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
 
-from tests.ros.suite import RELIABLE, Suite, shaft_angles, write_bag
+from tests.ros.suite import RELIABLE, SECOND_NS, Suite, shaft_angles, write_bag
 
 rerun_chunk = pytest.importorskip("rerun.chunk")
 
@@ -40,3 +41,23 @@ def test_live_view_is_written(suite: Suite) -> None:
     assert drawn["/torque/predicted"] == len(stamps) - 2
     assert sum(count for path, count in drawn.items() if path.startswith("/residual")) > 900
     assert any(path.startswith("/world") for path in drawn)
+
+
+def test_the_elements_of_needle_transfer(suite: Suite) -> None:
+    file = suite.folder / "elements.rrd"
+    view = suite.start("view_node", "machine:=needle_transfer", f"file:={file}", "port:=0")
+    node = suite.node()
+    publisher = node.create_publisher(JointState, "joint_states", RELIABLE)
+    suite.spin_until(lambda: publisher.get_subscription_count() == 3, "the view")
+    for number in range(500):
+        message = JointState(name=[f"element_{k}" for k in (1, 2, 3)])
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(SECOND_NS + number * 1_000_000, SECOND_NS)
+        message.position, message.velocity = [1e-4 * number, 0.1, 0.2], [0.1, 0.0, 0.0]
+        publisher.publish(message)
+    suite.spin_for(1.0)
+    assert view.end() == 0, view.words()
+    drawn: Counter[str] = Counter()
+    for chunk in rerun_chunk.RrdReader(str(file)).stream():
+        if not chunk.is_static:
+            drawn[chunk.entity_path] += chunk.to_record_batch().num_rows
+    assert drawn["/position/element_1"] == drawn["/velocity/element_3"] == 500

@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from textile_twin_core.recordings.bag import AngleSamples, Bag, TorqueSamples
 
 
-def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:
-    """The recording that the arguments of add_recording name, its shaft angles and torque.
+def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples]:
+    """The recording that the arguments of add_recording name, and its shaft angles.
 
     Raises RecordingError, and SceneError for edges that this machine's encoder cannot count.
     """
     from textile_twin_core.recordings import open_bag
-    from textile_twin_core.recordings.machine_topics import beside, usable_angles
+    from textile_twin_core.recordings.machine_topics import usable_angles
 
     bag = open_bag(arguments.bag)
     for notice in bag.notices:
@@ -32,6 +32,14 @@ def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Ba
         arguments.skip_bad_samples,
         arguments.index_topic,
     )
+    return bag, angles
+
+
+def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:
+    """The same with the measured torque. Raises as read_angles does."""
+    from textile_twin_core.recordings.machine_topics import beside
+
+    bag, angles = read_angles(arguments, machine)
     topic = beside(bag, angles.topic, arguments.torque_topic)
     measured = bag.read_torques(topic, arguments.joint, unit_Nm=arguments.torque_unit)
     return bag, angles, measured

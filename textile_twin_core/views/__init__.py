@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from textile_twin_core.views.element_views import LiveElements, write_element_recording
 from textile_twin_core.views.live import LiveView
+from textile_twin_core.views.live_recording import LiveRecording
 from textile_twin_core.views.machine_picture import plot_machine
 from textile_twin_core.views.picture_recording import write_picture
 from textile_twin_core.views.plot import plot_comparison
@@ -11,6 +13,8 @@ from textile_twin_core.views.report import write_report
 from textile_twin_core.views.viewer import open_viewer, screenshot, screenshots
 
 __all__ = [
+    "LiveElements",
+    "LiveRecording",
     "LiveView",
     "open_viewer",
     "plot_comparison",
@@ -18,6 +22,7 @@ __all__ = [
     "screenshot",
     "screenshots",
     "write_comparison_recording",
+    "write_element_recording",
     "write_picture",
     "write_report",
 ]

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import os
-import threading
 from typing import TYPE_CHECKING
 
 import numpy as np
-import rerun as rr
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.errors import TwinError
-from textile_twin_core.views.buffer import Buffer
+from textile_twin_core.views.buffer import Block
 from textile_twin_core.views.live_drawing import LiveDrawing
-from textile_twin_core.views.port import Port
+from textile_twin_core.views.live_recording import LiveRecording
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
 
 
-class LiveView:
+class LiveView(LiveRecording):
     """A live recording of one machine.
 
-    The `add_` methods put blocks of samples into bounded buffers and return at once; a thread of its own
-    draws them every `flush_s`. When drawing cannot keep up the oldest blocks are dropped and counted.
+    The `add_` methods take blocks of samples and return at once.
 
     Args:
         machine: the machine that is shown.
@@ -53,22 +49,11 @@ class LiveView:
         flush_s: float = 0.1,
         buffer_samples: int = 200_000,
     ) -> None:
-        if port is None and path is None:
-            raise TwinError("a live view needs a port to serve on or a file to write to")
-        self._flush_s = flush_s
-        self._buffers = {name: Buffer(buffer_samples) for name in ("predicted", "measured", "residual")}
-        self._origin: int | None = None
-        self._stream = rr.RecordingStream("textile-twin")
+        super().__init__(("predicted", "measured", "residual"), flush_s, buffer_samples)
         self._drawing = LiveDrawing(machine, self._stream, limit_Nm, frames_hz)
-        self._port: Port | None = None
-        self.url = self._serve(host, port, path, memory_limit)
+        self._begin(self._drawing.layout.blueprint(), host, port, path, memory_limit)
         self._drawing.prepare()
-        self._stop = threading.Event()
-        self._error: BaseException | None = None
-        self._worker = threading.Thread(target=self._work, name="live view", daemon=True)
         self._worker.start()
-
-    # --- from outside, in any thread ---------------------------------------------------------------------
 
     def add_predicted(
         self, stamps_ns: IntArray, theta_rad: FloatArray, torque_Nm: FloatArray, sigma_Nm: FloatArray | None = None
@@ -85,74 +70,10 @@ class LiveView:
         """Take residuals (n,), at the stamps of their measured samples."""
         self._put("residual", stamps_ns, residual_Nm)
 
-    @property
-    def dropped(self) -> int:
-        """Samples dropped because drawing could not keep up."""
-        return sum(buffer.dropped for buffer in self._buffers.values())
-
-    @property
-    def error(self) -> BaseException | None:
-        """What ended the drawing thread, None while all is well."""
-        return self._error
-
-    def close(self) -> None:
-        """Draw what is left, end the thread and close file and server."""
-        if self._stop.is_set():
-            return
-        self._stop.set()
-        self._worker.join(timeout=10.0)
-        self._stream.disconnect()
-        if self._port is not None:
-            self._port.release()
-
-    def __enter__(self) -> LiveView:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    # --- in the drawing thread ---------------------------------------------------------------------------
-
-    def _work(self) -> None:
-        try:
-            while not self._stop.wait(self._flush_s):
-                self._draw()
-            self._draw()
-        except Exception as error:  # the thread's owner asks for it; a view must not end a node
-            self._error = error
-
-    def _draw(self) -> None:
-        predicted, measured, residual = (self._buffers[name].take() for name in ("predicted", "measured", "residual"))
-        if predicted:
-            self._drawing.predicted(*predicted)
-        if measured:
-            self._drawing.measured(*measured)
-        if residual:
-            self._drawing.residual(*residual, not_drawn=self.dropped)
-
-    # --- helpers -----------------------------------------------------------------------------------------
-
-    def _put(self, name: str, stamps_ns: IntArray, *columns: FloatArray) -> None:
-        stamps = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
-        if stamps.size == 0:
-            return
-        if self._origin is None:
-            self._origin = int(stamps[0])
-        time = np.asarray((stamps - self._origin) * 1e-9, dtype=np.float64)
-        self._buffers[name].put((time, *(np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in columns)))
-
-    def _serve(self, host: str, port: int | None, path: str | os.PathLike[str] | None, memory_limit: str) -> str | None:
-        sinks: list[rr.GrpcServerSink | rr.FileSink] = []
-        server = None
-        if port is not None:
-            self._port = Port(host, port)  # the server would only log that it could not listen
-        try:
-            if path is not None:
-                sinks.append(rr.FileSink(path))
-            if self._port is not None:
-                server = rr.GrpcServerSink(host, self._port.number, server_memory_limit=memory_limit)
-                sinks.append(server)
-            self._stream.set_sinks(*sinks, default_blueprint=self._drawing.layout.blueprint())
-        except Exception as error:
-            raise TwinError(f"cannot serve a live view on {host}:{port} or write {path}: {error}") from error
-        return None if server is None else str(server.uri)
+    def _draw(self, blocks: dict[str, Block]) -> None:
+        if "predicted" in blocks:
+            self._drawing.predicted(*blocks["predicted"])
+        if "measured" in blocks:
+            self._drawing.measured(*blocks["measured"])
+        if "residual" in blocks:
+            self._drawing.residual(*blocks["residual"], not_drawn=self.dropped)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
 from rclpy.node import Node
 from rclpy.task import Future
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.machine import ContactMachine
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
-from textile_twin_ros.machine import load_linkage
-from textile_twin_ros.messages import SECOND_NS
+from textile_twin_ros.machine import load_linkage, load_machine
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Kind, Sample, SampleInput
+from textile_twin_ros.sample_inputs import Kind, Sample, SampleInput
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
+from textile_twin_ros.view_feeds import ElementFeed, Feed, LinkageFeed
 
 _HAND_OVER_S = 0.05
 
@@ -46,31 +47,29 @@ class ViewNode(Node):
 
     def __init__(self) -> None:
         # Optional packages are imported where they are used, so that a missing one is told in one line.
-        from textile_twin_core.views import LiveView
+        from textile_twin_core.views import LiveElements, LiveRecording, LiveView
 
         super().__init__("view_node")
         self.settings = settings = declare(self, ViewParameters)
         self.executor_name = settings.executor
         self.finished = Future()
-        self._view = LiveView(
-            load_linkage(settings.machine),
-            host=settings.host,
-            port=settings.port or None,
-            path=settings.file or None,
-            memory_limit=settings.memory_limit,
-            limit_Nm=settings.limit_Nm or None,
-            frames_hz=settings.frames_hz,
-        )
-        wrench, joints = TORQUE_READERS["wrench"], ANGLE_READERS["joint_state"]
-        self._samples: dict[str, list[Sample]] = {}
-        self._shift_ns = 0
-        self._inputs = [
-            self._listen("balancing_torque/predicted", wrench),
-            self._listen("balancing_torque/predicted_sigma", wrench),
-            self._listen("balancing_torque/measured", wrench),
-            self._listen("balancing_torque/residual", wrench),
-            self._listen("joint_states", joints),
-        ]
+        machine = load_machine(settings.machine)
+        place: dict[str, Any] = {
+            "host": settings.host,
+            "port": settings.port or None,
+            "path": settings.file or None,
+            "memory_limit": settings.memory_limit,
+            "frames_hz": settings.frames_hz,
+        }
+        self._view: LiveRecording
+        self._feed: Feed
+        if isinstance(machine, ContactMachine):
+            elements = self._view = LiveElements(machine, **place)
+            self._feed = ElementFeed(elements, machine.elements, self._listen)
+        else:
+            linkage = load_linkage(settings.machine)
+            view = self._view = LiveView(linkage, limit_Nm=settings.limit_Nm or None, **place)
+            self._feed = LinkageFeed(view, self._listen)
         call_every(self, _HAND_OVER_S, self._hand_over)
         self._diagnostics = DiagnosticsPublisher(self, lambda: settings.machine, self._statuses)
         shown = [f"rerun {self._view.url}"] if self._view.url else []
@@ -81,90 +80,28 @@ class ViewNode(Node):
         self._hand_over()
         self._view.close()
 
-    def _listen(self, topic: str, kind: Kind) -> SampleInput:
-        samples = self._samples[topic] = []
+    def _listen(self, topic: str, kind: Kind, joint: str, take: Callable[[list[Sample]], None]) -> SampleInput:
         settings = self.settings
+        depth = depth_for(settings.rate_hz)
         return SampleInput(
-            self,
-            topic,
-            kind,
-            "main_shaft",
-            depth_for(settings.rate_hz),
-            settings.qos_reliability,
-            lambda: settings.no_data_timeout_s,
-            samples.extend,
+            self, topic, kind, joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s, take
         )
 
     def _hand_over(self) -> None:
-        for source in self._inputs:
+        for source in self._feed.inputs:
             source.renew()
-        self._follow_restart()
-        self._hand_over_predictions()
-        for name, add in (("measured", self._view.add_measured), ("residual", self._view.add_residual)):
-            samples = self._samples[f"balancing_torque/{name}"]
-            if samples:
-                stamps, values = _columns(samples)
-                add(stamps + self._shift_ns, values)
-                samples.clear()
+        self._feed.hand_over()
         if self._view.error is not None and not self.finished.done():
             self.get_logger().error(f"the view has ended: {self._view.error}")
             self.finished.set_result(1)
 
-    def _follow_restart(self) -> None:
-        """Where a recording is played once more, the view's time goes on: what comes now is shown a second later."""
-        stamps = [sample[0] for sample in self._samples["joint_states"]]
-        if not stamps or stamps[-1] > max(stamps) - SECOND_NS:
-            return
-        self._shift_ns += max(stamps) - stamps[-1] + SECOND_NS
-        between = (max(stamps) + stamps[-1]) // 2
-        for samples in self._samples.values():
-            samples[:] = [sample for sample in samples if sample[0] < between]
-
-    def _hand_over_predictions(self) -> None:
-        """Predictions go with the shaft's angle, which joint_states tells for the same stamps or, thinned, for some."""
-        predicted = self._samples["balancing_torque/predicted"]
-        sigmas = self._samples["balancing_torque/predicted_sigma"]
-        joints = self._samples["joint_states"]
-        if not predicted or not joints:
-            return
-        joint_stamps, theta = _columns(joints)
-        stamps, torque = _columns(predicted)
-        count = int(np.searchsorted(stamps, joint_stamps[-1], side="right"))
-        if not count:
-            return
-        stamps, torque = stamps[:count], torque[:count]
-        theta = np.interp(stamps - joint_stamps[0], joint_stamps - joint_stamps[0], theta)
-        sigma = np.full(count, np.nan)
-        if sigmas:
-            sigma_stamps, values = _columns(sigmas)
-            place = np.searchsorted(sigma_stamps, stamps).clip(max=len(sigma_stamps) - 1)
-            sigma = np.where(sigma_stamps[place] == stamps, values[place], np.nan)
-        self._view.add_predicted(stamps + self._shift_ns, theta, torque, sigma)
-        del predicted[:count]
-        _drop_before(sigmas, int(stamps[-1]))
-        _drop_before(joints, int(stamps[-1]))
-
     def _statuses(self) -> list[Status]:
-        inputs = [source.status() for source in self._inputs]
+        inputs = [source.status() for source in self._feed.inputs]
         if self._view.error is not None:
             return [*inputs, Status("view", ERROR, str(self._view.error))]
         dropped = self._view.dropped
         text = f"serving {self._view.url or 'nobody'}"
         return [*inputs, Status("view", WARN if dropped else OK, text, {"samples_not_drawn": dropped})]
-
-
-def _columns(samples: list[Sample]) -> tuple[IntArray, FloatArray]:
-    """Stamps [ns] and values of samples, sorted by stamp."""
-    stamps = np.array([sample[0] for sample in samples], dtype=np.int64)
-    values = np.array([sample[1] for sample in samples])
-    order = np.argsort(stamps, kind="stable")
-    return stamps[order], values[order]
-
-
-def _drop_before(samples: list[Sample], stamp_ns: int) -> None:
-    """Forget what is older than a stamp, but for the newest of it: the next interval begins there."""
-    older = sum(sample[0] < stamp_ns for sample in samples)
-    del samples[: max(older - 1, 0)]
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,0 +1,140 @@
+"""What a view is fed with: the twin's topics in blocks, for a linkage and for a machine of sliding elements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_ros.messages import SECOND_NS
+from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Kind, Sample, SampleInput
+
+if TYPE_CHECKING:
+    from textile_twin_core.views import LiveElements, LiveView
+
+Listen = Callable[[str, Kind, str, Callable[[list[Sample]], None]], SampleInput]
+"""Opens an input: topic, kind, joint, what takes its samples."""
+
+
+class Feed(Protocol):
+    """Inputs that gather samples, and what hands them on."""
+
+    inputs: list[SampleInput]
+
+    def hand_over(self) -> None:
+        """Give the view what has come since the last time."""
+
+
+class LinkageFeed:
+    """Predicted and measured torque, residual and shaft angle of a linkage.
+
+    Args:
+        view: what is fed.
+        listen: opens an input.
+    """
+
+    def __init__(self, view: LiveView, listen: Listen) -> None:
+        self._view = view
+        self._samples: dict[str, list[Sample]] = {}
+        self._shift_ns = 0
+        wrench, joints = TORQUE_READERS["wrench"], ANGLE_READERS["joint_state"]
+        names = ("predicted", "predicted_sigma", "measured", "residual")
+        kinds = {f"balancing_torque/{name}": wrench for name in names} | {"joint_states": joints}
+        self.inputs = []
+        for topic, kind in kinds.items():
+            self._samples[topic] = []
+            self.inputs.append(listen(topic, kind, "main_shaft", self._samples[topic].extend))
+
+    def hand_over(self) -> None:
+        """Give the view what has come since the last time."""
+        self._follow_restart()
+        self._hand_over_predictions()
+        for name, add in (("measured", self._view.add_measured), ("residual", self._view.add_residual)):
+            samples = self._samples[f"balancing_torque/{name}"]
+            if samples:
+                stamps, values = _columns(samples)
+                add(stamps + self._shift_ns, values)
+                samples.clear()
+
+    def _follow_restart(self) -> None:
+        """Where a recording is played once more, the view's time goes on: what comes now is shown a second later."""
+        stamps = [sample[0] for sample in self._samples["joint_states"]]
+        if not stamps or stamps[-1] > max(stamps) - SECOND_NS:
+            return
+        self._shift_ns += max(stamps) - stamps[-1] + SECOND_NS
+        between = (max(stamps) + stamps[-1]) // 2
+        for samples in self._samples.values():
+            samples[:] = [sample for sample in samples if sample[0] < between]
+
+    def _hand_over_predictions(self) -> None:
+        """Predictions go with the shaft's angle, which joint_states tells for the same stamps or, thinned, for some."""
+        predicted = self._samples["balancing_torque/predicted"]
+        sigmas = self._samples["balancing_torque/predicted_sigma"]
+        joints = self._samples["joint_states"]
+        if not predicted or not joints:
+            return
+        joint_stamps, theta = _columns(joints)
+        stamps, torque = _columns(predicted)
+        count = int(np.searchsorted(stamps, joint_stamps[-1], side="right"))
+        if not count:
+            return
+        stamps, torque = stamps[:count], torque[:count]
+        theta = np.interp(stamps - joint_stamps[0], joint_stamps - joint_stamps[0], theta)
+        sigma = np.full(count, np.nan)
+        if sigmas:
+            sigma_stamps, values = _columns(sigmas)
+            place = np.searchsorted(sigma_stamps, stamps).clip(max=len(sigma_stamps) - 1)
+            sigma = np.where(sigma_stamps[place] == stamps, values[place], np.nan)
+        self._view.add_predicted(stamps + self._shift_ns, theta, torque, sigma)
+        del predicted[:count]
+        _drop_before(sigmas, int(stamps[-1]))
+        _drop_before(joints, int(stamps[-1]))
+
+
+class ElementFeed:
+    """Positions and velocities of a machine's elements, which are the joints of its joint states.
+
+    Args:
+        view: what is fed.
+        elements: their names, in the view's order.
+        listen: opens an input.
+    """
+
+    def __init__(self, view: LiveElements, elements: tuple[str, ...], listen: Listen) -> None:
+        self._view = view
+        self._samples: list[list[Sample]] = [[] for _ in elements]
+        self._newest_ns, self._shift_ns = 0, 0
+        self.inputs = [
+            listen("joint_states", ANGLE_READERS["joint_state"], element, samples.extend)
+            for element, samples in zip(elements, self._samples, strict=True)
+        ]
+
+    def hand_over(self) -> None:
+        """Give the view the messages that all elements have been read from."""
+        count = min(map(len, self._samples))
+        if not count:
+            return
+        stamps = np.array([sample[0] for sample in self._samples[0][:count]], dtype=np.int64)
+        if stamps[0] < self._newest_ns - SECOND_NS:  # played once more: the view's time goes on
+            self._shift_ns += self._newest_ns - int(stamps[0]) + SECOND_NS
+        self._newest_ns = int(stamps[-1])
+        values = np.array([[sample[1:] for sample in samples[:count]] for samples in self._samples])
+        self._view.add_motion(stamps + self._shift_ns, values[:, :, 0].T, values[:, :, 1].T)
+        for samples in self._samples:
+            del samples[:count]
+
+
+def _columns(samples: list[Sample]) -> tuple[IntArray, FloatArray]:
+    """Stamps [ns] and values of samples, sorted by stamp."""
+    stamps = np.array([sample[0] for sample in samples], dtype=np.int64)
+    values = np.array([sample[1] for sample in samples])
+    order = np.argsort(stamps, kind="stable")
+    return stamps[order], values[order]
+
+
+def _drop_before(samples: list[Sample], stamp_ns: int) -> None:
+    """Forget what is older than a stamp, but for the newest of it: the next interval begins there."""
+    older = sum(sample[0] < stamp_ns for sample in samples)
+    del samples[: max(older - 1, 0)]

@@ -1,0 +1,123 @@
+"""Sliding elements of a contact machine in a recording: blocks that move on their line, their motion over time."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.views import palette
+from textile_twin_core.views.layout import TIMELINE
+
+if TYPE_CHECKING:
+    from textile_twin_core.machine import ContactMachine
+
+_LENGTH, _HEIGHT, _PITCH = 0.55, 0.12, 0.2
+"""Of an element's block, and from one to the next across the line; in the longest stroke."""
+
+
+class ElementDrawing:
+    """Draws a machine's elements; positions come as arrays (n, elements), in the order of `machine.elements`.
+
+    Args:
+        machine: the machine.
+        stream: where to.
+        frames_hz: most pictures of the blocks in a second.
+    """
+
+    def __init__(self, machine: ContactMachine, stream: rr.RecordingStream, frames_hz: float) -> None:
+        self._machine, self._stream = machine, stream
+        self._frame_s, self._next_frame_s = 1.0 / frames_hz, -math.inf
+        angles = np.linspace(0.0, 2.0 * math.pi, 721)
+        travel = np.array([machine.law.evaluate(angle) for angle in angles.tolist()])
+        self._low, self._stroke = float(travel.min()), max(float(np.ptp(travel)), 1e-3)
+
+    def blueprint(self, window_s: float) -> rrb.Blueprint:
+        """The layout: the blocks above, positions and velocities over the last seconds below."""
+        axis = rrb.TimeAxis(
+            view_range=rrb.TimeRange(
+                start=rrb.TimeRangeBoundary.cursor_relative(seconds=-window_s),
+                end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.05 * window_s),
+            )
+        )
+        stroke, rows = self._stroke, len(self._machine.elements)
+        farthest = max(self._low, *self._machine.start, *(pad.position_m for pad in self._machine.pads))
+        bounds = rrb.VisualBounds2D(
+            x_range=(self._low - 0.35 * stroke, farthest + (1.35 + _LENGTH) * stroke),
+            y_range=(-0.3 * stroke, rows * _PITCH * stroke + 0.15 * stroke),
+        )
+        plots = [
+            rrb.TimeSeriesView(
+                name=name,
+                origin=origin,
+                axis_x=axis,
+                background=rrb.archetypes.PlotBackground(color=palette.BACKGROUND, show_grid=True),
+                plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+            )
+            for name, origin in (("Position [mm]", "position"), ("Velocity [m/s]", "velocity"))
+        ]
+        blocks = rrb.Spatial2DView(
+            name=f"Machine: {self._machine.name}",
+            origin="elements",
+            background=palette.BACKGROUND,
+            visual_bounds=bounds,
+        )
+        return rrb.Blueprint(
+            rrb.Vertical(blocks, *plots, row_shares=[1.2, 1.5, 1.0]),
+            rrb.BlueprintPanel(state="collapsed"),
+            rrb.SelectionPanel(state="collapsed"),
+            rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+            auto_layout=False,
+            auto_views=False,
+        )
+
+    def prepare(self) -> None:
+        """Draw what does not move."""
+        stroke = self._stroke
+        size = [[_LENGTH * stroke, _HEIGHT * stroke]]
+        for number, element in enumerate(self._machine.elements):
+            colour = palette.LINKS[number]
+            for plot in ("position", "velocity"):
+                self._stream.log(
+                    f"{plot}/{element}", rr.SeriesLines(colors=[colour], names=[element], widths=[1.8]), static=True
+                )
+            centre = [[0.5 * _LENGTH * stroke, 0.0]]
+            block = rr.Boxes2D(sizes=size, centers=centre, colors=[colour])
+            self._stream.log(f"elements/{element}", block, static=True)
+        end = len(self._machine.elements) * _PITCH * stroke
+        for pad in self._machine.pads:
+            line = [[pad.position_m, -0.1 * stroke], [pad.position_m, end]]
+            drawn = rr.LineStrips2D([line], radii=[-1.2], colors=[palette.LIMIT], labels=[f"face of {pad.name}"])
+            self._stream.log(f"elements/pads/{pad.name}", drawn, static=True)
+
+    def motion(self, time_s: FloatArray, positions_m: FloatArray, velocities_m_s: FloatArray) -> None:
+        """Draw the elements at times (n,): positions and velocities (n, elements)."""
+        frames = self._frames(time_s)
+        for number, element in enumerate(self._machine.elements):
+            place = positions_m[:, number]
+            self._scalars(f"position/{element}", time_s, place * 1e3)
+            self._scalars(f"velocity/{element}", time_s, velocities_m_s[:, number])
+            if frames.size:
+                across = np.full(frames.size, number * _PITCH * self._stroke)
+                moved = np.column_stack([place[frames], across, np.zeros(frames.size)]).astype(np.float32)
+                columns = rr.Transform3D.columns(translation=moved)
+                self._stream.send_columns(f"elements/{element}", _times(time_s[frames]), columns)
+
+    def _scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
+        self._stream.send_columns(entity, _times(time_s), rr.Scalars.columns(scalars=values))
+
+    def _frames(self, time_s: FloatArray) -> IntArray:
+        frames = []
+        for k, now in enumerate(time_s.tolist()):
+            if now >= self._next_frame_s:
+                frames.append(k)
+                self._next_frame_s = now + self._frame_s
+        return np.array(frames, dtype=np.int64)
+
+
+def _times(time_s: FloatArray) -> list[rr.TimeColumn]:
+    return [rr.TimeColumn(TIMELINE, duration=np.round(time_s * 1e9).astype("timedelta64[ns]"))]

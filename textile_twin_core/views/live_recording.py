@@ -1,0 +1,116 @@
+"""Live recording: blocks of samples drawn by a thread of its own, served to rerun viewers that come and go."""
+
+from __future__ import annotations
+
+import os
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Self
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.errors import TwinError
+from textile_twin_core.views.buffer import Block, Buffer
+from textile_twin_core.views.port import Port
+
+
+class LiveRecording(ABC):
+    """What live views share: buffers, the thread that draws, server and file.
+
+    Blocks of samples are put into bounded buffers at once; every `flush_s` they are drawn. When drawing cannot keep up
+    the oldest blocks are dropped and counted.
+
+    Args:
+        kinds: names of the buffers.
+        flush_s: time between drawings.
+        buffer_samples: samples that each buffer holds at most.
+    """
+
+    def __init__(self, kinds: Sequence[str], flush_s: float = 0.1, buffer_samples: int = 200_000) -> None:
+        self._flush_s = flush_s
+        self._buffers = {name: Buffer(buffer_samples) for name in kinds}
+        self._origin: int | None = None
+        self._stream = rr.RecordingStream("textile-twin")
+        self._port: Port | None = None
+        self.url: str | None = None
+        self._stop = threading.Event()
+        self._error: BaseException | None = None
+        self._worker = threading.Thread(target=self._work, name="live view", daemon=True)
+
+    @abstractmethod
+    def _draw(self, blocks: dict[str, Block]) -> None:
+        """Draw what has come since the last time, by kind; for the drawing thread."""
+
+    @property
+    def dropped(self) -> int:
+        """Samples dropped because drawing could not keep up."""
+        return sum(buffer.dropped for buffer in self._buffers.values())
+
+    @property
+    def error(self) -> BaseException | None:
+        """What ended the drawing thread, None while all is well."""
+        return self._error
+
+    def close(self) -> None:
+        """Draw what is left, end the thread and close file and server."""
+        if self._stop.is_set():
+            return
+        self._stop.set()
+        self._worker.join(timeout=10.0)
+        self._stream.disconnect()
+        if self._port is not None:
+            self._port.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _begin(
+        self, blueprint: rrb.Blueprint, host: str, port: int | None, path: str | os.PathLike[str] | None, memory: str
+    ) -> None:
+        """Serve and write, and begin to draw.
+
+        Raises:
+            TwinError: neither port nor path is given, no port is free, or the file cannot be written.
+        """
+        if port is None and path is None:
+            raise TwinError("a live view needs a port to serve on or a file to write to")
+        sinks: list[rr.GrpcServerSink | rr.FileSink] = []
+        if port is not None:
+            self._port = Port(host, port)  # the server would only log that it could not listen
+        try:
+            if path is not None:
+                sinks.append(rr.FileSink(path))
+            if self._port is not None:
+                server = rr.GrpcServerSink(host, self._port.number, server_memory_limit=memory)
+                sinks.append(server)
+                self.url = str(server.uri)
+            self._stream.set_sinks(*sinks, default_blueprint=blueprint)
+        except Exception as error:
+            raise TwinError(f"cannot serve a live view on {host}:{port} or write {path}: {error}") from error
+
+    def _work(self) -> None:
+        try:
+            while not self._stop.wait(self._flush_s):
+                self._take_and_draw()
+            self._take_and_draw()
+        except Exception as error:  # the thread's owner asks for it; a view must not end a node
+            self._error = error
+
+    def _take_and_draw(self) -> None:
+        self._draw({name: block for name, buffer in self._buffers.items() if (block := buffer.take())})
+
+    def _put(self, name: str, stamps_ns: IntArray, *columns: FloatArray) -> None:
+        stamps = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
+        if stamps.size == 0:
+            return
+        if self._origin is None:
+            self._origin = int(stamps[0])
+        time = np.asarray((stamps - self._origin) * 1e-9, dtype=np.float64)
+        self._buffers[name].put((time, *(np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in columns)))
