@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 import statistics
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.select import Select
@@ -14,6 +17,8 @@ from selenium.webdriver.support.select import Select
 import textile_twin_core as ttc
 from tests.explore.browser import CHROMIUM, DRIVER, Page, served
 from tests.explore.soak import soak
+
+BAG = Path(__file__).resolve().parents[2] / "bags" / "tufting_160rpm_synthetic"
 
 pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="no chromium with chromium-driver here (apt-get install chromium chromium-driver)"
@@ -121,6 +126,59 @@ def test_search_shows_its_front_stops_and_a_point_becomes_the_design(page: Page)
     page.find("#tolerate").click()
     page.until(lambda: page.driver.find_elements(By.ID, "scrap"))
     assert "Scrap rate" in page.text("#scrap")
+
+
+def test_hands_on_the_tufting_machine_under_its_recording(browser: Page) -> None:
+    page = browser
+    with served("tufting", "--recording", str(BAG)) as (_, address):
+        page.driver.execute_script("sessionStorage.clear()")
+        page.open(address)
+        assert len(page.find("#charts .recording").get_attribute("d") or "") > 1000
+        linkage = page.find("#linkage")
+
+        def angle() -> float:
+            return float(linkage.get_attribute("aria-valuenow") or "nan")
+
+        _drag_the_crank(page, 50.0)
+        assert angle() == pytest.approx(50.0, abs=3.0)
+        ActionChains(page.driver).move_to_element(page.find(".chart")).click().perform()
+        assert 140.0 < angle() < 200.0
+        page.type("coupler_along", "60")
+        page.type("coupler_across", "30")
+        assert len(page.find("#linkage .coupler").get_attribute("d") or "") > 100
+        page.answered(lambda: page.find("#pin").click())
+        page.answered(lambda: page.type("p_l1_m", "17"))
+        shown = page.text("[data-number=needle_stroke_m]").split()
+        assert shown == ["needle", "stroke", "37.155", "32.788", "mm"]
+        page.answered(lambda: page.find("body").send_keys(Keys.CONTROL + "z"))
+        page.moved("s_l2_m", 0.5 * 138.0)  # beyond a change point, and back
+        assert "it opens at a shaft angle of" in page.text("#problem")
+        page.moved("s_l2_m", 138.0)
+        assert not page.find("#problem").is_displayed() and page.number("needle_stroke_m") == pytest.approx(32.788)
+        page.find("#tab_tolerance").click()
+        page.find("#sense").click()
+        page.until(lambda: "backing" not in page.text("#spread") and "entry plane" in page.text("#spread"))
+        page.find("#tab_balance").click()
+        page.answered(lambda: page.find("[data-balance=counterweight]").click())
+        assert "RMS gravity torque 0.3936 to 0.00461 N m" in page.text("#balance_says")
+
+
+def _drag_the_crank(page: Page, degrees: float) -> None:
+    """With the mouse on the crank's line, far out for an exact hand, about its pivot."""
+    places = page.driver.execute_script(
+        "return Object.fromEntries([...document.querySelectorAll('#linkage text')].map("
+        "t => [t.textContent, [+t.getAttribute('x') - 7, +t.getAttribute('y') + 7]]))"
+    )
+    pivot, end = complex(*places["O"]), complex(*places["A"])
+    linkage = page.find("#linkage")
+    middle = complex(linkage.rect["width"], linkage.rect["height"]) / 2.0
+    hand = ActionChains(page.driver)
+    for k in range(6):
+        place = pivot + 10.0 * (end - pivot) * cmath.exp(-1j * math.radians(degrees * k / 5)) - middle
+        hand.move_to_element_with_offset(linkage, round(place.real), round(place.imag))
+        if k == 0:
+            hand.click_and_hold()
+    hand.release().perform()
 
 
 def test_two_tabs_hold_two_designs(page: Page, address: str) -> None:
