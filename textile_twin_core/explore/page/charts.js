@@ -66,6 +66,7 @@ export class Charts {
       right -= 6.2 * (names[k].length + (names.length < 4 ? 11 : 2)) + 8;
       svg.append(text);
     }
+    if (measured) svg.append(draw("text", { x: right, y: 13, "text-anchor": "end", style: "fill: var(--c6)" }, "• measured"));
     const cursor = draw("line", { y1: top, y2: bottom, stroke: "var(--ink)", "stroke-width": 1 });
     svg.append(cursor);
     const turn = (event) => {
