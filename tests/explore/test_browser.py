@@ -161,6 +161,8 @@ def test_hands_on_the_tufting_machine_under_its_recording(browser: Page) -> None
         page.find("#tab_balance").click()
         page.answered(lambda: page.find("[data-balance=counterweight]").click())
         assert "RMS gravity torque 0.3936 to 0.00461 N m" in page.text("#balance_says")
+        page.driver.get("about:blank")  # before the server ends
+        assert page.complaints == []
 
 
 def _drag_the_crank(page: Page, degrees: float) -> None:
