@@ -65,6 +65,7 @@ class Suite:
         self.environment = os.environ | node_environment(folder, self.domain)
         self.processes: list[Program] = []
         self._context: Context | None = None
+        self._nodes: list[Node] = []
 
     def start(self, node: str, *parameters: str, remaps: Sequence[str] = ()) -> Program:
         """Start a node with parameters written as name:=value."""
@@ -86,6 +87,7 @@ class Suite:
             self._executor = create_executor(self._executor_name, self._context)
         node = Node("test", context=self._context)
         self._executor.add_node(node)
+        self._nodes.append(node)
         return node
 
     def spin_until(self, condition: Callable[[], object], what: str) -> None:
@@ -118,6 +120,9 @@ class Suite:
         for program in self.processes:
             program.end(signal.SIGKILL)
         if self._context is not None:
+            for node in self._nodes:  # the middleware's threads must find none of them when the executor is gone
+                self._executor.remove_node(node)
+                node.destroy_node()
             self._executor.shutdown()
             rclpy.shutdown(context=self._context)
         self._claim.close()
