@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual
 from textile_twin_core.machine import AnyMachine
+from textile_twin_core.twin import HistoryTwin, Twin
 from textile_twin_core.twin.session import Sample
 from textile_twin_ros.messages import (
     JOINT_STATE,
@@ -27,7 +28,8 @@ SIGMA_TOPIC = "balancing_torque/predicted_sigma"
 RESIDUAL_TOPIC = "balancing_torque/residual"
 
 
-CompileTwin: TypeAlias = Callable[[tuple[str, ...]], Any]
+CompiledTwin: TypeAlias = Twin | HistoryTwin
+CompileTwin: TypeAlias = Callable[[tuple[str, ...]], CompiledTwin]
 
 
 class Output(Protocol):
@@ -113,7 +115,7 @@ class JointOutput:
         self._count = len(positions)
         self._values = *positions, *velocities
         self._thinning, self._compile = Thinning(rate_hz), compile_twin
-        self._twin: Any = None
+        self._twin: CompiledTwin | None = None
 
     def message(self, sample: Sample) -> bytes | None:
         """A JointState."""
@@ -175,9 +177,9 @@ def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float], compile_
 
 def twins_of(machine: AnyMachine) -> CompileTwin:
     """Compiles twins of a machine and keeps each that it has made."""
-    made: dict[tuple[str, ...], Any] = {}
+    made: dict[tuple[str, ...], CompiledTwin] = {}
 
-    def compile_twin(outputs: tuple[str, ...]) -> Any:
+    def compile_twin(outputs: tuple[str, ...]) -> CompiledTwin:
         if outputs not in made:
             made[outputs] = ttc.compile(machine, outputs=outputs)
         return made[outputs]
