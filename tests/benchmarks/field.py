@@ -77,7 +77,8 @@ def kills(suite: Suite, times: int) -> None:
     for number in range(times):
         bag = suite.folder / f"killed_{number}"
         recorder = suite.start("record_node", f"bag:={bag}", "topics:=[main_shaft/angle]")
-        while not _messages_on_disk(bag):
+        recorder.wait_for_words("recording to")
+        while recorder.process.poll() is None and not _messages_on_disk(bag):
             time.sleep(0.1)
         time.sleep(choice.uniform(0.5, 2.5))
         killed_ns = time.time_ns()

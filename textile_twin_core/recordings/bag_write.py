@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
@@ -11,19 +11,19 @@ from typing import Any, Self
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import OutputError, RecordingError
 from textile_twin_core.files.atomic import check_folder, partial_path, put_in_place, remove
-from textile_twin_core.recordings import cdr_encode, rosbag2_metadata
-from textile_twin_core.recordings.bag import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
+from textile_twin_core.recordings import rosbag2_metadata
+from textile_twin_core.recordings.bag_arrays import ArrayWriter
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
 from textile_twin_core.recordings.mcap_write import McapFileWriter
+from textile_twin_core.recordings.output_place import check_replaceable, is_empty_folder
 from textile_twin_core.recordings.recording import Progress, Recording
 from textile_twin_core.recordings.rosbag2_metadata import FileInfo, OfferedQos, TopicInfo
 from textile_twin_core.recordings.schemas import MessageSchema, message_schema
 
 _FLUSH_SECONDS = 1.0
-_OF_A_RECORDING = (".yaml", ".mcap", ".db3", ".zstd")
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class _CompleteFile:
     bytes: int
 
 
-class BagWriter:
+class BagWriter(ArrayWriter):
     """Writes one recording; use as a context manager.
 
     A path that ends in .mcap gives a single file, any other a rosbag2 folder with metadata.yaml. It grows in
@@ -64,10 +64,10 @@ class BagWriter:
         self._live = live
         self._single = self.path.suffix == ".mcap"
         if self.path.exists():
-            _check_replaceable(self.path, overwrite)
+            check_replaceable(self.path, overwrite)
         check_folder(self.path)
         self._place = self.path if live else partial_path(self.path)
-        if not live or not _is_empty_folder(self.path):
+        if not live or not is_empty_folder(self.path):
             remove(self._place)
         if not self._single:
             self._place.mkdir(exist_ok=live)
@@ -140,56 +140,6 @@ class BagWriter:
             for i in range(len(block)):
                 self._file.write(channel, int(block.log_times_ns[i]), block.message(i))
         self._flush_when_due()
-
-    def write_joint_states(
-        self,
-        topic: str,
-        stamps_ns: IntArray,
-        names: Sequence[str],
-        positions: FloatArray | None,
-        velocities: FloatArray | None = None,
-        efforts: FloatArray | None = None,
-        frame_id: str = "",
-        log_times_ns: IntArray | None = None,
-    ) -> None:
-        """Append JointStates: values (n, joints), or (n,) for one joint; None leaves a field empty.
-
-        Here and in the functions below the topic is declared if need be, and log times default to the stamps.
-        """
-        rows = cdr_encode.encode_joint_states(stamps_ns, names, positions, velocities, efforts, frame_id)
-        self._write_rows(topic, JOINT_STATE, stamps_ns if log_times_ns is None else log_times_ns, rows)
-
-    def write_wrenches(
-        self,
-        topic: str,
-        stamps_ns: IntArray,
-        torque_z: FloatArray,
-        frame_id: str = "main_shaft",
-        log_times_ns: IntArray | None = None,
-    ) -> None:
-        """Append WrenchStamped messages with a torque about z, (n,) in N m."""
-        rows = cdr_encode.encode_wrenches(stamps_ns, torque_z, frame_id)
-        self._write_rows(topic, WRENCH, stamps_ns if log_times_ns is None else log_times_ns, rows)
-
-    def write_points(
-        self,
-        topic: str,
-        stamps_ns: IntArray,
-        points_m: FloatArray,
-        frame_id: str = "base",
-        log_times_ns: IntArray | None = None,
-    ) -> None:
-        """Append PointStamped messages, points (n, 3) in m."""
-        rows = cdr_encode.encode_points(stamps_ns, points_m, frame_id)
-        self._write_rows(topic, POINT, stamps_ns if log_times_ns is None else log_times_ns, rows)
-
-    def write_floats(self, topic: str, log_times_ns: IntArray, values: FloatArray) -> None:
-        """Append Float64 messages, values (n,)."""
-        self._write_rows(topic, FLOAT64, log_times_ns, cdr_encode.encode_floats(values))
-
-    def write_events(self, topic: str, stamps_ns: IntArray, frame_id: str = "main_shaft") -> None:
-        """Append Header messages, which tell when something was: an edge, an index pulse."""
-        self._write_rows(topic, HEADER, stamps_ns, cdr_encode.encode_headers(stamps_ns, frame_id))
 
     def _write_rows(self, topic: str, msgtype: str, log_times_ns: IntArray, rows: Bytes) -> None:
         self.add_topic(topic, msgtype)
@@ -291,23 +241,6 @@ class BagWriter:
             self._file.abandon()
             if not self._live:
                 remove(self._place)
-
-
-def _check_replaceable(path: Path, overwrite: bool) -> None:
-    """Only a recording or an empty folder is replaced, the first only when that is asked for."""
-    if not overwrite and not _is_empty_folder(path):
-        raise OutputError(
-            f"output {path}: is there already; choose another name, or have it replaced"
-            " (--force on the command line, overwrite:=true for a node)"
-        )
-    entries = path.iterdir() if path.is_dir() else [path]
-    others = sorted(entry.name for entry in entries if entry.suffix not in _OF_A_RECORDING or entry.is_dir())
-    if others:
-        raise OutputError(f"output {path}: holds {others[0]}, which is no part of a recording; choose another name")
-
-
-def _is_empty_folder(path: Path) -> bool:
-    return path.is_dir() and not any(path.iterdir())
 
 
 def _absolute(topic: str) -> str:

@@ -7,7 +7,6 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
@@ -19,62 +18,15 @@ from mcap.records import Channel, Metadata, Schema, Statistics
 
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
+from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock
+from textile_twin_core.recordings.mcap_parts import LEAST_MESSAGE, Messages, Part, decompress, find_gaps, what_it_is
 from textile_twin_core.recordings.rosbag2_metadata import OfferedQos, TopicInfo
 from textile_twin_core.recordings.schemas import MessageSchema
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
-_LEAST_MESSAGE = 22
-"""Bytes of a message record before its CDR."""
 _LOOSE_BYTES = 1 << 20
 """Unchunked messages are handed on in blocks of about this many bytes."""
-
-
-def _decompress(compression: str, data: bytes, size: int) -> bytes:
-    if compression == "zstd":
-        import zstandard
-
-        return zstandard.decompress(data, size)
-    if compression == "lz4":
-        import lz4.frame
-
-        unpacked: bytes = lz4.frame.decompress(data)
-        return unpacked
-    if compression:
-        raise ValueError(f"compression {compression[:16]!r} is not known")
-    return data
-
-
-@dataclass
-class Part:
-    """A chunk, or a stretch of messages outside chunks: where it lies and, if the file tells, what it has."""
-
-    start: int
-    end: int
-    first_ns: int
-    last_ns: int
-    chunked: bool
-    index: dict[int, IntArray] = field(default_factory=dict)
-    """Channel -> rows (log time, offset) of its messages; empty when the file does not tell."""
-
-
-@dataclass
-class Messages:
-    """All messages of one part: one entry per message, in the order of the file."""
-
-    buffer: Bytes
-    heads: IntArray
-
-    def channels(self) -> IntArray:
-        """Channel of each message."""
-        return gather(self.buffer, self.heads + 9, "<u2").astype(np.int64)
-
-    def block(self, which: IntArray) -> MessageBlock:
-        """The chosen messages."""
-        heads = self.heads[which]
-        sizes = gather(self.buffer, heads + 1, "<u8").astype(np.int64) - 22
-        return MessageBlock(self.buffer, heads + 31, sizes, gather(self.buffer, heads + 15, "<u8").astype(np.int64))
 
 
 class McapFile:
@@ -96,7 +48,7 @@ class McapFile:
             with path.open("rb") as file:
                 head = file.read(len(MAGIC))
                 if head != MAGIC:
-                    raise RecordingError(f"{path}: {_what_it_is(head)}; give a rosbag2 folder or an .mcap file")
+                    raise RecordingError(f"{path}: {what_it_is(head)}; give a rosbag2 folder or an .mcap file")
                 self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error
@@ -159,7 +111,7 @@ class McapFile:
         loose: Part | None = None
         indexed: Part | None = None  # the chunk whose index follows
         for opcode, start, end in self._walk(self._map, len(MAGIC), len(self._map)):
-            if opcode == Opcode.MESSAGE and end - start >= 9 + _LEAST_MESSAGE:
+            if opcode == Opcode.MESSAGE and end - start >= 9 + LEAST_MESSAGE:
                 (time,) = struct.unpack_from("<Q", self._map, start + 15)
                 if loose is None or start - loose.start > _LOOSE_BYTES:
                     loose = Part(start, end, time, time, chunked=False)
@@ -225,7 +177,7 @@ class McapFile:
         compression = self._map[name_start : name_start + name_length].decode(errors="replace")
         data = self._map[name_start + name_length + 8 : part.end]
         try:
-            unpacked = _decompress(compression, data, size)
+            unpacked = decompress(compression, data, size)
         except ImportError as error:
             raise RecordingError(f"{self.path}: compressed with {compression}; pip install {error.name}") from error
         except (ValueError, RuntimeError) as error:
@@ -243,18 +195,18 @@ class McapFile:
         """Messages of a part, found by its index where that is complete, by walking where it is not."""
         if not part.chunked:
             records = self._walk(self._map, part.start, part.end)
-            found = [s for opcode, s, end in records if opcode == Opcode.MESSAGE and end - s >= 9 + _LEAST_MESSAGE]
+            found = [s for opcode, s, end in records if opcode == Opcode.MESSAGE and end - s >= 9 + LEAST_MESSAGE]
             return Messages(self._bytes, np.array(found, np.int64))
         unpacked = self._unpack(part)
         buffer: Bytes = np.frombuffer(unpacked, np.uint8)
         heads = self._indexed(buffer, part)
-        gaps = _gaps(buffer, heads)
+        gaps = find_gaps(buffer, heads)
         if gaps is None:
             heads, gaps = np.empty(0, np.int64), [(0, len(buffer))]
         extra: list[int] = []
         for gap_start, gap_end in gaps:
             for opcode, start, end in self._walk(unpacked, gap_start, gap_end):
-                if opcode == Opcode.MESSAGE and end - start >= 9 + _LEAST_MESSAGE:
+                if opcode == Opcode.MESSAGE and end - start >= 9 + LEAST_MESSAGE:
                     extra.append(start)
                 elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     self._record(opcode, unpacked[start + 9 : end])
@@ -281,34 +233,3 @@ class McapFile:
                 progress(len(which))
             if len(which):
                 yield messages.block(which)
-
-
-def _gaps(buffer: Bytes, heads: IntArray) -> list[tuple[int, int]] | None:
-    """Stretches of the chunk that its indexed messages leave; None when the index does not fit the chunk."""
-    if len(heads) == 0:
-        return [(0, len(buffer))]
-    if heads[0] < 0 or heads[-1] > len(buffer) - 31 or not (buffer[heads] == Opcode.MESSAGE).all():
-        return None
-    lengths = gather(buffer, heads + 1, "<u8")
-    if (lengths > len(buffer)).any() or (lengths < _LEAST_MESSAGE).any():
-        return None
-    ends = heads + 9 + lengths.astype(np.int64)
-    starts_of_gaps = np.concatenate([[0], ends])
-    ends_of_gaps = np.concatenate([heads, [len(buffer)]])
-    if (ends_of_gaps < starts_of_gaps).any():
-        return None
-    wide = np.flatnonzero(ends_of_gaps > starts_of_gaps)
-    return [(int(starts_of_gaps[k]), int(ends_of_gaps[k])) for k in wide]
-
-
-def _what_it_is(head: bytes) -> str:
-    """What a file that is no MCAP file seems to be, from its first bytes."""
-    if not head:
-        return "the file is empty"
-    if head.startswith(b"#ROSBAG"):
-        return "a ROS 1 bag, convert it first (rosbags-convert --src FILE --dst FOLDER)"
-    if head.startswith(b"SQLite"):
-        return "an SQLite file without its rosbag2 folder, give the folder with metadata.yaml"
-    if head.startswith(b"RRF"):
-        return "a rerun recording, no bag"
-    return "not a bag"

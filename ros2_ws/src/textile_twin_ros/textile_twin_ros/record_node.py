@@ -6,35 +6,26 @@ import time
 from collections import Counter
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
-from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from textile_twin_core.errors import RecordingError, SceneError, TwinError
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
-from textile_twin_ros.endpoints import depth_for, describe_publishers, offered_qos, recording_qos
-from textile_twin_ros.messages import message_class
-from textile_twin_ros.own_topics import OwnTopics
+from textile_twin_ros.endpoints import depth_for
 from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.record_inlets import Inlets
 from textile_twin_ros.recording_place import RecordingPlace
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
 
 if TYPE_CHECKING:
     from textile_twin_core.recordings import BagWriter
 
-# What nodes tell each other, not what a machine does.
-_OWN_BUSINESS = ("/rosout", "/parameter_events")
 # Goes on for as long as any node lives.
-_DIAGNOSTICS = "/diagnostics"
-_NEVER_SILENT = (_DIAGNOSTICS, "/clock")
+_NEVER_SILENT = ("/diagnostics", "/clock")
 _LOOK_S = 0.1
 _HOUSEKEEPING_S = 0.25
 _AFTERMATH_S = 1.5
@@ -87,27 +78,22 @@ class RecordNode(Node):
         self._place = RecordingPlace(self.settings.bag, self.settings.folder, self.get_namespace())
         self.executor_name = self.settings.executor
         self.finished = Future()
-        self._types = dict(self._parse_type(text) for text in self.settings.types)
-        self._wanted = {self.resolve_topic_name(topic) for topic in self.settings.topics}
         self._enough = dict(self._parse_count(text) for text in self.settings.stop_after)
-        self._inlets: dict[str, Subscription] = {}
-        self._refused: set[str] = set()
-        self._own = OwnTopics(self.get_namespace())
         self._writer: BagWriter | None = None
         self._open_files = ExitStack()
         self.counts: Counter[str] = Counter()
         self._last = self._retained = time.monotonic()
         self._anything = self._told_silent = False
-        for topic in self._wanted & set(self._types):
-            self._subscribe(topic, self._types[topic])
+        depth = depth_for(self.settings.rate_hz, self.settings.queue_s)
+        self._inlets = Inlets(self, self.settings.topics, self.settings.types, depth, self._take)
         if self.settings.start:
             self._open()
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
-        call_every(self, _LOOK_S, self._discover)
+        call_every(self, _LOOK_S, self._inlets.discover)
         call_every(self, _HOUSEKEEPING_S, self._keep_house)
         self._diagnostics = DiagnosticsPublisher(self, lambda: "", self._statuses)
-        self._discover()
+        self._inlets.discover()
 
     def close(self) -> None:
         """Complete the recording and say what is in it."""
@@ -116,6 +102,7 @@ class RecordNode(Node):
         if self._writer is None:
             return
         path, self._writer = self._writer.path, None
+        self._inlets.write_to(None)
         self._open_files.close()
         if self._place.by_time and not self._anything:
             remove(path)
@@ -123,12 +110,6 @@ class RecordNode(Node):
             return
         counts = ", ".join(f"{topic} {count}" for topic, count in sorted(self.counts.items()) if count)
         print(f"recorded {self.counts.total()} messages in {path}: {counts or 'nothing came'}", flush=True)
-
-    def _parse_type(self, text: str) -> tuple[str, str]:
-        topic, _, msgtype = text.partition("=")
-        if not topic or not msgtype:
-            raise SceneError(f"parameter 'types': '{text}' is not written as topic=package/msg/Type")
-        return self.resolve_topic_name(topic), msgtype
 
     def _parse_count(self, text: str) -> tuple[str, int]:
         topic, _, count = text.partition("=")
@@ -153,44 +134,11 @@ class RecordNode(Node):
         self.counts.clear()
         self._anything = False
         self._last = time.monotonic()
-        for topic, subscription in self._inlets.items():
-            self._declare(topic, subscription)
+        self._inlets.write_to(writer)
         self.get_logger().info(f"recording to {path}")
 
-    def _declare(self, topic: str, subscription: Subscription) -> None:
-        if self._writer is not None:
-            qos = offered_qos(subscription.qos_profile)
-            self._writer.add_topic(topic, self._types[topic], qos)
-
-    def _discover(self) -> None:
-        """Subscribe to wanted topics whose type is known by now."""
-        if self._wanted and self._wanted <= self._inlets.keys():
-            return
-        there = self.get_topic_names_and_types()
-        self._own.learn(topic for topic, _ in there)
-        for topic, types in there:
-            if topic in self._inlets or topic in self._refused:
-                continue
-            wanted = topic in self._wanted if self._wanted else topic not in _OWN_BUSINESS and self._own.has(topic)
-            if wanted and self.count_publishers(topic):
-                self._subscribe(topic, types[0])
-
-    def _subscribe(self, topic: str, msgtype: str) -> None:
-        try:
-            message_type = message_class(msgtype)
-        except LookupError as error:
-            self._refused.add(topic)
-            self.get_logger().error(f"{topic} is not recorded: {error}")
-            return
-        depth = depth_for(self.settings.rate_hz, self.settings.queue_s)
-        qos: QoSProfile = recording_qos(self.get_publishers_info_by_topic(topic), depth)
-        self._types[topic] = msgtype
-        subscription = self.create_subscription(message_type, topic, partial(self._take, topic), qos, raw=True)
-        self._inlets[topic] = subscription
-        self._declare(topic, subscription)
-
     def _take(self, topic: str, raw: bytes) -> None:
-        if self._writer is None or (topic == _DIAGNOSTICS and self._is_anothers(raw)):
+        if self._writer is None or self._inlets.is_anothers(topic, raw):
             return
         try:
             self._writer.write(topic, time.time_ns(), raw)
@@ -201,11 +149,6 @@ class RecordNode(Node):
         if topic not in _NEVER_SILENT:
             self._last = time.monotonic()
             self._anything = True
-
-    def _is_anothers(self, raw: bytes) -> bool:
-        """Whether diagnostics, a topic that all machines share, are of another machine's node."""
-        array = deserialize_message(raw, DiagnosticArray)
-        return not self._wanted and not all(self._own.speaks_of(status.name) for status in array.status)
 
     def _keep_house(self) -> None:
         if self._writer is None:
@@ -235,6 +178,7 @@ class RecordNode(Node):
     def _give_up(self, path: Path, error: OSError) -> None:
         """The disk takes no more: what is on it stays, the node ends."""
         self._writer = None
+        self._inlets.write_to(None)
         with suppress(TwinError, OSError):
             self._open_files.close()
         reason = f"{path}: {error.strerror or error}: the recording ends after {self.counts.total()} messages"
@@ -242,16 +186,14 @@ class RecordNode(Node):
             self.finished.set_exception(RecordingError(f"{reason}; make room, and keep it with textile-twin recover"))
 
     def _silence(self) -> str:
-        if not self._wanted:
+        wanted = self._inlets.wanted
+        if not wanted:
             return f"nothing to record for {self.settings.no_data_timeout_s:g} s"
-        missing = sorted(topic for topic in self._wanted if not self.counts[topic])
-        told = "; ".join(
-            f"{topic}: {describe_publishers(self, topic, self._types.get(topic, ''))}" for topic in missing
-        )
+        told = self._inlets.describe({topic for topic in wanted if not self.counts[topic]})
         return f"no data to record for {self.settings.no_data_timeout_s:g} s: {told or 'all topics fell silent'}"
 
     def _statuses(self) -> list[Status]:
-        values: dict[str, object] = {topic: self.counts[topic] for topic in sorted(self._inlets)}
+        values: dict[str, object] = {topic: self.counts[topic] for topic in self._inlets.topics}
         if self._writer is None:
             return [Status("recording", OK, "not recording", values)]
         if self._told_silent:
