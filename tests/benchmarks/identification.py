@@ -51,6 +51,7 @@ def main(first: int, last: int) -> None:
     errors, sigmas, covered = defaultdict(list), defaultdict(list), defaultdict(list)
     for seed in range(first, last):
         found = identified(seed)
+        print(f"seed {seed}: {len(found)} parameters", file=sys.stderr, flush=True)
         for name, each in found.items():
             errors[name].append(each.value - truth[name])
             sigmas[name].append(each.sigma)

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
+from textile_twin_core.cli.outputs import add_outputs, check_out, print_rows, write_json
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import calibrate
 
 if TYPE_CHECKING:
-    from textile_twin_core.comparison import Calibration, Estimate
+    from textile_twin_core.comparison import Calibration, Estimate, Readings
+    from textile_twin_core.machine import Machine
 
 
 def parser() -> Parser:
@@ -31,9 +31,13 @@ def parser() -> Parser:
     add_recording(parser)
     add_machine(parser, option=True)
     add_sensors(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="machine file to write (.yaml)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers; is replaced when it is there")
-    parser.add_argument("--force", action="store_true", help="replace the machine file when it is there")
+    add_outputs(parser, machine_required=True)
+    parser.add_argument(
+        "--wheel",
+        action="store_true",
+        help="settle a toothed wheel's pitch errors and the flywheel's inertia instead, by what the measured torque"
+        " does to the speed",
+    )
     return parser
 
 
@@ -41,19 +45,17 @@ def run(arguments: argparse.Namespace) -> None:
     """Calibrate, write, tell."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
-    from textile_twin_core.files import save_machine_file, staged
-
-    if arguments.out.suffix not in (".yaml", ".yml"):
-        raise UsageError(f"--out {arguments.out}: must end in .yaml")
-    if arguments.out.exists() and not arguments.force:
-        raise UsageError(f"--out {arguments.out}: is there already; choose another name, or replace it with --force")
+    check_out(arguments)
     _, angles, measured = read_samples(arguments, machine)
-    found = calibrate(readings_of(angles, measured), machine)
-    if arguments.json is not None:
-        about = {"bag": str(arguments.bag), "machine": machine.name}
-        text = json.dumps({**about, **found.to_json()}, indent=1, allow_nan=False)
-        with staged(arguments.json) as partial:
-            partial.write_text(text + "\n", encoding="utf-8")
+    readings = readings_of(angles, measured)
+    if arguments.wheel:
+        _settle_wheel(arguments, machine, readings)
+        return
+
+    from textile_twin_core.files import save_machine_file
+
+    found = calibrate(readings, machine)
+    write_json(arguments, machine, found.to_json())
     if found.angle_unit != "radians":
         raise UsageError(
             f"{arguments.bag}: the angle is in {found.angle_unit}, and messages hold radians; record it in radians, or"
@@ -61,6 +63,19 @@ def run(arguments: argparse.Namespace) -> None:
         )
     save_machine_file(found.machine, arguments.out)
     _print(found)
+
+
+def _settle_wheel(arguments: argparse.Namespace, machine: Machine, readings: Readings) -> None:
+    """Pitch errors and inertia from the speed under the measured torque."""
+    from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
+    from textile_twin_core.files import save_machine_file
+
+    if not machine.sensors.encoder.teeth:
+        raise UsageError("--wheel: this machine's encoder has no teeth")
+    driven = driven_speed(readings, machine)
+    write_json(arguments, machine, driven.to_json())
+    save_machine_file(driven.machine, arguments.out)
+    print_rows(driven_rows(driven))
 
 
 def _print(found: Calibration) -> None:
@@ -79,9 +94,7 @@ def _print(found: Calibration) -> None:
     rows += [("was wrong", cause.text) for cause in found.assessment.verdict]
     rows += [("not told", f"{each.text}; it takes {each.recording}") for each in found.ambiguous]
     rows += [("note", note) for note in found.assessment.notes]
-    width = max(len(name) for name, _ in rows)
-    for name, value in rows:
-        print(f"{name:{width}}  {value}")
+    print_rows(rows)
 
 
 def _text(estimate: Estimate, unit: str) -> str:

@@ -54,6 +54,13 @@ def parser() -> Parser:
         help="predict from the recorded shaft angles, or take what the twin published into the recording;"
         " default %(default)s",
     )
+    parser.add_argument(
+        "--quantity",
+        metavar="OUTPUT",
+        help="hold another measured quantity against this output of the machine instead of the torque, such as"
+        " sley_position_m (see textile-twin import --quantity); 'speed': the shaft's speed against what the measured"
+        " torque drives",
+    )
     for option, (_, what) in _LIMITS.items():
         parser.add_argument(
             f"--{option}", type=number, metavar="X", help=f"exit code 3 when the {what} is beyond this limit"
@@ -66,6 +73,12 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Compare, print the table, write what was asked for."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
+
+    if arguments.quantity is not None:
+        from textile_twin_core.cli import compare_quantity
+
+        compare_quantity.run(arguments, machine)
+        return
 
     from textile_twin_core.files import staged
 

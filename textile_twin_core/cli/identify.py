@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
+from textile_twin_core.cli.outputs import add_outputs, check_out, print_rows, write_json
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import identify, with_table
@@ -34,9 +33,7 @@ def parser() -> Parser:
     add_recording(parser)
     add_machine(parser, option=True)
     add_sensors(parser)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers; is replaced when it is there")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the machine with what was found (.yaml)")
-    parser.add_argument("--force", action="store_true", help="replace the machine file when it is there")
+    add_outputs(parser, machine_required=False)
     parser.add_argument(
         "--table",
         action="store_true",
@@ -49,22 +46,14 @@ def run(arguments: argparse.Namespace) -> None:
     """Identify, write, tell."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
-    from textile_twin_core.files import save_machine_file, staged
+    from textile_twin_core.files import save_machine_file
 
     if arguments.table and arguments.out is None:
         raise UsageError("--table writes into the machine file: give --out too")
-    if arguments.out is not None:
-        if arguments.out.suffix not in (".yaml", ".yml"):
-            raise UsageError(f"--out {arguments.out}: must end in .yaml")
-        if arguments.out.exists() and not arguments.force:
-            raise UsageError(f"--out {arguments.out}: is there already; choose another, or replace it with --force")
+    check_out(arguments)
     _, angles, measured = read_samples(arguments, machine)
     found = identify(readings_of(angles, measured), machine)
-    if arguments.json is not None:
-        about = {"bag": str(arguments.bag), "machine": machine.name}
-        text = json.dumps({**about, **found.to_json()}, indent=1, allow_nan=False)
-        with staged(arguments.json) as partial:
-            partial.write_text(text + "\n", encoding="utf-8")
+    write_json(arguments, machine, found.to_json())
     if arguments.out is not None:
         written = with_table(found.machine, found.unmodelled) if arguments.table else found.machine
         save_machine_file(written, arguments.out)
@@ -92,6 +81,4 @@ def _print(found: Identification) -> None:
             )
         )
     rows += [("not identifiable", each.text) for each in found.not_identifiable]
-    width = max(len(name) for name, _ in rows)
-    for name, value in rows:
-        print(f"{name:{width}}  {value}")
+    print_rows(rows)

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import Parser, positive
+from textile_twin_core.cli.arguments import Parser, number, positive
+from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.named_machine import load_linkage
+
+if TYPE_CHECKING:
+    from textile_twin_core.recordings.log_import import RawChannels
 
 _KINDS = {
     "time": "s, ms, us, ns, min",
@@ -30,6 +37,26 @@ def parser() -> Parser:
     for kind, units in _KINDS.items():
         parser.add_argument(f"--{kind}", metavar="COLUMN", help=f"column of the {kind}")
         parser.add_argument(f"--{kind}-unit", metavar="UNIT", help=units)
+    parser.add_argument(
+        "--quantity",
+        metavar="OUTPUT=COLUMN",
+        action="append",
+        default=[],
+        help="a measured displacement, angle or speed by the machine's output that it is a measurement of, such as"
+        " sley_position_m=camera; may be repeated",
+    )
+    parser.add_argument("--quantity-unit", metavar="UNIT", help="mm, m, cm, deg, rad, mm/s, rpm, N, ..")
+    raw = parser.add_argument_group("raw channels of a test rig, with --machine")
+    raw.add_argument("--machine", help="a machine: its encoder's teeth, and how the force's point moves")
+    raw.add_argument("--pickup", metavar="COLUMN", help="voltage of a pickup on a toothed wheel, instead of an angle")
+    raw.add_argument("--drive-force", metavar="MEASURE=COLUMN", help="a force along a measure, which drives the shaft")
+    raw.add_argument("--drive-force-scale", type=_scale, default=1.0, metavar="X", help="N per unit")
+    raw.add_argument(
+        "--drive-force-zero",
+        type=number,
+        metavar="DEG",
+        help="shaft angle without a force, for sensors that drift",
+    )
     parser.add_argument("--rate", type=positive, metavar="HZ", help="rows a second, for a log without times")
     parser.add_argument("--torque-scale", type=_scale, metavar="X", help="N m per unit of the torque, as for volts")
     parser.add_argument("--separator", metavar="C", help="of a text table, where it is not found out; 'tab' for tabs")
@@ -45,13 +72,16 @@ def run(arguments: argparse.Namespace) -> None:
     from textile_twin_core.recordings.log_import import Wishes, import_log
     from textile_twin_core.recordings.log_read import read_log
 
+    quantities = dict(_pair("quantity", text) for text in arguments.quantity)
     separator = "\t" if arguments.separator == "tab" else arguments.separator
     columns = read_log(arguments.log, separator, arguments.decimal, arguments.table)
     wishes = Wishes(
         columns={kind: name for kind in _KINDS if (name := getattr(arguments, kind)) is not None},
-        units={kind: unit for kind in _KINDS if (unit := getattr(arguments, f"{kind}_unit")) is not None},
+        units={kind: unit for kind in (*_KINDS, "quantity") if (unit := getattr(arguments, f"{kind}_unit"))},
         rate_hz=arguments.rate,
         torque_scale=arguments.torque_scale,
+        quantities=quantities,
+        raw=_raw(arguments),
     )
     ask = _ask if sys.stdin.isatty() and sys.stdout.isatty() else None
     with BagWriter(arguments.out, {"imported_from": arguments.log.name}, overwrite=arguments.force) as out:
@@ -59,7 +89,7 @@ def run(arguments: argparse.Namespace) -> None:
         counts = out.counts
     for kind, text in taken.items():
         print(f"{kind:7} {text}")
-    if "torque" not in taken:
+    if "torque" not in taken and not quantities:
         print("torque  none in this log; name its column with --torque if there is one")
     for topic, count in counts.items():
         print(f"{topic}  {count} messages")
@@ -76,6 +106,29 @@ def _ask(kind: str, names: list[str]) -> str:
             return answer
         if answer.isdecimal() and 1 <= int(answer) <= len(names):
             return names[int(answer) - 1]
+
+
+def _raw(arguments: argparse.Namespace) -> RawChannels | None:
+    """What the arguments say of raw channels; None without a pickup."""
+    from textile_twin_core.recordings.log_import import RawChannels
+
+    if arguments.pickup is None:
+        if arguments.drive_force is not None or arguments.machine is not None:
+            raise UsageError("--machine and --drive-force go with --pickup")
+        return None
+    if arguments.machine is None:
+        raise UsageError("--pickup needs --machine, whose encoder says how many teeth the wheel has")
+    measure, force = ("", "") if arguments.drive_force is None else _pair("drive-force", arguments.drive_force)
+    zero = None if arguments.drive_force_zero is None else math.radians(arguments.drive_force_zero)
+    machine = load_linkage(arguments.machine, [])
+    return RawChannels(machine, arguments.pickup, measure, force, arguments.drive_force_scale, zero)
+
+
+def _pair(option: str, text: str) -> tuple[str, str]:
+    name, equals, column = text.partition("=")
+    if not (name and equals and column):
+        raise UsageError(f"--{option} {text}: write NAME=COLUMN")
+    return name, column
 
 
 def _scale(text: str) -> float:

@@ -20,6 +20,10 @@ from textile_twin_core.machine import Machine
 OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
 """Units that are tried for an angle that never begins anew, when radians explain little."""
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
+_WHEEL = (
+    "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
+    " shaft's speed against what the torque drives instead (compare --quantity speed)"
+)
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,9 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
     # What any machine could explain is asked only when this one leaves something.
     short = 1.0 - found.explained > NOT_THIS_MACHINE
     periodic = best_periodic(evidence.thinned(), found.settings) if short else found.explained
+    if short and machine.sensors.encoder.teeth:
+        # Its pitch errors read as acceleration: what follows from that accuses nobody.
+        return Assessment(unit, found, (), (*_notes(evidence, found), _WHEEL))
     return Assessment(unit, found, tuple(causes(found, unit, per_turn, periodic)), _notes(evidence, found))
 
 

@@ -10,16 +10,14 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
+from textile_twin_core.comparison.shaft_track import ShaftTrack
 from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
+from textile_twin_core.comparison.turns import speed_spread
 
 _MOST_SAMPLES = 8000
-_REST_SHARE = 0.03
+_REST_SHARE = 0.05
 """Of the fast end of the speeds: below it the shaft counts as at rest."""
 _ONE_SPEED = 0.08
-_FEWEST_TURNS = 8
-_PAUSE = 20.0
-"""A turn this many times longer than the median one holds a stop."""
 JUMP_GUARD_S = 0.001
 """Samples this near to a jump of the load cannot tell its side."""
 
@@ -101,8 +99,11 @@ class Evidence:
         theta, omega, alpha, good = self._at(settings.delay_s, settings.drift)
         turn = settings.direction * settings.ratio
         theta, omega, alpha = turn * theta - settings.zero_rad, turn * omega, turn * alpha
-        terms = self.terms.at(theta, omega, alpha, settings.ratio * self.rest_rad_s)
-        usable = good & np.isfinite(terms.total) & ~self.terms.near_jump(theta, omega, guard_s)
+        # Friction sets in well below the speed from which a sample counts, so that no shift moves a whole torque.
+        rest = 0.5 * settings.ratio * self.rest_rad_s
+        terms = self.terms.at(theta, omega, alpha, rest)
+        usable = good & (np.abs(omega) > 1.2 * rest) & np.isfinite(terms.total)
+        usable &= ~self.terms.near_jump(theta, omega, guard_s)
         return States(theta, omega, alpha, terms, usable)
 
     def _at(self, delay_s: float, drift: float) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
@@ -131,12 +132,8 @@ class Evidence:
         return float(np.median(omega[inside]))
 
     def speed_spread(self) -> float:
-        """How far the mean speeds of whole turns differ: the third fastest turn over the third slowest."""
-        turn = np.floor(self.track.theta_rad / TURN)
-        edges = np.flatnonzero(np.diff(turn) != 0.0)
-        spans = np.sort(np.diff(self.track.time_s[edges]))
-        spans = spans[(spans > 0.0) & (spans < _PAUSE * np.median(spans))] if spans.size else spans
-        return float(spans[-3] / spans[2]) if spans.size >= _FEWEST_TURNS else 1.0
+        """How far the mean speeds of whole turns differ (see `turns.speed_spread`)."""
+        return speed_spread(self.track)
 
     def turns_both_ways(self) -> bool:
         """Whether the shaft turns a share of the time in either direction."""

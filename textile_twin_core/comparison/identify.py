@@ -190,8 +190,8 @@ def _scan(beside: BesideEvent, spread_rad: float) -> float:
 
 
 def _beside(spread_rad: float) -> float:
-    """How far from an event its spread decides [rad]."""
-    return 3.0 * spread_rad + _FIRST_SPREAD_RAD
+    """How far from an event its spread decides [rad], the model's own spread included."""
+    return 3.0 * spread_rad + 4.0 * _FIRST_SPREAD_RAD
 
 
 def _phase_sigma(names: tuple[str, ...], moves: FloatArray, speed: float) -> float:

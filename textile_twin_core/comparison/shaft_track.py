@@ -18,6 +18,7 @@ TURN = 2.0 * math.pi
 
 GAP_PERIODS = 5.0
 """Two states further apart than this many median periods have a gap between them."""
+_UNSURE, _STILL = 0.1, 0.005
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class ShaftTrack:
         time_s: increasing, from the record's origin.
         theta_rad, omega_rad_s, alpha_rad_s2: the shaft's state there.
         longest_s: longer intervals are gaps.
+        pitch_errors_rad: of a toothed wheel's edges, as told or as this record's motion tells them; else empty.
     """
 
     time_s: FloatArray
@@ -35,6 +37,7 @@ class ShaftTrack:
     omega_rad_s: FloatArray
     alpha_rad_s2: FloatArray
     longest_s: float
+    pitch_errors_rad: tuple[float, ...] = ()
 
     @property
     def turns(self) -> float:
@@ -65,6 +68,16 @@ def _cubic(
     return y0 + u * rise + u * v * (v * (d0 * step - rise) - u * (d1 * step - rise))
 
 
+def _unsure(omega: FloatArray, variance: FloatArray) -> BoolArray:
+    """States whose acceleration is too unsure for a torque, as where a shaft creeps from one encoder step to the next.
+
+    Beyond a tenth of the square of the fast speed, with which torques of inertia go, and well beyond the usual.
+    """
+    fast, sigma = float(np.nanpercentile(np.abs(omega), 95.0)), np.sqrt(variance)
+    limit = max(_UNSURE * fast**2, 5.0 * float(np.nanmedian(sigma)))
+    return np.asarray((sigma > limit) & (np.abs(omega) > _STILL * fast))
+
+
 def shaft_track(
     stamps_ns: IntArray,
     angle_rad: FloatArray,
@@ -90,7 +103,7 @@ def shaft_track(
     states = [part for part in (blocks, estimator.finish()) if len(part)]
     if not states:
         raise RecordingError(f"too few shaft angles for a motion; {estimator.report.text()}")
-    return track_of(states, origin_ns)
+    return replace(track_of(states, origin_ns), pitch_errors_rad=estimator.report.pitch_errors_rad)
 
 
 def track_of(states: Sequence[ShaftStates], origin_ns: int, direction: int = 1, zero_rad: float = 0.0) -> ShaftTrack:
@@ -104,6 +117,7 @@ def track_of(states: Sequence[ShaftStates], origin_ns: int, direction: int = 1, 
     omega = np.concatenate([part.omega_rad_s for part in states])
     alpha = np.concatenate([part.alpha_rad_s2 for part in states])
     good = np.isfinite(theta) & np.isfinite(omega) & np.isfinite(alpha)
+    good &= ~_unsure(omega, np.concatenate([part.covariance[:, 2, 2] for part in states]))
     good[1:] &= np.diff(stamps) > 0
     if np.count_nonzero(good) < 8:
         raise RecordingError(f"too few shaft angles for a motion: {np.count_nonzero(good)} states are usable")

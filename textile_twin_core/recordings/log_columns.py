@@ -25,6 +25,11 @@ TORQUE_UNITS = {
     "daN m": 10.0,
 }
 """N m per unit."""
+QUANTITY_UNITS = {
+    "m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "rad": 1.0, "deg": math.pi / 180.0, "m/s": 1.0, "mm/s": 1e-3,
+    "m/s2": 1.0, **SPEED_UNITS, "N": 1.0, "kN": 1e3,
+}  # fmt: skip
+"""SI units per unit of other quantities."""
 
 _WORDS = {
     "time": r"\b(time|zeit|t|stamp|timestamp|temps|seconds|date)\b",
@@ -54,7 +59,7 @@ class Column:
 def spelled(unit: str) -> str:
     """A unit as the tables here write it."""
     plain = unit.strip()
-    known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS}
+    known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
     squeezed = {name.replace(" ", "").lower(): name for name in known}
     lower = plain.lower()
     return _SPELLINGS.get(lower) or squeezed.get(lower.replace(" ", "")) or plain
@@ -67,7 +72,7 @@ def unit_in_name(name: str) -> str:
         return spelled(bracket[1])
     last = re.split(r"[_/ ]", name)[-1]
     found = spelled(last)
-    known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS}
+    known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
     return found if found in known and found != name else ""
 
 
@@ -125,6 +130,14 @@ def torque_newton_metres(column: Column, values: FloatArray, scale: float | None
         )
     taken = unit if column.unit else "N m (taken for granted)"
     return values * TORQUE_UNITS[unit], taken
+
+
+def quantity_si(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
+    """A displacement, angle, speed or force in SI units, and the unit taken: as told, as named, else SI."""
+    if column.unit and column.unit not in QUANTITY_UNITS:
+        known = ", ".join(QUANTITY_UNITS)
+        raise RecordingError(f"column '{column.name}': a quantity in '{column.unit}'? there are: {known}")
+    return values * QUANTITY_UNITS.get(column.unit, 1.0), column.unit or "SI units (taken for granted)"
 
 
 def looks_like_time(values: FloatArray) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag_write import BagWriter
 from textile_twin_core.recordings.log_columns import (
     SPEED_UNITS,
@@ -17,17 +18,38 @@ from textile_twin_core.recordings.log_columns import (
     choose,
     describe,
     looks_like_time,
+    quantity_si,
     spelled,
     time_seconds,
     torque_newton_metres,
     unit_in_name,
 )
+from textile_twin_core.recordings.log_shaft import edge_angles, force_torque, tooth_edges
 
 _FIRST_NS = 1_000_000_000
 """Stamp of the first row of a log whose time is none of the day: 0 means in ROS that there is no stamp."""
 _EPOCH_S = 1e8
+MEASURED = "measured"
+"""Above the topics of quantities other than torque: JointState, position of the joint named as the output."""
 Ask = Callable[[str, list[str]], str]
 """Asks a person which of several columns is meant: (kind, names) -> name."""
+
+
+@dataclass(frozen=True)
+class RawChannels:
+    """Voltage of a pickup on a toothed wheel, and a force on a point of the machine.
+
+    machine: says how many teeth the wheel has, and how the point moves. pickup: its column. measure, force: the
+    displacement along which the force acts, and its column; empty without a force. newton: per unit of that column.
+    zero_at_rad: see `force_torque`.
+    """
+
+    machine: Machine
+    pickup: str
+    measure: str = ""
+    force: str = ""
+    newton: float = 1.0
+    zero_at_rad: float | None = None
 
 
 @dataclass(frozen=True)
@@ -35,13 +57,16 @@ class Wishes:
     """What the user tells of a log; what is empty is found out.
 
     columns, units: by kind (time, angle, torque, speed). rate_hz: rows a second, for a log without times.
-    torque_scale: N m per unit of the torque column.
+    torque_scale: N m per unit of the torque column. quantities: columns by the output that they are measurements of.
+    raw: a pickup and a force instead of angle and torque.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     rate_hz: float | None = None
     torque_scale: float | None = None
+    quantities: Mapping[str, str] = field(default_factory=dict)
+    raw: RawChannels | None = None
 
 
 def import_log(
@@ -53,6 +78,9 @@ def import_log(
     """
     taken: dict[str, str] = {}
     stamps = _stamps(columns, wishes, ask, taken)
+    if wishes.raw is not None:
+        _write_raw(columns, stamps, wishes.raw, out, taken)
+        return taken
     angle = _column("angle", columns, wishes, ask, needed=True)
     assert angle is not None
     theta, unit = angle_radians(angle, columns[angle.name])
@@ -72,7 +100,34 @@ def import_log(
         here = np.isfinite(values)
         out.write_wrenches("balancing_torque/measured", stamps[here], values[here])
         taken["torque"] = f"column '{torque.name}', {unit}"
+    for output, name in wishes.quantities.items():
+        if name not in columns:
+            raise RecordingError(f"no column '{name}'; there are: {describe(columns)}")
+        unit = spelled(wishes.units.get("quantity", "")) or unit_in_name(name)
+        values, unit = quantity_si(Column(name, unit, "as told"), columns[name])
+        here = np.isfinite(values)
+        out.write_joint_states(f"{MEASURED}/{output}", stamps[here], [output], values[here])
+        taken[output] = f"column '{name}', {unit}"
     return taken
+
+
+def _write_raw(
+    columns: Mapping[str, FloatArray], stamps: IntArray, raw: RawChannels, out: BagWriter, taken: dict[str, str]
+) -> None:
+    """Edges of the wheel, and the torque with which the force drives the shaft."""
+    for name in filter(None, (raw.pickup, raw.force)):
+        if name not in columns:
+            raise RecordingError(f"no column '{name}'; there are: {describe(columns)}")
+    since = (stamps - stamps[0]) * 1e-9
+    edges = stamps[0] + np.rint(tooth_edges(since, columns[raw.pickup]) * 1e9).astype(np.int64)
+    out.write_events("main_shaft/angle", edges)
+    taken["angle"] = f"column '{raw.pickup}', {edges.size} edges of a toothed wheel"
+    if raw.force:
+        known = edge_angles(raw.machine, edges)
+        force = columns[raw.force] * raw.newton
+        at, torque = force_torque(raw.machine, raw.measure, known, stamps, force, raw.zero_at_rad)
+        out.write_wrenches("balancing_torque/measured", at, torque)
+        taken["torque"] = f"column '{raw.force}', {raw.newton:g} N per unit along {raw.measure}"
 
 
 def _stamps(columns: Mapping[str, FloatArray], wishes: Wishes, ask: Ask | None, taken: dict[str, str]) -> IntArray:

@@ -56,7 +56,7 @@ def usable_angles(
         pulses = (
             np.empty(0, np.int64) if index_topic is None else bag.read_events(beside(bag, angles.topic, index_topic))
         )
-        angles = _referred(angles, reference, pulses)
+        angles = referred(angles, reference, pulses)
     bad = np.flatnonzero(~np.isfinite(angles.angles_rad))
     if len(bad) == len(angles):
         raise RecordingError(f"{bag.path}: topic {angles.topic}: no angle is a finite number; check the encoder")
@@ -70,7 +70,7 @@ def usable_angles(
     return angles
 
 
-def _referred(angles: AngleSamples, reference: Reference, pulses: IntArray) -> AngleSamples:
+def referred(angles: AngleSamples, reference: Reference, pulses: IntArray) -> AngleSamples:
     """Angles as a reference tells them. Raises RecordingError when it tells none."""
     speeds = np.full(len(angles), np.nan) if angles.velocities is None else angles.velocities
     rows = list(zip(angles.stamps.tolist(), angles.angles_rad.tolist(), speeds.tolist(), strict=True))

@@ -1,0 +1,99 @@
+"""A camera's trace of the sley, and a speed under a torque, against machines; truth by equations of their own."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from tests.generators.sley_camera import displacement, filmed
+from textile_twin_core.cli.main import main
+from textile_twin_core.comparison.driven_speed import driven_speed
+from textile_twin_core.comparison.quantity import Trace, compare_quantity
+from textile_twin_core.comparison.readings import Readings
+from textile_twin_core.dynamics import Body
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.machine import Machine
+from textile_twin_core.machine.sensors import Encoder, Sensors
+from textile_twin_core.mechanism import Crank
+
+
+def test_generator_has_the_papers_range() -> None:
+    theta = np.linspace(0.0, 2.0 * np.pi, 100_001)
+    assert float(displacement(theta).max()) * 1e3 == pytest.approx(84.991, abs=0.001)  # printed: 85
+
+
+@pytest.mark.parametrize("seed", [61, 62])
+def test_camera_trace_gives_scale_delay_and_zero(seed: int) -> None:
+    film = filmed(seed, scale=1.012, delay_s=0.004, zero_rad=math.radians(7.0))
+    trace = Trace(film.stamps_ns, film.displacement_m, film.stamps_ns, film.angle_rad)
+    found = compare_quantity(trace, ttc.machines.elliptic_gear_beatup(), "sley_position_m")
+    assert found.scale.value == pytest.approx(1.012, abs=3e-4)
+    assert found.delay_s.value == pytest.approx(0.004, abs=3e-4)
+    assert math.degrees(found.zero_rad.value) == pytest.approx(7.0, abs=0.15)
+    assert found.rms == pytest.approx(2e-4, rel=0.05)
+    assert found.measured_range * 1e3 == pytest.approx(1.012 * 84.991, abs=0.03)
+    assert found.scale.interval95[0] < 1.012 < found.scale.interval95[1]
+    assert not found.one_speed
+
+
+def test_at_one_speed_all_is_delay_and_said_to_be() -> None:
+    film = filmed(63, scale=1.0, delay_s=0.004, zero_rad=0.0, duration_s=8.0, run_up=False)
+    trace = Trace(film.stamps_ns, film.displacement_m, film.stamps_ns, film.angle_rad)
+    found = compare_quantity(trace, ttc.machines.elliptic_gear_beatup(), "sley_position_m")
+    assert found.one_speed
+    assert found.delay_s.value == pytest.approx(0.004, abs=2e-4)
+    short = film.stamps_ns < film.stamps_ns[0] + 200_000_000
+    with pytest.raises(RecordingError, match="of a turn"):
+        compare_quantity(
+            Trace(film.stamps_ns[short], film.displacement_m[short], film.stamps_ns[short], film.angle_rad[short]),
+            ttc.machines.elliptic_gear_beatup(),
+            "sley_position_m",
+        )
+
+
+def test_camera_trace_by_commands_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film = filmed(64, scale=1.0, delay_s=0.002, zero_rad=0.1, duration_s=8.0)
+    log = tmp_path / "camera.csv"
+    time = (film.stamps_ns - film.stamps_ns[0]) * 1e-9
+    rows = np.column_stack([time, np.rad2deg(film.angle_rad), film.displacement_m * 1e3])
+    np.savetxt(log, rows, delimiter=";", header="time [s];spindle angle [deg];sley [mm]", comments="", fmt="%.6f")
+    bag = str(tmp_path / "bag")
+    assert main(["import", str(log), "--out", bag, "--quantity", "sley_position_m=sley [mm]"]) == 0
+    arguments = ["compare", bag, "--machine", "elliptic_gear_beatup", "--quantity", "sley_position_m"]
+    assert main([*arguments, "--png", str(tmp_path / "sley.png"), "--json", str(tmp_path / "sley.json")]) == 0
+    said = capsys.readouterr().out
+    assert "84.9" in said and "RMS error left" in said
+    assert (tmp_path / "sley.png").stat().st_size > 20_000
+    assert main(["compare", bag, "--machine", "elliptic_gear_beatup", "--quantity", "sley_positon_m"]) == 2
+    assert "did you mean sley_position_m" in capsys.readouterr().err
+
+
+def test_speed_under_a_torque_gives_inertia_and_delay() -> None:
+    rotor = 0.021  # a bare rotor, whose motion under a torque by time is known in closed form
+    speed, rate = 100.0, 4000.0
+    time = np.arange(0.0, 1.6, 1.0 / rate)
+    # omega = w0 + sum a sin(h w0 t): alpha by hand; so slight a ripple that angle and w0 t are one.
+    waves = ((0.5, 0.6), (1.0, 0.4), (1.5, 0.3), (2.0, 0.2))
+    theta = speed * time - sum(a / (h * speed) * np.cos(h * speed * time) for h, a in waves)
+    late = time - 0.0005
+    torque = rotor * sum(a * h * speed * np.cos(h * speed * late) for h, a in waves)
+    stamps = 1_000_000_000 + np.rint(time * 1e9).astype(np.int64)
+    machine = Machine(
+        "rotor",
+        {"O": (0.0, 0.0)},
+        (Crank("crank", "O", "A", 0.05),),
+        (Body.flywheel(0.02),),
+        sensors=Sensors(Encoder(cycle_turns=2)),
+    )
+    noise = np.random.default_rng(3).standard_normal((2, time.size))
+    readings = Readings(stamps, np.mod(theta + 1e-4 * noise[0], 2.0 * np.pi), stamps, torque + 4.0 + 0.5 * noise[1])
+    found = driven_speed(readings, machine)
+    assert found.inertia_kgm2 == pytest.approx(rotor, rel=0.02)
+    assert found.added_inertia_kgm2 == pytest.approx(0.001, abs=4e-4)
+    assert found.delay_s == pytest.approx(0.0005, abs=5e-5)
+    assert found.explained > 0.98
+    assert "the inertia is 1.0" in found.verdict

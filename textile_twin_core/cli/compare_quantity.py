@@ -1,0 +1,102 @@
+"""textile-twin compare --quantity: a measured displacement, angle or speed against the machine's."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from typing import TYPE_CHECKING
+
+from textile_twin_core.cli.mistakes import UsageError, nearest
+from textile_twin_core.cli.outputs import print_rows, write_json
+from textile_twin_core.cli.readings import read_samples, readings_of
+
+if TYPE_CHECKING:
+    from textile_twin_core.comparison.bootstrap import Estimate
+    from textile_twin_core.comparison.quantity import QuantityComparison, Trace
+    from textile_twin_core.machine import Machine
+
+SPEED = "speed"
+_SHOWN = {"_m": ("mm", 1e3), "_rad": ("deg", 180.0 / math.pi), "_m_s": ("m/s", 1.0), "_N": ("N", 1.0)}
+
+
+def run(arguments: argparse.Namespace, machine: Machine) -> None:
+    """Compare, tell, write."""
+    for form in ("rrd", "html"):
+        if getattr(arguments, form) is not None:
+            raise UsageError(f"--{form} shows torques; with --quantity give --json or --png")
+    if arguments.quantity == SPEED:
+        if arguments.png is not None:
+            raise UsageError("--png shows a quantity over the shaft angle; with --quantity speed give --json")
+        from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
+
+        _, angles, measured = read_samples(arguments, machine)
+        driven = driven_speed(readings_of(angles, measured), machine)
+        rows, told = driven_rows(driven), driven.to_json()
+    else:
+        found = _compared(arguments, machine)
+        rows, told = _rows(found), found.to_json()
+        if arguments.png is not None:
+            from textile_twin_core.files import staged
+            from textile_twin_core.views.plot_quantity import plot_quantity
+
+            with staged(arguments.png) as partial:
+                plot_quantity(partial, found, machine.name)
+    print_rows(rows)
+    write_json(arguments, machine, told)
+
+
+def _compared(arguments: argparse.Namespace, machine: Machine) -> QuantityComparison:
+    from textile_twin_core.comparison.quantity import compare_quantity
+
+    if arguments.quantity not in machine.outputs:
+        known = nearest(arguments.quantity, machine.outputs)
+        raise UsageError(f"--quantity {arguments.quantity}: no such output; {known}")
+    return compare_quantity(_trace(arguments, machine), machine, arguments.quantity)
+
+
+def _trace(arguments: argparse.Namespace, machine: Machine) -> Trace:
+    from textile_twin_core.comparison.quantity import Trace
+    from textile_twin_core.recordings import open_bag
+    from textile_twin_core.recordings.log_import import MEASURED
+    from textile_twin_core.recordings.machine_topics import usable_angles
+
+    bag = open_bag(arguments.bag)
+    for notice in bag.notices:
+        print(f"textile-twin: {notice}", file=sys.stderr)
+    angles = usable_angles(
+        bag,
+        machine.sensors.encoder,
+        arguments.angle_topic,
+        arguments.joint,
+        arguments.skip_bad_samples,
+        arguments.index_topic,
+    )
+    seen = bag.read_angles(f"{MEASURED}/{arguments.quantity}", arguments.quantity)
+    return Trace(seen.stamps, seen.angles_rad, angles.stamps, angles.angles_rad, angles.velocities)
+
+
+def _rows(found: QuantityComparison) -> list[tuple[str, str]]:
+    unit, factor = next((shown for end, shown in _SHOWN.items() if found.name.endswith(end)), ("", 1.0))
+    rows = [
+        ("quantity", found.name),
+        ("samples", f"{found.time_s.size}"),
+        ("scale", _told(found.scale, 1.0, "")),
+        ("offset", _told(found.offset, factor, unit)),
+        ("delay", _told(found.delay_s, 1e3, "ms")),
+        ("encoder zero, beside the machine file's", _told(found.zero_rad, 180.0 / math.pi, "deg")),
+        ("range over a turn, measured", f"{found.measured_range * factor:.3f} {unit}"),
+        ("range over a turn, machine", f"{found.machine_range * factor:.3f} {unit}"),
+        ("RMS error as told", f"{found.rms_as_told * factor:.4g} {unit}"),
+        ("RMS error left", f"{found.rms * factor:.4g} {unit}"),
+        ("explained", f"{found.explained:.4%}"),
+    ]
+    if found.one_speed:
+        rows.append(("note", "at one speed a delay is a zero of the encoder; all of it was taken as delay"))
+    return rows
+
+
+def _told(each: Estimate, factor: float, unit: str) -> str:
+    if not math.isfinite(each.sigma):
+        return f"{each.value * factor:.5g} {unit}, not fitted"
+    return f"{each.value * factor:.5g} +- {each.sigma * factor:.2g} {unit}".rstrip()

@@ -1,0 +1,52 @@
+"""What commands that learn from a recording write: the numbers as JSON, the machine as a file, rows for a person."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from textile_twin_core.cli.mistakes import UsageError
+
+if TYPE_CHECKING:
+    from textile_twin_core.machine import Machine
+
+
+def add_outputs(parser: argparse.ArgumentParser, machine_required: bool) -> None:
+    """--out, --json and --force."""
+    parser.add_argument(
+        "--out", type=Path, required=machine_required, metavar="FILE", help="write the machine with it (.yaml)"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers; is replaced when it is there")
+    parser.add_argument("--force", action="store_true", help="replace the machine file when it is there")
+
+
+def check_out(arguments: argparse.Namespace) -> None:
+    """Refuse a machine file that cannot be written, before any work."""
+    if arguments.out is None:
+        return
+    if arguments.out.suffix not in (".yaml", ".yml"):
+        raise UsageError(f"--out {arguments.out}: must end in .yaml")
+    if arguments.out.exists() and not arguments.force:
+        raise UsageError(f"--out {arguments.out}: is there already; choose another name, or replace it with --force")
+
+
+def write_json(arguments: argparse.Namespace, machine: Machine, numbers: Mapping[str, Any]) -> None:
+    """One object with what it is of, where --json asks for it."""
+    if arguments.json is None:
+        return
+    from textile_twin_core.files import staged
+
+    text = json.dumps({"bag": str(arguments.bag), "machine": machine.name, **numbers}, indent=1, allow_nan=False)
+    with staged(arguments.json) as partial:
+        partial.write_text(text + "\n", encoding="utf-8")
+
+
+def print_rows(rows: Iterable[tuple[str, str]]) -> None:
+    """Names and values in two columns."""
+    rows = list(rows)
+    width = max(len(name) for name, _ in rows)
+    for name, value in rows:
+        print(f"{name:{width}}  {value}")

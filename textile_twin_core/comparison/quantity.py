@@ -1,0 +1,225 @@
+"""A measured travel, angle or speed of a point or link against the machine's: scale, delay, zero, what is left."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.bootstrap import Estimate, estimate, moves_of
+from textile_twin_core.comparison.result import plain
+from textile_twin_core.comparison.search import SPREAD_FOR_DELAY
+from textile_twin_core.comparison.settings_fit import HUBER, robust_scale
+from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
+from textile_twin_core.comparison.turns import speed_spread
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.machine import Machine
+from textile_twin_core.twin import Twin, compile_machine
+
+_ZEROS = 72
+_FEWEST = 64
+_STEPS = {"zero_rad": 1e-5, "delay_s": 1e-6}
+_COARSE_SAMPLES = 4000
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A measured quantity (m,) with its stamps [ns], beside the encoder's angles (n,) with theirs."""
+
+    stamps_ns: IntArray
+    values: FloatArray
+    angle_stamps_ns: IntArray
+    angle_rad: FloatArray
+    velocities: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class QuantityComparison:
+    """measured(t) = scale * machine's(angle(t - delay) - zero) + offset, in the quantity's SI unit.
+
+    Attributes:
+        name: of the output. scale, offset, delay_s: as fitted. zero_rad: in shaft angle, beside the machine file's.
+        rms: what is left. rms_as_told: with scale 1, no delay, the machine file's zero, and the best offset.
+        explained: share of the mean square about the mean. measured_range, machine_range: highest less lowest, the
+            measured one as the fit says, without its noise.
+        one_speed: zero and delay cannot be told apart; all of it is taken as delay.
+        time_s, measured, expected, theta_rad: (k,) the samples that could be used.
+    """
+
+    name: str
+    scale: Estimate
+    offset: Estimate
+    delay_s: Estimate
+    zero_rad: Estimate
+    rms: float
+    rms_as_told: float
+    explained: float
+    measured_range: float
+    machine_range: float
+    one_speed: bool
+    time_s: FloatArray
+    measured: FloatArray
+    expected: FloatArray
+    theta_rad: FloatArray
+
+    def to_json(self) -> dict[str, Any]:
+        """The numbers as one object."""
+        out: dict[str, Any] = {"quantity": self.name}
+        for name in ("scale", "offset", "delay_s", "zero_rad"):
+            each: Estimate = getattr(self, name)
+            out[name] = {"value": each.value, "sigma": each.sigma, "interval95": list(each.interval95)}
+        rest = ("rms", "rms_as_told", "explained", "measured_range", "machine_range", "one_speed")
+        out |= {name: getattr(self, name) for name in rest}
+        result: dict[str, Any] = plain({**out, "samples": self.time_s.size})
+        return result
+
+
+class _Model:
+    """The machine's quantity at the instants of the samples."""
+
+    def __init__(self, twin: Twin, name: str, track: ShaftTrack, time_s: FloatArray, direction: int, zero: float):
+        self._twin, self._name, self._track, self._time = twin, name, track, time_s
+        self._direction, self._zero = direction, zero
+
+    def at(self, zero_rad: float, delay_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Quantity, shaft angle, and where both are known."""
+        theta, omega, alpha, good = self._track.at(self._time - delay_s)
+        theta = self._direction * theta - self._zero - zero_rad
+        found = self._twin.evaluate(theta, self._direction * omega, self._direction * alpha)[self._name]
+        quantity = np.broadcast_to(found, theta.shape)
+        return quantity, theta, good & np.isfinite(quantity)
+
+
+def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityComparison:
+    """Hold a measured quantity against the machine's output of that name.
+
+    Zeros around the turn are tried with scale and offset solved for; from the best one all four are fitted by least
+    squares with Huber's loss. Intervals by a bootstrap over turns (`moves_of`).
+
+    Raises RecordingError when there are too few samples, less than a turn, or a quantity that does not vary.
+    """
+    encoder = machine.sensors.encoder
+    origin = int(trace.angle_stamps_ns[0])
+    track = shaft_track(trace.angle_stamps_ns, trace.angle_rad, trace.velocities, origin_ns=origin, encoder=encoder)
+    finite = np.isfinite(trace.values)
+    time: FloatArray = np.asarray((trace.stamps_ns[finite] - origin) * 1e-9, np.float64)
+    measured = trace.values[finite]
+    _check(name, track, time, measured)
+    told = encoder.zero_rad * encoder.direction * encoder.ratio
+    twin = compile_machine(machine, [name])
+    model = _Model(twin, name, track, time, encoder.direction, told)
+    few = np.linspace(0, time.size - 1, min(time.size, _COARSE_SAMPLES)).astype(np.int64)
+    coarse = _Model(twin, name, track, time[few], encoder.direction, told)
+    starts = TURN * np.arange(_ZEROS) / _ZEROS
+    zero = float(starts[np.argmin([_left(coarse, measured[few], float(z)) for z in starts])])
+    zero = math.remainder(zero, TURN)
+    one_speed = speed_spread(track) <= SPREAD_FOR_DELAY
+    values = {"scale": 1.0, "offset": 0.0, "zero_rad": zero, "delay_s": 0.0}
+    free = ("scale", "offset", "zero_rad") if one_speed else ("scale", "offset", "zero_rad", "delay_s")
+    values = _fit(model, measured, values, free)
+    if one_speed:
+        # The same phase as a delay: what lags is rather the camera than the encoder's zero.
+        speed = encoder.direction * float(np.median(track.omega_rad_s))
+        free = ("scale", "offset", "delay_s")
+        values = _fit(model, measured, values | {"zero_rad": 0.0, "delay_s": values["zero_rad"] / speed}, free)
+    quantity, theta, good = model.at(values["zero_rad"], values["delay_s"])
+    expected = values["scale"] * quantity + values["offset"]
+    residual = (measured - expected)[good]
+    jacobian = _slopes(model, values, free)[good]
+    moves = moves_of(jacobian, residual, np.floor(theta[good] / TURN).astype(np.int64))
+    known = {each: estimate(values[each], moves[:, k]) for k, each in enumerate(free)}
+    fitted = {each: known.get(each, Estimate(values[each])) for each in values}
+    around = np.broadcast_to(_over_a_turn(twin, name), (720,))
+    return QuantityComparison(
+        name=name,
+        **fitted,
+        rms=float(np.sqrt(np.mean(residual**2))),
+        rms_as_told=_as_told(model, measured),
+        explained=1.0 - float(np.mean(residual**2)) / max(float(np.var(measured[good])), 1e-300),
+        measured_range=abs(values["scale"]) * float(np.ptp(around)),
+        machine_range=float(np.ptp(around)),
+        one_speed=one_speed,
+        time_s=time[good],
+        measured=measured[good],
+        expected=expected[good],
+        theta_rad=theta[good],
+    )
+
+
+def _check(name: str, track: ShaftTrack, time: FloatArray, measured: FloatArray) -> None:
+    if track.turns < 1.0:
+        raise RecordingError(f"the shaft makes {track.turns:.2f} of a turn: record {name} over some turns")
+    inside = track.at(time)[3]
+    if np.count_nonzero(inside) < _FEWEST:
+        raise RecordingError(
+            f"only {np.count_nonzero(inside)} of {time.size} samples of {name} lie beside shaft angles; both must be"
+            " stamped by one clock"
+        )
+    if float(np.ptp(measured[inside])) == 0.0:
+        raise RecordingError(f"{name} is {measured[0]:g} throughout: a dead sensor, or not connected")
+
+
+def _line(quantity: FloatArray, measured: FloatArray) -> tuple[float, float]:
+    """Least-squares scale and offset."""
+    centred = quantity - quantity.mean()
+    scale = float(centred @ measured) / max(float(centred @ centred), 1e-300)
+    return scale, float(measured.mean() - scale * quantity.mean())
+
+
+def _left(model: _Model, measured: FloatArray, zero_rad: float) -> float:
+    """Mean square left at a zero; a mirrored trace is no candidate."""
+    quantity, _, good = model.at(zero_rad, 0.0)
+    scale, offset = _line(quantity[good], measured[good])
+    return float(np.mean((measured[good] - max(scale, 0.0) * quantity[good] - offset) ** 2))
+
+
+def _as_told(model: _Model, measured: FloatArray) -> float:
+    quantity, _, good = model.at(0.0, 0.0)
+    return float(np.std(measured[good] - quantity[good]))
+
+
+def _fit(model: _Model, measured: FloatArray, start: dict[str, float], free: tuple[str, ...]) -> dict[str, float]:
+    """Least squares with Huber's loss in the free values, each scaled by its effect."""
+    quantity, _, good = model.at(start["zero_rad"], start["delay_s"])
+    scale, offset = _line(quantity[good], measured[good])
+    start = start | {"scale": scale, "offset": offset}
+    size = np.sqrt(np.mean(_slopes(model, start, free)[good] ** 2, axis=0)) + 1e-300
+    noise = robust_scale((measured - scale * quantity - offset)[good])
+
+    def at(x: FloatArray) -> dict[str, float]:
+        return start | dict(zip(free, (x / size).tolist(), strict=True))
+
+    def residual(x: FloatArray) -> FloatArray:
+        values = at(x)
+        found = model.at(values["zero_rad"], values["delay_s"])[0]
+        return np.asarray((values["scale"] * found + values["offset"] - measured)[good] / noise)
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        return np.asarray(_slopes(model, at(x), free)[good] / (size * noise))
+
+    begin = np.array([start[name] for name in free]) * size
+    return at(least_squares(residual, begin, jacobian, loss="huber", f_scale=HUBER, max_nfev=40).x)
+
+
+def _slopes(model: _Model, values: dict[str, float], free: tuple[str, ...]) -> FloatArray:
+    """(m, k) derivatives of the expected quantity by the free values."""
+    quantity, _, _ = model.at(values["zero_rad"], values["delay_s"])
+    columns = []
+    for name in free:
+        if name in _STEPS:
+            step = _STEPS[name]
+            ends = [values | {name: values[name] + side * step} for side in (-1.0, 1.0)]
+            low, high = (model.at(end["zero_rad"], end["delay_s"])[0] for end in ends)
+            columns.append(values["scale"] * (high - low) / (2.0 * step))
+        else:
+            columns.append(quantity if name == "scale" else np.ones_like(quantity))
+    return np.stack(columns, axis=1)
+
+
+def _over_a_turn(twin: Twin, name: str) -> FloatArray:
+    theta = TURN * np.arange(720) / 720
+    return np.asarray(twin.evaluate(theta, np.ones_like(theta), np.zeros_like(theta))[name])
