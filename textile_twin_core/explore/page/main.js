@@ -72,7 +72,9 @@ function opened(analysis, floats) {
 
 function menu(head) {
   const select = byId("machine"), names = head.machines.includes(design.name) ? head.machines : [design.name, ...head.machines];
-  select.replaceChildren(...names.map((name) => make("option", { value: name, selected: name === design.name }, name.replaceAll("_", " "))));
+  if (select.dataset.names !== names.join()) select.replaceChildren(...names.map((name) => make("option", { value: name }, name.replaceAll("_", " "))));
+  select.dataset.names = names.join();
+  select.value = design.name;
   byId("rpm").disabled = design.rpm === null;
   if (document.activeElement !== byId("rpm")) byId("rpm").value = design.rpm === null ? "" : shown(design.rpm, 6);
   if (document.activeElement !== byId("dwell")) byId("dwell").value = design.dwell_mm ?? "";
