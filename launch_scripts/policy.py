@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
+from textile_twin_ros.own_topics import INPUTS, OUTPUTS
+
 PROGRAM = "policy.sh"
 DESCRIPTION = """\
 Prints an SROS2 policy for the nodes in the namespace /NAME, which run in the enclave /NAME. On a ROS installation:
@@ -16,18 +18,6 @@ Prints an SROS2 policy for the nodes in the namespace /NAME, which run in the en
   launch_scripts/policy.sh NAME > NAME.policy.xml
   ros2 security create_permission keys /NAME NAME.policy.xml"""
 
-INPUTS = ("main_shaft/angle", "main_shaft/index", "balancing_torque/measured")
-OUTPUTS = (
-    "balancing_torque/predicted",
-    "balancing_torque/predicted_sigma",
-    "balancing_torque/residual",
-    "needle/position",
-    "beater/position",
-    "sley/position",
-    "joint_states",
-    "robot_description",
-    "markers",
-)
 SHARED = ("/diagnostics", "/rosout", "/parameter_events")
 PARAMETERS = (
     "describe_parameters",

@@ -14,9 +14,10 @@ _OF_A_MACHINE = (
     "balancing_torque/measured",
     "balancing_torque/predicted",
 )
-_NAMES = (
-    *_OF_A_MACHINE,
-    "main_shaft/index",
+#: What sensors tell of a machine, and what its twin does.
+INPUTS = ("main_shaft/angle", "main_shaft/index", "balancing_torque/measured")
+OUTPUTS = (
+    "balancing_torque/predicted",
     "balancing_torque/predicted_sigma",
     "balancing_torque/residual",
     "needle/position",
@@ -26,6 +27,7 @@ _NAMES = (
     "robot_description",
     "markers",
 )
+_NAMES = (*_OF_A_MACHINE, *INPUTS, *OUTPUTS)
 
 
 class OwnTopics:
