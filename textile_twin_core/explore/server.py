@@ -148,7 +148,11 @@ class Page:
         """The state again when what it waits for is there."""
         while awaited := session.awaited:
             await asyncio.wait([asyncio.wrap_future(awaited)])
-        await self._send(tab, await self._run(session.state), None)
+        try:
+            state = await self._run(session.state)
+        except Exception as error:
+            state = _error(error)
+        await self._send(tab, state, None)
 
     async def _send(self, tab: str, message: bytes, number: Any) -> None:
         """To the tab's present connection, if it has one; `number` says which message this answers."""
