@@ -16,6 +16,7 @@ import sys
 import time
 import types
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -23,6 +24,7 @@ from typing import Any, Final, TypeVar
 from uuid import uuid4
 
 import numpy as np
+import numpy.typing as npt
 
 try:
     import numba
@@ -60,6 +62,12 @@ def compiled(function: _Function, *, inlined: bool = False, apart: bool = False)
 def is_available() -> bool:
     """Whether there is a compiler."""
     return numba is not None
+
+
+def records(dtype: np.dtype[Any], count: int = 1) -> npt.NDArray[Any]:
+    """So many records of zeros, whose fields loops find by name, compiled or not."""
+    array = np.zeros(count, dtype)
+    return array if numba is not None else array.view(np.recarray)
 
 
 def compile_for(function: Any, examples: Sequence[Any]) -> None:
@@ -193,8 +201,9 @@ def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
 
 def _forget_unused(directory: Path) -> None:
     for path in directory.iterdir():
-        if path.stat().st_atime < time.time() - _KEPT_S:
-            path.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process was first
+            if path.stat().st_atime < time.time() - _KEPT_S:
+                path.unlink()
 
 
 def _brief(error: Exception) -> str:

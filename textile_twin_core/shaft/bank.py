@@ -1,22 +1,22 @@
-"""A bank of Kalman filters with one clock and different memories, weighed by how well each foretold the readings.
+"""A family of Kalman filters with one clock and different memories, weighed by how well each foretold the readings.
 
 Static multiple models (Magill 1965) with a fixed share of new probability (Herbster and Warmuth 1998), but without
 mixing of states: where the states of the models are mixed at each step, as interacting multiple models do (Blom and
-Bar-Shalom 1988), those of long memory are overwritten and never become sharp. Instead a model that has fallen behind
+Bar-Shalom 1988), those of long memory are overwritten and never become sharp. Instead a filter that has fallen behind
 begins again from the best one.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
-
-import numpy as np
+from functools import partial
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft.clock import angle_of, known_part, observe, set_basis, set_second
-from textile_twin_core.shaft.factor import correct, foresee, move_on
+from textile_twin_core.shaft.clock import known_part, set_basis
+from textile_twin_core.shaft.kinematics import correct, move_on
+from textile_twin_core.shaft.ripple import absorb, feel, learn, shift
+from textile_twin_core.shaft.status import END, FIRST, WAVES, Record
 
 FREEDOM = 8.0
 """Of Student's t for the innovations: a reading far off changes the weights little."""
@@ -25,287 +25,253 @@ WIDE = 9.0
 SHARE = 1e-3
 """Probability that passes from one memory to all others at each sample: motions change a few times in 1000 samples."""
 BEHIND = math.exp(-5.0)
-"""Likelihood ratio to the bank, since it was best, at which a model begins again from the best one (Page 1954)."""
+"""Likelihood ratio to the family, since it was best, at which a filter begins again from the best one (Page 1954)."""
 FEW = 0.01
-"""Probability of a model that may begin again."""
+"""Probability of a filter that may begin again."""
 SCALE_SAMPLES = 500.0
-"""Innovations that a model's scale of the noise is learnt from."""
+"""Innovations that a filter's scale of the noise is learnt from."""
 FIRST_SCALE_WEIGHT = 0.5
 """What the first guess of the noise weighs beside them."""
 RIPPLE_SIZE = 0.05
 """Prior of the speed's ripple in each order, relative to the speed."""
-MINOR = 0.05
-"""Models of less than this part of the heaviest one's weight do not enter the mixture."""
-
-
-HEADER = 8
-LOWEST, BEST, LOG_MEMORY = 3, 4, 5
-"""Places of a bank's head: lowest order of the ripple, whose multiples up to K times the others are; model of the
-highest probability; mean
-logarithm of the memory. Before them stand K, M and n."""
-MEAN, PROJECTED, GAIN = range(3)
-"""Of `states`: means of the models, and room for `factor`."""
-(
-    MEMORY, LOG, SCALE, LEARNT, PROBABILITY, STANDING, INTENSITY, INNOVATION, SPREAD, LIKELIHOOD, OWN_NOISE, TOTAL,
-    KEEP,
-    MIX,
-) = range(14)  # fmt: skip
-"""Of `models`: samples that a model looks back, the inverse of its bandwidth, and their
-logarithm; variance of the readings relative to what is expected, and
-the innovations it was learnt from; probability; likelihood ratio to the bank since it was best; then room to work
-in."""
-
-
-class Bank(NamedTuple):
-    """M models of n = 2 K + 3 states: coefficients of ripple; acceleration, rate and angle of the clock.
-
-    Attributes:
-        head: (8,) see `LOWEST`.
-        models: (14, M) see `MEMORY`.
-        states: (3, n, M) see `MEAN`.
-        factor: (n, n, M) see `factor`, in units of the root of the scale.
-        second, basis, regressor: (4 K,), (4 K,), (2 K,) see `clock`.
-        gradient: (3, n), wave: (4,), state: (3,) room for `clock.observe`.
-    """
-
-    head: FloatArray
-    models: FloatArray
-    states: FloatArray
-    factor: FloatArray
-    second: FloatArray
-    basis: FloatArray
-    regressor: FloatArray
-    gradient: FloatArray
-    wave: FloatArray
-    state: FloatArray
-
-
-def bank_room(waves: int, cycle_turns: float, memory: FloatArray) -> FloatArray:
-    """Room for a bank with so many orders of ripple, multiples of 1 / cycle_turns, and models of the given memories.
-
-    One array: compiled code takes a bank apart (`open_bank`) faster than Python hands over its parts.
-    """
-    n, models = 2 * waves + 3, memory.size
-    room = np.zeros(HEADER + models * (14 + 3 * n + n * n) + 10 * waves + 3 * n + 7)
-    room[:4] = waves, models, n, 1.0 / cycle_turns
-    room[HEADER : HEADER + models] = memory
-    room[HEADER + models : HEADER + 2 * models] = np.log(memory)
-    return room
+RATE, ANGLE = 1, 2
+"""Rows of the clock's state that readings are of."""
 
 
 @compiled
-def open_bank(room: FloatArray) -> Bank:
-    """The bank that lives in a room."""
-    waves, models, n = int(room[0]), int(room[1]), int(room[2])
-    a = HEADER + 14 * models
-    b = a + 3 * n * models
-    c = b + n * n * models
-    d = c + 4 * waves
-    e = d + 4 * waves
-    f = e + 2 * waves
-    g = f + 3 * n
-    return Bank(
-        room[:HEADER], room[HEADER:a].reshape((14, models)), room[a:b].reshape((3, n, models)),
-        room[b:c].reshape((n, n, models)), room[c:d], room[d:e], room[e:f], room[f:g].reshape((3, n)),
-        room[g : g + 4], room[g + 4 : g + 7],
-    )  # fmt: skip
+def stand_at(status: Record, theta: float, waves: int) -> None:
+    """Let the basis be that of an angle."""
+    if waves > 0 and (status.basis_at != theta or status.basis_waves < waves):
+        set_basis(theta, status.lowest, 4 * waves, status.basis)
+        status.basis_at, status.basis_waves = theta, float(waves)
 
 
 @compiled
-def begin(bank: Bank, angle: float, rate: float, acceleration: float, kinematic: FloatArray, scale: float) -> None:
-    """Let all models begin with an angle, rate, acceleration and a ripple of which nothing is known.
+def begin(
+    status: Record, f: int, angle: float, rate: float, acceleration: float, kinematic: FloatArray, scale: float
+) -> None:
+    """Let all filters of family `f` begin with an angle, rate, acceleration and a ripple of which nothing is known.
 
-    `kinematic` (3, 3) is the lower factor of acceleration, rate, angle in that order, in units of the root of `scale`.
+    `kinematic` (6,) is l00 .. l22 of the factor, in units of the root of `scale`.
     What the ripple may be makes the clock's angle, rate and acceleration uncertain along with it.
     """
-    n, models = bank.states[MEAN].shape
-    lowest = bank.head[LOWEST]
-    bank.states[MEAN] = 0.0
-    bank.factor[:, :, :] = 0.0
-    bank.second[:] = 0.0
-    set_basis(angle, lowest, bank.basis)
-    for m in range(models):
-        bank.states[MEAN, n - 3, m], bank.states[MEAN, n - 2, m], bank.states[MEAN, n - 1, m] = (
-            acceleration,
-            rate,
-            angle,
+    width = 2 * WAVES[f]
+    stand_at(status, angle, WAVES[f])
+    basis = status.basis
+    for i in range(2 * width):
+        status.second[f, i] = 0.0
+    for m in range(FIRST[f], END[f]):
+        status.clock_acceleration[m], status.clock_rate[m], status.clock_angle[m] = acceleration, rate, angle
+        status.l00[m], status.l10[m], status.l20[m] = kinematic[0], kinematic[1], kinematic[2]
+        status.l11[m], status.l21[m], status.l22[m] = kinematic[3], kinematic[4], kinematic[5]
+        root = math.sqrt(scale)
+        for i in range(width):
+            status.ripple[m, i] = 0.0
+            for j in range(i):
+                status.factor[m, j, i] = 0.0
+            status.factor[m, i, i] = RIPPLE_SIZE / (status.lowest * (i // 2 + 1)) / root
+            turning = status.lowest * (i // 2 + 1) * rate
+            status.sensitivity[m, 0, i] = -turning * turning * basis[i]
+            status.sensitivity[m, 1, i] = turning * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
+            status.sensitivity[m, 2, i] = basis[i]
+        status.scale[m], status.learnt[m] = scale, FIRST_SCALE_WEIGHT
+        status.probability[m], status.standing[m] = 1.0 / (END[f] - FIRST[f]), 1.0
+    status.best[f] = FIRST[f]
+
+
+@compiled
+def open_motion(
+    status: Record, f: int, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float
+) -> None:
+    """Shift angle and rate of all filters and make them less certain by so much [rad, rad/s, rad/s^2]."""
+    for m in range(FIRST[f], END[f]):
+        root = math.sqrt(status.scale[m])
+        status.clock_angle[m] += angle
+        status.clock_rate[m] += rate
+        status.l22[m] += by_angle / root
+        status.l11[m] += by_rate / root
+        status.l00[m] += by_acceleration / root
+
+
+@compiled
+def predict(status: Record, f: int, step: float, noise: float, interval: float) -> None:
+    """Move all filters on. White jerk of intensity q = r / (N^6 T^5) makes a filter of memory N (Kalata 1984)."""
+    move_on(
+        status.clock_acceleration, status.clock_rate, status.clock_angle, status.l00, status.l10, status.l20,
+        status.l11, status.l21, status.l22, status.weakness, math.sqrt(noise * step / interval**5), step, FIRST[f],
+        END[f],
+    )  # fmt: skip
+
+
+@compiled
+def expect_angle(status: Record, f: int, step: float, reading: float, at: float, noise: float) -> None:
+    """Foresee a reading of the angle, `step` after the one before, the ripple taken at the angle `at`.
+
+    Sets innovations and likelihoods.
+    """
+    waves = WAVES[f]
+    if waves > 0:
+        stand_at(status, at, waves)
+        basis = status.basis
+        reading += known_part(status.second[f], 4 * waves, basis)
+        _feel(status, f, step, ANGLE, basis)
+    _foresee(
+        reading, status.clock_angle, status.l20, status.l21, status.l22, status.told, status.common, status.scale,
+        status.seen0, status.seen1, status.seen2, status.innovation, status.spread, status.own_noise, status.likelihood,
+        noise, FIRST[f], END[f],
+    )  # fmt: skip
+
+
+@partial(compiled, apart=True)
+def _foresee(
+    reading: float, state: FloatArray, l0: FloatArray, l1: FloatArray, l2: FloatArray, told: FloatArray,
+    common: FloatArray, scale: FloatArray, seen0: FloatArray, seen1: FloatArray, seen2: FloatArray,
+    innovation: FloatArray, spread: FloatArray, own_noise: FloatArray, likelihood: FloatArray, noise: float, first: int,
+    end: int,
+) -> None:  # fmt: skip
+    """Innovations of a reading of the state whose rows of the factor are given, and their likelihoods.
+
+    A reading far off is widened in the filter that it surprises.
+    """
+    for m in range(first, end):
+        p0, p1, p2 = l0[m], l1[m], l2[m]
+        seen0[m], seen1[m], seen2[m] = p0, p1, p2
+        off = reading + told[m] - state[m]
+        by = common[m] + p0 * p0 + p1 * p1 + p2 * p2
+        squared = off * off / scale[m]
+        rest = 1.0 + squared / (FREEDOM * (noise + by))
+        innovation[m], spread[m] = off, by
+        own_noise[m] = max(noise, squared / WIDE - by)
+        likelihood[m] = 1.0 / (rest * rest * rest * rest * math.sqrt(rest * scale[m] * (noise + by)))
+
+
+@compiled
+def _feel(status: Record, f: int, step: float, row: int, regressor: FloatArray) -> None:
+    """What a reading feels of the ripple in each filter, and the variance that this gives it."""
+    width = 2 * WAVES[f]
+    for m in range(FIRST[f], END[f]):
+        status.told[m], status.common[m] = feel(
+            status.sensitivity[m], status.ripple[m], status.factor[m], step, row, regressor, status.felt[m], width
         )
-        for i in range(n - 3):
-            order = lowest * (i // 2 + 1)
-            sigma = RIPPLE_SIZE / order / math.sqrt(scale)
-            value = bank.basis[i]
-            slope = -bank.basis[i + 1] if i % 2 == 0 else bank.basis[i - 1]
-            bank.factor[i, i, m] = sigma
-            bank.factor[i, n - 1, m] = sigma * value
-            bank.factor[i, n - 2, m] = sigma * slope * order * rate
-            bank.factor[i, n - 3, m] = -sigma * value * (order * rate) ** 2
-        for j in range(3):
-            for i in range(j, 3):
-                bank.factor[n - 3 + j, n - 3 + i, m] = kinematic[i, j]
-        bank.models[SCALE, m] = scale
-        bank.models[LEARNT, m] = FIRST_SCALE_WEIGHT
-        bank.models[PROBABILITY, m] = 1.0 / models
-        bank.models[STANDING, m] = 1.0
-    bank.head[BEST] = 0.0
 
 
 @compiled
-def open_motion(bank: Bank, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float) -> None:
-    """Shift angle and rate of all models and make them less certain by so much [rad, rad/s, rad/s^2]."""
-    n = bank.states[MEAN].shape[0]
-    for m in range(bank.models.shape[1]):
-        root = math.sqrt(bank.models[SCALE, m])
-        bank.states[MEAN, n - 1, m] += angle
-        bank.states[MEAN, n - 2, m] += rate
-        bank.factor[n - 1, n - 1, m] += by_angle / root
-        bank.factor[n - 2, n - 2, m] += by_rate / root
-        bank.factor[n - 3, n - 3, m] += by_acceleration / root
-
-
-@compiled
-def predict(bank: Bank, step: float, noise: float, interval: float) -> None:
-    """Move all models on. White jerk of intensity q = r / (N^6 T^5) makes a filter of memory N (Kalata 1984)."""
-    for m in range(bank.models.shape[1]):
-        bank.models[INTENSITY, m] = noise / (bank.models[MEMORY, m] ** 6 * interval**5)
-    move_on(bank.states[MEAN], bank.factor, step, bank.models[INTENSITY])
-
-
-@compiled
-def expect_angle(bank: Bank, reading: float, at: float, noise: float) -> None:
-    """Foresee a reading of the angle, the ripple taken at the angle `at`; sets innovations and likelihoods."""
-    set_basis(at, bank.head[LOWEST], bank.basis)
-    for k in range(bank.regressor.size):
-        bank.regressor[k] = -bank.basis[k]
-    _foresee(bank, bank.states.shape[1] - 1, reading + known_part(bank.second, bank.basis))
-    models = bank.models
-    for m in range(models.shape[1]):
-        variance = models[SCALE, m] * (noise + models[SPREAD, m])
-        rest = 1.0 + models[INNOVATION, m] ** 2 / (FREEDOM * variance)
-        models[LIKELIHOOD, m] = 1.0 / (rest * rest * rest * rest * math.sqrt(rest * variance))
-
-
-@compiled
-def _foresee(bank: Bank, row: int, reading: float) -> None:
-    states, models = bank.states, bank.models
-    foresee(
-        states[MEAN], bank.factor, row, bank.regressor, reading, states[PROJECTED], models[INNOVATION], models[SPREAD]
-    )  # fmt: skip
-
-
-@compiled
-def _correct(bank: Bank, noise: float) -> None:
-    """Correct all models by what was foreseen last; a reading far off is widened in the model that it surprises."""
-    states, models = bank.states, bank.models
-    for m in range(models.shape[1]):
-        models[OWN_NOISE, m] = max(noise, models[INNOVATION, m] ** 2 / (WIDE * models[SCALE, m]) - models[SPREAD, m])
-    correct(
-        states[MEAN], bank.factor, states[PROJECTED], models[INNOVATION], models[OWN_NOISE], states[GAIN],
-        models[TOTAL],
-        models[KEEP], models[MIX],
-    )  # fmt: skip
-
-
-@compiled
-def nearest(bank: Bank, noise: float, least_probability: float) -> float:
-    """The least normalised innovation squared of the models whose probability counts."""
-    least, models = math.inf, bank.models
-    for m in range(models.shape[1]):
-        if models[PROBABILITY, m] > least_probability:
-            least = min(least, models[INNOVATION, m] ** 2 / (models[SCALE, m] * (noise + models[SPREAD, m])))
+def nearest(status: Record, f: int, noise: float, least_probability: float) -> float:
+    """The least normalised innovation squared of the filters whose probability counts."""
+    least = math.inf
+    for m in range(FIRST[f], END[f]):
+        if status.probability[m] > least_probability:
+            variance = status.scale[m] * (noise + status.spread[m])
+            least = min(least, status.innovation[m] ** 2 / variance)
     return least
 
 
 @compiled
-def take_angle(bank: Bank, noise: float, least_scale: float, with_second: bool) -> float:
-    """Correct all models by the angle foreseen last; its likelihood under the bank.
+def _correct(status: Record, f: int) -> None:
+    """Correct all filters by what was foreseen last."""
+    first, end, width = FIRST[f], END[f], 2 * WAVES[f]
+    correct(
+        status.clock_acceleration, status.clock_rate, status.clock_angle, status.l00, status.l10, status.l20,
+        status.l11, status.l21, status.l22, status.seen0, status.seen1, status.seen2, status.innovation,
+        status.own_noise, status.gain0, status.gain1, status.gain2, first, end,
+    )  # fmt: skip
+    for m in range(first, end if width > 0 else first):
+        sensitivity, felt, change = status.sensitivity[m], status.felt[m], status.change
+        absorb(sensitivity, felt, status.gain0[m], status.gain1[m], status.gain2[m], width)
+        rest = status.own_noise[m] + status.spread[m] - status.common[m]
+        learn(status.ripple[m], status.factor[m], felt, status.innovation[m], rest, change, width)
+        acceleration, rate, angle = shift(sensitivity, change, width)
+        status.clock_acceleration[m] += acceleration
+        status.clock_rate[m] += rate
+        status.clock_angle[m] += angle
 
-    Learns the probabilities and each model's scale of the noise; models that fell behind begin again from the best.
+
+@compiled
+def take_angle(status: Record, f: int, noise: float, least_scale: float) -> float:
+    """Correct all filters by the angle foreseen last; its likelihood under the family.
+
+    Learns the probabilities and each filter's scale of the noise; filters that fell behind begin again from the best.
     """
-    models = bank.models
-    count = models.shape[1]
+    first, end = FIRST[f], END[f]
     together = 0.0
-    for m in range(count):
-        together += models[PROBABILITY, m] * models[LIKELIHOOD, m]
-    _correct(bank, noise)
-    best, memory = 0, 0.0
-    for m in range(count):
-        ratio = models[LIKELIHOOD, m] / together
-        models[PROBABILITY, m] = (1.0 - SHARE) * models[PROBABILITY, m] * ratio + SHARE / count
-        models[STANDING, m] = min(1.0, models[STANDING, m] * ratio)
-        squared = min(models[INNOVATION, m] ** 2 / (models[SCALE, m] * (noise + models[SPREAD, m])), WIDE)
-        models[LEARNT, m] = min(models[LEARNT, m] + 1.0, SCALE_SAMPLES)
-        models[SCALE, m] = max(models[SCALE, m] * (1.0 + (squared - 1.0) / models[LEARNT, m]), least_scale)
-        memory += models[PROBABILITY, m] * models[LOG, m]
-        if models[PROBABILITY, m] > models[PROBABILITY, best]:
+    for m in range(first, end):
+        together += status.probability[m] * status.likelihood[m]
+    _correct(status, f)
+    _believe(
+        status.likelihood, status.innovation, status.spread, status.probability, status.standing, status.scale,
+        status.learnt, together, noise, least_scale, first, end,
+    )  # fmt: skip
+    best = first
+    for m in range(first, end):
+        if status.probability[m] > status.probability[best]:
             best = m
-    bank.head[BEST], bank.head[LOG_MEMORY] = best, memory
-    for m in range(count):
-        if models[STANDING, m] < BEHIND and models[PROBABILITY, m] < FEW and m != best:
-            _begin_again(bank, best, m)
-    if with_second:
-        set_second(bank.states[MEAN], best, bank.head[LOWEST], bank.second)
+    status.best[f] = best
+    for m in range(first, end):
+        if status.standing[m] < BEHIND and status.probability[m] < FEW and m != best:
+            _begin_again(status, best, m, 2 * WAVES[f])
     return together
 
 
-@compiled
-def _begin_again(bank: Bank, source: int, target: int) -> None:
-    n = bank.states.shape[1]
-    for j in range(n):
-        bank.states[MEAN, j, target] = bank.states[MEAN, j, source]
-        for i in range(j, n):
-            bank.factor[j, i, target] = bank.factor[j, i, source]
-    bank.models[SCALE, target] = bank.models[SCALE, source]
-    bank.models[LEARNT, target] = bank.models[LEARNT, source]
-    bank.models[STANDING, target] = 1.0
+@partial(compiled, apart=True)
+def _believe(
+    likelihood: FloatArray, innovation: FloatArray, spread: FloatArray, probability: FloatArray, standing: FloatArray,
+    scale: FloatArray, learnt: FloatArray, together: float, noise: float, least_scale: float, first: int, end: int,
+) -> None:  # fmt: skip
+    """Learn probabilities and scales of the noise."""
+    share, kept = SHARE / (end - first), 1.0 / together
+    for m in range(first, end):
+        ratio = likelihood[m] * kept
+        probability[m] = (1.0 - SHARE) * probability[m] * ratio + share
+        standing[m] = min(1.0, standing[m] * ratio)
+        squared = min(innovation[m] * innovation[m] / (scale[m] * (noise + spread[m])), WIDE)
+        count = min(learnt[m] + 1.0, SCALE_SAMPLES)
+        learnt[m] = count
+        scale[m] = max(scale[m] * (1.0 + (squared - 1.0) / count), least_scale)
 
 
 @compiled
-def take_speed(bank: Bank, speed: float, theta: float, variance: float) -> None:
-    """Correct all models by a reading of the speed [rad/s] at an angle: the clock's rate is speed (1 + g')."""
-    lowest = bank.head[LOWEST]
-    set_basis(theta, lowest, bank.basis)
-    rate = speed
-    for k in range(bank.second.size // 2):
-        slope = bank.second[2 * k + 1] * bank.basis[2 * k] - bank.second[2 * k] * bank.basis[2 * k + 1]
-        rate += speed * lowest * (k + 1) * slope
-    for k in range(bank.regressor.size // 2):
-        bank.regressor[2 * k] = speed * lowest * (k + 1) * bank.basis[2 * k + 1]
-        bank.regressor[2 * k + 1] = -speed * lowest * (k + 1) * bank.basis[2 * k]
-    _foresee(bank, bank.states.shape[1] - 2, rate)
-    _correct(bank, variance / bank.models[SCALE, int(bank.head[BEST])])
+def log_memory(status: Record, f: int) -> float:
+    """Mean logarithm of the memory."""
+    total = 0.0
+    for m in range(FIRST[f], END[f]):
+        total += status.probability[m] * status.logarithm[m]
+    return total
 
 
 @compiled
-def angle(bank: Bank, m: int, guess: float) -> float:
-    """The angle of model m, near `guess`."""
-    return angle_of(bank.states[MEAN], m, bank.head[LOWEST], bank.basis, bank.second, guess, bank.wave)
+def _begin_again(status: Record, source: int, target: int, width: int) -> None:
+    status.clock_acceleration[target] = status.clock_acceleration[source]
+    status.clock_rate[target] = status.clock_rate[source]
+    status.clock_angle[target] = status.clock_angle[source]
+    status.l00[target], status.l10[target] = status.l00[source], status.l10[source]
+    status.l20[target], status.l11[target] = status.l20[source], status.l11[source]
+    status.l21[target], status.l22[target] = status.l21[source], status.l22[source]
+    for i in range(width):
+        status.ripple[target, i] = status.ripple[source, i]
+        for row in range(3):
+            status.sensitivity[target, row, i] = status.sensitivity[source, row, i]
+        for j in range(i + 1):
+            status.factor[target, j, i] = status.factor[source, j, i]
+    status.scale[target], status.learnt[target] = status.scale[source], status.learnt[source]
+    status.standing[target] = 1.0
 
 
 @compiled
-def blend(bank: Bank, own: float, about: FloatArray, top: float, moments: FloatArray) -> None:
-    """Add the models of a bank of weight `own` to moments (10,) `about` an angle, speed and acceleration (3,).
-
-    They are the weight; the weighted sums of the three; and of 00, 01, 02, 11, 12, 22 of their products.
-    """
-    state, gradient = bank.state, bank.gradient
-    set_basis(about[0], bank.head[LOWEST], bank.basis)
-    for m in range(bank.models.shape[1]):
-        weight = own * bank.models[PROBABILITY, m]
-        if weight < MINOR * top:
-            continue
-        observe(
-            bank.states[MEAN], bank.factor, m, bank.head[LOWEST], bank.basis, bank.second, about[0], bank.wave, state,
-            gradient,
-        )  # fmt: skip
-        moments[0] += weight
-        place = 4
-        for p in range(3):
-            state[p] -= about[p]
-        for p in range(3):
-            moments[1 + p] += weight * state[p]
-            for q in range(p, 3):
-                product = 0.0
-                for j in range(gradient.shape[1]):
-                    product += gradient[p, j] * gradient[q, j]
-                moments[place] += weight * (bank.models[SCALE, m] * product + state[p] * state[q])
-                place += 1
+def take_speed(status: Record, f: int, speed: float, theta: float, variance: float) -> None:
+    """Correct all filters by a reading of the speed [rad/s] at an angle: the clock's rate is speed (1 + g')."""
+    waves, rate = WAVES[f], speed
+    if waves > 0:
+        stand_at(status, theta, waves)
+        basis, regressor, second = status.basis, status.regressor, status.second[f]
+        for k in range(2 * waves):
+            turning = speed * status.lowest * (k + 1)
+            rate += turning * (second[2 * k + 1] * basis[2 * k] - second[2 * k] * basis[2 * k + 1])
+            if k < waves:
+                regressor[2 * k], regressor[2 * k + 1] = -turning * basis[2 * k + 1], turning * basis[2 * k]
+        _feel(status, f, 0.0, RATE, regressor)
+    _foresee(
+        rate, status.clock_rate, status.l10, status.l11, status.none, status.told, status.common, status.scale,
+        status.seen0, status.seen1, status.seen2, status.innovation, status.spread, status.own_noise, status.likelihood,
+        variance / status.scale[status.best[f]], FIRST[f], END[f],
+    )  # fmt: skip
+    _correct(status, f)

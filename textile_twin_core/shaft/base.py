@@ -11,12 +11,13 @@ import numpy.typing as npt
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError
 from textile_twin_core.shaft.encoder import UNKNOWN_STEP_RAD, StepFinder
-from textile_twin_core.shaft.filter import bank_rooms, follow, ripple_amplitudes, set_rounding
+from textile_twin_core.shaft.filter import follow
 from textile_twin_core.shaft.gate import as_samples
+from textile_twin_core.shaft.readings import set_rounding
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import COUNTS, INDEX, KEPT, MOTIONS, SETTLED, WIDTH, new_status
+from textile_twin_core.shaft.status import COUNTS, INDEX, KEPT, MOTIONS, SETTLED, WIDTH, new_status, ripple_amplitudes
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
@@ -58,7 +59,7 @@ class ShaftEstimator(Protocol):
 
 
 class Recursion:
-    """Status and banks of one stream of samples, and the encoder that gives them.
+    """The status of one stream of samples, and the encoder that gives them.
 
     Args:
         settings: as told.
@@ -69,7 +70,6 @@ class Recursion:
         self.finder = StepFinder(settings.period_rad)
         self.finder.step = settings.step_rad
         self.status = new_status(settings, UNKNOWN_STEP_RAD if settings.step_rad is None else settings.step_rad)
-        self.rooms = bank_rooms(settings.cycle_turns)
         self.last: Stamps = np.zeros(1, np.int64)
         self.wheel = (
             ToothWheel(settings.teeth, settings.tooth_zero_rad, settings.pitch_errors_rad) if settings.teeth else None
@@ -84,32 +84,29 @@ class Recursion:
         """
         stamp, angle, velocity = as_samples(stamps, angles, velocities)
         self._mind_kind(stamp)
-        done, stamped, tables = 0, [], []
-        while True:
-            end = min(stamp.size, done + self.finder.wanted) if self.finder.wanted else stamp.size
-            piece = slice(done, end)
-            turning = angle[piece] if self.wheel is None else self.wheel.corrected(angle[piece])
-            heard = np.empty(end - done)
-            told, table = walk(stamp[piece], turning, velocity[piece] if velocity.size else velocity, heard)
+        if self.wheel is not None:
+            angle = self.wheel.corrected(angle)
+        if not self.finder.wanted:
+            return walk(stamp, angle, velocity, np.empty(stamp.size))
+        done = 0
+        parts: list[tuple[Stamps, FloatArray]] = []
+        while done < stamp.size or not parts:
+            end = min(stamp.size, done + (self.finder.wanted or stamp.size))
+            piece, heard = slice(done, end), np.empty(end - done)
+            parts.append(walk(stamp[piece], angle[piece], velocity[piece], heard))
             self._learn(heard)
-            stamped.append(told)
-            tables.append(table)
             done = end
-            if done == stamp.size:
-                break
-        if len(tables) == 1:
-            return told, table
-        return np.concatenate(stamped), np.concatenate(tables)
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
     def follow(
         self, stamps: Stamps, angles: FloatArray, velocities: FloatArray, heard: FloatArray
     ) -> tuple[Stamps, FloatArray]:
         """Stamps and rows of the accepted samples, filtered."""
-        first, table = self.received, np.empty((stamps.size, WIDTH))
-        count = follow(self.status, self.rooms, self.last, stamps, angles, velocities, heard, table)
+        table = np.empty((stamps.size, WIDTH))
+        count = follow(self.status, self.last, stamps, angles, velocities, heard, table)
         if count < stamps.size:
             table = table[:count]
-            stamps = stamps[table[:, INDEX].astype(np.int64) - first]
+            stamps = stamps[table[:, INDEX].astype(np.int64) - (self.received - stamps.size)]
         return stamps, table
 
     def _mind_kind(self, stamp: Stamps) -> None:
@@ -124,7 +121,7 @@ class Recursion:
         if self.finder.wanted:
             step = self.finder.take(heard[~np.isnan(heard)])
             if step is not None:
-                set_rounding(self.status, self.rooms, step)
+                set_rounding(self.status, step)
 
     @property
     def received(self) -> int:
@@ -156,7 +153,7 @@ class Recursion:
             resolution_rad=float(now["rounding"]) if self.finder.step else 0.0,
             stamp_jitter_s=float(np.sqrt(now["jitter"])),
             pitch_errors_rad=() if self.wheel is None else tuple(self.wheel.errors_rad.tolist()),
-            ripple=tuple(ripple_amplitudes(self.status, self.rooms).tolist()),
+            ripple=tuple(ripple_amplitudes(self.status).tolist()),
             state=state,
             **counts,
         )  # fmt: skip
@@ -164,7 +161,7 @@ class Recursion:
 
 def states_of(stamps: Stamps, table: FloatArray) -> ShaftStates:
     """States of a table's rows (n,) with their stamps, but for those of a motion's first two samples."""
-    told = table[:, SETTLED] >= 0.0
-    if not told.all():
-        stamps, table = stamps[told], table[told]
-    return ShaftStates.from_table(stamps, table[:, INDEX].astype(np.int64), table)
+    first = 0
+    while first < min(2, stamps.size) and table[first, SETTLED] < 0.0:
+        first += 1
+    return ShaftStates(stamps[first:], table[first:]) if first else ShaftStates(stamps, table)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -39,16 +40,23 @@ def as_samples(
     Raises:
         MotionError: arrays of different lengths, or stamps that are no numbers.
     """
-    stamp, angle = np.atleast_1d(np.asarray(stamps)), np.atleast_1d(np.asarray(angles, dtype=np.float64))
-    if stamp.dtype.kind not in "iuf":
+    stamp, angle = np.asarray(stamps), np.asarray(angles, dtype=np.float64)
+    kind = stamp.dtype.kind
+    if kind not in "iuf":
         raise MotionError(f"stamps are of type {stamp.dtype}: give integer nanoseconds or float seconds")
-    stamp = np.ascontiguousarray(stamp, dtype=np.float64 if stamp.dtype.kind == "f" else np.int64)
+    stamp = np.ascontiguousarray(stamp, dtype=np.float64 if kind == "f" else np.int64)
+    angle = np.ascontiguousarray(angle)
     if stamp.ndim != 1 or angle.shape != stamp.shape:
         raise MotionError(
             f"{stamp.size} stamps (shape {stamp.shape}) but {angle.size} angles (shape {angle.shape}): "
             "give one stamp per angle"
         )
-    velocity = np.zeros(0) if velocities is None else np.atleast_1d(np.asarray(velocities, dtype=np.float64))
+    if velocities is None:
+        return stamp, angle, _NONE
+    velocity = np.ascontiguousarray(velocities, dtype=np.float64)
     if velocity.size and velocity.shape != stamp.shape:
         raise MotionError(f"{stamp.size} stamps but {velocity.size} velocities: give one per angle, or none")
-    return stamp, np.ascontiguousarray(angle), np.ascontiguousarray(velocity)
+    return stamp, angle, velocity
+
+
+_NONE: Final = np.zeros(0)

@@ -9,12 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft.bank import BEST, MEAN, SCALE, open_bank
+from textile_twin_core.compiling import compiled, records
 from textile_twin_core.shaft.base import Recursion, Stamps, states_of
-from textile_twin_core.shaft.chain import NOW, Chain, chain_room, open_chain, stand_at, turn_round
-from textile_twin_core.shaft.clock import set_second
-from textile_twin_core.shaft.filter import Banks, Rooms, bank_rooms, open_banks, take
+from textile_twin_core.shaft.chain import CHAIN, move, stand, turn_round
+from textile_twin_core.shaft.chain import STEP as ONE_STEP
+from textile_twin_core.shaft.filter import take
 from textile_twin_core.shaft.gate import admit
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings, require_positive
@@ -23,23 +22,41 @@ from textile_twin_core.shaft.smoothing import (
     back,
     look_back,
     readmit,
+    set_clock,
     set_intensities,
     sharpen,
+    stand_as,
     take_shorter,
     there,
 )
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import CUT, LEAD, MEMORY, NOISE, ORDERS, READING, SETTLED, TIME, WIDTH, StatusArray
+from textile_twin_core.shaft.status import (
+    ACCELERATION,
+    COVARIANCE,
+    CUT,
+    MEMORY,
+    NOISE,
+    READING,
+    SETTLED,
+    SPEED,
+    THETA,
+    TIME,
+    WAVES,
+    WIDTH,
+    Record,
+    StatusArray,
+    new_status,
+)
 
 MOST_ROWS = 1024
 """Samples that may be held; a longer lag at a high rate is cut to what fits."""
+CHANGED = 0.2
+"""Change of the memory's logarithm within the lag from which it is worth to look at it from behind too."""
 BATCH = 3
 """Samples within a lag that become ready at once, one part in so many: the way back is shared by them."""
 
-HELD = np.dtype([(name, np.float64) for name in ("lag", "rows", "number", "heir", "heir_row")])
-"""Lag [s]; rows held, of which the first is where the chain stands; number of the chain's bank; that of the next
-chain, or -1; its row.
-"""
+HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("family", np.int64), ("ready", np.int64)])
+"""Lag [s]; rows held, of which the first is where the chain stands; family of its ripple; rows that became ready."""
 
 
 class LagEstimator:
@@ -66,16 +83,12 @@ class LagEstimator:
         self._begin()
 
     def _begin(self) -> None:
-        cycle = self._settings.cycle_turns
-        self._held = np.zeros(1, HELD)
-        self._held["lag"], self._held["heir"] = self._lag, -1.0
-        self._window = np.zeros((MOST_ROWS, WIDTH))
-        plain, few, some, many = (chain_room(waves, cycle, MOST_ROWS) for waves in ORDERS)
-        self._chains: Rooms = (plain, few, some, many)
-        plain, few, some, many = (chain_room(waves, cycle, 1) for waves in ORDERS)
-        self._heirs: Rooms = (plain, few, some, many)
-        self._spare = bank_rooms(cycle)
-        self._window_stamps: Stamps = np.zeros(MOST_ROWS, np.int64)
+        self._held = records(HELD)
+        self._held["lag"] = self._lag
+        self._window, self._window_stamps = np.zeros((MOST_ROWS, WIDTH)), np.zeros(MOST_ROWS, np.int64)
+        self._chain, self._steps = records(CHAIN), records(ONE_STEP, MOST_ROWS + 1)
+        self._chain["lowest"] = 1.0 / self._settings.cycle_turns
+        self._filters = new_status(self._settings, 0.0)
 
     @property
     def report(self) -> SampleReport:
@@ -97,9 +110,8 @@ class LagEstimator:
         room = int(self._held["rows"][0]) + stamps.size
         ready, table = np.empty(room, stamps.dtype), np.empty((room, WIDTH))
         count = _follow(
-            own.status, own.rooms, own.last, stamps, angles, velocities, heard, self._held, self._window,
-            self._window_stamps,
-            self._chains, self._heirs, self._spare, ready, table,
+            own.status, own.last, stamps, angles, velocities, heard, self._held, self._window, self._window_stamps,
+            self._chain, self._steps, self._filters, ready, table,
         )  # fmt: skip
         return ready[:count], table[:count]
 
@@ -107,10 +119,12 @@ class LagEstimator:
         """The states still held; then the estimator begins anew, but for the report and the newest stamp."""
         count = int(self._held["rows"][0])
         ready, table = np.empty(count, self._window_stamps.dtype), np.empty((count, WIDTH))
-        count = _flush(
-            self._held, self._window, self._window_stamps, self._chains, self._heirs, self._spare,
-            float(self._recursion.status["interval"][0]), ready, table, 0,
+        self._held["ready"] = 0
+        _flush(
+            self._recursion.status, self._held, self._window, self._window_stamps, self._chain, self._steps,
+            self._filters, ready, table,
         )  # fmt: skip
+        count = int(self._held["ready"][0])
         self._recursion.begin_anew()
         self._begin()
         return states_of(ready[:count], table[:count])
@@ -118,122 +132,143 @@ class LagEstimator:
 
 @compiled
 def _follow(
-    record: StatusArray, rooms: Rooms, last: FloatArray | IntArray, stamps: FloatArray | IntArray, angles: FloatArray,
-    velocities: FloatArray, heard: FloatArray, held: StatusArray, window: FloatArray, window_stamps: FloatArray |
-    IntArray, chains: Rooms,
-    heirs: Rooms, spare: Rooms, ready: FloatArray | IntArray, table: FloatArray,
+    record: StatusArray, last: FloatArray | IntArray, stamps: FloatArray | IntArray, angles: FloatArray,
+    velocities: FloatArray, heard: FloatArray, held: StatusArray, window: FloatArray,
+    window_stamps: FloatArray | IntArray, chains: StatusArray, steps: StatusArray, filters: StatusArray,
+    ready: FloatArray | IntArray, table: FloatArray,
 ) -> int:  # fmt: skip
     """As `filter.follow`; the rows of the states that are ready go to `table`, their stamps to `ready`."""
-    banks, state = open_banks(rooms), held[0]
-    count = 0
-    heard[:] = math.nan
+    state = held[0]
+    state.ready = 0
     for i in range(stamps.size):
+        heard[i] = math.nan
         if not admit(record, last, stamps[i], angles[i]):
             continue
         velocity = velocities[i] if velocities.size > 0 else math.nan
-        at = int(state.rows)
-        row = window[at]
-        take(record, banks, (stamps[i] - last[0]) * record[0].unit, angles[i], velocity, row)
+        at = state.rows
+        take(record, (stamps[i] - last[0]) * record[0].unit, angles[i], velocity, window[at])
         last[0] = stamps[i]
+        row = window[at]
         if row[NOISE] > 0.0:
             heard[i] = row[READING]
         if record[0].samples == 1.0:
             continue
         window_stamps[at] = stamps[i]
         if row[CUT] == 1.0:
-            count = _flush(
-                held, window, window_stamps, chains, heirs, spare, record[0].interval, ready, table, count
-            )  # fmt: skip
-            window[0], window_stamps[0], state.rows = row.copy(), stamps[i], 1.0
-            state.number, state.heir = row[LEAD], -1.0
-            _stand(record, banks, open_chain(chains[int(state.number)]))
-            if row[SETTLED] >= 0.0:
-                table[count], ready[count] = row, stamps[i]
-                count += 1
+            _flush(record, held, window, window_stamps, chains, steps, filters, ready, table)
+            _move(window, window_stamps, at, 0)
+            state.rows = 1
+            _stand(record[0], state, chains[0], window[0])
+            if window[0, SETTLED] >= 0.0:
+                _let_go(state, window, window_stamps, 0, ready, table)
             continue
-        state.rows += 1.0
-        if row[LEAD] == state.number:
-            state.heir = -1.0
-        elif row[LEAD] != state.heir:
-            state.heir, state.heir_row = row[LEAD], float(at)
-            _stand(record, banks, open_chain(heirs[int(state.heir)]))
+        state.rows += 1
         due = 0
         while due < at and row[TIME] - window[due + 1, TIME] >= state.lag:
             due += 1
         if due > 0 and (due >= (at - due) // BATCH or at == MOST_ROWS - 1):
-            count = _release(
-                held, due, window, window_stamps, chains, heirs, spare, record[0].interval, ready, table, count
-            )  # fmt: skip
-    return count
+            _release(record, held, due, window, window_stamps, chains, steps, filters, ready, table)
+    return state.ready  # type: ignore[no-any-return]
 
 
 @compiled
-def _stand(record: StatusArray, banks: Banks, chain: Chain) -> None:
-    """Put a chain where the leading model stands."""
-    status = record[0]
-    bank = banks[int(status.lead_bank)]
-    m = int(bank.head[BEST])
-    chain.vectors[NOW, :, 0] = bank.states[MEAN, :, m]
-    chain.factor[:, :, 0] = bank.factor[:, :, m] * math.sqrt(bank.models[SCALE, m])
-    chain.second[:] = bank.second
+def _stand(status: Record, state: Record, chain: Record, row: FloatArray) -> None:
+    """Put the chain where the filter told that the shaft was at a row, with the ripple that leads now."""
+    state.family = status.lead
+    _learn(status, state.family, chain)
+    kinematic, by = chain.kinematic, row[COVARIANCE : COVARIANCE + 9]
+    kinematic[0] = math.sqrt(by[8])
+    kinematic[1], kinematic[2] = by[5] / kinematic[0], by[2] / kinematic[0]
+    kinematic[3] = math.sqrt(max(by[4] - kinematic[1] ** 2, 1e-9 * by[4]))
+    kinematic[4] = (by[1] - kinematic[1] * kinematic[2]) / kinematic[3]
+    kinematic[5] = math.sqrt(max(by[0] - kinematic[2] ** 2 - kinematic[4] ** 2, 1e-9 * by[0]))
+    stand(chain, WAVES[state.family], row[THETA], row[SPEED], row[ACCELERATION], kinematic)
+
+
+@compiled
+def _learn(status: Record, family: int, chain: Record) -> None:
+    """Let the chain know the ripple as the filter knows it by now."""
+    best, width = status.best[family], 2 * WAVES[family]
+    root = math.sqrt(status.scale[best])
+    for i in range(width):
+        chain.room[i] = status.ripple[best, i] - chain.ripple[i]
+        chain.ripple[i] = status.ripple[best, i]
+        for j in range(i + 1):
+            chain.ripple_factor[j, i] = status.factor[best, j, i] * root
+    for i in range(2 * width):
+        chain.second[i] = status.second[family, i]
+    move(chain, chain.room, width)
 
 
 @compiled
 def _flush(
-    held: StatusArray, window: FloatArray, window_stamps: FloatArray | IntArray, chains: Rooms, heirs: Rooms,
-    spare: Rooms, interval: float, ready: FloatArray | IntArray, table: FloatArray, count: int,
-) -> int:  # fmt: skip
+    record: StatusArray, held: StatusArray, window: FloatArray, window_stamps: FloatArray | IntArray,
+    chains: StatusArray, steps: StatusArray, filters: StatusArray, ready: FloatArray | IntArray, table: FloatArray,
+) -> None:  # fmt: skip
     """Let go of all rows held: nothing more will be learnt of them."""
-    while held[0].rows > 1.0:
-        due = int(held[0].rows) - 1
-        count = _release(
-            held, due, window, window_stamps, chains, heirs, spare, interval, ready, table, count
-        )  # fmt: skip
-    return count
+    if held[0].rows > 1:
+        due = held[0].rows - 1
+        _release(record, held, due, window, window_stamps, chains, steps, filters, ready, table)
 
 
 @compiled
 def _release(
-    held: StatusArray, due: int, window: FloatArray, window_stamps: FloatArray | IntArray, chains: Rooms, heirs: Rooms,
-    spare: Rooms, interval: float, ready: FloatArray | IntArray, table: FloatArray, count: int,
-) -> int:  # fmt: skip
-    """Smooth the window and let go of the `due` rows after the first; those up to where an heir stands, if sooner."""
-    state = held[0]
-    number, rows = int(state.number), int(state.rows)
-    succeeds = state.heir >= 0.0 and state.heir_row <= due
-    if succeeds:
-        due = int(state.heir_row)
-    bank, chain, seen = open_bank(spare[number]), open_chain(chains[number]), window[:rows]
+    record: StatusArray, held: StatusArray, due: int, window: FloatArray, window_stamps: FloatArray | IntArray,
+    chains: StatusArray, steps: StatusArray, filters: StatusArray, ready: FloatArray | IntArray, table: FloatArray,
+) -> None:  # fmt: skip
+    """Smooth the window and let go of the `due` rows after the first."""
+    state, chain, status, start = held[0], chains[0], record[0], steps[MOST_ROWS]
+    rows = state.rows
+    seen = window[:rows]
+    if status.active[state.family] == 0.0 or status.lead != state.family:
+        _stand(status, state, chain, seen[0])
+    else:
+        _learn(status, state.family, chain)
+    waves, known, interval = WAVES[state.family], MEMORY + state.family, status.interval
     memory, intensity, jerk, sums = np.empty(rows), np.empty(rows), np.zeros((rows, 2)), np.empty((rows + 1, 2))
-    mean, factor = chain.vectors[NOW].copy(), chain.factor.copy()
+    stand_as(chain, start)
     readmit(seen)
-    memory[:] = seen[:, MEMORY + number]
+    set_clock(chain, waves, seen)
+    shortest = longest = seen[0, known]
+    for k in range(rows):
+        memory[k] = seen[k, known]
+        shortest, longest = min(shortest, memory[k]), max(longest, memory[k])
     set_intensities(seen, memory, interval, intensity)
-    there(chain, seen, intensity, 1, rows)
-    look_back(bank, number, chain, seen, interval, memory)
-    take_shorter(seen, number, 0, memory)
-    set_intensities(seen, memory, interval, intensity)
+    there(chain, steps, 0 * waves, seen, intensity, 1, rows)
+    if shortest < longest - CHANGED:
+        look_back(filters[0], chain, seen, known, interval, memory)
+        take_shorter(seen, known, 0 * rows, memory)
+        set_intensities(seen, memory, interval, intensity)
     for again in range(ROUNDS + 1):
         if again > 0:
             sharpen(seen, jerk, interval, intensity, sums)
-        chain.vectors[NOW], chain.factor[:, :, :] = mean, factor
-        there(chain, seen, intensity, 1, rows)
+        stand_as(start, chain)
+        last = again == ROUNDS
+        there(chain, steps, waves if last else 0, seen, intensity, 1, rows)
         turn_round(chain)
-        back(chain, seen, 1, rows, due + 1 if again == ROUNDS else 0, jerk)
-    stand_at(chain, due - 1)
-    if number > 0:
-        set_second(chain.vectors[NOW], 0, chain.head[3], chain.second)
+        back(chain, steps, waves, seen, 1, rows, due + 1 if last else 0, jerk)
+    stand_as(steps[due - 1], chain)
     for k in range(1, due + 1):
-        table[count], ready[count] = window[k], window_stamps[k]
-        count += 1
+        _let_go(state, window, window_stamps, k, ready, table)
     for k in range(due, rows):
-        window[k - due], window_stamps[k - due] = window[k], window_stamps[k]
+        _move(window, window_stamps, k, k - due)
     state.rows -= due
-    if succeeds:
-        heir, successor = open_chain(heirs[int(state.heir)]), open_chain(chains[int(state.heir)])
-        successor.vectors[NOW], successor.factor[:, :, :] = heir.vectors[NOW], heir.factor
-        successor.second[:] = heir.second
-        state.number, state.heir = state.heir, -1.0
-    elif state.heir >= 0.0:
-        state.heir_row -= due
-    return count
+
+
+@compiled
+def _let_go(
+    state: Record, window: FloatArray, window_stamps: FloatArray | IntArray, k: int, ready: FloatArray | IntArray,
+    table: FloatArray,
+) -> None:  # fmt: skip
+    """A row of the window is ready."""
+    for i in range(window.shape[1]):
+        table[state.ready, i] = window[k, i]
+    ready[state.ready] = window_stamps[k]
+    state.ready += 1
+
+
+@compiled
+def _move(window: FloatArray, window_stamps: FloatArray | IntArray, source: int, target: int) -> None:
+    for i in range(window.shape[1]):
+        window[target, i] = window[source, i]
+    window_stamps[target] = window_stamps[source]

@@ -8,32 +8,32 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft.bank import MEAN, Bank, begin, open_bank
+from textile_twin_core.compiling import compiled, records
 from textile_twin_core.shaft.base import Recursion, Stamps, states_of
-from textile_twin_core.shaft.chain import NOW, Chain, chain_room, open_chain
-from textile_twin_core.shaft.clock import set_second
-from textile_twin_core.shaft.filter import bank_rooms, first_uncertainty
+from textile_twin_core.shaft.chain import CHAIN, forget_ripple, stand
+from textile_twin_core.shaft.chain import STEP as ONE_STEP
+from textile_twin_core.shaft.filter import set_uncertainty
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.smoothing import (
     MARK,
     ROUNDS,
+    find_ripple,
     look_back,
     readmit,
+    set_clock,
     set_intensities,
     sharpen,
-    smooth_there_and_back,
     take_shorter,
-    there,
+    there_and_back,
 )
-from textile_twin_core.shaft.states import ShaftStates
+from textile_twin_core.shaft.states import STATE_WIDTH, ShaftStates
 from textile_twin_core.shaft.status import (
     CUT,
+    FAMILIES,
     LEAD,
     MEMORY,
     NOISE,
-    ORDERS,
     ORIGIN,
     PHASE,
     READING,
@@ -41,6 +41,10 @@ from textile_twin_core.shaft.status import (
     STEP,
     THETA,
     TURNS,
+    WAVES,
+    Record,
+    StatusArray,
+    new_status,
 )
 from textile_twin_core.shaft.turns import TURN
 
@@ -94,7 +98,7 @@ class SmoothEstimator:
         del blocks
         self._smooth(table)
         self._recursion.begin_anew()
-        return states_of(stamps, table)
+        return states_of(stamps, table[:, :STATE_WIDTH].copy())
 
     def _smooth(self, table: FloatArray) -> None:
         """Smooth stretch by stretch; with a toothed wheel again, its pitch errors as the smoothed motion tells them."""
@@ -104,58 +108,56 @@ class SmoothEstimator:
         for lesson in range(lessons + 1):
             for first, end in zip(cuts, [*cuts, len(table)][1:], strict=True):
                 if end - first >= FEWEST:
-                    _smooth(table[first:end], self._settings.cycle_turns, interval)
+                    _smooth(table[first:end], self._settings, interval)
             if wheel is not None and lesson < lessons:
                 told = table[:, PHASE] + (table[:, TURNS] - table[:, ORIGIN]) * TURN
                 used = table[:, NOISE] > 0.0
                 table[:, READING] += wheel.learn(table[:, READING], table[:, READING] - told, used)
 
 
-def _smooth(table: FloatArray, cycle_turns: int, interval: float) -> None:
+def _smooth(table: FloatArray, settings: ShaftSettings, interval: float) -> None:
     """Smooth one stretch in place, with the ripple that led it for most of the time."""
-    count = len(table)
+    count, cycle = len(table), settings.cycle_turns
     lead = table[count // 3 :, LEAD].astype(np.int64)
-    number = int(np.bincount(lead, minlength=len(ORDERS)).argmax())
-    n = 2 * ORDERS[number] + 3
+    family = int(np.bincount(lead, minlength=FAMILIES).argmax())
     unsure = UNSURE_ROWS
-    if number > 0:
-        unsure += int(np.argmax(np.abs(table[:, THETA] - table[0, THETA]) > UNSURE_CYCLES * cycle_turns * TURN))
+    if family > 0:
+        unsure += int(np.argmax(np.abs(table[:, THETA] - table[0, THETA]) > UNSURE_CYCLES * cycle * TURN))
+    chain = records(CHAIN)
+    chain["lowest"] = 1.0 / cycle
     _smooth_stretch(
-        table, bank_rooms(cycle_turns)[number], chain_room(ORDERS[number], cycle_turns, MARK), number, interval, unsure,
-        np.empty(count), np.empty((count, 2)), np.empty((count // MARK + 1, n + n * n)), np.empty((count + 1, 2)),
+        table, new_status(settings, 0.0), chain, records(ONE_STEP, MARK), records(ONE_STEP, count // MARK + 1), family,
+        interval, unsure, np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count + 1, 2)),
     )  # fmt: skip
 
 
 @compiled
 def _smooth_stretch(
-    table: FloatArray, bank_in: FloatArray, chain_in: FloatArray, number: int, interval: float, unsure: int,
-    intensity: FloatArray, jerk: FloatArray, marks: FloatArray, sums: FloatArray,
+    table: FloatArray, filters: StatusArray, chains: StatusArray, steps: StatusArray, marks: StatusArray, family: int,
+    interval: float, unsure: int, memory: FloatArray, intensity: FloatArray, jerk: FloatArray, sums: FloatArray,
 ) -> None:  # fmt: skip
-    bank, chain = open_bank(bank_in), open_chain(chain_in)
+    chain, waves, known = chains[0], WAVES[family], MEMORY + family
     readmit(table)
-    memory = sums[: table.shape[0], 0].copy()
-    memory[:] = table[:, MEMORY + number]
+    for i in range(table.shape[0]):
+        memory[i] = table[i, known]
     set_intensities(table, memory, interval, intensity)
-    _begin(bank, chain, table)
-    for i in range(1, table.shape[0]):
-        there(chain, table, intensity, i, i + 1)
-    if number > 0:
-        set_second(chain.vectors[NOW], 0, chain.head[3], chain.second)
-    look_back(bank, number, chain, table, interval, memory)
-    take_shorter(table, number, unsure, memory)
+    forget_ripple(chain, waves)
+    _begin(chain, waves, table)
+    find_ripple(chain, steps, waves, table, intensity)
+    set_clock(chain, waves, table)
+    look_back(filters[0], chain, table, known, interval, memory)
+    take_shorter(table, known, unsure, memory)
     set_intensities(table, memory, interval, intensity)
     for again in range(ROUNDS + 1):
         if again > 0:
             sharpen(table, jerk, interval, intensity, sums)
-        _begin(bank, chain, table)
-        smooth_there_and_back(chain, table, intensity, jerk, marks, again == ROUNDS)
+        _begin(chain, waves, table)
+        there_and_back(chain, steps, marks, waves, table, intensity, jerk, again == ROUNDS)
 
 
 @compiled
-def _begin(bank: Bank, chain: Chain, table: FloatArray) -> None:
+def _begin(chain: Record, waves: int, table: FloatArray) -> None:
     """The chain begins at the first row with its reading and the filter's speed."""
     row = table[0]
-    kinematic = first_uncertainty(row[SPEED], row[NOISE], table[1, STEP])
-    begin(bank, row[READING], row[SPEED], 0.0, kinematic, 1.0)
-    chain.vectors[NOW, :, 0] = bank.states[MEAN, :, 0]
-    chain.factor[:, :, 0] = bank.factor[:, :, 0]
+    set_uncertainty(chain.kinematic, row[SPEED], row[NOISE], table[1, STEP])
+    stand(chain, waves, row[READING], row[SPEED], 0.0, chain.kinematic)

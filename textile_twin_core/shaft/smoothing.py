@@ -6,24 +6,25 @@ import math
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft.bank import (
-    LEARNT,
-    LOG_MEMORY,
-    MEAN,
-    PROBABILITY,
-    SCALE,
-    STANDING,
-    Bank,
-    expect_angle,
-    predict,
-    take_angle,
+from textile_twin_core.shaft.bank import expect_angle, log_memory, predict, take_angle
+from textile_twin_core.shaft.chain import (
+    carry_sensitivity,
+    learn_ripple,
+    move_on,
+    ripple_at,
+    step_back,
+    take_clock,
+    tell,
+    turn_round,
 )
-from textile_twin_core.shaft.bank import MEMORY as OF_MODEL
-from textile_twin_core.shaft.chain import NOW, Chain, step_back, step_on, tell, turn_round
+from textile_twin_core.shaft.clock import set_second
+from textile_twin_core.shaft.families import SECOND_EVERY
 from textile_twin_core.shaft.filter import put_angle
 from textile_twin_core.shaft.status import (
+    CLOCK,
     COVARIANCE,
     CUT,
+    END,
     MEMORY,
     NOISE,
     PHASE,
@@ -31,6 +32,9 @@ from textile_twin_core.shaft.status import (
     STEP,
     THETA,
     UNIT,
+    WIDEST,
+    Record,
+    StatusArray,
 )
 
 ROUNDS = 1
@@ -44,7 +48,7 @@ PRIOR_WEIGHT = 0.5
 LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25
 """Memories that a chain may have, in samples."""
 FULLY_LEARNT = 100.0
-"""Innovations that the scale of the noise counts as learnt from when a bank goes back."""
+"""Innovations that the scale of the noise counts as learnt from when filters go back."""
 MARK = 256
 """Steps between two marks from which the way there is walked again: room for MARK steps is enough."""
 
@@ -61,42 +65,61 @@ def readmit(table: FloatArray) -> None:
 
 
 @compiled
-def look_back(bank: Bank, number: int, chain: Chain, table: FloatArray, interval: float, memory: FloatArray) -> None:
-    """Log memory (n,) at each row as a bank finds it that runs back, from where the chain arrived at the last row.
+def find_ripple(
+    chain: Record, steps: StatusArray, waves: int, table: FloatArray, intensity: FloatArray
+) -> None:  # fmt: skip
+    """Walk all rows but the first, where the chain stands, and learn the ripple on the way."""
+    for i in range(1, table.shape[0]):
+        row = table[i]
+        move_on(chain, steps[0], row[STEP], intensity[i])
+        learn_ripple(chain, steps[0], waves, row[STEP], row[READING], row[THETA], row[NOISE])
+        if i % SECOND_EVERY == 0 or i == table.shape[0] - 1:
+            set_second(chain.ripple, waves, chain.lowest, chain.second)
 
-    Coming from behind it is forewarned of what the filter noticed late.
+
+@compiled
+def set_clock(chain: Record, waves: int, table: FloatArray) -> None:
+    """Readings of the clock, from those of the shaft and the chain's ripple."""
+    for i in range(table.shape[0]):
+        table[i, CLOCK] = table[i, READING] + ripple_at(chain, waves, table[i, THETA])
+
+
+@compiled
+def look_back(
+    filters: Record, chain: Record, table: FloatArray, known: int, interval: float, memory: FloatArray
+) -> None:
+    """Log memory (n,) at each row as plain filters find it that run back over the readings of the clock.
+
+    They start from where the chain arrived at the last row, with the memory in column `known` there. Coming from behind
+    they are forewarned of what the filter noticed late.
     """
-    n, models = bank.states.shape[1], bank.models
-    count = table.shape[0]
-    last = table[count - 1]
+    last = table[table.shape[0] - 1]
     scale = last[NOISE] / last[UNIT] if last[NOISE] > 0.0 else 1.0
-    total = 0.0
-    for m in range(models.shape[1]):
-        bank.states[MEAN, :, m] = chain.vectors[NOW, :, 0]
-        bank.factor[:, :, m] = chain.factor[:, :, 0] / math.sqrt(scale)
-        bank.states[MEAN, n - 2, m] *= -1.0
-        bank.factor[:, n - 2, m] *= -1.0
-        models[SCALE, m], models[LEARNT, m], models[STANDING, m] = scale, FULLY_LEARNT, 1.0
-        away = math.log(models[OF_MODEL, m]) - last[MEMORY + number]
-        models[PROBABILITY, m] = 1.0 / (1.0 + away**4)
-        total += models[PROBABILITY, m]
-    for m in range(models.shape[1]):
-        models[PROBABILITY, m] /= total
-    bank.second[:] = chain.second
-    memory[count - 1] = last[MEMORY + number]
-    for back in range(1, count):
-        i = count - 1 - back
-        predict(bank, table[i + 1, STEP], table[i, UNIT], interval)
+    root, total, plain = math.sqrt(scale), 0.0, filters.lead
+    mean, factor = chain.mean, chain.factor
+    for m in range(END[0]):
+        filters.clock_acceleration[m], filters.clock_rate[m], filters.clock_angle[m] = mean[0], -mean[1], mean[2]
+        filters.l00[m], filters.l10[m], filters.l20[m] = factor[0, 0] / root, -factor[0, 1] / root, factor[0, 2] / root
+        filters.l11[m], filters.l21[m], filters.l22[m] = factor[1, 1] / root, -factor[1, 2] / root, factor[2, 2] / root
+        filters.scale[m], filters.learnt[m], filters.standing[m] = scale, FULLY_LEARNT, 1.0
+        filters.probability[m] = 1.0 / (1.0 + (filters.logarithm[m] - last[known]) ** 4)
+        total += filters.probability[m]
+    for m in range(END[0]):
+        filters.probability[m] /= total
+    memory[table.shape[0] - 1] = last[known]
+    for back in range(1, table.shape[0]):
+        i = table.shape[0] - 1 - back
+        predict(filters, plain, table[i + 1, STEP], table[i, UNIT], interval)
         if table[i, NOISE] > 0.0:
-            expect_angle(bank, table[i, READING], table[i, THETA], table[i, UNIT])
-            take_angle(bank, table[i, UNIT], 0.0, False)
-            memory[i] = bank.head[LOG_MEMORY]
+            expect_angle(filters, plain, 0.0, table[i, CLOCK], 0.0, table[i, UNIT])
+            take_angle(filters, plain, table[i, UNIT], 0.0)
+            memory[i] = log_memory(filters, plain)
         else:
             memory[i] = memory[i + 1]
 
 
 @compiled
-def take_shorter(table: FloatArray, number: int, unsure: int, memory: FloatArray) -> None:
+def take_shorter(table: FloatArray, known: int, unsure: int, memory: FloatArray) -> None:
     """Let each row's log memory be the shortest of what filter and way back, `memory`, find around it.
 
     Both notice a change some samples late, each on its side of it. The filter counts where it was sure: from row
@@ -108,7 +131,7 @@ def take_shorter(table: FloatArray, number: int, unsure: int, memory: FloatArray
         for j in range(max(i - LATE, 0), i):
             shortest = min(shortest, memory[j])
         for j in range(max(i, unsure), min(i + LATE + 1, count)):
-            shortest = min(shortest, table[j, MEMORY + number])
+            shortest = min(shortest, table[j, known])
         memory[i] = shortest
 
 
@@ -150,44 +173,63 @@ def sharpen(table: FloatArray, jerk: FloatArray, interval: float, intensity: Flo
 
 
 @compiled
-def there(chain: Chain, table: FloatArray, intensity: FloatArray, first: int, end: int) -> None:
-    """Walk rows first .. end - 1; step s is row first + s."""
+def there(
+    chain: Record, steps: StatusArray, waves: int, table: FloatArray, intensity: FloatArray, first: int, end: int
+) -> None:
+    """Walk rows first .. end - 1; step s is row first + s. `waves` of 0 leaves out what the states owe to ripple."""
     for i in range(first, end):
-        step_on(chain, i - first, table[i, STEP], intensity[i], table[i, READING], table[i, THETA], table[i, NOISE])
+        at, row = steps[i - first], table[i]
+        move_on(chain, at, row[STEP], intensity[i])
+        take_clock(chain, at, row[CLOCK], row[NOISE])
+        if waves > 0:
+            carry_sensitivity(chain, at, waves, row[STEP], row[THETA])
 
 
 @compiled
-def back(chain: Chain, table: FloatArray, first: int, end: int, told: int, jerk: FloatArray) -> None:
+def back(
+    chain: Record, steps: StatusArray, waves: int, table: FloatArray, first: int, end: int, told: int, jerk: FloatArray
+) -> None:
     """Walk back over rows end - 1 .. first, as `there` came; the states of those before `told` are written there."""
     for again in range(end - first):
         i = end - 1 - again
+        at = steps[i - first]
         if i < told:
             row = table[i]
-            tell(chain, i - first, row[THETA], row[PHASE : PHASE + 3], row[COVARIANCE : COVARIANCE + 9])
+            tell(chain, at, waves, row[THETA], row[PHASE : PHASE + 3], row[COVARIANCE : COVARIANCE + 9])
             put_angle(row, row[PHASE])
-        step_back(chain, i - first, jerk[i])
+        step_back(chain, at, 2 * waves if told > 0 else 0, jerk[i])
 
 
 @compiled
-def smooth_there_and_back(
-    chain: Chain, table: FloatArray, intensity: FloatArray, jerk: FloatArray, marks: FloatArray, write: bool
-) -> None:
+def stand_as(source: Record, target: Record) -> None:
+    """Put a chain where a step stood, or write down where a chain stands."""
+    for i in range(3):
+        target.mean[i] = source.mean[i]
+        for j in range(3):
+            target.factor[j, i] = source.factor[j, i]
+        for w in range(WIDEST):
+            target.sensitivity[i, w] = source.sensitivity[i, w]
+
+
+@compiled
+def there_and_back(
+    chain: Record, steps: StatusArray, marks: StatusArray, waves: int, table: FloatArray, intensity: FloatArray,
+    jerk: FloatArray, write: bool,
+) -> None:  # fmt: skip
     """Over all rows but the first, where the chain stands; the states are written into the table if wanted.
 
-    `marks` (k, n + n n) is room for the chain at every MARK-th row.
+    `marks` (k,) is room for the chain at every MARK-th row.
     """
-    count, n = table.shape[0], chain.back.shape[0]
-    pieces = (count - 1 + MARK - 1) // MARK
+    count = table.shape[0]
+    pieces, owed = (count - 1 + MARK - 1) // MARK, waves if write else 0
     for k in range(pieces):
-        marks[k, :n] = chain.vectors[NOW, :, 0]
-        marks[k, n:] = chain.factor[:, :, 0].copy().reshape(n * n)
-        there(chain, table, intensity, 1 + k * MARK, min(1 + (k + 1) * MARK, count))
+        stand_as(chain, marks[k])
+        there(chain, steps, owed, table, intensity, 1 + k * MARK, min(1 + (k + 1) * MARK, count))
     turn_round(chain)
     for again in range(pieces):
         k = pieces - 1 - again
         first, end = 1 + k * MARK, min(1 + (k + 1) * MARK, count)
         if k < pieces - 1:
-            chain.vectors[NOW, :, 0] = marks[k, :n]
-            chain.factor[:, :, 0] = marks[k, n:].copy().reshape((n, n))
-            there(chain, table, intensity, first, end)
-        back(chain, table, first, end, end if write else 0, jerk)
+            stand_as(marks[k], chain)
+            there(chain, steps, owed, table, intensity, first, end)
+        back(chain, steps, waves, table, first, end, end if write else 0, jerk)

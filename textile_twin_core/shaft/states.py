@@ -8,8 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.shaft.status import ACCELERATION, COVARIANCE, PHASE, SETTLED, SPEED, TURNS, WIDTH
+from textile_twin_core.shaft.status import ACCELERATION, COVARIANCE, INDEX, PHASE, SETTLED, SPEED, TURNS
 from textile_twin_core.shaft.turns import join_turns
+
+STATE_WIDTH = INDEX + 1
+"""Columns of a table that states are made of."""
 
 
 @dataclass(frozen=True)
@@ -18,26 +21,29 @@ class ShaftStates:
 
     Attributes:
         stamps: (n,) the samples' own stamps, with the dtype and the values they came with.
-        index: (n,) running number, from 0, of the input sample (accepted or not) that the state speaks of.
-        turns: (n,) whole turns of the shaft; with `phase_rad` the angle without loss, however many turns there are.
-        phase_rad: (n,) angle beyond the whole turns, in [-pi, pi).
-        omega_rad_s: (n,) speed.
-        alpha_rad_s2: (n,) acceleration.
-        covariance: (n, 3, 3) of (theta, omega, alpha).
-        settled: (n,) True where the estimator has found its feet.
+        table: (n, STATE_WIDTH or more) see `status`; the properties give its columns their names.
     """
 
     stamps: FloatArray | IntArray
-    index: IntArray
-    turns: IntArray
-    phase_rad: FloatArray
-    omega_rad_s: FloatArray
-    alpha_rad_s2: FloatArray
-    covariance: FloatArray
-    settled: BoolArray
+    table: FloatArray
 
     def __len__(self) -> int:
-        return int(self.index.size)
+        return len(self.table)
+
+    @property
+    def index(self) -> IntArray:
+        """(n,) running number, from 0, of the input sample (accepted or not) that the state speaks of."""
+        return self.table[:, INDEX].astype(np.int64)
+
+    @property
+    def turns(self) -> IntArray:
+        """(n,) whole turns of the shaft; with `phase_rad` the angle without loss, however many turns there are."""
+        return self.table[:, TURNS].astype(np.int64)
+
+    @property
+    def phase_rad(self) -> FloatArray:
+        """(n,) angle beyond the whole turns, in [-pi, pi)."""
+        return self.table[:, PHASE]
 
     @property
     def theta_rad(self) -> FloatArray:
@@ -45,9 +51,29 @@ class ShaftStates:
         return join_turns(self.turns, self.phase_rad)
 
     @property
+    def omega_rad_s(self) -> FloatArray:
+        """(n,) speed."""
+        return self.table[:, SPEED]
+
+    @property
+    def alpha_rad_s2(self) -> FloatArray:
+        """(n,) acceleration."""
+        return self.table[:, ACCELERATION]
+
+    @property
+    def settled(self) -> BoolArray:
+        """(n,) True where the estimator has found its feet."""
+        return self.table[:, SETTLED] > 0.5
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(n, 3, 3) of (theta, omega, alpha)."""
+        return self.table[:, COVARIANCE : COVARIANCE + 9].reshape(-1, 3, 3)
+
+    @property
     def sigma(self) -> FloatArray:
         """(n, 3) standard deviations of theta [rad], omega [rad/s], alpha [rad/s^2]."""
-        return np.asarray(np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0)))
+        return np.asarray(np.sqrt(self.table[:, COVARIANCE : COVARIANCE + 9 : 4]))
 
     def variance_of(self, gradient: FloatArray) -> FloatArray:
         """Variance of a quantity with the given (n, 3) gradient by (theta, omega, alpha)."""
@@ -56,22 +82,12 @@ class ShaftStates:
     @classmethod
     def empty(cls, stamps: FloatArray | IntArray | None = None) -> ShaftStates:
         """No states; `stamps` lends its dtype."""
-        none = np.zeros(0, dtype=np.float64 if stamps is None else stamps.dtype)
-        return cls.from_table(none, np.zeros(0, dtype=np.int64), np.zeros((0, WIDTH)))
-
-    @classmethod
-    def from_table(cls, stamps: FloatArray | IntArray, index: IntArray, table: FloatArray) -> ShaftStates:
-        """From the rows (n, WIDTH) of a table (see `status`)."""
-        covariance = table[:, COVARIANCE : COVARIANCE + 9].reshape(-1, 3, 3)
-        turns, settled = table[:, TURNS].astype(np.int64), table[:, SETTLED] > 0.5
-        return cls(
-            stamps, index, turns, table[:, PHASE], table[:, SPEED], table[:, ACCELERATION], covariance, settled
-        )  # fmt: skip
+        return cls(np.zeros(0, dtype=np.float64 if stamps is None else stamps.dtype), np.zeros((0, STATE_WIDTH)))
 
     @classmethod
     def join(cls, parts: Sequence[ShaftStates]) -> ShaftStates:
         """One after the other; the parts must be of one stamp dtype."""
         if len(parts) == 1:
             return parts[0]
-        names = cls.__dataclass_fields__
-        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+        tables = [part.table[:, :STATE_WIDTH] for part in parts]
+        return cls(np.concatenate([part.stamps for part in parts]), np.concatenate(tables))

@@ -1,0 +1,104 @@
+"""Which families of filters work, and how much each is believed.
+
+Their weights are their likelihoods, with a fixed share; a family with ripple has a say once it saw the shaft turn for
+1.25 cycles, and rests while it has no weight: work that is not needed.
+"""
+
+from __future__ import annotations
+
+import math
+
+from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft.bank import begin, log_memory, take_angle
+from textile_twin_core.shaft.clock import set_second
+from textile_twin_core.shaft.readings import least_scale
+from textile_twin_core.shaft.status import END, FAMILIES, FIRST, WAVES, Record
+from textile_twin_core.shaft.turns import TURN
+
+BANK_SHARE = 1e-5
+"""Weight that passes between families at each sample: ripple comes and goes with the work done, not with the sample."""
+SEEN_CYCLES = 1.25
+RESTLESS_CYCLES, REST_CYCLES = 2.0, 16.0
+"""Cycles that a family of no weight works until it rests, and rests until it tries again."""
+NO_WEIGHT = 0.05
+NEWCOMER = 1e-5
+"""Weight of a family that comes to have a say where another one with ripple has it already."""
+SAMPLES_A_WAVE = 4.0
+"""Samples a turn that the highest order of a family needs, per order."""
+UNBIASED = 1
+"""Lane of the plain filter that ripple biases least, that of a short memory."""
+SECOND_EVERY = 8.0
+"""Samples between two looks at what the ripple's square adds: it changes slowly."""
+
+
+@compiled
+def can_tell(status: Record, f: int, margin: float) -> bool:
+    """Whether there are samples enough in a turn for the family's highest order."""
+    a_turn = TURN / max(abs(status.speed) * status.interval, 1e-9)
+    return a_turn >= margin * SAMPLES_A_WAVE * status.lowest * WAVES[f]  # type: ignore[no-any-return]
+
+
+@compiled
+def has_seen(status: Record, f: int) -> bool:
+    """Whether the family saw enough of the motion to know its ripple."""
+    return status.travelled[f] * status.lowest >= SEEN_CYCLES * TURN  # type: ignore[no-any-return]
+
+
+@compiled
+def is_at_work(status: Record, f: int, turned: float) -> bool:
+    """Whether a family works at this sample, `turned` [rad] after the one before; in the middle of a motion it begins
+    from the plain filter that ripple has biased least.
+    """
+    if f == 0:
+        return True
+    status.rest[f] = 0.0 if status.weight[f] > NO_WEIGHT else status.rest[f] - turned
+    if status.active[f] == 0.0 and status.rest[f] <= 0.0 and can_tell(status, f, 1.1):
+        m = UNBIASED
+        kinematic = status.kinematic
+        kinematic[0], kinematic[1], kinematic[2] = status.l00[m], status.l10[m], status.l20[m]
+        kinematic[3], kinematic[4], kinematic[5] = status.l11[m], status.l21[m], status.l22[m]
+        begin(
+            status, f, status.clock_angle[m], status.clock_rate[m], status.clock_acceleration[m], kinematic,
+            status.scale[m],
+        )  # fmt: skip
+        for lane in range(FIRST[f], END[f]):
+            status.learnt[lane] = status.learnt[m]
+        status.active[f], status.rest[f], status.travelled[f] = 1.0, 0.0, 0.0
+    elif status.active[f] > 0.0 and not can_tell(status, f, 0.9):
+        status.active[f] = status.weight[f] = 0.0
+        status.weight[0] = max(status.weight[0], NEWCOMER)
+    elif status.active[f] > 0.0 and status.rest[f] * status.lowest < -RESTLESS_CYCLES * TURN:
+        status.active[f] = status.weight[f] = 0.0
+        status.rest[f] = REST_CYCLES * TURN / status.lowest
+    return status.active[f] > 0.0  # type: ignore[no-any-return]
+
+
+@compiled
+def weigh(status: Record, noise: float) -> None:
+    """Take the reading in, and weigh the families by their likelihoods while the shaft turns."""
+    turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(noise)
+    least = least_scale(status, noise)
+    plain, total, count = 0.0, 0.0, 0
+    weight = status.weight
+    for f in range(FAMILIES):
+        if status.active[f] > 0.0:
+            together = take_angle(status, f, noise, least)
+            seen = f > 0 and has_seen(status, f)
+            if seen and status.samples % SECOND_EVERY == 0.0:
+                set_second(status.ripple[status.best[f]], WAVES[f], status.lowest, status.second[f])
+            plain = together if f == 0 else plain
+            weight[f] *= together if turning else plain
+            if seen and weight[f] == 0.0:
+                weight[f] = -1.0
+            status.log_memory[f] = log_memory(status, f)
+            total += max(weight[f], 0.0)
+            count += 1
+    known = total * (NEWCOMER if status.judged > 0.0 else 1.0)
+    for f in range(FAMILIES):
+        if weight[f] < 0.0:
+            weight[f] = known
+            total += known
+            status.judged = 1.0
+    for f in range(FAMILIES):
+        if weight[f] > 0.0:
+            weight[f] = weight[f] / total * (1.0 - BANK_SHARE) + BANK_SHARE / count

@@ -1,0 +1,100 @@
+"""Square-root Kalman filters of angle, speed and acceleration, side by side in lanes: a covariance stays positive.
+
+Each lane holds acceleration, rate and angle, and the lower triangular factor L of their covariance P = L L' in that
+order, in which moving on in time keeps the triangle: `l10` is its row 1 (rate), column 0 (acceleration). Arrays of
+loops that shall run on several lanes at once must not share memory.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import compiled
+
+HALF_JERK = math.sqrt(1.0 / 12.0)
+LAST_JERK = math.sqrt(1.0 / 720.0)
+"""The factor of white jerk's covariance (see `move_on`) is sqrt(q h) times (1, h/2, h^2/6), (0, HALF_JERK h,
+HALF_JERK h^2/2) and (0, 0, LAST_JERK h^2), in the order acceleration, rate, angle."""
+
+
+@partial(compiled, apart=True)
+def move_on(
+    acceleration: FloatArray, rate: FloatArray, angle: FloatArray,
+    l00: FloatArray, l10: FloatArray, l20: FloatArray, l11: FloatArray, l21: FloatArray, l22: FloatArray,
+    weakness: FloatArray, strength: float, step: float, first: int, end: int,
+) -> None:  # fmt: skip
+    """Time update of lanes first .. end - 1 by `step` [s] at constant acceleration, with white jerk.
+
+    Its covariance over a step h is q [[h^5/20, h^4/8, h^3/6], [., h^3/3, h^2/2], [., ., h]] for angle, rate,
+    acceleration (Bar-Shalom, Li and Kirubarajan 2001, 6.2.3), with sqrt(q h) = weakness strength; rotations fold its
+    factor into the lane's.
+    """
+    half = 0.5 * step * step
+    for m in range(first, end):
+        angle[m] += step * rate[m] + half * acceleration[m]
+        rate[m] += step * acceleration[m]
+        f00, f11 = l00[m], l11[m]
+        f10 = l10[m] + step * f00
+        f20 = l20[m] + step * l10[m] + half * f00
+        f21 = l21[m] + step * f11
+        root = weakness[m] * strength
+        a1, a2 = root * step * 0.5, root * half / 3.0
+        b1, b2 = root * step * HALF_JERK, root * half * HALF_JERK
+        length = math.sqrt(f00 * f00 + root * root)
+        inverse = 1.0 / length
+        c, s = f00 * inverse, root * inverse
+        left1, left2 = c * a1 - s * f10, c * a2 - s * f20
+        l00[m] = length
+        l10[m] = c * f10 + s * a1
+        l20[m] = c * f20 + s * a2
+        length = math.sqrt(f11 * f11 + left1 * left1 + b1 * b1)
+        pivot = f11 + length
+        part = (pivot * f21 + left1 * left2 + b1 * b2) / (length * pivot)
+        l11[m] = length
+        l21[m] = part * pivot - f21
+        left2 -= part * left1
+        left3, last = b2 - part * b1, root * step * step * LAST_JERK
+        l22[m] = math.sqrt(l22[m] * l22[m] + left2 * left2 + left3 * left3 + last * last)
+
+
+@partial(compiled, apart=True)
+def correct(
+    acceleration: FloatArray, rate: FloatArray, angle: FloatArray,
+    l00: FloatArray, l10: FloatArray, l20: FloatArray, l11: FloatArray, l21: FloatArray, l22: FloatArray,
+    seen0: FloatArray, seen1: FloatArray, seen2: FloatArray, innovation: FloatArray, noise: FloatArray,
+    gain0: FloatArray, gain1: FloatArray, gain2: FloatArray, first: int, end: int,
+) -> None:  # fmt: skip
+    """Measurement update of lanes first .. end - 1 (Carlson 1973), from the last column to the first.
+
+    `seen0` .. `seen2` is L' h, what the reading sees of each column. The gains of the three states are written down.
+    """
+    for m in range(first, end):
+        p0, p1, p2 = seen0[m], seen1[m], seen2[m]
+        before = noise[m]
+        total = before + p2 * p2
+        keep = before / math.sqrt(before * total)
+        g2 = l22[m] * p2
+        l22[m] *= keep
+        before, total = total, total + p1 * p1
+        part = 1.0 / math.sqrt(before * total)
+        keep, mix = before * part, p1 * part
+        f11, f21 = l11[m], l21[m]
+        l11[m] = keep * f11
+        l21[m] = keep * f21 - mix * g2
+        g1 = f11 * p1
+        g2 += f21 * p1
+        before, total = total, total + p0 * p0
+        part = 1.0 / math.sqrt(before * total)
+        keep, mix = before * part, p0 * part
+        f00, f10, f20 = l00[m], l10[m], l20[m]
+        l00[m] = keep * f00
+        l10[m] = keep * f10 - mix * g1
+        l20[m] = keep * f20 - mix * g2
+        trust = 1.0 / total
+        k0, k1, k2, off = f00 * p0 * trust, (g1 + f10 * p0) * trust, (g2 + f20 * p0) * trust, innovation[m]
+        gain0[m], gain1[m], gain2[m] = k0, k1, k2
+        acceleration[m] += k0 * off
+        rate[m] += k1 * off
+        angle[m] += k2 * off

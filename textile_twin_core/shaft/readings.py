@@ -1,0 +1,92 @@
+"""How good readings are, and where a reading of an angle that wraps or slipped belongs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft.status import LANES, WIDEST, Record, StatusArray
+
+FIRST_JITTER = 0.01
+"""First guess of the stamps' error, in intervals; learnt within some dozens of samples."""
+FINEST_RAD2 = 1e-14
+"""Least variance of a reading: the rounding of float64 angles some hundred turns away."""
+MOST_IN_STEP = 10.0
+"""Readings within one step of the encoder that are believed to be one."""
+LEARN_JITTER = 0.5
+"""Part of the jitter that each lesson about it gives."""
+AT_REST = 0.3
+"""Least scale of the noise at rest, where all readings may be equal: none the less they are rounded."""
+
+
+@compiled
+def unwrapped(status: Record, raw: float, expected: float) -> float:
+    """The reading nearest to where the shaft should be; an angle that leaves one period counts its turns."""
+    if status.auto > 0.0 and status.period > 0.0:
+        status.low, status.high = min(status.low, raw), max(status.high, raw)
+        if status.high - status.low > 1.25 * status.period:
+            status.period = 0.0
+    if status.period > 0.0:
+        status.slips = status.period * np.rint((expected - raw) / status.period)
+    return float(raw + status.slips)
+
+
+@compiled
+def noise_of(status: Record, speed: float) -> float:
+    """Variance of a reading [rad^2]: rounding, of which only one reading in each step says anything new, and jitter."""
+    in_step = status.rounding / max(abs(speed) * status.interval, 1e-30)
+    rounding = status.rounding**2 / 12.0 * min(max(in_step, 1.0), MOST_IN_STEP)
+    return float(rounding + status.jitter * speed * speed + FINEST_RAD2)
+
+
+@compiled
+def least_scale(status: Record, noise: float) -> float:
+    """Least scale of the noise that filters may learn."""
+    at_rest = abs(status.speed) * status.interval < status.rounding
+    return AT_REST * status.rounding**2 / 12.0 / noise if at_rest else 1e-6
+
+
+@compiled
+def recalibrate(status: Record, noise: float) -> None:
+    """Give what the leading filter has learnt of the noise to jitter and rounding, so that it follows the speed.
+
+    Readings on a lattice that are much better than its step are edges of teeth, timed: they are not rounded.
+    """
+    found = status.scale[status.best[status.lead]] * noise
+    rounding = status.rounding**2 / 12.0
+    moved = abs(status.speed) * status.interval
+    if rounding > 0.0 and found < 0.1 * rounding and moved > 0.5 * status.rounding:
+        status.rounding = rounding = 0.0
+    if status.jitter_told == 0.0:
+        learnt = max(found - rounding, 0.01 * found) / status.speed**2
+        status.jitter += LEARN_JITTER * (learnt - status.jitter)
+    _rescale(status, noise / noise_of(status, status.speed))
+
+
+@compiled
+def _rescale(status: Record, change: float) -> None:
+    """The unit of noise has become so many times smaller: what scale and factor stand for must stay."""
+    root = math.sqrt(change)
+    for m in range(LANES):
+        status.scale[m] *= change
+        status.l00[m] /= root
+        status.l10[m] /= root
+        status.l20[m] /= root
+        status.l11[m] /= root
+        status.l21[m] /= root
+        status.l22[m] /= root
+        for j in range(WIDEST):
+            for i in range(j, WIDEST):
+                status.factor[m, j, i] /= root
+
+
+@compiled
+def set_rounding(record: StatusArray, rounding: float) -> None:
+    """From now on the encoder's step is known, 0 for none [rad]."""
+    status = record[0]
+    before = noise_of(status, status.speed)
+    status.rounding = rounding
+    if status.samples > 1.0:
+        _rescale(status, before / noise_of(status, status.speed))
