@@ -185,6 +185,7 @@ def test_an_eccentric_disc(face: Any, curved: float) -> None:
     np.testing.assert_allclose(np.abs(x + 1j * y - centre), curved, rtol=tolerance)
 
 
+@pytest.mark.slow
 def test_a_cam_that_moves_as_linkages_do_needs_their_torque() -> None:
     """A roller on an eccentric disc is the coupler of a slider-crank, or of a crank-rocker."""
     angles = tuple(np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False).tolist())

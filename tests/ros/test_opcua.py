@@ -94,6 +94,7 @@ def plc() -> Iterator[Plc]:
     server.close()
 
 
+@pytest.mark.slow
 def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
     node = suite.node()
     angles: list[JointState] = []
@@ -182,6 +183,7 @@ def test_what_is_missing_is_told(suite: Suite, told: list[str], text: str) -> No
     assert text in program.words() and "Traceback" not in program.words()
 
 
+@pytest.mark.slow
 def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
     program = suite.start("opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", "angle:='ns=2;s=Angel'")
     program.wait_for_words("angle, ns=2;s=Angel: BadNodeIdUnknown; trying again every second")
