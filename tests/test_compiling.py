@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -139,8 +140,8 @@ def test_a_loop_keeps_its_vectors_in_whole_cache_lines(tmp_path: Path, monkeypat
     assert "alignstack=64" in code
 
 
-def test_a_part_of_a_program_can_be_called_as_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
+def _program_and_part() -> tuple[Callable[[float], float], Callable[[float], float]]:
+    """Two functions of which the first calls the second."""
 
     @compiled
     def twice(x: float) -> float:
@@ -149,6 +150,13 @@ def test_a_part_of_a_program_can_be_called_as_well(tmp_path: Path, monkeypatch: 
     @compiled
     def four_times(x: float) -> float:
         return twice(twice(x))
+
+    return four_times, twice
+
+
+def test_a_part_of_a_program_can_be_called_as_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
+    four_times, twice = _program_and_part()
 
     assert four_times(1.5) == 6.0
     assert [path.name.split("-")[0] for path in tmp_path.iterdir()] == ["four_times"]  # parts are kept with it
@@ -159,14 +167,7 @@ def test_a_part_of_a_program_can_be_called_as_well(tmp_path: Path, monkeypatch: 
 
 def test_threads_may_ask_for_a_part_and_its_program_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
-
-    @compiled
-    def twice(x: float) -> float:
-        return 2.0 * x
-
-    @compiled
-    def four_times(x: float) -> float:
-        return twice(twice(x))
+    four_times, twice = _program_and_part()
 
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lambda function: function(1.5), [four_times, twice] * 4))
