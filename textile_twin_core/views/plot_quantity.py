@@ -42,7 +42,7 @@ def plot_quantity(path: str | os.PathLike[str], found: QuantityComparison, title
     above.plot(
         angle[order], found.expected[few][order] * factor, color=_MACHINE, linewidth=1.3, label="machine, fitted"
     )
-    above.legend(loc="upper right", frameon=False, fontsize=11)
+    above.legend(loc="upper center", frameon=False, fontsize=11)
     below.plot(angle, left * factor, ".", color=_MEASURED, markersize=2.0)
     for axes, name in ((above, found.name), (below, "what is left")):
         axes.set_title(f"{name}, {unit}" if unit else name, loc="left", fontsize=12, color=_INK)
