@@ -23,6 +23,7 @@ from textile_twin_core.shaft.turns import TURN
 
 Stamps: TypeAlias = npt.NDArray[Any]
 """int64 nanoseconds or float64 seconds."""
+Parts = list[tuple[Stamps, FloatArray]]
 Walk = Callable[[Stamps, FloatArray, FloatArray, FloatArray], tuple[Stamps, FloatArray]]
 
 
@@ -75,28 +76,26 @@ class Recursion:
             ToothWheel(settings.teeth, settings.tooth_zero_rad, settings.pitch_errors_rad) if settings.teeth else None
         )
 
-    def walk(
-        self, walk: Walk, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None
-    ) -> tuple[Stamps, FloatArray]:
+    def walk(self, walk: Walk, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None) -> Parts:
         """Let `walk` take the samples piece by piece, learning about the encoder between the pieces.
 
-        Returns stamps and rows of the table that the pieces gave.
+        Returns stamps and rows of the table that each piece gave.
         """
         stamp, angle, velocity = as_samples(stamps, angles, velocities)
         self._mind_kind(stamp)
         if self.wheel is not None:
             angle = self.wheel.corrected(angle)
         if not self.finder.wanted:
-            return walk(stamp, angle, velocity, np.empty(stamp.size))
+            return [walk(stamp, angle, velocity, np.empty(stamp.size))]
         done = 0
-        parts: list[tuple[Stamps, FloatArray]] = []
+        parts: Parts = []
         while done < stamp.size or not parts:
             end = min(stamp.size, done + (self.finder.wanted or stamp.size))
             piece, heard = slice(done, end), np.empty(end - done)
             parts.append(walk(stamp[piece], angle[piece], velocity[piece], heard))
             self._learn(heard)
             done = end
-        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+        return parts
 
     def follow(
         self, stamps: Stamps, angles: FloatArray, velocities: FloatArray, heard: FloatArray
@@ -159,8 +158,22 @@ class Recursion:
         )  # fmt: skip
 
 
-def states_of(stamps: Stamps, table: FloatArray) -> ShaftStates:
-    """States of a table's rows (n,) with their stamps, but for those of a motion's first two samples."""
+def joined(parts: Parts) -> tuple[Stamps, FloatArray]:
+    """Stamps and rows of all parts, which are taken out of their list on the way: the rows of hours are large."""
+    if len(parts) == 1:
+        return parts.pop()
+    count = sum(stamps.size for stamps, _ in parts)
+    stamps, table = np.empty(count, parts[0][0].dtype), np.empty((count, WIDTH))
+    while parts:
+        stamp, rows = parts.pop()
+        stamps[count - stamp.size : count], table[count - stamp.size : count] = stamp, rows
+        count -= stamp.size
+    return stamps, table
+
+
+def states_of(parts: Parts) -> ShaftStates:
+    """States of the rows, but for those of a motion's first two samples."""
+    stamps, table = joined(parts)
     first = 0
     while first < min(2, stamps.size) and table[first, SETTLED] < 0.0:
         first += 1

@@ -40,7 +40,7 @@ class CausalEstimator:
         self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
     ) -> ShaftStates:
         """Take a block of samples; a state for each accepted one from the third on. See `ShaftEstimator.step`."""
-        return states_of(*self._recursion.walk(self._recursion.follow, stamps, angles, velocities))
+        return states_of(self._recursion.walk(self._recursion.follow, stamps, angles, velocities))
 
     def finish(self) -> ShaftStates:
         """Nothing is held back; the estimator begins anew, but for the report and the newest stamp."""

@@ -30,7 +30,6 @@ from textile_twin_core.shaft.status import (
     LEAD,
     MEMORY,
     NOISE,
-    OFF,
     ORIGIN,
     PHASE,
     READING,
@@ -182,7 +181,7 @@ def _take_angle(status: Record, step: float, raw: float, row: FloatArray) -> Non
     reading = unwrapped(status, raw, expected)
     off = reading - expected
     status.angle = expected
-    row[READING], row[UNIT], row[OFF] = reading, noise, off
+    row[READING], row[UNIT] = reading, noise
     row[NOISE] = status.scale[status.best[status.lead]] * noise
     least, turned = math.inf, abs(status.speed) * step
     for back in range(FAMILIES):

@@ -99,7 +99,7 @@ class LagEstimator:
         self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
     ) -> ShaftStates:
         """Take a block of samples; the states that are ready. See `ShaftEstimator.step`."""
-        return states_of(*self._recursion.walk(self._walk, stamps, angles, velocities))
+        return states_of(self._recursion.walk(self._walk, stamps, angles, velocities))
 
     def _walk(
         self, stamps: Stamps, angles: FloatArray, velocities: FloatArray, heard: FloatArray
@@ -127,7 +127,7 @@ class LagEstimator:
         count = int(self._held["ready"][0])
         self._recursion.begin_anew()
         self._begin()
-        return states_of(ready[:count], table[:count])
+        return states_of([(ready[:count], table[:count])])
 
 
 @compiled

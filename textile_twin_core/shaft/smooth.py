@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled, records
-from textile_twin_core.shaft.base import Recursion, Stamps, states_of
+from textile_twin_core.shaft.base import Parts, Recursion, joined, states_of
 from textile_twin_core.shaft.chain import CHAIN, forget_ripple, stand
 from textile_twin_core.shaft.chain import STEP as ONE_STEP
 from textile_twin_core.shaft.filter import set_uncertainty
@@ -74,7 +74,7 @@ class SmoothEstimator:
     def reset(self) -> None:
         """Forget everything, the report included."""
         self._recursion = Recursion(self._settings)
-        self._blocks: list[tuple[Stamps, FloatArray]] = []
+        self._blocks: Parts = []
 
     @property
     def report(self) -> SampleReport:
@@ -85,7 +85,7 @@ class SmoothEstimator:
         self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
     ) -> ShaftStates:
         """Take a block of samples; no state is ready before `finish`. See `ShaftEstimator.step`."""
-        self._blocks.append(self._recursion.walk(self._recursion.follow, stamps, angles, velocities))
+        self._blocks.extend(self._recursion.walk(self._recursion.follow, stamps, angles, velocities))
         return ShaftStates.empty(self._recursion.last)
 
     def finish(self) -> ShaftStates:
@@ -93,12 +93,10 @@ class SmoothEstimator:
         blocks, self._blocks = self._blocks, []
         if not blocks:
             return ShaftStates.empty(self._recursion.last)
-        stamps = np.concatenate([block[0] for block in blocks])
-        table = np.concatenate([block[1] for block in blocks])
-        del blocks
+        stamps, table = joined(blocks)
         self._smooth(table)
         self._recursion.begin_anew()
-        return states_of(stamps, table[:, :STATE_WIDTH].copy())
+        return states_of([(stamps, table[:, :STATE_WIDTH].copy())])
 
     def _smooth(self, table: FloatArray) -> None:
         """Smooth stretch by stretch; with a toothed wheel again, its pitch errors as the smoothed motion tells them."""

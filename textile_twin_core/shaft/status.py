@@ -90,13 +90,13 @@ state and factor of the clock (see `kinematics`), and its sensitivity to the coe
 factor (see `ripple`). Factors are in units of the root of the scale. The rest is room to work in."""
 
 PHASE, SPEED, ACCELERATION, TURNS, SETTLED, COVARIANCE = range(6)
-INDEX, READING, NOISE, UNIT, THETA, ORIGIN, TIME, STEP, CUT, LEAD, OFF, CLOCK, MEMORY = range(14, 27)
+INDEX, READING, NOISE, UNIT, THETA, ORIGIN, TIME, STEP, CUT, LEAD, CLOCK, MEMORY = range(14, 26)
 WIDTH = MEMORY + FAMILIES
 """Columns of a table with a row for each accepted sample. The state: angle beyond whole turns, speed, acceleration,
 turns, settled, nine of covariance. Then what smoothing works on: running number of the input sample; unwrapped reading,
 its variance (0: set aside), that before it was learnt how good readings are, angle found, whole turns before both; time
 since the first sample and since the one before; 1 where a new stretch begins, 2 where the readings set aside before
-were motion; leading family; how far the reading was off; reading of the clock; mean logarithm of each family's
+were motion; leading family; reading of the clock; mean logarithm of each family's
 memory."""
 
 
