@@ -15,12 +15,12 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft.bank import ANGLE, RIPPLE_SIZE, WIDE
+from textile_twin_core.shaft.bank import ANGLE, WIDE
 from textile_twin_core.shaft.clock import gradient, known_part, set_basis, shaft_state, wave
 from textile_twin_core.shaft.kinematics import HALF_JERK, LAST_JERK
 from textile_twin_core.shaft.mixture import owe
-from textile_twin_core.shaft.ripple import absorb, feel, learn, shift
-from textile_twin_core.shaft.status import WIDEST, Record
+from textile_twin_core.shaft.ripple import absorb, feel, shift
+from textile_twin_core.shaft.status import WAVES, WIDEST, Record
 
 _STATE: Final = [
     ("mean", np.float64, (3,)), ("factor", np.float64, (3, 3)), ("sensitivity", np.float64, (3, WIDEST)),
@@ -99,13 +99,21 @@ def ripple_at(chain: Record, waves: int, theta: float) -> float:
 
 
 @compiled
-def forget_ripple(chain: Record, waves: int) -> None:
-    """Nothing is known of the ripple but how large it may be."""
-    for i in range(2 * waves):
-        chain.ripple[i] = 0.0
-        for j in range(i):
-            chain.ripple_factor[j, i] = 0.0
-        chain.ripple_factor[i, i] = RIPPLE_SIZE / (chain.lowest * (i // 2 + 1))
+def know_ripple(chain: Record, status: Record, family: int) -> None:
+    """Let the chain know the ripple as the filter knows it by now; its state follows the change."""
+    best, width = status.best[family], 2 * WAVES[family]
+    root = math.sqrt(status.scale[best])
+    for i in range(width):
+        chain.room[i] = status.ripple[best, i] - chain.ripple[i]
+        chain.ripple[i] = status.ripple[best, i]
+        for j in range(i + 1):
+            chain.ripple_factor[j, i] = status.factor[best, j, i] * root
+    for i in range(2 * width):
+        chain.second[i] = status.second[family, i]
+    acceleration, rate, angle = shift(chain.sensitivity, chain.room, width)
+    chain.mean[0] += acceleration
+    chain.mean[1] += rate
+    chain.mean[2] += angle
 
 
 @compiled
@@ -142,14 +150,12 @@ def move_on(chain: Record, at: Record, step: float, intensity: float) -> None:
 
 
 @compiled
-def _correct(chain: Record, at: Record, off: float, noise: float, common: float) -> float:
-    """Carlson's measurement update by an innovation, as `kinematics.correct`, written down; the variance of the state's
-    part and noise together. `common` is the variance that uncertain ripple gives the innovation.
-    """
+def _correct(chain: Record, at: Record, off: float, noise: float) -> None:
+    """Carlson's measurement update by an innovation, as `kinematics.correct`, written down."""
     mean, factor, gain = chain.mean, chain.factor, chain.gain
-    spread_of_state = factor[0, 2] ** 2 + factor[1, 2] ** 2 + factor[2, 2] ** 2
+    spread = factor[0, 2] ** 2 + factor[1, 2] ** 2 + factor[2, 2] ** 2
     gain[0] = gain[1] = gain[2] = 0.0
-    total = max(noise, off * off / WIDE - spread_of_state - common)
+    total = max(noise, off * off / WIDE - spread)
     for back in range(3):
         j = 2 - back
         seen = factor[j, 2]
@@ -166,14 +172,13 @@ def _correct(chain: Record, at: Record, off: float, noise: float, common: float)
     for i in range(3):
         gain[i] *= at.trust
         mean[i] += gain[i] * off
-    return float(total)
 
 
 @compiled
 def take_clock(chain: Record, at: Record, reading: float, noise: float) -> None:
     """A reading of the clock, the ripple taken as known; noise 0: none. The state is written down."""
     if noise > 0.0:
-        _correct(chain, at, reading - chain.mean[2], noise, 0.0)
+        _correct(chain, at, reading - chain.mean[2], noise)
     else:
         _pass_by(at)
     for i in range(3):
@@ -200,30 +205,6 @@ def carry_sensitivity(chain: Record, at: Record, waves: int, step: float, theta:
     for row in range(3):
         for i in range(width):
             at.sensitivity[row, i] = chain.sensitivity[row, i]
-
-
-@compiled
-def learn_ripple(
-    chain: Record, at: Record, waves: int, step: float, reading: float, theta: float, noise: float
-) -> None:
-    """A reading of the shaft at about the angle `theta` that also tells what the ripple is."""
-    width, sensitivity, felt = 2 * waves, chain.sensitivity, at.felt
-    off = reading + ripple_at(chain, waves, theta) - chain.mean[2]
-    spread = feel(sensitivity, chain.ripple, chain.ripple_factor, step, ANGLE, chain.basis, felt, width)[1]
-    if noise > 0.0:
-        variance = _correct(chain, at, off, noise, spread)
-        absorb(sensitivity, felt, chain.gain[0], chain.gain[1], chain.gain[2], width)
-        learn(chain.ripple, chain.ripple_factor, felt, off, variance, chain.room, width)
-        move(chain, chain.room, width)
-
-
-@compiled
-def move(chain: Record, change: FloatArray, width: int) -> None:
-    """Let the state follow a change of the ripple."""
-    acceleration, rate, angle = shift(chain.sensitivity, change, width)
-    chain.mean[0] += acceleration
-    chain.mean[1] += rate
-    chain.mean[2] += angle
 
 
 @compiled

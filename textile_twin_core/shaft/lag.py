@@ -11,7 +11,7 @@ import numpy.typing as npt
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.compiling import compiled, records
 from textile_twin_core.shaft.base import Recursion, Stamps, states_of
-from textile_twin_core.shaft.chain import CHAIN, move, stand, turn_round
+from textile_twin_core.shaft.chain import CHAIN, know_ripple, stand, turn_round
 from textile_twin_core.shaft.chain import STEP as ONE_STEP
 from textile_twin_core.shaft.filter import take
 from textile_twin_core.shaft.gate import admit
@@ -175,7 +175,7 @@ def _follow(
 def _stand(status: Record, state: Record, chain: Record, row: FloatArray) -> None:
     """Put the chain where the filter told that the shaft was at a row, with the ripple that leads now."""
     state.family = status.lead
-    _learn(status, state.family, chain)
+    know_ripple(chain, status, state.family)
     kinematic, by = chain.kinematic, row[COVARIANCE : COVARIANCE + 9]
     kinematic[0] = math.sqrt(by[8])
     kinematic[1], kinematic[2] = by[5] / kinematic[0], by[2] / kinematic[0]
@@ -183,21 +183,6 @@ def _stand(status: Record, state: Record, chain: Record, row: FloatArray) -> Non
     kinematic[4] = (by[1] - kinematic[1] * kinematic[2]) / kinematic[3]
     kinematic[5] = math.sqrt(max(by[0] - kinematic[2] ** 2 - kinematic[4] ** 2, 1e-9 * by[0]))
     stand(chain, WAVES[state.family], row[THETA], row[SPEED], row[ACCELERATION], kinematic)
-
-
-@compiled
-def _learn(status: Record, family: int, chain: Record) -> None:
-    """Let the chain know the ripple as the filter knows it by now."""
-    best, width = status.best[family], 2 * WAVES[family]
-    root = math.sqrt(status.scale[best])
-    for i in range(width):
-        chain.room[i] = status.ripple[best, i] - chain.ripple[i]
-        chain.ripple[i] = status.ripple[best, i]
-        for j in range(i + 1):
-            chain.ripple_factor[j, i] = status.factor[best, j, i] * root
-    for i in range(2 * width):
-        chain.second[i] = status.second[family, i]
-    move(chain, chain.room, width)
 
 
 @compiled
@@ -223,7 +208,7 @@ def _release(
     if status.active[state.family] == 0.0 or status.lead != state.family:
         _stand(status, state, chain, seen[0])
     else:
-        _learn(status, state.family, chain)
+        know_ripple(chain, status, state.family)
     waves, known, interval = WAVES[state.family], MEMORY + state.family, status.interval
     memory, intensity, jerk, sums = np.empty(rows), np.empty(rows), np.zeros((rows, 2)), np.empty((rows + 1, 2))
     stand_as(chain, start)

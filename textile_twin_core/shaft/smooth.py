@@ -10,21 +10,22 @@ import numpy.typing as npt
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled, records
 from textile_twin_core.shaft.base import Parts, Recursion, joined, states_of
-from textile_twin_core.shaft.chain import CHAIN, forget_ripple, stand
+from textile_twin_core.shaft.chain import CHAIN, know_ripple, stand
 from textile_twin_core.shaft.chain import STEP as ONE_STEP
+from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.filter import set_uncertainty
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.smoothing import (
     MARK,
     ROUNDS,
-    find_ripple,
     look_back,
     readmit,
     set_clock,
     set_intensities,
     sharpen,
     take_shorter,
+    there,
     there_and_back,
 )
 from textile_twin_core.shaft.states import STATE_WIDTH, ShaftStates
@@ -100,49 +101,54 @@ class SmoothEstimator:
 
     def _smooth(self, table: FloatArray) -> None:
         """Smooth stretch by stretch; with a toothed wheel again, its pitch errors as the smoothed motion tells them."""
-        wheel, interval = self._recursion.wheel, float(self._recursion.status["interval"][0])
+        wheel = self._recursion.wheel
         cuts = np.flatnonzero(table[:, CUT] == 1.0).tolist()
         lessons = LESSONS if wheel is not None and wheel.learning else 0
         for lesson in range(lessons + 1):
             for first, end in zip(cuts, [*cuts, len(table)][1:], strict=True):
                 if end - first >= FEWEST:
-                    _smooth(table[first:end], self._settings, interval)
+                    _smooth(table[first:end], self._settings, self._recursion.status)
             if wheel is not None and lesson < lessons:
                 told = table[:, PHASE] + (table[:, TURNS] - table[:, ORIGIN]) * TURN
                 used = table[:, NOISE] > 0.0
                 table[:, READING] += wheel.learn(table[:, READING], table[:, READING] - told, used)
 
 
-def _smooth(table: FloatArray, settings: ShaftSettings, interval: float) -> None:
-    """Smooth one stretch in place, with the ripple that led it for most of the time."""
+def _smooth(table: FloatArray, settings: ShaftSettings, record: StatusArray) -> None:
+    """Smooth one stretch in place, with the ripple that led it for most of the time, as the filter came to know it."""
     count, cycle = len(table), settings.cycle_turns
     lead = table[count // 3 :, LEAD].astype(np.int64)
     family = int(np.bincount(lead, minlength=FAMILIES).argmax())
+    if record["travelled"][0, family] < SEEN_CYCLES * cycle * TURN:
+        family = 0
     unsure = UNSURE_ROWS
     if family > 0:
         unsure += int(np.argmax(np.abs(table[:, THETA] - table[0, THETA]) > UNSURE_CYCLES * cycle * TURN))
     chain = records(CHAIN)
     chain["lowest"] = 1.0 / cycle
     _smooth_stretch(
-        table, new_status(settings, 0.0), chain, records(ONE_STEP, MARK), records(ONE_STEP, count // MARK + 1), family,
-        interval, unsure, np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count + 1, 2)),
+        table, record, new_status(settings, 0.0), chain, records(ONE_STEP, MARK), records(ONE_STEP, count // MARK + 1),
+        family, unsure, np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count + 1, 2)),
     )  # fmt: skip
 
 
 @compiled
 def _smooth_stretch(
-    table: FloatArray, filters: StatusArray, chains: StatusArray, steps: StatusArray, marks: StatusArray, family: int,
-    interval: float, unsure: int, memory: FloatArray, intensity: FloatArray, jerk: FloatArray, sums: FloatArray,
+    table: FloatArray, record: StatusArray, filters: StatusArray, chains: StatusArray, steps: StatusArray,
+    marks: StatusArray, family: int, unsure: int, memory: FloatArray, intensity: FloatArray, jerk: FloatArray,
+    sums: FloatArray,
 ) -> None:  # fmt: skip
-    chain, waves, known = chains[0], WAVES[family], MEMORY + family
+    chain, waves, known, plain = chains[0], WAVES[family], MEMORY + family, WAVES[0 * family]
+    interval = record[0].interval
     readmit(table)
     for i in range(table.shape[0]):
         memory[i] = table[i, known]
     set_intensities(table, memory, interval, intensity)
-    forget_ripple(chain, waves)
-    _begin(chain, waves, table)
-    find_ripple(chain, steps, waves, table, intensity)
+    know_ripple(chain, record[0], family)
     set_clock(chain, waves, table)
+    _begin(chain, waves, table)
+    for i in range(1, table.shape[0]):
+        there(chain, steps, plain, table, intensity, i, i + 1)
     look_back(filters[0], chain, table, known, interval, memory)
     take_shorter(table, known, unsure, memory)
     set_intensities(table, memory, interval, intensity)

@@ -9,7 +9,6 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft.bank import expect_angle, log_memory, predict, take_angle
 from textile_twin_core.shaft.chain import (
     carry_sensitivity,
-    learn_ripple,
     move_on,
     ripple_at,
     step_back,
@@ -17,8 +16,6 @@ from textile_twin_core.shaft.chain import (
     tell,
     turn_round,
 )
-from textile_twin_core.shaft.clock import set_second
-from textile_twin_core.shaft.families import SECOND_EVERY
 from textile_twin_core.shaft.filter import put_angle
 from textile_twin_core.shaft.status import (
     CLOCK,
@@ -62,19 +59,6 @@ def readmit(table: FloatArray) -> None:
                 table[j, MEMORY:] = math.log(0.5)
                 if table[j, NOISE] == 0.0:
                     table[j, NOISE] = table[i, UNIT]
-
-
-@compiled
-def find_ripple(
-    chain: Record, steps: StatusArray, waves: int, table: FloatArray, intensity: FloatArray
-) -> None:  # fmt: skip
-    """Walk all rows but the first, where the chain stands, and learn the ripple on the way."""
-    for i in range(1, table.shape[0]):
-        row = table[i]
-        move_on(chain, steps[0], row[STEP], intensity[i])
-        learn_ripple(chain, steps[0], waves, row[STEP], row[READING], row[THETA], row[NOISE])
-        if i % SECOND_EVERY == 0 or i == table.shape[0] - 1:
-            set_second(chain.ripple, waves, chain.lowest, chain.second)
 
 
 @compiled
