@@ -15,6 +15,8 @@ FINEST_RAD2 = 1e-14
 """Least variance of a reading: the rounding of float64 angles some hundred turns away."""
 MOST_IN_STEP = 10.0
 """Readings within one step of the encoder that are believed to be one."""
+SHARP_LESSONS = 3.0
+"""Lessons in a row that readings are better than their rounding, after which they are not rounded."""
 LEARN_JITTER = 0.5
 """Part of the jitter that each lesson about it gives."""
 AT_REST = 0.3
@@ -57,7 +59,9 @@ def recalibrate(status: Record, noise: float) -> None:
     found = status.scale[status.best[status.lead]] * noise
     rounding = status.rounding**2 / 12.0
     moved = abs(status.speed) * status.interval
-    if rounding > 0.0 and found < 0.1 * rounding and moved > 0.5 * status.rounding:
+    sharp = rounding > 0.0 and found < 0.1 * rounding and moved > 0.5 * status.rounding
+    status.sharp = status.sharp + 1.0 if sharp else 0.0
+    if status.sharp >= SHARP_LESSONS:
         status.rounding = rounding = 0.0
     if status.jitter_told == 0.0:
         learnt = max(found - rounding, 0.01 * found) / status.speed**2

@@ -128,7 +128,7 @@ def _smooth(table: FloatArray, settings: ShaftSettings, record: StatusArray) -> 
     chain["lowest"] = 1.0 / cycle
     _smooth_stretch(
         table, record, new_status(settings, 0.0), chain, records(ONE_STEP, MARK), records(ONE_STEP, count // MARK + 1),
-        family, unsure, np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count + 1, 2)),
+        family, unsure, np.empty(count), np.empty(count), np.zeros((count, 2)), np.empty((count + 1, 2)),
     )  # fmt: skip
 
 
