@@ -21,7 +21,7 @@ from textile_twin_core.shaft.bank import (
 from textile_twin_core.shaft.families import can_tell, has_seen, is_at_work, weigh
 from textile_twin_core.shaft.gate import admit
 from textile_twin_core.shaft.mixture import mix
-from textile_twin_core.shaft.readings import FINEST_RAD2, FIRST_JITTER, noise_of, recalibrate, unwrapped
+from textile_twin_core.shaft.readings import FINEST_RAD2, FIRST_JITTER, noise_in_step, noise_of, recalibrate, unwrapped
 from textile_twin_core.shaft.status import (
     COVARIANCE,
     CUT,
@@ -176,9 +176,10 @@ def _take_angle(status: Record, step: float, raw: float, row: FloatArray) -> Non
         return
     gain = max(1.0 / status.samples, 1.0 / PERIOD_SAMPLES)
     status.interval += (min(step, 3.0 * status.interval) - status.interval) * gain
-    noise = noise_of(status, status.speed)
     expected = status.angle + step * (status.speed + 0.5 * step * status.acceleration)
     reading = unwrapped(status, raw, expected)
+    moved, status.read = abs(reading - status.read), reading
+    noise = noise_of(status, status.speed) if 2.0 * moved < status.rounding else noise_in_step(status, 1.0)
     off = reading - expected
     status.angle = expected
     row[READING], row[UNIT] = reading, noise

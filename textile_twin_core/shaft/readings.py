@@ -39,8 +39,13 @@ def unwrapped(status: Record, raw: float, expected: float) -> float:
 def noise_of(status: Record, speed: float) -> float:
     """Variance of a reading [rad^2]: rounding, of which only one reading in each step says anything new, and jitter."""
     in_step = status.rounding / max(abs(speed) * status.interval, 1e-30)
-    rounding = status.rounding**2 / 12.0 * min(max(in_step, 1.0), MOST_IN_STEP)
-    return float(rounding + status.jitter * speed * speed + FINEST_RAD2)
+    return noise_in_step(status, min(max(in_step, 1.0), MOST_IN_STEP))
+
+
+@compiled
+def noise_in_step(status: Record, readings: float) -> float:
+    """Variance of a reading [rad^2] of which so many lie in one step of the encoder; 1 for one that left a step."""
+    return float(status.rounding**2 / 12.0 * readings + status.jitter * status.speed**2 + FINEST_RAD2)
 
 
 @compiled

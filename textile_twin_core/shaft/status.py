@@ -41,7 +41,7 @@ _FIELDS = (
     "longest", "angle", "speed", "acceleration", "first", "origin", "period", "slips", "auto", "low", "high",
     "rounding", "jitter", "jitter_told", "speed_noise", "aside", "off_before", "off_last", "step_last", "motion",
     "sense", "still", "judged", "outliers", "jumps", "gaps", "losses", "reversals", "standstills", "lowest", "basis_at",
-    "basis_waves", "sharp",
+    "basis_waves", "sharp", "read",
 )  # fmt: skip
 COUNTS = ("accepted", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
 KEPT = (
