@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pyarrow import parquet
@@ -21,6 +22,15 @@ def write(path: Path, kind: str, size: float, seed: int) -> None:
 
 
 @pytest.mark.slow
+def alike(a: Any, b: Any) -> bool:
+    """The same but for the last digits, which are a compiler's: a process with much to do compiles, others do not."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(alike(a[key], b[key]) for key in a)
+    if isinstance(a, list):
+        return len(a) == len(b) and all(map(alike, a, b))
+    return a == pytest.approx(b, rel=1e-9, abs=1e-9, nan_ok=True) if isinstance(a, float) else a == b
+
+
 def test_a_folder_is_watched_alike_by_one_process_and_by_two(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -36,7 +46,7 @@ def test_a_folder_is_watched_alike_by_one_process_and_by_two(
         assert code == 3
         tables.append(parquet.read_table(table))
         told.append(json.loads(alarms.read_text()))
-    assert tables[0].equals(tables[1]) and told[0] == told[1]
+    assert alike(tables[0].to_pydict(), tables[1].to_pydict()) and alike(told[0], told[1])
     assert [len(each["alarms"]) for each in told[0]] == [1, 0]
     assert told[0][0]["alarms"][0]["kind"] == "constant_torque"
     assert {"bag", "turn", "stamp_ns", "rms_Nm", "load_force_size"} <= set(tables[0].column_names)
