@@ -59,8 +59,8 @@ def test_a_page_runs(page: Path, running: dict[Path, Future[Said]]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [Path("README.md")], ids=str)
 def test_the_demonstration_prints_what_the_readme_prints(page: Path, running: dict[Path, Future[Said]]) -> None:
-    """Word by word; numbers may differ by a tenth or one in their last digit, as timing makes them, agreement of nodes and
-    engine by what both promise.
+    """Word by word; numbers may differ by a tenth or one in the last digit, agreement of nodes and engine by what both
+    promise.
     """
     number = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?")
     (printed,) = (block.text for block in blocks(page) if block.language == "text")
