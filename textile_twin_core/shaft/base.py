@@ -27,6 +27,10 @@ Parts = list[tuple[Stamps, FloatArray]]
 Walk = Callable[[Stamps, FloatArray, FloatArray, FloatArray], tuple[Stamps, FloatArray]]
 
 
+PIECE = 65_536
+"""Samples whose rows are held together: longer blocks are taken piece by piece, and joined as they are let go."""
+
+
 class ShaftEstimator(Protocol):
     """Angle samples in, shaft states out; state lives between the calls.
 
@@ -85,12 +89,12 @@ class Recursion:
         self._mind_kind(stamp)
         if self.wheel is not None:
             angle = self.wheel.corrected(angle)
-        if not self.finder.wanted:
+        if not self.finder.wanted and stamp.size <= PIECE:
             return [walk(stamp, angle, velocity, np.empty(stamp.size))]
         done = 0
         parts: Parts = []
         while done < stamp.size or not parts:
-            end = min(stamp.size, done + (self.finder.wanted or stamp.size))
+            end = min(stamp.size, done + (self.finder.wanted or PIECE))
             piece, heard = slice(done, end), np.empty(end - done)
             parts.append(walk(stamp[piece], angle[piece], velocity[piece], heard))
             self._learn(heard)

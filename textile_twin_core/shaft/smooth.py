@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled, records
-from textile_twin_core.shaft.base import Parts, Recursion, joined, states_of
+from textile_twin_core.shaft.base import PIECE, Parts, Recursion, joined, states_of
 from textile_twin_core.shaft.chain import CHAIN, know_ripple, stand
 from textile_twin_core.shaft.chain import STEP as ONE_STEP
 from textile_twin_core.shaft.families import SEEN_CYCLES
@@ -97,7 +97,7 @@ class SmoothEstimator:
         stamps, table = joined(blocks)
         self._smooth(table)
         self._recursion.begin_anew()
-        return states_of([(stamps, table[:, :STATE_WIDTH].copy())])
+        return states_of([(stamps, _compact(table))])
 
     def _smooth(self, table: FloatArray) -> None:
         """Smooth stretch by stretch; with a toothed wheel again, its pitch errors as the smoothed motion tells them."""
@@ -112,6 +112,17 @@ class SmoothEstimator:
                 told = table[:, PHASE] + (table[:, TURNS] - table[:, ORIGIN]) * TURN
                 used = table[:, NOISE] > 0.0
                 table[:, READING] += wheel.learn(table[:, READING], table[:, READING] - told, used)
+
+
+def _compact(table: FloatArray) -> FloatArray:
+    """The columns that states are made of, in the memory of the whole table: hours of both would be too much."""
+    if not table.flags.owndata:
+        return table[:, :STATE_WIDTH].copy()
+    for first in range(0, len(table), PIECE):
+        part = table[first : first + PIECE, :STATE_WIDTH].copy()
+        table.reshape(-1)[first * STATE_WIDTH : first * STATE_WIDTH + part.size] = part.reshape(-1)
+    table.resize((len(table), STATE_WIDTH), refcheck=False)
+    return table
 
 
 def _smooth(table: FloatArray, settings: ShaftSettings, record: StatusArray) -> None:
