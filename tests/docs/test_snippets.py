@@ -60,7 +60,7 @@ def test_a_page_runs(page: Path, running: dict[Path, Future[Said]]) -> None:
 @pytest.mark.parametrize("page", [Path("README.md")], ids=str)
 def test_the_demonstration_prints_what_the_readme_prints(page: Path, running: dict[Path, Future[Said]]) -> None:
     """Word by word; numbers may differ by a tenth or one in the last digit, agreement of nodes and engine by what both
-    promise.
+    promise; gaps, in a note, are the computer's of that hour.
     """
     number = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?")
     (printed,) = (block.text for block in blocks(page) if block.language == "text")
@@ -69,6 +69,8 @@ def test_the_demonstration_prints_what_the_readme_prints(page: Path, running: di
     for line in filter(None, printed.splitlines()):
         assert number.sub("N", line) in lines, f"'{line}' is not among what demo.sh prints:\n{told}"
         seen = lines[number.sub("N", line)]
-        for promised, found in zip(number.findall(line), number.findall(seen), strict=True):
+        for promised, found in (
+            [] if line.startswith("note") else zip(number.findall(line), number.findall(seen), strict=True)
+        ):
             last = 1e-9 if "e" in promised else 1.01 * 10.0 ** -len(promised.partition(".")[2])
             assert float(found) == pytest.approx(float(promised), rel=0.1, abs=last), f"{line}\n{seen}"
