@@ -27,8 +27,8 @@ Parts = list[tuple[Stamps, FloatArray]]
 Walk = Callable[[Stamps, FloatArray, FloatArray, FloatArray], tuple[Stamps, FloatArray]]
 
 
-PIECE = 65_536
-"""Samples whose rows are held together: longer blocks are taken piece by piece, and joined as they are let go."""
+PIECE = 262_144
+"""Samples whose rows are held together, so many that their memory goes back to the computer when they are let go."""
 
 
 class ShaftEstimator(Protocol):

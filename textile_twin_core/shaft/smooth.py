@@ -76,6 +76,7 @@ class SmoothEstimator:
         """Forget everything, the report included."""
         self._recursion = Recursion(self._settings)
         self._blocks: Parts = []
+        self._new: Parts = []
 
     @property
     def report(self) -> SampleReport:
@@ -86,12 +87,14 @@ class SmoothEstimator:
         self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
     ) -> ShaftStates:
         """Take a block of samples; no state is ready before `finish`. See `ShaftEstimator.step`."""
-        self._blocks.extend(self._recursion.walk(self._recursion.follow, stamps, angles, velocities))
+        self._new.extend(self._recursion.walk(self._recursion.follow, stamps, angles, velocities))
+        if sum(len(rows) for _, rows in self._new) >= PIECE:
+            self._blocks.append(joined(self._new))
         return ShaftStates.empty(self._recursion.last)
 
     def finish(self) -> ShaftStates:
         """The states of all samples from the third on."""
-        blocks, self._blocks = self._blocks, []
+        blocks, self._blocks, self._new = self._blocks + self._new, [], []
         if not blocks:
             return ShaftStates.empty(self._recursion.last)
         stamps, table = joined(blocks)
