@@ -76,6 +76,7 @@ class Recursion:
         self.finder.step = settings.step_rad
         self.status = new_status(settings, UNKNOWN_STEP_RAD if settings.step_rad is None else settings.step_rad)
         self.last: Stamps = np.zeros(1, np.int64)
+        self._kind = ""
         self.wheel = (
             ToothWheel(settings.teeth, settings.tooth_zero_rad, settings.pitch_errors_rad) if settings.teeth else None
         )
@@ -113,11 +114,14 @@ class Recursion:
         return stamps, table
 
     def _mind_kind(self, stamp: Stamps) -> None:
+        if self._kind == stamp.dtype.char:
+            return
         if self.last.dtype != stamp.dtype:
             if self.status["accepted"][0] > 0:
                 raise MotionError("stamps changed between integer nanoseconds and float seconds: keep to one, or reset")
             self.last = np.zeros(1, stamp.dtype)
         self.status["unit"] = 1e-9 if stamp.dtype == np.int64 else 1.0
+        self._kind = stamp.dtype.char
 
     def _learn(self, heard: FloatArray) -> None:
         """A lesson about the encoder from readings that were used (n,), NaN for the others."""
