@@ -58,7 +58,10 @@ def test_a_running_suite_is_shown(suite: Suite) -> None:
     twin = suite.start("twin_node", remaps=["__ns:=/m3"])
     suite.start("shaft_node", "rate_hz:=200", remaps=["__ns:=/m3"])
     twin.wait_for_words("predicting from")
-    shown = status(suite, "--seconds", "3")
+    for seconds in ("3", "6", "12"):  # a busy computer finds its nodes late
+        shown = status(suite, "--seconds", seconds)
+        if shown.returncode == 0 and "main_shaft/angle" in shown.stdout and "balancing_torque/residual" in shown.stdout:
+            break
     assert shown.returncode == 0, shown.stderr
     lines = shown.stdout.splitlines()
     assert lines[:2] == ["/m3  tufting", "  twin_node"]
