@@ -23,12 +23,12 @@ WAVES: Final = (0, 2, 6, 12)
 """Orders of ripple of the families of filters that stand side by side."""
 FAMILIES: Final = len(WAVES)
 WIDEST: Final = 2 * WAVES[-1]
-FIRST: Final = (0, 16, 24, 32)
-END: Final = (16, 24, 32, 36)
+FIRST: Final = (0, 16, 32, 40)
+END: Final = (16, 32, 40, 44)
 LANES: Final = END[-1]
 """Each family's filters, in lanes side by side."""
 _MEMORIES = np.concatenate(
-    [0.5 * 2.0 ** np.arange(16.0), 4.0 ** np.arange(8.0), 4.0 ** np.arange(8.0), 4.0 * 8.0 ** np.arange(4.0)]
+    [0.5 * 2.0 ** np.arange(16.0), 0.5 * 2.0 ** np.arange(16.0), 4.0 ** np.arange(8.0), 4.0 * 8.0 ** np.arange(4.0)]
 )
 """In samples, up to longer than any record is steady. Twice too long or too short costs little: the error of the speed
 goes with the root of the memory; where there are many coefficients, fewer filters must do."""
