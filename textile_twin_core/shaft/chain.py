@@ -23,7 +23,7 @@ from textile_twin_core.shaft.ripple import absorb, feel, shift
 from textile_twin_core.shaft.status import WAVES, WIDEST, Record
 
 _STATE: Final = [
-    ("mean", np.float64, (3,)), ("factor", np.float64, (3, 3)), ("sensitivity", np.float64, (3, WIDEST)),
+    ("state", np.float64, (3,)), ("factor", np.float64, (3, 3)), ("sensitivity", np.float64, (3, WIDEST)),
 ]  # fmt: skip
 STEP: Final = np.dtype(
     [
@@ -37,7 +37,7 @@ STEP: Final = np.dtype(
         ("felt", np.float64, (WIDEST,)),
     ]
 )
-"""What a step leaves behind for the way back. The state after its reading: mean and factor (row j: column j of L) of
+"""What a step leaves behind for the way back. After its reading: state and factor (row j: column j of L) of
 acceleration, rate and angle of the clock, sensitivity to the ripple. What the reading saw of each column and how
 Carlson's update mixed them; cosines and sines of the time update's rotations (acceleration, jerk 0), (rate, 0),
 (rate, 1), (angle, 0), (angle, 1), (angle, 2); innovation over its variance, the inverse of this, and how much the
@@ -70,7 +70,7 @@ def stand(chain: Record, waves: int, theta: float, omega: float, alpha: float, k
     """Put the chain where the shaft is; `kinematic` (6,) is l00 .. l22 of the factor."""
     g = _wave_at(chain, waves, theta)
     slope = 1.0 + g[1]
-    chain.mean[0], chain.mean[1], chain.mean[2] = alpha * slope + omega * omega * g[2], omega * slope, theta + g[0]
+    chain.state[0], chain.state[1], chain.state[2] = alpha * slope + omega * omega * g[2], omega * slope, theta + g[0]
     factor = chain.factor
     factor[0, 0], factor[0, 1], factor[0, 2] = kinematic[0], kinematic[1], kinematic[2]
     factor[1, 1], factor[1, 2], factor[2, 2] = kinematic[3], kinematic[4], kinematic[5]
@@ -111,9 +111,9 @@ def know_ripple(chain: Record, status: Record, family: int) -> None:
     for i in range(2 * width):
         chain.second[i] = status.second[family, i]
     acceleration, rate, angle = shift(chain.sensitivity, chain.room, width)
-    chain.mean[0] += acceleration
-    chain.mean[1] += rate
-    chain.mean[2] += angle
+    chain.state[0] += acceleration
+    chain.state[1] += rate
+    chain.state[2] += angle
 
 
 @compiled
@@ -128,7 +128,7 @@ def _rotate(x: float, y: float, turn: FloatArray) -> float:
 @compiled
 def move_on(chain: Record, at: Record, step: float, intensity: float) -> None:
     """Time update, as `kinematics.move_on`, written down."""
-    mean, factor, turns = chain.mean, chain.factor, at.turns
+    mean, factor, turns = chain.state, chain.factor, at.turns
     half = 0.5 * step * step
     mean[2] += step * mean[1] + half * mean[0]
     mean[1] += step * mean[0]
@@ -152,7 +152,7 @@ def move_on(chain: Record, at: Record, step: float, intensity: float) -> None:
 @compiled
 def _correct(chain: Record, at: Record, off: float, noise: float) -> None:
     """Carlson's measurement update by an innovation, as `kinematics.correct`, written down."""
-    mean, factor, gain = chain.mean, chain.factor, chain.gain
+    mean, factor, gain = chain.state, chain.factor, chain.gain
     spread = factor[0, 2] ** 2 + factor[1, 2] ** 2 + factor[2, 2] ** 2
     gain[0] = gain[1] = gain[2] = 0.0
     total = max(noise, off * off / WIDE - spread)
@@ -178,11 +178,11 @@ def _correct(chain: Record, at: Record, off: float, noise: float) -> None:
 def take_clock(chain: Record, at: Record, reading: float, noise: float) -> None:
     """A reading of the clock, the ripple taken as known; noise 0: none. The state is written down."""
     if noise > 0.0:
-        _correct(chain, at, reading - chain.mean[2], noise)
+        _correct(chain, at, reading - chain.state[2], noise)
     else:
         _pass_by(at)
     for i in range(3):
-        at.mean[i] = chain.mean[i]
+        at.state[i] = chain.state[i]
         for j in range(i + 1):
             at.factor[j, i] = chain.factor[j, i]
 
@@ -325,7 +325,7 @@ def tell(chain: Record, at: Record, waves: int, about: float, row: FloatArray, c
     told, by, mean, factor, owed = chain.gain, chain.back, chain.back_mean, at.factor, chain.sensitivity
     g = _wave_at(chain, waves, about)
     for i in range(3):
-        told[i] = at.mean[i]
+        told[i] = at.state[i]
         for j in range(i + 1):
             told[i] += factor[j, i] * mean[j]
     row[0], row[1], row[2] = shaft_state(told[2], told[1], told[0], about, g, chain.slopes)

@@ -80,7 +80,7 @@ def look_back(
     last = table[table.shape[0] - 1]
     scale = last[NOISE] / last[UNIT] if last[NOISE] > 0.0 else 1.0
     root, total, plain = math.sqrt(scale), 0.0, filters.lead
-    mean, factor = chain.mean, chain.factor
+    mean, factor = chain.state, chain.factor
     for m in range(END[0]):
         filters.clock_acceleration[m], filters.clock_rate[m], filters.clock_angle[m] = mean[0], -mean[1], mean[2]
         filters.l00[m], filters.l10[m], filters.l20[m] = factor[0, 0] / root, -factor[0, 1] / root, factor[0, 2] / root
@@ -188,7 +188,7 @@ def back(
 def stand_as(source: Record, target: Record) -> None:
     """Put a chain where a step stood, or write down where a chain stands."""
     for i in range(3):
-        target.mean[i] = source.mean[i]
+        target.state[i] = source.state[i]
         for j in range(3):
             target.factor[j, i] = source.factor[j, i]
         for w in range(WIDEST):
