@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.mistakes import UsageError, nearest
 from textile_twin_core.cli.outputs import print_rows, write_json
-from textile_twin_core.cli.readings import read_samples, readings_of
+from textile_twin_core.cli.readings import read_angles, read_samples, readings_of
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison.bootstrap import Estimate
@@ -57,21 +56,9 @@ def _compared(arguments: argparse.Namespace, machine: Machine) -> QuantityCompar
 
 def _trace(arguments: argparse.Namespace, machine: Machine) -> Trace:
     from textile_twin_core.comparison.quantity import Trace
-    from textile_twin_core.recordings import open_bag
     from textile_twin_core.recordings.log_import import MEASURED
-    from textile_twin_core.recordings.machine_topics import usable_angles
 
-    bag = open_bag(arguments.bag)
-    for notice in bag.notices:
-        print(f"textile-twin: {notice}", file=sys.stderr)
-    angles = usable_angles(
-        bag,
-        machine.sensors.encoder,
-        arguments.angle_topic,
-        arguments.joint,
-        arguments.skip_bad_samples,
-        arguments.index_topic,
-    )
+    bag, angles = read_angles(arguments, machine)
     seen = bag.read_angles(f"{MEASURED}/{arguments.quantity}", arguments.quantity)
     return Trace(seen.stamps, seen.angles_rad, angles.stamps, angles.angles_rad, angles.velocities)
 
