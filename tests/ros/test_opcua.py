@@ -15,11 +15,10 @@ import pytest
 pytest.importorskip("asyncua")
 
 from asyncua import Server, ua
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import WrenchStamped
-from sensor_msgs.msg import JointState
+from diagnostic_msgs.msg import DiagnosticStatus
 
-from tests.ros.suite import RELIABLE, SECOND_NS, Suite
+from tests.ros.bridged import Bridged
+from tests.ros.suite import SECOND_NS, Suite
 from tests.ros.test_live_topics import stamp_of
 
 RATE_HZ, SAMPLES = 100.0, 500
@@ -97,19 +96,8 @@ def plc() -> Iterator[Plc]:
 @pytest.mark.slow
 def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
     node = suite.node()
-    angles: list[JointState] = []
-    torques: list[WrenchStamped] = []
-    predicted: list[WrenchStamped] = []
-    told: list[DiagnosticStatus] = []
-    node.create_subscription(JointState, "main_shaft/angle", angles.append, RELIABLE)
-    node.create_subscription(WrenchStamped, "balancing_torque/measured", torques.append, RELIABLE)
-    node.create_subscription(WrenchStamped, "balancing_torque/predicted", predicted.append, RELIABLE)
-    node.create_subscription(
-        DiagnosticArray,
-        "/diagnostics",
-        lambda message: told.extend(status for status in message.status if status.name == "opcua_node: plc"),
-        RELIABLE,
-    )
+    heard = Bridged(node, "opcua_node: plc")
+    angles, torques, predicted, told = heard.angles, heard.torques, heard.predicted, heard.told
     bridge = suite.start(
         "opcua_node",
         f"url:=opc.tcp://127.0.0.1:{plc.port}",

@@ -12,14 +12,13 @@ import pytest
 
 pytest.importorskip("pymodbus")
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import WrenchStamped
+from diagnostic_msgs.msg import DiagnosticStatus
 from pymodbus.client import ModbusTcpClient
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
-from sensor_msgs.msg import JointState
 
-from tests.ros.suite import RELIABLE, SECOND_NS, Suite
+from tests.ros.bridged import Bridged
+from tests.ros.suite import SECOND_NS, Suite
 from textile_twin_core.errors import SceneError
 from textile_twin_ros.plc_registers import Register, Registers
 
@@ -78,19 +77,8 @@ def plc() -> Iterator[Plc]:
 def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
     kind = ModbusTcpClient.DATATYPE
     node = suite.node()
-    angles: list[JointState] = []
-    torques: list[WrenchStamped] = []
-    predicted: list[WrenchStamped] = []
-    told: list[DiagnosticStatus] = []
-    node.create_subscription(JointState, "main_shaft/angle", angles.append, RELIABLE)
-    node.create_subscription(WrenchStamped, "balancing_torque/measured", torques.append, RELIABLE)
-    node.create_subscription(WrenchStamped, "balancing_torque/predicted", predicted.append, RELIABLE)
-    node.create_subscription(
-        DiagnosticArray,
-        "/diagnostics",
-        lambda message: told.extend(status for status in message.status if status.name == "plc_node: plc"),
-        RELIABLE,
-    )
+    heard = Bridged(node, "plc_node: plc")
+    angles, torques, predicted, told = heard.angles, heard.torques, heard.predicted, heard.told
     plc.set(14, [65_299])
     bridge = suite.start(
         "plc_node",
