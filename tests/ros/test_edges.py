@@ -103,6 +103,4 @@ def test_a_simulated_wheel(suite: Suite) -> None:
     # At a steady speed each edge stands at its tooth, and tooth 0 at zero.
     off = np.remainder(angles[100:] * TEETH / TURN + 0.5, 1.0) - 0.5
     assert np.abs(off).max() < 0.02
-    teeth = np.rint(np.mod(angles[100:], TURN) * TEETH / TURN).astype(int) % TEETH
-    assert set(teeth) >= set(range(TEETH - MISSING))
-    assert np.mean(teeth < TEETH - MISSING) > 0.95  # beside the gap an edge may be taken for the next one, for a sample
+    assert set(np.rint(np.mod(angles[100:], TURN) * TEETH / TURN).astype(int) % TEETH) == set(range(TEETH - MISSING))

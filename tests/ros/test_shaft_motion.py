@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import statistics
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from textile_twin_ros.shaft_motion import ShaftMotion, SimulatedEncoder, SimulatedTorqueSensor
+from textile_twin_ros.shaft_motion import Marks, ShaftMotion, SimulatedEncoder, SimulatedTorqueSensor
 
 
 @given(
@@ -53,3 +54,16 @@ def test_torque_sensor_has_gain_offset_and_noise() -> None:
     values = [noisy.read(1.0) for _ in range(4000)]
     assert statistics.mean(values) == pytest.approx(1.0, abs=0.004)
     assert statistics.stdev(values) == pytest.approx(0.05, rel=0.05)
+
+
+@pytest.mark.parametrize("rpm", [240.0, 160.0, 97.3])
+def test_every_mark_passes_once_a_turn(rpm: float) -> None:
+    # At 240 rpm a turn is 125 samples: those at 0.625 s, 0.75 s and so on stand where tooth 0 does.
+    teeth, rate_hz, run_up_s = 36, 500, 0.5
+    marks = Marks([k * math.tau / teeth for k in range(teeth - 1)], ShaftMotion(rpm, run_up_s), SimulatedEncoder(0))
+    samples = [number / rate_hz for number in range(rate_hz // 2 + 1, 20 * rate_hz)]
+    passed = [time for begin, end in pairwise(samples) for time in marks.passed(begin, end)]
+    pitch_s = 60.0 / rpm / teeth
+    edges = [(k, 0.5 * run_up_s + k * pitch_s) for k in range(int(20.0 / pitch_s)) if k % teeth != teeth - 1]
+    expected = [time for _, time in edges if samples[0] < time <= samples[-1]]
+    assert passed == pytest.approx(expected, abs=1e-9)

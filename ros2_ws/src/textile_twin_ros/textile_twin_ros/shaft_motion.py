@@ -85,8 +85,9 @@ class Marks:
         """Times in (begin, end] at which a mark passes, for an interval in which the shaft does not reverse."""
         begin, end = self._turned(begin_s), self._turned(end_s)
         low, high = min(begin, end), max(begin, end)
-        first, last = math.floor(low / TURN), math.floor(high / TURN)
-        angles = [turn * TURN + angle for turn in range(first, last + 1) for angle in self.angles_rad]
+        # One turn more on each side: a quotient that rounds over a whole turn must not hide the mark that stands there.
+        turns = range(math.floor(low / TURN) - 1, math.floor(high / TURN) + 2)
+        angles = [turn * TURN + angle for turn in turns for angle in self.angles_rad]
         times = [self._time_of(angle, begin_s, end_s) for angle in angles if low < angle <= high]
         return sorted(times)
 
