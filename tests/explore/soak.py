@@ -1,6 +1,6 @@
 """A page left open and used without end: two tabs, sliders, undo, other machines, lost wires, sleep, reloads.
 
-    python -m tests.explore.soak --minutes 30
+    python -m tests.explore.soak --minutes 30 [--rest 60]
 
 One round is what a person does in an hour or so; a night is some ten. Memory of server and page is told as it goes:
 resident memory of the server [MB], heap of the page after its garbage is collected [MB], elements of its document.
@@ -108,6 +108,13 @@ class Soak:
         os.kill(self.server, signal.SIGCONT)
         page.until(lambda: page.states > before and not page.find("#banner").is_displayed())
 
+    def rest(self, seconds: float) -> None:
+        """Nobody is there; the linkage plays on."""
+        if seconds:
+            self.page.find("#play").click()
+            time.sleep(seconds)
+            self.page.find("#play").click()
+
     def held(self) -> Held:
         """Memory of server and of the tab looked at."""
         driver = self.page.driver
@@ -119,8 +126,10 @@ class Soak:
         return Held(self.moves, resident, heap / 2**20, elements)
 
 
-def soak(minutes: float, moves: int, names: tuple[str, ...] = tuple(MACHINES), rounds: int = 10**9) -> Iterator[Held]:
-    """Rounds for so long; each with what is held after it."""
+def soak(
+    minutes: float, moves: int, names: tuple[str, ...] = tuple(MACHINES), rounds: int = 10**9, rest_s: float = 0.0
+) -> Iterator[Held]:
+    """Rounds for so long, with a rest after each in which the page plays; what is held after each round."""
     with served("tufting") as (server, address):
         port = int(re.findall(r":(\d+)/", address)[0])
         with wire(port) as link:
@@ -131,6 +140,7 @@ def soak(minutes: float, moves: int, names: tuple[str, ...] = tuple(MACHINES), r
                 while time.monotonic() < end and rounds > 0:
                     rounds -= 1
                     yield run.round(moves)
+                    run.rest(rest_s)
                 assert not [c for c in page.complaints if "WebSocket" not in c and "ERR_" not in c]
             finally:
                 page.close()
@@ -141,10 +151,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--moves", type=int, default=100, help="slider moves for each machine and tab in a round")
+    parser.add_argument("--rest", type=float, default=0.0, help="seconds between rounds with nobody there")
     arguments = parser.parse_args()
-    print(f"{'moves':>8}{'server MB':>11}{'page MB':>9}{'elements':>10}")
-    for held in soak(arguments.minutes, arguments.moves):
-        print(f"{held.moves:8}{held.server_MB:11.1f}{held.page_MB:9.2f}{held.elements:10}", flush=True)
+    begun = time.monotonic()
+    print(f"{'minutes':>8}{'moves':>8}{'server MB':>11}{'page MB':>9}{'elements':>10}")
+    for held in soak(arguments.minutes, arguments.moves, rest_s=arguments.rest):
+        minutes = (time.monotonic() - begun) / 60.0
+        print(f"{minutes:8.1f}{held.moves:8}{held.server_MB:11.1f}{held.page_MB:9.2f}{held.elements:10}", flush=True)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,15 @@ function fill(element, attributes, children) {
   return element;
 }
 
+// Write an attribute, or the text where no name is given, but only where it changes: the browser then has less to lay out.
+export function put(element, name, value) {
+  const held = (element.held ??= new Map()), text = String(value);
+  if (held.get(name) === text) return;
+  held.set(name, text);
+  if (name) element.setAttribute(name, text);
+  else element.textContent = text;
+}
+
 export function shown(value, digits = 5) {
   if (value == null || !Number.isFinite(value)) return "–";
   if (Math.abs(value) < 1e-12) return "0";

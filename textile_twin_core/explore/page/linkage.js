@@ -1,6 +1,7 @@
 // The moving linkage: links, joints, paths, guides and gears at the shaft's angle; the crank can be dragged.
 
-import { byId, draw } from "./dom.js";
+import { byId, draw, put } from "./dom.js";
+import { loop } from "./polyline.js";
 
 const COLOURS = 7;
 
@@ -10,8 +11,15 @@ export class Linkage {
     this.onTurn = onTurn;
     this.view = null;
     this.coupler = { link: "", along: 0, across: 0 };
+    this.still = draw("g");
+    this.moved = draw("g");
+    svg.append(this.still, this.moved);
     this.#dragging();
-    new ResizeObserver(() => { this.view = null; this.draw(); }).observe(svg);
+    new ResizeObserver(([entry]) => {
+      this.size = [entry.contentRect.width || 400, entry.contentRect.height || 300];
+      this.view = null;
+      this.draw();
+    }).observe(svg);
   }
 
   show(analysis, pinned) {
@@ -26,7 +34,7 @@ export class Linkage {
 
   turn(angle) {
     this.angle = angle;
-    this.draw();
+    if (this.analysis) this.#move();
   }
 
   #extent() {
@@ -59,10 +67,9 @@ export class Linkage {
   }
 
   #scale() {
-    const box = this.svg.getBoundingClientRect(), v = this.view;
-    const w = box.width || 400, h = box.height || 300;
+    const [w, h] = (this.size ??= [this.svg.clientWidth || 400, this.svg.clientHeight || 300]), v = this.view;
     const k = Math.min(w / (v.x1 - v.x0), h / (v.y1 - v.y0));
-    this.svg.setAttribute("viewBox", `0 0 ${w} ${h}`);
+    put(this.svg, "viewBox", `0 0 ${w} ${h}`);
     const dx = (w - k * (v.x1 - v.x0)) / 2, dy = (h - k * (v.y1 - v.y0)) / 2;
     return { k, x: (x) => dx + k * (x - v.x0), y: (y) => h - dy - k * (y - v.y0), back: (px, py) => [(px - dx) / k + v.x0, (h - dy - py) / k + v.y0] };
   }
@@ -70,14 +77,6 @@ export class Linkage {
   #paths() {
     const gears = this.analysis.bars.filter((bar) => bar[3]).map((bar) => bar[2]);
     this.moving = Object.keys(this.analysis.points).filter((name) => !this.analysis.fixed.includes(name) && !gears.includes(name));
-  }
-
-  #line(xs, ys, s) {
-    let d = "";
-    for (let k = 0; k < xs.length; k += 2) {
-      if (Number.isFinite(xs[k])) d += (d && "L") + s.x(xs[k]).toFixed(1) + " " + s.y(ys[k]).toFixed(1);
-    }
-    return d ? `M${d}Z` : "";
   }
 
   #at(name, a = this.analysis) {
@@ -100,25 +99,31 @@ export class Linkage {
     return [xs, ys];
   }
 
+  // All of it: what stands still, the paths of the points and the guides, and then what moves.
   draw() {
     const a = this.analysis;
     if (!a) return;
     if (!this.view) this.#fit();
-    const s = this.#scale(), parts = [];
-    for (const name of this.moving) {
-      parts.push(draw("path", { d: this.#line(...a.points[name], s), fill: "none", stroke: "var(--path)", "stroke-width": 1 }));
-    }
-    const extra = this.couplerPath();
-    if (extra) parts.push(draw("path", { d: this.#line(...extra, s), fill: "none", stroke: "var(--c3)", "stroke-width": 1.8, class: "coupler" }));
+    const s = this.scale = this.#scale(), parts = [];
+    const d = this.moving.map((name) => loop(...a.points[name], s.x, s.y)).join("");
+    parts.push(draw("path", { d, fill: "none", stroke: "var(--path)", "stroke-width": 1 }));
+    this.extra = this.couplerPath();
+    if (this.extra) parts.push(draw("path", { d: loop(...this.extra, s.x, s.y), fill: "none", stroke: "var(--c3)", "stroke-width": 1.8, class: "coupler" }));
     for (const [x, y, ux, uy] of a.guides) {
       const reach = 2 * this.view.size;
       parts.push(draw("line", { x1: s.x(x - reach * ux), y1: s.y(y - reach * uy), x2: s.x(x + reach * ux), y2: s.y(y + reach * uy), stroke: "var(--line)", "stroke-width": 6 }));
     }
+    this.still.replaceChildren(...parts);
+    this.#move();
+  }
+
+  #move() {
+    const { analysis: a, scale: s, extra } = this, parts = [];
     if (this.pinned) this.#bars(parts, this.pinned, s, true);
     this.#bars(parts, a, s, false);
     for (const name of Object.keys(a.points)) this.#joint(parts, name, s);
     if (extra) parts.push(draw("circle", { cx: s.x(sample(extra[0], this.angle)), cy: s.y(sample(extra[1], this.angle)), r: 4, fill: "var(--c3)" }));
-    this.svg.replaceChildren(...parts);
+    this.moved.replaceChildren(...parts);
   }
 
   #bars(parts, a, s, ghost) {

@@ -1,7 +1,7 @@
 // The page: what comes from the server is shown, what the person does is sent.
 
 import { Charts } from "./charts.js";
-import { byId, make, numberIn, shown } from "./dom.js";
+import { byId, make, numberIn, put, shown } from "./dom.js";
 import { Linkage } from "./linkage.js";
 import { Parameters } from "./parameters.js";
 import { Search } from "./search.js";
@@ -106,7 +106,7 @@ function turnTo(turned) {
   charts.turn(angle);
   byId("angle").value = degrees;
   byId("angle_shown").textContent = `${degrees.toFixed(1)} deg`;
-  byId("linkage").setAttribute("aria-valuenow", degrees.toFixed(1));
+  put(byId("linkage"), "aria-valuenow", degrees.toFixed(1));
 }
 
 function play(on) {

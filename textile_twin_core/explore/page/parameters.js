@@ -1,6 +1,6 @@
 // Every parameter as slider and number; ticked ones are free for the search.
 
-import { make, numberIn, shown } from "./dom.js";
+import { make, numberIn, put, shown } from "./dom.js";
 
 const HEADS = { mm: "Lengths", deg: "Angles", kg: "Masses", "kg m²": "Inertias", N: "Forces", "": "Others" };
 
@@ -72,14 +72,19 @@ export class Parameters {
     const low = p.value === null ? p.low : Math.min(p.low, p.value), high = p.value === null ? p.high : Math.max(p.high, p.value);
     const dragged = document.activeElement === slider && slider.matches(":active");
     if (!dragged) {
-      slider.min = low;
-      slider.max = high;
-      slider.value = p.value ?? low;
+      put(slider, "min", low);
+      put(slider, "max", high);
+      write(slider, p.value ?? low);
     }
     if (document.activeElement !== field || !field.matches("[aria-invalid=true]")) {
-      field.value = p.value === null ? "" : shown(p.value, 6);
-      field.setAttribute("aria-invalid", "false");
+      write(field, p.value === null ? "" : shown(p.value, 6));
+      if (field.matches("[aria-invalid=true]")) field.setAttribute("aria-invalid", "false");
     }
     row.box.classList.toggle("changed", p.value !== p.base);
   }
+}
+
+// The value of a field, where it is another one.
+function write(field, value) {
+  if (field.value !== String(value)) field.value = value;
 }

@@ -1,21 +1,31 @@
 // Tables: the numbers of a design, their spread, and what a small error does.
 
-import { byId, make, shown } from "./dom.js";
+import { byId, make, put, shown } from "./dom.js";
 
+// Rows stay as long as the numbers are the same ones; a slider changes their values alone.
 export function numbers(analysis, pinned) {
-  const printed = analysis.numbers.some((n) => n.printed);
-  const head = make("tr", {}, make("th", {}, ""), make("th", {}, "this"), ...(pinned ? [make("th", {}, "compared")] : []), make("th", {}, ""), ...(printed ? [make("th", {}, "printed")] : []));
-  const rows = analysis.numbers.map((n) => {
-    const other = pinned?.numbers.find((p) => p.name === n.name);
-    return make("tr", { "data-number": n.name }, make("td", {}, n.text), make("td", { class: "value" }, shown(n.value)), ...(pinned ? [make("td", {}, shown(other?.value))] : []), make("td", { class: "unit" }, n.unit), ...(printed ? [make("td", { class: "printed" }, n.printed)] : []));
+  const printed = analysis.numbers.some((n) => n.printed), table = byId("numbers");
+  const key = [Boolean(pinned), printed, ...analysis.numbers.map((n) => n.name)].join();
+  if (key !== table.dataset.key) {
+    const head = make("tr", {}, make("th", {}, ""), make("th", {}, "this"), ...(pinned ? [make("th", {}, "compared")] : []), make("th", {}, ""), ...(printed ? [make("th", {}, "printed")] : []));
+    const rows = analysis.numbers.map((n) => make("tr", { "data-number": n.name }, make("td", {}, n.text), make("td", { class: "value" }), ...(pinned ? [make("td", { class: "other" })] : []), make("td", { class: "unit" }, n.unit), ...(printed ? [make("td", { class: "printed" }, n.printed)] : [])));
+    table.tBodies[0]?.remove();
+    table.append(make("tbody", {}, head, ...rows));
+    table.dataset.key = key;
+  }
+  analysis.numbers.forEach((n, k) => {
+    const row = table.tBodies[0].rows[k + 1];
+    put(row.cells[1], "", shown(n.value));
+    if (pinned) put(row.cells[2], "", shown(pinned.numbers.find((p) => p.name === n.name)?.value));
   });
-  byId("numbers").tBodies[0]?.remove();
-  byId("numbers").append(make("tbody", {}, head, ...rows));
 }
 
 export function notes(analysis) {
-  const crossed = analysis.clashes.map(([a, b, from, to]) => make("p", { class: "clash" }, `${a} and ${b} cross from ${shown(from, 4)} to ${shown(to, 4)} deg: they need planes of their own.`));
-  byId("notes").replaceChildren(...analysis.notes.map((note) => make("p", {}, note)), ...crossed);
+  const crossed = analysis.clashes.map(([a, b, from, to]) => `${a} and ${b} cross from ${shown(from, 4)} to ${shown(to, 4)} deg: they need planes of their own.`);
+  const box = byId("notes"), key = JSON.stringify([analysis.notes, crossed]);
+  if (key === box.dataset.key) return;
+  box.dataset.key = key;
+  box.replaceChildren(...analysis.notes.map((note) => make("p", {}, note)), ...crossed.map((text) => make("p", { class: "clash" }, text)));
 }
 
 export function spread(head) {

@@ -42,12 +42,12 @@ export class Talk {
     const floats = new Float32Array(buffer, 8 + size);
     if (head.type === "tab") { this.#rename(head.tab); return; }
     this.waiting.delete(number);
-    this.onMessage(head, (place) => floats.subarray(place[0], place[0] + place[1]));
-    if (this.newest && this.waiting.size === 0) {
+    if (this.newest && this.waiting.size === 0) { // before this answer is drawn, so that server and page work at once
       const message = this.newest;
       this.newest = null;
       this.send(message);
     }
+    this.onMessage(head, (place) => floats.subarray(place[0], place[0] + place[1]));
   }
 
   // How long the oldest message has waited for its answer, in ms.
