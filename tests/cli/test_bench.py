@@ -96,7 +96,7 @@ def test_a_mistake_is_one_line_before_any_work(
     def work(*_: object, **__: object) -> None:
         raise AssertionError("the bench ran")
 
-    monkeypatch.setattr("textile_twin_core.bench.run.run_bench", work)
+    monkeypatch.setattr("textile_twin_core.cli.bench.run_bench", work)
     assert main(["bench", *wrong]) == 2
     told = capsys.readouterr()
     assert told.out == ""
@@ -117,7 +117,7 @@ def test_a_run_that_fails_leaves_no_files(tmp_path: Path, monkeypatch: pytest.Mo
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("textile_twin_core.bench.run.run_bench", stop)
+    monkeypatch.setattr("textile_twin_core.cli.bench.run_bench", stop)
     assert main(["bench", "--json", str(tmp_path / "a.json"), "--png", str(tmp_path / "a.png")]) == 130
     assert list(tmp_path.iterdir()) == []
 

@@ -8,14 +8,19 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from textile_twin_core.bench.growth import growth
+from textile_twin_core.bench.impact_table import impact_table
+from textile_twin_core.bench.ratios import impact_ratios, ratios
+from textile_twin_core.bench.run import run_bench
+from textile_twin_core.bench.shaft_table import shaft_table
+from textile_twin_core.bench.text import growth_table, heading, impact_lines, ratio_lines, shaft_lines, speed_table
+from textile_twin_core.bench.timing import bench_core
 from textile_twin_core.cli.arguments import Parser, add_machine, count
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
-
-if TYPE_CHECKING:
-    from textile_twin_core.machine import Machine
+from textile_twin_core.files import staged
+from textile_twin_core.machine import Machine
 
 Rows = list[dict[str, object]]
 
@@ -65,8 +70,6 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure, print, write."""
-    from textile_twin_core.files import staged
-
     if arguments.png and arguments.png.suffix.lower() != ".png":
         raise UsageError(f"--png {arguments.png}: the name must end in .png")
     if arguments.png:
@@ -89,11 +92,6 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _speed(machine: Machine, peers: bool, rounds: int, picture: Path | None) -> dict[str, Rows]:
-    from textile_twin_core.bench.ratios import ratios
-    from textile_twin_core.bench.run import run_bench
-    from textile_twin_core.bench.text import heading, ratio_lines, speed_table
-    from textile_twin_core.bench.timing import bench_core
-
     print(heading(bench_core(), rounds), flush=True)
     rows = run_bench(machine, peers, rounds, progress=_bar("bench"), say=_complain)
     compared = ratios(rows)
@@ -106,18 +104,12 @@ def _speed(machine: Machine, peers: bool, rounds: int, picture: Path | None) -> 
 
 
 def _growth(machine: Machine) -> Rows:
-    from textile_twin_core.bench.growth import growth
-    from textile_twin_core.bench.text import growth_table
-
     rows = growth(machine, _bar("growth"))
     _tell(growth_table(rows))
     return [row.to_json() for row in rows]
 
 
 def _shaft(machine: Machine, picture: Path | None) -> Rows:
-    from textile_twin_core.bench.shaft_table import shaft_table
-    from textile_twin_core.bench.text import shaft_lines
-
     rows = shaft_table(machine, progress=_bar("shaft"))
     _tell(shaft_lines(rows))
     if picture:
@@ -128,10 +120,6 @@ def _shaft(machine: Machine, picture: Path | None) -> Rows:
 
 
 def _impacts(rounds: int, picture: Path | None) -> Rows:
-    from textile_twin_core.bench.impact_table import impact_table
-    from textile_twin_core.bench.ratios import impact_ratios
-    from textile_twin_core.bench.text import impact_lines, ratio_lines
-
     rows = impact_table(rounds, _bar("impacts"))
     _tell(impact_lines(rows), ratio_lines(impact_ratios(rows), "time for a run, tightest settings"))
     if picture:

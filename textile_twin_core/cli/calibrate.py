@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.mistakes import UsageError
@@ -12,11 +11,10 @@ from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import add_outputs, check_out, print_rows, write_json
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
-from textile_twin_core.comparison import calibrate
-
-if TYPE_CHECKING:
-    from textile_twin_core.comparison import Calibration, Estimate, Readings
-    from textile_twin_core.machine import Machine
+from textile_twin_core.comparison import Calibration, Estimate, Readings, calibrate
+from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
+from textile_twin_core.files import save_machine_file
+from textile_twin_core.machine import Machine
 
 
 def parser() -> Parser:
@@ -52,8 +50,6 @@ def run(arguments: argparse.Namespace) -> None:
         _settle_wheel(arguments, machine, readings)
         return
 
-    from textile_twin_core.files import save_machine_file
-
     found = calibrate(readings, machine)
     write_json(arguments, machine, found.to_json())
     if found.angle_unit != "radians":
@@ -67,9 +63,6 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _settle_wheel(arguments: argparse.Namespace, machine: Machine, readings: Readings) -> None:
     """Pitch errors and inertia from the speed under the measured torque."""
-    from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
-    from textile_twin_core.files import save_machine_file
-
     if not machine.sensors.encoder.teeth:
         raise UsageError("--wheel: this machine's encoder has no teeth")
     driven = driven_speed(readings, machine)

@@ -7,19 +7,18 @@ import dataclasses
 import json
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from textile_twin_core.cli import compare_quantity
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number, shaft_settings
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
-from textile_twin_core.comparison import assess, compare_torque, summary_rows, verdict_lines
-
-if TYPE_CHECKING:
-    from textile_twin_core.comparison import Comparison
-    from textile_twin_core.machine import Machine
+from textile_twin_core.comparison import Comparison, assess, compare_torque, summary_rows, verdict_lines
+from textile_twin_core.files import machine_document, staged
+from textile_twin_core.machine import Machine
+from textile_twin_core.recordings.prediction import recompute, recorded_torque
 
 _LIMITS = {
     "max-rms": ("rms_error_Nm", "RMS error [N m]"),
@@ -75,12 +74,8 @@ def run(arguments: argparse.Namespace) -> None:
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     if arguments.quantity is not None:
-        from textile_twin_core.cli import compare_quantity
-
         compare_quantity.run(arguments, machine)
         return
-
-    from textile_twin_core.files import staged
 
     with ExitStack() as outputs:
         # All places are tried before the work, and take their files only when every one is written.
@@ -99,8 +94,6 @@ def run(arguments: argparse.Namespace) -> None:
 
 def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded: bool = False) -> Comparison:
     """The comparison that the arguments of add_recording ask for; recorded: with the predictions in the recording."""
-    from textile_twin_core.recordings.prediction import recompute, recorded_torque
-
     bag, angles, measured = read_samples(arguments, machine)
     with progress(len(angles), "predicting") as done:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
@@ -155,7 +148,6 @@ def _write(partial: dict[str, Path], comparison: Comparison, machine: Machine, a
 def _write_report(path: Path, comparison: Comparison, machine: Machine, arguments: argparse.Namespace) -> None:
     import yaml
 
-    from textile_twin_core.files import machine_document
     from textile_twin_core.views import write_report
 
     text = yaml.safe_dump(machine_document(machine), sort_keys=False, default_flow_style=None, width=100)

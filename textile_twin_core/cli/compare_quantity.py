@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import argparse
 import math
-from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.mistakes import UsageError, nearest
 from textile_twin_core.cli.outputs import print_rows, write_json
 from textile_twin_core.cli.readings import read_angles, read_samples, readings_of
-
-if TYPE_CHECKING:
-    from textile_twin_core.comparison.bootstrap import Estimate
-    from textile_twin_core.comparison.quantity import QuantityComparison, Trace
-    from textile_twin_core.machine import Machine
+from textile_twin_core.comparison.bootstrap import Estimate
+from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
+from textile_twin_core.comparison.quantity import QuantityComparison, Trace, compare_quantity
+from textile_twin_core.files import staged
+from textile_twin_core.machine import Machine
+from textile_twin_core.recordings.log_import import MEASURED
 
 SPEED = "speed"
 _SHOWN = {"_m": ("mm", 1e3), "_rad": ("deg", 180.0 / math.pi), "_m_s": ("m/s", 1.0), "_N": ("N", 1.0)}
@@ -27,8 +27,6 @@ def run(arguments: argparse.Namespace, machine: Machine) -> None:
     if arguments.quantity == SPEED:
         if arguments.png is not None:
             raise UsageError("--png shows a quantity over the shaft angle; with --quantity speed give --json")
-        from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
-
         _, angles, measured = read_samples(arguments, machine)
         driven = driven_speed(readings_of(angles, measured), machine)
         rows, told = driven_rows(driven), driven.to_json()
@@ -36,7 +34,6 @@ def run(arguments: argparse.Namespace, machine: Machine) -> None:
         found = _compared(arguments, machine)
         rows, told = _rows(found), found.to_json()
         if arguments.png is not None:
-            from textile_twin_core.files import staged
             from textile_twin_core.views.plot_quantity import plot_quantity
 
             with staged(arguments.png) as partial:
@@ -46,8 +43,6 @@ def run(arguments: argparse.Namespace, machine: Machine) -> None:
 
 
 def _compared(arguments: argparse.Namespace, machine: Machine) -> QuantityComparison:
-    from textile_twin_core.comparison.quantity import compare_quantity
-
     if arguments.quantity not in machine.outputs:
         known = nearest(arguments.quantity, machine.outputs)
         raise UsageError(f"--quantity {arguments.quantity}: no such output; {known}")
@@ -55,9 +50,6 @@ def _compared(arguments: argparse.Namespace, machine: Machine) -> QuantityCompar
 
 
 def _trace(arguments: argparse.Namespace, machine: Machine) -> Trace:
-    from textile_twin_core.comparison.quantity import Trace
-    from textile_twin_core.recordings.log_import import MEASURED
-
     bag, angles = read_angles(arguments, machine)
     seen = bag.read_angles(f"{MEASURED}/{arguments.quantity}", arguments.quantity)
     return Trace(seen.stamps, seen.angles_rad, angles.stamps, angles.angles_rad, angles.velocities)

@@ -5,18 +5,16 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from textile_twin_core.cli.arguments import Parser, add_machine, count, number, positive
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.dynamics.drive_torque import TorqueOverAngle, TorqueOverTime
+from textile_twin_core.dynamics.drive_torque import DriveTorque, TorqueOverAngle, TorqueOverTime
+from textile_twin_core.files import check_folder, write_table
 from textile_twin_core.machine.drive import drive
-
-if TYPE_CHECKING:
-    from textile_twin_core.dynamics.drive_torque import DriveTorque
+from textile_twin_core.recordings.log_read import read_log
 
 _SUFFIXES = (".csv", ".parquet")
 _OVER_TIME, _OVER_ANGLE = ("time_s", "torque_Nm"), ("theta_rad", "torque_Nm")
@@ -52,8 +50,6 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.samples < 2:
         raise UsageError("--samples: a motion has two or more")
     machine = load_linkage(arguments.machine, arguments.set)
-
-    from textile_twin_core.files import check_folder, write_table
 
     check_folder(arguments.out)
     times = np.linspace(0.0, arguments.time, arguments.samples)
@@ -93,8 +89,6 @@ def _torque(text: str) -> DriveTorque | float:
 
 
 def _table(path: Path) -> DriveTorque:
-    from textile_twin_core.recordings.log_read import read_log
-
     columns = read_log(path)
     for names, kind in ((_OVER_TIME, TorqueOverTime), (_OVER_ANGLE, TorqueOverAngle)):
         if all(name in columns for name in names):

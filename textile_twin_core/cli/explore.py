@@ -9,6 +9,7 @@ from pathlib import Path
 from textile_twin_core.cli.arguments import Parser
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_machine
+from textile_twin_core.explore.design import Design
 from textile_twin_core.machine import Machine
 
 _DEFAULT = "tufting"
@@ -37,7 +38,6 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError(f"--port: must lie from 0 to 65535, not {arguments.port}")
     machine = load_machine(arguments.machine, [])
 
-    from textile_twin_core.explore.design import Design
     from textile_twin_core.explore.overlay import overlay
     from textile_twin_core.explore.server import Page, serve
     from textile_twin_core.explore.session import Session

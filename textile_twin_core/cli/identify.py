@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.mistakes import UsageError
@@ -12,10 +11,8 @@ from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import add_outputs, check_out, print_rows, write_json
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
-from textile_twin_core.comparison import identify, with_table
-
-if TYPE_CHECKING:
-    from textile_twin_core.comparison import Identification
+from textile_twin_core.comparison import Identification, identify, with_table
+from textile_twin_core.files import save_machine_file
 
 _SHOWN = {"_rad": ("deg", 180.0 / math.pi), "_s": ("ms", 1e3), "_N": ("N", 1.0), "_Nm": ("N m", 1.0)}
 
@@ -45,8 +42,6 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Identify, write, tell."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
-
-    from textile_twin_core.files import save_machine_file
 
     if arguments.table and arguments.out is None:
         raise UsageError("--table writes into the machine file: give --out too")

@@ -6,14 +6,13 @@ import argparse
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import Parser, number, positive
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
-
-if TYPE_CHECKING:
-    from textile_twin_core.recordings.log_import import RawChannels
+from textile_twin_core.recordings import BagWriter
+from textile_twin_core.recordings.log_import import RawChannels, Wishes, import_log
+from textile_twin_core.recordings.log_read import read_log
 
 _KINDS = {
     "time": "s, ms, us, ns, min",
@@ -68,10 +67,6 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, choose, write, tell."""
-    from textile_twin_core.recordings import BagWriter
-    from textile_twin_core.recordings.log_import import Wishes, import_log
-    from textile_twin_core.recordings.log_read import read_log
-
     quantities = dict(_pair("quantity", text) for text in arguments.quantity)
     separator = "\t" if arguments.separator == "tab" else arguments.separator
     columns = read_log(arguments.log, separator, arguments.decimal, arguments.table)
@@ -110,8 +105,6 @@ def _ask(kind: str, names: list[str]) -> str:
 
 def _raw(arguments: argparse.Namespace) -> RawChannels | None:
     """What the arguments say of raw channels; None without a pickup."""
-    from textile_twin_core.recordings.log_import import RawChannels
-
     if arguments.pickup is None:
         if arguments.drive_force is not None or arguments.machine is not None:
             raise UsageError("--machine and --drive-force go with --pickup")

@@ -7,17 +7,15 @@ import dataclasses
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording_topics, count
-from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison.fault_watch import WatchSettings
-
-if TYPE_CHECKING:
-    from textile_twin_core.recordings.monitored import Watched
+from textile_twin_core.files import staged
+from textile_twin_core.recordings.monitored import Job, Watched, trend_table, watch_bags
 
 
 def parser() -> Parser:
@@ -50,9 +48,6 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Watch, tell, write."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
-
-    from textile_twin_core.cli.mistakes import BeyondLimitError
-    from textile_twin_core.recordings.monitored import Job, watch_bags
 
     bags = _recordings(arguments.bags)
     settings = WatchSettings(learn_turns=arguments.learn)
@@ -103,9 +98,6 @@ def _tell(watched: Watched) -> None:
 
 
 def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
-    from textile_twin_core.files import staged
-    from textile_twin_core.recordings.monitored import trend_table
-
     if arguments.parquet is not None:
         import pyarrow
         from pyarrow import parquet

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from textile_twin_core import machines
 from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.files.machine_file import load_machine_file, published_machine
 from textile_twin_core.machine import AnyMachine, Machine
 
 MACHINE_SUFFIXES = (".yaml", ".yml")
@@ -18,8 +19,6 @@ def is_machine(name: str) -> bool:
 
 def load_machine(name: str, settings: list[str]) -> AnyMachine:
     """The machine of that name or file, with --set applied. Raises MachineError or UsageError."""
-    from textile_twin_core.files.machine_file import load_machine_file, published_machine
-
     is_file = name.endswith(MACHINE_SUFFIXES) or (name not in machines.NAMES and Path(name).exists())
     if is_file and settings:
         raise UsageError("--set goes with a named machine; write the value into the machine file instead")

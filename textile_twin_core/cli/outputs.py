@@ -6,12 +6,11 @@ import argparse
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from textile_twin_core.cli.mistakes import UsageError
-
-if TYPE_CHECKING:
-    from textile_twin_core.machine import Machine
+from textile_twin_core.files import staged
+from textile_twin_core.machine import Machine
 
 
 def add_outputs(parser: argparse.ArgumentParser, machine_required: bool) -> None:
@@ -37,8 +36,6 @@ def write_json(arguments: argparse.Namespace, machine: Machine, numbers: Mapping
     """One object with what it is of, where --json asks for it."""
     if arguments.json is None:
         return
-    from textile_twin_core.files import staged
-
     text = json.dumps({"bag": str(arguments.bag), "machine": machine.name, **numbers}, indent=1, allow_nan=False)
     with staged(arguments.json) as partial:
         partial.write_text(text + "\n", encoding="utf-8")

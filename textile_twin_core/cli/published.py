@@ -8,7 +8,9 @@ from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser
 from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.published_table import as_json, as_markdown, as_text
 from textile_twin_core.errors import OutputError
+from textile_twin_core.files import check_folder, staged
 
 
 def parser() -> Parser:
@@ -27,13 +29,9 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the rows, write and draw what was asked for."""
-    from textile_twin_core.cli.published_table import as_json, as_markdown, as_text
-
     if arguments.plots is not None:
         _make_folder(arguments.plots)
     if arguments.json is not None:
-        from textile_twin_core.files import staged
-
         with staged(arguments.json) as partial:
             text = json.dumps(as_json(), indent=1, allow_nan=False)
             partial.write_text(text + "\n", encoding="utf-8")
@@ -46,8 +44,6 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _make_folder(folder: Path) -> None:
     """Make the folder for the figures, or say why it cannot be written. Raises OutputError."""
-    from textile_twin_core.files import check_folder
-
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -58,7 +54,6 @@ def _make_folder(folder: Path) -> None:
 
 def _draw(folder: Path) -> list[str]:
     """Draw every figure; their names."""
-    from textile_twin_core.files import staged
     from textile_twin_core.views.figures import FIGURES
 
     with progress(len(FIGURES), "drawing", unit=" figures", long=1) as done:

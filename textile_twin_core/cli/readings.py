@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
 
 from textile_twin_core.comparison import Readings
-
-if TYPE_CHECKING:
-    from textile_twin_core.machine import AnyMachine
-    from textile_twin_core.recordings.bag import AngleSamples, Bag, TorqueSamples
+from textile_twin_core.machine import AnyMachine
+from textile_twin_core.recordings import open_bag
+from textile_twin_core.recordings.bag import AngleSamples, Bag, TorqueSamples
+from textile_twin_core.recordings.machine_topics import beside, usable_angles
 
 
 def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples]:
@@ -18,9 +17,6 @@ def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag
 
     Raises RecordingError, and SceneError for edges that this machine's encoder cannot count.
     """
-    from textile_twin_core.recordings import open_bag
-    from textile_twin_core.recordings.machine_topics import usable_angles
-
     bag = open_bag(arguments.bag)
     for notice in bag.notices:
         print(f"textile-twin: {notice}", file=sys.stderr)
@@ -37,8 +33,6 @@ def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag
 
 def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:
     """The same with the measured torque. Raises as read_angles does."""
-    from textile_twin_core.recordings.machine_topics import beside
-
     bag, angles = read_angles(arguments, machine)
     topic = beside(bag, angles.topic, arguments.torque_topic)
     measured = bag.read_torques(topic, arguments.joint, unit_Nm=arguments.torque_unit)

@@ -9,6 +9,7 @@ from pathlib import Path
 from textile_twin_core.cli.arguments import Parser
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings import BagWriter, open_bag
 
 
 def parser() -> Parser:
@@ -27,8 +28,6 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Copy what is there."""
-    from textile_twin_core.recordings import BagWriter, open_bag
-
     bag = open_bag(arguments.bag)
     for notice in bag.notices:
         print(f"textile-twin: {notice}", file=sys.stderr)

@@ -10,6 +10,8 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, 
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
+from textile_twin_core.recordings import BagWriter, open_bag
+from textile_twin_core.recordings.replay import replay_bag
 
 
 def parser() -> Parser:
@@ -31,9 +33,6 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Replay the recording."""
     machine = with_sensors(load_machine(arguments.machine, arguments.set), arguments)
-
-    from textile_twin_core.recordings import BagWriter, open_bag
-    from textile_twin_core.recordings.replay import replay_bag
 
     bag = open_bag(arguments.bag)
     for notice in bag.notices:

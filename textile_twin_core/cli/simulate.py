@@ -7,22 +7,20 @@ import math
 import sys
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.cli.arguments import Parser, add_machine, count, positive, shaft_speed
 from textile_twin_core.cli.mistakes import UsageError, nearest
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.progress import progress
+from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import SceneError
+from textile_twin_core.files import MotionTable, check_folder, read_motion_table, staged, write_table
+from textile_twin_core.files.motion_table import looks_like_degrees
+from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin import compile_machine
-
-if TYPE_CHECKING:
-    from textile_twin_core.arrays import FloatArray
-    from textile_twin_core.contact import ContactEvent
-    from textile_twin_core.files import MotionTable
-    from textile_twin_core.machine import AnyMachine
 
 _TORQUES = ("balancing_torque_Nm", "torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm")
 _MOST_EVENTS = 40
@@ -76,8 +74,6 @@ def run(arguments: argparse.Namespace) -> None:
     machine = load_machine(arguments.machine, arguments.set)
     names = _outputs(machine, arguments.outputs)
 
-    from textile_twin_core.files import check_folder, write_table
-
     check_folder(arguments.out)
     motion = _motion(arguments)
     values, events = _evaluate(arguments, machine, names, motion)
@@ -97,7 +93,6 @@ def _draw(arguments: argparse.Namespace) -> None:
     """The picture of the machine."""
     if arguments.png.suffix != ".png":
         raise UsageError(f"--png {arguments.png}: must end in .png")
-    from textile_twin_core.files import staged
     from textile_twin_core.views import plot_machine
 
     with staged(arguments.png) as partial:
@@ -148,9 +143,6 @@ def _outputs(machine: AnyMachine, asked: str | None) -> list[str]:
 
 def _motion(arguments: argparse.Namespace) -> MotionTable:
     """The shaft's motion: a table, or one revolution at constant speed."""
-    from textile_twin_core.files import MotionTable, read_motion_table
-    from textile_twin_core.files.motion_table import looks_like_degrees
-
     revolution = arguments.rpm is not None or arguments.samples is not None
     if arguments.input is not None:
         if revolution:

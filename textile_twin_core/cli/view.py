@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.compare import compare_recording
@@ -15,9 +16,9 @@ from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.readings import read_angles
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.errors import TwinError
-
-if TYPE_CHECKING:
-    from textile_twin_core.machine import ContactMachine
+from textile_twin_core.machine import ContactMachine
+from textile_twin_core.recordings.prediction import predictions
+from textile_twin_core.twin import compile_machine
 
 
 def parser() -> Parser:
@@ -44,8 +45,6 @@ def run(arguments: argparse.Namespace) -> None:
         return
     if arguments.machine is None:
         raise UsageError("--machine is missing: a recording is shown beside what its machine should do")
-    from textile_twin_core.machine import ContactMachine
-
     machine = with_sensors(load_machine(arguments.machine, arguments.set), arguments)
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
         recording = Path(folder) / f"{arguments.bag.stem}.rrd"
@@ -66,10 +65,6 @@ def _write_comparison(recording: Path, arguments: argparse.Namespace) -> None:
 
 def _write_elements(recording: Path, arguments: argparse.Namespace, machine: ContactMachine) -> None:
     """The motion of a contact machine's elements, as the recorded shaft moves them."""
-    import numpy as np
-
-    from textile_twin_core.recordings.prediction import predictions
-    from textile_twin_core.twin import compile_machine
     from textile_twin_core.views import write_element_recording
 
     _, angles = read_angles(arguments, machine)

@@ -13,6 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import align_stack, compile_for, compiled, is_available
+from textile_twin_core.expression import inline
 from textile_twin_core.expression.graph import Expr
 from textile_twin_core.expression.interpret import interpret
 from textile_twin_core.expression.source import statements
@@ -89,8 +91,6 @@ class Loop:
     @cached_property
     def _compiled(self) -> tuple[Any, Any] | None:
         """The function of one sample and the loop over arrays; None where there is no compiler."""
-        from textile_twin_core.compiling import compile_for, compiled, is_available  # numba, whose import takes a while
-
         if not is_available():
             return None
         if self._code in _COMPILED:
@@ -105,9 +105,6 @@ class Loop:
 
     def functions(self) -> tuple[Any, Any]:
         """What is compiled, as Python: of one sample to the outputs and how many angles were too large; over arrays."""
-        from textile_twin_core.compiling import align_stack
-        from textile_twin_core.expression import inline
-
         scope: dict[str, Any] = {"float64": np.float64, "int64": np.int64, "sqrt": math.sqrt, "__name__": __name__}
         scope |= {"sincos": inline.sincos, "atan2": inline.atan2, "FARTHEST": inline.FARTHEST}
         scope["align_stack"] = align_stack

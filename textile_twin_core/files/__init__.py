@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from textile_twin_core.errors import OutputError
 from textile_twin_core.files.atomic import check_folder, remove, staged
+from textile_twin_core.lazy import names_of
 
 if TYPE_CHECKING:
     from textile_twin_core.files.machine_file import load_machine_file, machine_document, save_machine_file
@@ -25,14 +25,14 @@ __all__ = [
     "write_table",
 ]
 
-_PLACES = {
-    "machine_file": ("load_machine_file", "machine_document", "save_machine_file"),
-    "motion_table": ("MotionTable", "read_motion_table", "write_table"),
-}
-_MODULES = {name: module for module, names in _PLACES.items() for name in names}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'textile_twin_core.files' has no attribute '{name}'")
-    return getattr(import_module(f"textile_twin_core.files.{_MODULES[name]}"), name)
+__getattr__ = names_of(
+    __name__,
+    {
+        "MotionTable": "motion_table",
+        "load_machine_file": "machine_file",
+        "machine_document": "machine_file",
+        "read_motion_table": "motion_table",
+        "save_machine_file": "machine_file",
+        "write_table": "motion_table",
+    },
+)

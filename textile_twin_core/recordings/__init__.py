@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from textile_twin_core.lazy import names_of
 
 if TYPE_CHECKING:
     from textile_twin_core.recordings.bag import AngleSamples, Bag, PointSamples, TorqueSamples, open_bag
@@ -22,15 +23,17 @@ __all__ = [
     "open_bag",
 ]
 
-_PLACES = {
-    "bag": ("AngleSamples", "Bag", "PointSamples", "TorqueSamples", "open_bag"),
-    "bag_write": ("BagWriter",),
-    "rosbag2_metadata": ("LATCHED", "OfferedQos", "TopicInfo"),
-}
-_MODULES = {name: module for module, names in _PLACES.items() for name in names}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'textile_twin_core.recordings' has no attribute '{name}'")
-    return getattr(import_module(f"textile_twin_core.recordings.{_MODULES[name]}"), name)
+__getattr__ = names_of(
+    __name__,
+    {
+        "AngleSamples": "bag",
+        "Bag": "bag",
+        "BagWriter": "bag_write",
+        "LATCHED": "rosbag2_metadata",
+        "OfferedQos": "rosbag2_metadata",
+        "PointSamples": "bag",
+        "TopicInfo": "rosbag2_metadata",
+        "TorqueSamples": "bag",
+        "open_bag": "bag",
+    },
+)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.io import loadmat
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
@@ -193,8 +194,6 @@ def _numeric(columns: Mapping[str, Any]) -> dict[str, FloatArray]:
 
 def _matlab(path: Path, table: str | None) -> dict[str, FloatArray]:
     """Vectors by name, or the columns of the one matrix."""
-    from scipy.io import loadmat
-
     try:
         content = loadmat(path, squeeze_me=True)
     except NotImplementedError as error:

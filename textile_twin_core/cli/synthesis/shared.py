@@ -5,16 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from textile_twin_core.cli.arguments import Parser, number, positive
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.errors import SceneError
+from textile_twin_core.files import save_machine_file, staged
+from textile_twin_core.machine import Machine
 from textile_twin_core.synthesis import Section, rotation_of_time_ratio
-
-if TYPE_CHECKING:
-    from textile_twin_core.machine import Machine
 
 
 def add_output(parser: Parser) -> None:
@@ -82,10 +82,6 @@ def _section(text: str) -> Section:
 
 def write(arguments: argparse.Namespace, machine: Machine | None, result: dict[str, Any]) -> None:
     """Write what --json and --out ask for."""
-    from dataclasses import replace
-
-    from textile_twin_core.files import save_machine_file, staged
-
     if arguments.json:
         with staged(arguments.json) as partial:
             partial.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from textile_twin_ros.own_topics import OwnTopics
+
 PACKAGE = Path(__file__).parent.parent
 NODES = ("twin_node", "replay_node", "record_node", "shaft_node", "view_node", "plc_node", "opcua_node", "monitor_node")
 
@@ -55,8 +57,6 @@ def test_launch_files_are_python() -> None:
 
 
 def test_layouts_show_topics_of_the_suite() -> None:
-    from textile_twin_ros.own_topics import OwnTopics
-
     foxglove = json.loads((PACKAGE / "layouts" / "foxglove.json").read_text())
     panels = foxglove["configById"]
     shown = [path["value"].split(".")[0] for panel in panels.values() for path in panel.get("paths", ())]

@@ -14,6 +14,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from textile_twin_core.errors import RecordingError, SceneError, TwinError
+from textile_twin_core.files import remove
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
 from textile_twin_ros.parameters import declare, parameter
@@ -97,8 +98,6 @@ class RecordNode(Node):
 
     def close(self) -> None:
         """Complete the recording and say what is in it."""
-        from textile_twin_core.files import remove  # optional packages are imported where they are used
-
         if self._writer is None:
             return
         path, self._writer = self._writer.path, None
