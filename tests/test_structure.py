@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import sys
 import tomllib
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
@@ -116,3 +117,13 @@ def test_an_import_inside_a_function_is_for_an_optional_package() -> None:
 )
 def test_what_an_import_needs_is_known(name: str, packages: set[str]) -> None:
     assert needs(name) == packages
+
+
+def test_a_class_has_a_name_of_its_own() -> None:
+    """One word for one thing: whoever reads a name in two places is right to think that it is one class."""
+    places = defaultdict(list)
+    for module, tree in MODULES.items():
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places[node.name].append(module)
+    assert not {name: modules for name, modules in places.items() if len(modules) > 1}

@@ -6,7 +6,7 @@ import mpmath as mp
 import pytest
 
 from tests.contact.needle_reference import Stroke
-from textile_twin_core.bench.impact_methods import ForwardStroke
+from textile_twin_core.bench.impact_methods import TransferEquations
 from textile_twin_core.bench.impact_table import EVENT_DRIVEN, PENALTY, REFERENCE, TOLERANCES, WITH_EVENTS, impact_table
 from textile_twin_core.bench.text import impact_lines
 from textile_twin_core.machines.needle_transfer import needle_transfer
@@ -22,7 +22,7 @@ def test_the_reference_has_been_calculated_with_30_digits() -> None:
 
 
 def test_solve_ivp_at_its_tightest_comes_to_the_reference() -> None:
-    found = ForwardStroke(needle_transfer()).with_events("DOP853", 1e-13)
+    found = TransferEquations(needle_transfer()).with_events("DOP853", 1e-13)
     assert found == pytest.approx(REFERENCE, rel=0.0, abs=5e-14)
 
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from textile_twin_core.bench.impact_table import EVENT_DRIVEN, PENALTY, WITH_EVENTS, ImpactRow
 from textile_twin_core.bench.plots import plot_impacts, plot_shaft, plot_work_precision, style
-from textile_twin_core.bench.plots.labels import Label, place_labels
+from textile_twin_core.bench.plots.labels import Annotation, place_labels
 from textile_twin_core.bench.run import Row
 from textile_twin_core.bench.shaft_signal import LOADS
 from textile_twin_core.bench.shaft_table import DRAWN_BITS, LAGS_S, NO_ALPHA, ShaftRow
@@ -40,8 +40,8 @@ def _share(path: Path, colour: str) -> float:
 NAMELESS = [(90.0, 1e-12), (200.0, 1e-6), (2e5, 1e-3)]
 
 
-def _labels(points: dict[str, tuple[float, float]]) -> list[Label]:
-    return [Label(x, y, name, "black") for name, (x, y) in points.items()]
+def _labels(points: dict[str, tuple[float, float]]) -> list[Annotation]:
+    return [Annotation(x, y, name, "black") for name, (x, y) in points.items()]
 
 
 @pytest.mark.parametrize("size", [(10.0, 6.0), (6.0, 4.0)])
@@ -67,7 +67,7 @@ def test_a_lonely_point_has_its_name_at_its_right() -> None:
     figure = Figure(figsize=(4.0, 3.0), dpi=100)
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    (box,) = place_labels(axes, [Label(0.3, 0.5, "here", "black")])
+    (box,) = place_labels(axes, [Annotation(0.3, 0.5, "here", "black")])
     x, y = axes.transData.transform((0.3, 0.5))
     assert box.left - x == pytest.approx(11.0) and (box.bottom + box.top) / 2.0 == pytest.approx(y)
     assert len(axes.lines) == 0

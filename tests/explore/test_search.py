@@ -11,7 +11,7 @@ from textile_twin_core import machines
 from textile_twin_core.errors import SceneError
 from textile_twin_core.explore.analysis import analyse
 from textile_twin_core.explore.design import Design
-from textile_twin_core.explore.search import Goal, Progress, Task, search
+from textile_twin_core.explore.search import Goal, SearchProgress, Task, search
 from textile_twin_core.synthesis.tolerance import Limit
 
 RANGES = {
@@ -67,7 +67,7 @@ def test_same_seed_gives_the_same_front() -> None:
 
 
 def test_progress_is_told_and_stop_is_heard() -> None:
-    seen: list[Progress] = []
+    seen: list[SearchProgress] = []
     asked = 0
 
     def stopped() -> bool:

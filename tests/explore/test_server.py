@@ -15,7 +15,7 @@ from tests.explore.unpack import numbers, unpack
 from textile_twin_core import machines
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.server import Page
-from textile_twin_core.explore.session import Session
+from textile_twin_core.explore.session import PageSession
 
 TOKEN = "token-of-the-test"
 NONSENSE = (
@@ -37,7 +37,7 @@ def visit(act: Visit, jar: bool = True) -> None:
     """Serve a page on a free port and act on it."""
 
     async def run() -> None:
-        page = Page(lambda: Session(Design.of(machines.handloom_beatup())), TOKEN)
+        page = Page(lambda: PageSession(Design.of(machines.handloom_beatup())), TOKEN)
         runner = web.AppRunner(page.application())
         await runner.setup()
         site = web.TCPSite(runner, "127.0.0.1", 0)

@@ -23,21 +23,21 @@ from textile_twin_core.explore import session as session_module
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.first_look import first_look
 from textile_twin_core.explore.overlay import overlay
-from textile_twin_core.explore.session import Session
+from textile_twin_core.explore.session import PageSession
 
 
-def state(session: Session, **message: object) -> dict:  # type: ignore[type-arg]
+def state(session: PageSession, **message: object) -> dict:  # type: ignore[type-arg]
     head, _ = unpack(session.answer(message))
     assert head["type"] == "state"
     return head
 
 
 @pytest.fixture
-def loom() -> Session:
-    return Session(Design.of(machines.elliptic_gear_beatup()))
+def loom() -> PageSession:
+    return PageSession(Design.of(machines.elliptic_gear_beatup()))
 
 
-def test_paper_s_loom_gives_the_computed_values_with_the_printed_ones_beside(loom: Session) -> None:
+def test_paper_s_loom_gives_the_computed_values_with_the_printed_ones_beside(loom: PageSession) -> None:
     head = state(loom, type="hello")
     shown = {n["name"]: (n["value"], n["unit"], n["printed"]) for n in head["analysis"]["numbers"]}
     stroke, unit, printed = shown["sley_stroke_m"]
@@ -56,7 +56,7 @@ def test_curves_are_those_of_the_twin(name: str) -> None:
     machine = machines.create(name)
     if name == "needle_transfer":
         first_look()[0].result()
-    head, floats = unpack(Session(Design.of(machine)).answer({"type": "hello"}))
+    head, floats = unpack(PageSession(Design.of(machine)).answer({"type": "hello"}))
     charts = {chart["title"]: chart for chart in head["analysis"]["charts"]}
     begin, size = next(iter(charts["Acceleration"]["curves"].values()))
     curve, theta = floats[begin : begin + size], np.arange(720) * (math.pi / 360.0)
@@ -71,7 +71,7 @@ def test_curves_are_those_of_the_twin(name: str) -> None:
 
 
 def test_reactions_and_marks_of_the_tufting_machine() -> None:
-    head = state(Session(Design.of(machines.tufting())), type="hello")
+    head = state(PageSession(Design.of(machines.tufting())), type="hello")
     found = numbers(head)
     assert found["peak_torque_Nm"] == pytest.approx(17.2786, abs=1e-3)
     assert found["largest_reaction_N"] == pytest.approx(2197, abs=1)
@@ -80,7 +80,7 @@ def test_reactions_and_marks_of_the_tufting_machine() -> None:
     assert marks["needle front"] == pytest.approx(106.9765, abs=1e-3)
 
 
-def test_undo_takes_back_a_whole_drag(loom: Session) -> None:
+def test_undo_takes_back_a_whole_drag(loom: PageSession) -> None:
     for crank in (40.5, 41.0, 41.5):
         state(loom, type="change", values={"crank_m": crank}, gesture="crank_m 1")
     head = state(loom, type="change", values={"coupler_m": 101.0}, gesture="coupler_m 2")
@@ -95,10 +95,10 @@ def value_of(head: dict, name: str) -> float:  # type: ignore[type-arg]
     return next(p["value"] for p in head["design"]["parameters"] if p["name"] == name)
 
 
-def test_geometry_that_cannot_close_says_where_and_comes_back(loom: Session) -> None:
+def test_geometry_that_cannot_close_says_where_and_comes_back(loom: PageSession) -> None:
     broken = state(loom, type="change", values={"rocker_m": 60.0})
     assert broken["analysis"] is None and "it opens at a shaft angle of 4.8676 deg" in broken["problem"]
-    opens = state(Session(Design.of(machines.tufting())), type="change", values={"l2_m": 60.0})
+    opens = state(PageSession(Design.of(machines.tufting())), type="change", values={"l2_m": 60.0})
     assert "it opens at a shaft angle of" in opens["problem"]
     again = state(loom, type="change", values={"rocker_m": 180.0})
     assert again["problem"] == "" and numbers(again)["sley_stroke_m"] == pytest.approx(84.991, abs=5e-4)
@@ -126,14 +126,14 @@ def test_geometry_that_cannot_close_says_where_and_comes_back(loom: Session) -> 
         ({"type": "tolerance", "free": {}, "width": 0.0}, "must be positive"),
     ],
 )
-def test_nonsense_is_refused_and_changes_nothing(loom: Session, message: dict, says: str) -> None:  # type: ignore[type-arg]
+def test_nonsense_is_refused_and_changes_nothing(loom: PageSession, message: dict, says: str) -> None:  # type: ignore[type-arg]
     before = loom.design
     with pytest.raises(TwinError, match=says):
         loom.answer(message)
     assert loom.design is before
 
 
-def test_two_designs_side_by_side(loom: Session) -> None:
+def test_two_designs_side_by_side(loom: PageSession) -> None:
     state(loom, type="pin", on=True)
     head = state(loom, type="change", values={"crank_m": 42.0})
     stroke = {n["name"]: n["value"] for n in head["pinned"]["numbers"]}["sley_stroke_m"]
@@ -141,7 +141,7 @@ def test_two_designs_side_by_side(loom: Session) -> None:
     assert state(loom, type="pin", on=False)["pinned"] is None
 
 
-def test_files_come_back_as_they_went(loom: Session, tmp_path: Path) -> None:
+def test_files_come_back_as_they_went(loom: PageSession, tmp_path: Path) -> None:
     state(loom, type="change", values={"crank_m": 41.0, "axis_ratio": 0.9})
     state(loom, type="speed", rpm=250.0)
     wanted = numbers(state(loom, type="hello"))
@@ -152,18 +152,18 @@ def test_files_come_back_as_they_went(loom: Session, tmp_path: Path) -> None:
     assert machine.parameters["crank_m"] == pytest.approx(0.041)
     for kind in ("yaml", "json"):
         file = loom.file(kind, 0.0)
-        other = Session(Design.of(machines.tufting()))
+        other = PageSession(Design.of(machines.tufting()))
         head = state(other, type="load", name=file.name, text=file.content.decode())
         if kind == "yaml":
             head = state(other, type="speed", rpm=250.0)
         assert numbers(head) == pytest.approx(wanted, rel=1e-12)
-    transfer = Session(Design.of(machines.needle_transfer()))
+    transfer = PageSession(Design.of(machines.needle_transfer()))
     state(transfer, type="change", values={"stroke_m": 33.0})
     again = state(loom, type="load", name="t.yaml", text=transfer.file("yaml", 0.0).content.decode())
     assert value_of(again, "stroke_m") == pytest.approx(33.0)
 
 
-def test_exports_can_be_read_elsewhere(loom: Session) -> None:
+def test_exports_can_be_read_elsewhere(loom: PageSession) -> None:
     rows = loom.file("csv", 0.0).content.decode().splitlines()
     assert len(rows) == 721 and rows[0].startswith("shaft angle [deg],Displacement: sley [mm]")
     assert loom.file("png", 1.0).content[:4] == b"\x89PNG"
@@ -175,7 +175,7 @@ def test_exports_can_be_read_elsewhere(loom: Session) -> None:
     assert drawing.units == 4 and len(drawing.modelspace().query("LWPOLYLINE")) >= 3
 
 
-def test_sensitivity_of_the_stroke_is_the_slope_of_the_stroke(loom: Session) -> None:
+def test_sensitivity_of_the_stroke_is_the_slope_of_the_stroke(loom: PageSession) -> None:
     head, _ = unpack(loom.answer({"type": "sensitivity", "free": {"crank_m": [30, 50]}}))
     (row,) = head["rows"]
     place = [n["text"] for n in head["numbers"]].index("sley stroke")
@@ -184,7 +184,7 @@ def test_sensitivity_of_the_stroke_is_the_slope_of_the_stroke(loom: Session) -> 
     assert row["step"] == "0.1 mm" and row["changes"][place] == pytest.approx(after - before, rel=2e-2)
 
 
-def test_tolerances_tell_scrap_and_spread(loom: Session) -> None:
+def test_tolerances_tell_scrap_and_spread(loom: PageSession) -> None:
     limit = {"number": "sley_stroke_m", "sense": "<=", "value": 84.991}
     message = {"type": "tolerance", "free": {"crank_m": [30, 50]}, "limits": [limit], "width": 0.1}
     head, _ = unpack(loom.answer(message))
@@ -195,7 +195,7 @@ def test_tolerances_tell_scrap_and_spread(loom: Session) -> None:
 
 
 def test_balancing_makes_a_machine_of_its_own_and_undo_takes_it_back() -> None:
-    session = Session(Design.of(machines.tufting()))
+    session = PageSession(Design.of(machines.tufting()))
     head = state(session, type="balance", way="counterweight")
     assert "0.3936 to 0.00461 N m" in head["said"] and head["pinned"] is not None
     assert any(p["name"] == "l1#2.mass_kg" for p in head["design"]["parameters"])
@@ -211,7 +211,7 @@ def test_recording_lies_over_the_torque() -> None:
     measured = overlay("bags/tufting_160rpm_synthetic", machine)
     known = np.isfinite(measured.torque_Nm)
     assert known.mean() > 0.9
-    head, floats = unpack(Session(Design.of(machine), measured).answer({"type": "hello"}))
+    head, floats = unpack(PageSession(Design.of(machine), measured).answer({"type": "hello"}))
     begin, size = head["recording"]["torque"]
     assert floats[begin : begin + size][known] == pytest.approx(measured.torque_Nm[known], rel=1e-5, abs=1e-5)
     torque = ttc.compile(machine, ["balancing_torque_Nm"], method="exact").evaluate(
@@ -220,17 +220,16 @@ def test_recording_lies_over_the_torque() -> None:
     assert np.corrcoef(torque[known], measured.torque_Nm[known])[0, 1] > 0.95
 
 
-def test_shared_design_holds_what_is_searched_for(loom: Session) -> None:
+def test_shared_design_holds_what_is_searched_for(loom: PageSession) -> None:
     message = {"type": "search", "free": {"crank_m": [39, 41]}, "goals": [{"number": "sley_dwell_rad", "sense": "max"}]}
     loom.task(message)
     shared = json.loads(loom.file("json", 0.0).content)
     assert shared["task"]["free"] == {"crank_m": [39, 41]}
-    assert state(Session(Design.of(machines.tufting())), type="load", name="d.json", text=json.dumps(shared))["task"][
-        "free"
-    ]
+    other = PageSession(Design.of(machines.tufting()))
+    assert state(other, type="load", name="d.json", text=json.dumps(shared))["task"]["free"]
 
 
-def test_marks_and_dwell_stand_where_the_paper_has_them(loom: Session) -> None:
+def test_marks_and_dwell_stand_where_the_paper_has_them(loom: PageSession) -> None:
     analysis = state(loom, type="hello")["analysis"]
     marks = dict(analysis["marks"])
     assert min(marks["beat-up"], 360.0 - marks["beat-up"]) == pytest.approx(0.0, abs=1e-6)
@@ -244,7 +243,7 @@ def test_what_is_not_compiled_yet_is_waited_for_and_all_else_goes_on(monkeypatch
     compiling: Future[None] = Future()
     monkeypatch.setattr(first_look_module, "first_look", lambda: (compiling, time.monotonic() - 30.0))
     monkeypatch.setattr(session_module, "first_look", first_look_module.first_look)
-    session = Session(Design.of(machines.tufting()))
+    session = PageSession(Design.of(machines.tufting()))
     waiting = state(session, type="machine", name="needle_transfer")
     assert waiting["analysis"] is None and waiting["compiling_s"] >= 30.0 and session.awaited is compiling
     assert state(session, type="undo")["analysis"]["numbers"] and session.awaited is None
@@ -255,7 +254,7 @@ def test_what_is_not_compiled_yet_is_waited_for_and_all_else_goes_on(monkeypatch
     assert any(n["name"] == "impacts" for n in head["analysis"]["numbers"])
 
 
-def test_many_changes_leave_nothing_behind(loom: Session) -> None:
+def test_many_changes_leave_nothing_behind(loom: PageSession) -> None:
     def changed(times: int) -> int:
         for k in range(times):
             state(loom, type="change", values={"crank_m": 40.0 + 1e-3 * k}, gesture="drag")

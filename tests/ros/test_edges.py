@@ -20,7 +20,7 @@ from textile_twin_core.machines import tufting
 from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_core.recordings.replay import replay_bag
 from textile_twin_ros.messages import HeaderTemplate
-from textile_twin_ros.shaft_motion import TURN, Marks, ShaftMotion, SimulatedEncoder
+from textile_twin_ros.shaft_motion import TURN, Marks, SimulatedEncoder, SimulatedShaft
 
 TEETH, MISSING, UNIT_NM = 36, 1, 2.5
 MACHINE = with_encoder(tufting(), {"teeth": TEETH, "missing_teeth": MISSING})
@@ -29,7 +29,7 @@ TOLD = ("angle_type:=edges", f"encoder_teeth:={TEETH}", f"encoder_missing_teeth:
 
 def passing(angles: list[float], seconds: float = 4.0) -> list[int]:
     """Stamps [ns] at which marks at these angles pass a shaft that runs up to 120 rpm."""
-    motion = ShaftMotion(rpm=120.0, run_up_s=1.0, ripple=0.05)
+    motion = SimulatedShaft(rpm=120.0, run_up_s=1.0, ripple=0.05)
     times = Marks(angles, motion, SimulatedEncoder(0)).passed(0.1, seconds)
     return [50 * SECOND_NS + round(time * SECOND_NS) for time in times]
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from textile_twin_ros.shaft_motion import Marks, ShaftMotion, SimulatedEncoder, SimulatedTorqueSensor
+from textile_twin_ros.shaft_motion import Marks, SimulatedEncoder, SimulatedShaft, SimulatedTorqueSensor
 
 
 @given(
@@ -20,7 +20,7 @@ from textile_twin_ros.shaft_motion import Marks, ShaftMotion, SimulatedEncoder, 
     ripple=st.floats(0.0, 0.5),
 )
 def test_speed_and_acceleration_are_derivatives(time: float, rpm: float, run_up: float, ripple: float) -> None:
-    motion = ShaftMotion(rpm, run_up, ripple)
+    motion = SimulatedShaft(rpm, run_up, ripple)
     step = 1e-4
     if abs(time - run_up) < 2 * step:
         return
@@ -31,7 +31,7 @@ def test_speed_and_acceleration_are_derivatives(time: float, rpm: float, run_up:
 
 
 def test_run_up_joins_the_steady_speed() -> None:
-    motion = ShaftMotion(160.0, 3.0, 0.02)
+    motion = SimulatedShaft(160.0, 3.0, 0.02)
     assert motion.at(0.0) == (0.0, 0.0, pytest.approx(160 * math.tau / 60 / 3.0 * 1.02))
     (theta, omega, _), (theta_after, omega_after, _) = motion.at(3.0 - 1e-12), motion.at(3.0)
     assert theta == pytest.approx(theta_after, abs=1e-9) and omega == pytest.approx(omega_after, abs=1e-9)
@@ -60,7 +60,7 @@ def test_torque_sensor_has_gain_offset_and_noise() -> None:
 def test_every_mark_passes_once_a_turn(rpm: float) -> None:
     # At 240 rpm a turn is 125 samples: those at 0.625 s, 0.75 s and so on stand where tooth 0 does.
     teeth, rate_hz, run_up_s = 36, 500, 0.5
-    marks = Marks([k * math.tau / teeth for k in range(teeth - 1)], ShaftMotion(rpm, run_up_s), SimulatedEncoder(0))
+    marks = Marks([k * math.tau / teeth for k in range(teeth - 1)], SimulatedShaft(rpm, run_up_s), SimulatedEncoder(0))
     samples = [number / rate_hz for number in range(rate_hz // 2 + 1, 20 * rate_hz)]
     passed = [time for begin, end in pairwise(samples) for time in marks.passed(begin, end)]
     pitch_s = 60.0 / rpm / teeth

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from textile_twin_core.errors import SceneError
-from textile_twin_core.synthesis import Section, Tool, crank_rocker, crank_rocker_machine, rocker_through
+from textile_twin_core.synthesis import BarSection, Tool, crank_rocker, crank_rocker_machine, rocker_through
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
 
@@ -48,7 +48,7 @@ def test_beater_goes_from_the_first_to_the_last_position(sense: float) -> None:
 def test_chosen_design_has_the_masses_that_the_paper_prints() -> None:
     best = crank_rocker(math.radians(30.0), math.pi).best
     assert best is not None
-    machine = crank_rocker_machine(best.scaled(0.3), Section(7210.0, 0.030, 0.010), Tool(0.3001, 2.5))
+    machine = crank_rocker_machine(best.scaled(0.3), BarSection(7210.0, 0.030, 0.010), Tool(0.3001, 2.5))
     masses = {body.on: body.mass_kg for body in machine.bodies[:3]}
     assert [round(masses[k], 3) for k in ("l1", "l2", "l4")] == [0.129, 0.434, 0.649]
     inertias = [body.inertia_kgm2 for body in machine.bodies[:3]]

@@ -28,7 +28,7 @@ def event_driven(machine: ContactMachine, tolerance: float) -> Times:
     return run.happened("touch", PAD)[0].time_s, run.happened("impact", COLLETS)[0].time_s
 
 
-class ForwardStroke:
+class TransferEquations:
     """Equations 13 and 14 of Pejchar and Beran (2011) as plain functions, for solvers of ordinary equations.
 
     A state is (x_2, v_2, x_3, v_3).

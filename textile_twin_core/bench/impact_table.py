@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
 
-from textile_twin_core.bench.impact_methods import ForwardStroke, Times, event_driven
+from textile_twin_core.bench.impact_methods import Times, TransferEquations, event_driven
 from textile_twin_core.bench.timing import Candidate, one_core, take_turns
 from textile_twin_core.machines.needle_transfer import needle_transfer
 
@@ -68,7 +68,7 @@ def _row(key: tuple[str, str], found: Times, candidate: Candidate) -> ImpactRow:
 
 def _ways() -> list[tuple[str, str, Callable[[], Times]]]:
     machine = needle_transfer()
-    stroke = ForwardStroke(machine)
+    stroke = TransferEquations(machine)
     found: list[tuple[str, str, Callable[[], Times]]] = [
         (EVENT_DRIVEN, f"tolerance {tolerance:.0e}", partial(event_driven, machine, tolerance))
         for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-13)

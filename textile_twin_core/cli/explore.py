@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     from textile_twin_core.explore.overlay import overlay
     from textile_twin_core.explore.server import Page, serve
-    from textile_twin_core.explore.session import Session
+    from textile_twin_core.explore.session import PageSession
 
     recording = None
     if arguments.recording:
@@ -54,4 +54,4 @@ def run(arguments: argparse.Namespace) -> None:
         if not arguments.no_browser:
             webbrowser.open(address)
 
-    serve(Page(lambda: Session(design, recording)), arguments.port, started)
+    serve(Page(lambda: PageSession(design, recording)), arguments.port, started)

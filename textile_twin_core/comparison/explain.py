@@ -11,7 +11,7 @@ from textile_twin_core.comparison.evidence import Evidence, Settings
 from textile_twin_core.comparison.search import (
     RATIOS,
     SPREAD_FOR_DELAY,
-    Found,
+    BestFit,
     search,
     what_can_vary,
     zero_beside,
@@ -49,7 +49,7 @@ class Explanation:
     departing: tuple[str, ...]
     sigma: dict[str, float]
     fit: SettingsFit
-    others: tuple[Found, ...]
+    others: tuple[BestFit, ...]
     explained: float
     one_speed: bool
     rest_tells: bool

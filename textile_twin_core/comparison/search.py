@@ -27,7 +27,7 @@ _MOST_STARTS = 8
 
 
 @dataclass(frozen=True)
-class Found:
+class BestFit:
     """The likeliest settings of one discrete hypothesis."""
 
     fit: SettingsFit
@@ -52,7 +52,7 @@ def what_can_vary(evidence: Evidence) -> tuple[str, ...]:
 
 def search(
     evidence: Evidence, configured: Settings, encoder_turn_rad: float, ratios: tuple[float, ...] = RATIOS
-) -> list[Found]:
+) -> list[BestFit]:
     """Hypotheses of direction and ratio with their likeliest settings, those first that explain the record best.
 
     Of hypotheses that are equally good, within `_AS_GOOD`, the one with the fewest departures comes first.
@@ -73,12 +73,12 @@ def search(
     hopeful = [fit_settings(fast, settings, _PHASE, iterations=5).settings for settings in hopeful]
     if varied:
         hopeful = _hopeful([_with_delay(coarse, settings) for settings in hopeful])
-    found = [Found(fit_settings(coarse, settings, free, iterations=12)) for settings in hopeful]
+    found = [BestFit(fit_settings(coarse, settings, free, iterations=12)) for settings in hopeful]
     found = sorted((each for each in found if np.isfinite(each.square)), key=lambda each: each.square)
     if not found:
         return []
     fine = evidence.thinned()
-    best = [Found(fit_settings(fine, each.fit.settings, free)) for each in _distinct(found)[:4]]
+    best = [BestFit(fit_settings(fine, each.fit.settings, free)) for each in _distinct(found)[:4]]
     least = min(each.square for each in best)
     return sorted(
         best,
@@ -129,9 +129,9 @@ def _square(coarse: Evidence, settings: Settings) -> tuple[float, Settings]:
     return float(np.mean(residual**2)), solved
 
 
-def _distinct(found: list[Found]) -> list[Found]:
+def _distinct(found: list[BestFit]) -> list[BestFit]:
     """Without those that came to the same settings from another start."""
-    kept: list[Found] = []
+    kept: list[BestFit] = []
     for each in found:
         s = each.fit.settings
         if not any(_alike(s, other.fit.settings) for other in kept):
@@ -163,7 +163,7 @@ def zero_departure(settings: Settings, configured: Settings, encoder_turn_rad: f
     return float(np.remainder(apart + 0.5 * period, period) - 0.5 * period)
 
 
-def _departures(found: Found, configured: Settings, encoder_turn_rad: float) -> int:
+def _departures(found: BestFit, configured: Settings, encoder_turn_rad: float) -> int:
     s = found.fit.settings
     apart = abs(zero_departure(s, configured, encoder_turn_rad))
     return sum((s.direction != configured.direction, s.ratio != configured.ratio, s.gain < 0.0, apart > 0.05))

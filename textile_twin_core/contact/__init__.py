@@ -5,7 +5,7 @@ Declare a `ContactModel`; run it whole with `run_contact`, or piece by piece wit
 
 from textile_twin_core.contact.drive import DrivePiece, hermite_piece, quintic
 from textile_twin_core.contact.energy import EnergyBook, book_energy
-from textile_twin_core.contact.integrator import ContactIntegrator, Progress
+from textile_twin_core.contact.integrator import Advance, ContactIntegrator
 from textile_twin_core.contact.law_pieces import law_pieces
 from textile_twin_core.contact.model import FRAME, ContactModel, Pad, SlidingBody, SpringDamper, Stop
 from textile_twin_core.contact.result import ContactEvent, Segment
@@ -15,6 +15,7 @@ from textile_twin_core.errors import ContactError
 
 __all__ = [
     "FRAME",
+    "Advance",
     "ContactError",
     "ContactEvent",
     "ContactIntegrator",
@@ -25,7 +26,6 @@ __all__ = [
     "EnergyBook",
     "Pad",
     "PadState",
-    "Progress",
     "Segment",
     "SlidingBody",
     "SpringDamper",

@@ -10,7 +10,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import drive_series
-from textile_twin_core.contact.drive_series import Motion
+from textile_twin_core.contact.drive_series import DriveTerms
 from textile_twin_core.mechanism.motion_law import Section
 
 IDENTITY = Section((0.0, 1.0))
@@ -26,9 +26,9 @@ class DrivePiece:
     argument: tuple[float, ...]
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> DriveTerms:
         """It as arrays."""
-        return Motion(
+        return DriveTerms(
             float(self.start_s), float(self.end_s), *self.section.arrays, np.array(self.argument, dtype=float)
         )
 

@@ -16,7 +16,7 @@ _SHRINK = 0.8
 _NEGLIGIBLE = 1e-18
 
 
-class Motion(NamedTuple):
+class DriveTerms(NamedTuple):
     """One piece of the drive: x(t) = p(s) + amplitude sin(frequency s + phase), with s = argument(t - start)."""
 
     start_s: float
@@ -30,7 +30,7 @@ class Motion(NamedTuple):
 
 
 @compiled
-def taylor(motion: Motion, time_s: float, span_s: float, order: int) -> FloatArray:
+def taylor(motion: DriveTerms, time_s: float, span_s: float, order: int) -> FloatArray:
     """Coefficients (order+1,) of x(time + u span) in powers of u [m], exact to rounding."""
     result = np.zeros(order + 1)
     inner = _argument(motion, time_s, span_s)
@@ -41,7 +41,7 @@ def taylor(motion: Motion, time_s: float, span_s: float, order: int) -> FloatArr
 
 
 @compiled
-def _argument(motion: Motion, time_s: float, span_s: float) -> FloatArray:
+def _argument(motion: DriveTerms, time_s: float, span_s: float) -> FloatArray:
     """The argument in powers of u, without last terms that cannot be told from zero."""
     inner = moved(motion.argument, time_s - motion.start_s)
     factor = largest = 1.0
@@ -92,7 +92,7 @@ def _add_sine(wave: FloatArray, inner: FloatArray, result: FloatArray) -> None:
 
 
 @compiled
-def reach(motion: Motion, time_s: float, longest_s: float, order: int, error: float) -> float:
+def reach(motion: DriveTerms, time_s: float, longest_s: float, order: int, error: float) -> float:
     """How far, at most `longest_s`, the series from here may reach, cut after u^order: its error is at most `error`
     times the way that the element makes.
 

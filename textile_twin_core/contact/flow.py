@@ -9,7 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
-from textile_twin_core.contact.drive_series import Motion, reach, taylor
+from textile_twin_core.contact.drive_series import DriveTerms, reach, taylor
 from textile_twin_core.contact.mode import DRIVEN, Mode, fastest_rate
 from textile_twin_core.contact.plant import Plant
 from textile_twin_core.contact.polynomials import largest, stretch
@@ -27,7 +27,7 @@ _TINY = 1e-300
 
 @compiled
 def step(
-    plant: Plant, mode: Mode, state: ContactState, drive: Motion, longest_s: float, tolerance: float
+    plant: Plant, mode: Mode, state: ContactState, drive: DriveTerms, longest_s: float, tolerance: float
 ) -> tuple[float, FloatArray]:
     """Length [s] of the step from here, and power series (movers + pads, order+1) of positions [m] and pad forces [N].
 

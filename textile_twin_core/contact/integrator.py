@@ -23,7 +23,7 @@ _SLOW = 1e-6
 
 
 @dataclass(frozen=True)
-class Progress:
+class Advance:
     """What one advance has brought: the stretches of motion and the events between them."""
 
     model: ContactModel
@@ -114,16 +114,16 @@ class ContactIntegrator:
             states.append(PadState.OFF if depth <= 0.0 else PadState.PUSHING if pushes else PadState.SLACK)
         return states
 
-    def advance(self, state: ContactState, piece: DrivePiece) -> Progress:
+    def advance(self, state: ContactState, piece: DrivePiece) -> Advance:
         """Carry the state, which it changes, to the end of one piece of the drive; pieces follow without a gap."""
         return self._advance(state, piece, begins=False)
 
-    def _advance(self, state: ContactState, piece: DrivePiece, begins: bool) -> Progress:
+    def _advance(self, state: ContactState, piece: DrivePiece, begins: bool) -> Advance:
         motion = piece.motion
         end, number, log = stepping.advance(self.plant, state, motion, begins, self.tolerance, self.events_largest)
         if end != stepping.ARRIVED:
             raise self._failure(end, number, state, piece, log)
-        return Progress(self.model, log)
+        return Advance(self.model, log)
 
     def _failure(self, end: int, number: int, state: ContactState, piece: DrivePiece, log: Log) -> ContactError:
         """What went wrong, with its place and what to change."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray
 from textile_twin_core.compiling import compiled
-from textile_twin_core.contact.drive_series import Motion, taylor
+from textile_twin_core.contact.drive_series import DriveTerms, taylor
 from textile_twin_core.contact.flow import arrive, step
 from textile_twin_core.contact.linear import NONE
 from textile_twin_core.contact.log import (
@@ -41,7 +41,7 @@ _SAME_SPEED = 1e-12
 
 @compiled
 def advance(
-    plant: Plant, state: ContactState, drive: Motion, begins: bool, tolerance: float, events_largest: int
+    plant: Plant, state: ContactState, drive: DriveTerms, begins: bool, tolerance: float, events_largest: int
 ) -> tuple[int, int, Log]:
     """Carry the state to the end of one piece of the drive; how it ended, the stop or pad that this is due to, a log.
 
@@ -94,7 +94,7 @@ def advance(
 
 
 @compiled
-def drive_at(drive: Motion, time_s: float) -> tuple[float, float, float]:
+def drive_at(drive: DriveTerms, time_s: float) -> tuple[float, float, float]:
     """Position [m], velocity [m/s] and acceleration [m/s^2] of the driven element."""
     series = taylor(drive, time_s, 1.0, _ACCELERATION)
     return series[0], series[1], 2.0 * series[2]

@@ -41,7 +41,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Found:
+class FrontDesign:
     """A design of the front: its free parameters and its goals and limited numbers (SI)."""
 
     values: Mapping[str, float]
@@ -49,16 +49,16 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Progress:
+class SearchProgress:
     """How far the search is: its front, designs looked at, designs a second of pure evaluation, share of the time."""
 
-    front: tuple[Found, ...]
+    front: tuple[FrontDesign, ...]
     designs: int
     designs_per_second: float
     share: float
 
 
-Report = Callable[[Progress], None]
+Report = Callable[[SearchProgress], None]
 
 
 def search(
@@ -68,7 +68,7 @@ def search(
     stopped: Callable[[], bool] | None = None,
     seconds: float = 60.0,
     generations: int = 400,
-) -> Progress:
+) -> SearchProgress:
     """The designs of which none is better in all goals, within the limits, from the present one and random others.
 
     Generalised differential evolution (see `synthesis.pareto`) through the batched closed forms, a generation at a
@@ -90,11 +90,11 @@ def search(
             told = now
             share = max((now - begin) / seconds, number / generations)
             front = _again(_front(population, task), task, numbers_of)
-            report(Progress(front, goals.designs, goals.rate, min(1.0, share)))
+            report(SearchProgress(front, goals.designs, goals.rate, min(1.0, share)))
         if number >= generations or now - begin > seconds or (stopped and stopped()):
             break
     finer = numbers_of if slow else _evaluator(design, _FINE)[0]
-    return Progress(_again(_front(population, task), task, finer), goals.designs, goals.rate, 1.0)
+    return SearchProgress(_again(_front(population, task), task, finer), goals.designs, goals.rate, 1.0)
 
 
 Evaluate = Callable[[Mapping[str, FloatArray], Sequence[str]], dict[str, FloatArray]]
@@ -184,11 +184,11 @@ def _start(design: Design, task: Task, size: int, random: np.random.Generator) -
     return drawn
 
 
-def _front(population: pareto.Population, task: Task) -> tuple[Found, ...]:
+def _front(population: pareto.Population, task: Task) -> tuple[FrontDesign, ...]:
     """The best designs so far that keep all limits, with their goals."""
     front = population.front
     found = [
-        Found(
+        FrontDesign(
             dict(zip(task.free, row.tolist(), strict=True)),
             {g.number: float(-v if g.maximise else v) for g, v in zip(task.goals, values, strict=True)},
         )
@@ -197,11 +197,13 @@ def _front(population: pareto.Population, task: Task) -> tuple[Found, ...]:
     return tuple(sorted(found, key=lambda one: one.numbers[task.goals[0].number]))
 
 
-def _again(front: tuple[Found, ...], task: Task, evaluate: Evaluate) -> tuple[Found, ...]:
+def _again(front: tuple[FrontDesign, ...], task: Task, evaluate: Evaluate) -> tuple[FrontDesign, ...]:
     """The front with all goals and limited numbers, evaluated anew."""
     if not front:
         return front
     names = tuple(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
     columns = {name: np.array([one.values[name] for one in front]) for name in task.free}
     found = evaluate(columns, names)
-    return tuple(Found(one.values, {name: float(found[name][k]) for name in names}) for k, one in enumerate(front))
+    return tuple(
+        FrontDesign(one.values, {name: float(found[name][k]) for name in names}) for k, one in enumerate(front)
+    )

@@ -18,7 +18,7 @@ from aiohttp import WSMsgType, web
 
 from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.explore.packing import Arrays
-from textile_twin_core.explore.session import Session
+from textile_twin_core.explore.session import PageSession
 
 LOOPBACK = "127.0.0.1"
 _MOST_SESSIONS = 64
@@ -38,10 +38,10 @@ _NO_ENTRY = "This page needs the address with its token, as textile-twin explore
 class Page:
     """The page of one process. `make_session` gives a new tab its session."""
 
-    def __init__(self, make_session: Callable[[], Session], token: str | None = None) -> None:
+    def __init__(self, make_session: Callable[[], PageSession], token: str | None = None) -> None:
         self.token = secrets.token_urlsafe(24) if token is None else token
         self._make_session = make_session
-        self._sessions: OrderedDict[str, Session] = OrderedDict()
+        self._sessions: OrderedDict[str, PageSession] = OrderedDict()
         self._sockets: dict[str, web.WebSocketResponse] = {}
         self._pool = ThreadPoolExecutor(2, thread_name_prefix="design")
         self._searches = ThreadPoolExecutor(2, thread_name_prefix="search")
@@ -132,7 +132,7 @@ class Page:
             del self._sockets[tab]
         return socket_
 
-    async def _search(self, tab: str, session: Session, request: dict[str, Any]) -> None:
+    async def _search(self, tab: str, session: PageSession, request: dict[str, Any]) -> None:
         loop = asyncio.get_running_loop()
 
         def report(message: bytes) -> None:
@@ -144,7 +144,7 @@ class Page:
             done = _error(error)
         await self._send(tab, done, request.get("id"))
 
-    async def _later(self, tab: str, session: Session) -> None:
+    async def _later(self, tab: str, session: PageSession) -> None:
         """The state again when what it waits for is there."""
         while awaited := session.awaited:
             await asyncio.wait([asyncio.wrap_future(awaited)])
@@ -162,7 +162,7 @@ class Page:
             with suppress(ConnectionError, RuntimeError):  # it left while we spoke
                 await socket_.send_bytes(known.to_bytes(4, "little") + message)
 
-    def _session(self, tab: str) -> Session:
+    def _session(self, tab: str) -> PageSession:
         if tab not in self._sessions:
             self._sessions[tab] = self._make_session()
             for old in [name for name in self._sessions if name not in self._sockets]:

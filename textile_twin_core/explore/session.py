@@ -23,7 +23,7 @@ from textile_twin_core.explore.history import History
 from textile_twin_core.explore.labels import label, shown_unit
 from textile_twin_core.explore.overlay import Overlay
 from textile_twin_core.explore.packing import Arrays, analysis_head, design_head, plain, printed_of
-from textile_twin_core.explore.search import Found, Goal, Progress, Task, search
+from textile_twin_core.explore.search import FrontDesign, Goal, SearchProgress, Task, search
 from textile_twin_core.explore.shown import Analysis
 from textile_twin_core.synthesis.tolerance import Limit, batch_of, monte_carlo, sensitivities
 
@@ -40,7 +40,7 @@ class File:
     content: bytes
 
 
-class Session:
+class PageSession:
     """What one tab knows. Every public method answers with a message; a mistake of the user's is a TwinError."""
 
     def __init__(self, design: Design, recording: Overlay | None = None) -> None:
@@ -48,13 +48,13 @@ class Session:
         self._pinned: Design | None = None
         self._task: dict[str, Any] = {}
         self._recording = recording
-        self._front: tuple[Found, ...] = ()
+        self._front: tuple[FrontDesign, ...] = ()
         self._stop = Event()
         self._seen: tuple[Design, Analysis] | None = None
 
-    def copy(self) -> Session:
+    def copy(self) -> PageSession:
         """Another session that begins where this one stands."""
-        return Session(self.design, self._recording)
+        return PageSession(self.design, self._recording)
 
     @property
     def design(self) -> Design:
@@ -324,7 +324,7 @@ def _small_step(unit: str, value: float) -> tuple[float, str]:
     return 0.01 * abs(value), "1 %"
 
 
-def _progress(progress: Progress, task: Task, running: bool, took: float = 0.0) -> bytes:
+def _progress(progress: SearchProgress, task: Task, running: bool, took: float = 0.0) -> bytes:
     shown = list(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
     front = [[one.numbers[name] * label(name).factor for name in shown] for one in progress.front]
     head = {
@@ -340,19 +340,19 @@ def _progress(progress: Progress, task: Task, running: bool, took: float = 0.0) 
     return Arrays().packed(head)
 
 
-_ACTS: dict[str, Callable[[Session, Message], bytes]] = {
-    "hello": Session._hello,
-    "change": Session._change,
-    "speed": Session._speed,
-    "dwell": Session._dwell,
-    "undo": Session._undo,
-    "redo": Session._redo,
-    "reset": Session._reset,
-    "machine": Session._machine,
-    "load": Session._load,
-    "pin": Session._pin,
-    "balance": Session._balance,
-    "pick": Session._pick,
-    "sensitivity": Session._sensitivity,
-    "tolerance": Session._tolerance,
+_ACTS: dict[str, Callable[[PageSession, Message], bytes]] = {
+    "hello": PageSession._hello,
+    "change": PageSession._change,
+    "speed": PageSession._speed,
+    "dwell": PageSession._dwell,
+    "undo": PageSession._undo,
+    "redo": PageSession._redo,
+    "reset": PageSession._reset,
+    "machine": PageSession._machine,
+    "load": PageSession._load,
+    "pin": PageSession._pin,
+    "balance": PageSession._balance,
+    "pick": PageSession._pick,
+    "sensitivity": PageSession._sensitivity,
+    "tolerance": PageSession._tolerance,
 }

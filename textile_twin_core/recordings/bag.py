@@ -12,7 +12,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import rosbag2_metadata
-from textile_twin_core.recordings.cdr_decode import Layout, layouts
+from textile_twin_core.recordings.cdr_decode import MessageLayout, layouts
 from textile_twin_core.recordings.mcap_read import McapFile
 from textile_twin_core.recordings.other_storage import OtherFile
 from textile_twin_core.recordings.recording import Progress, Recording
@@ -87,7 +87,7 @@ class Bag(Recording):
             times, values = self._columns(info, lambda _, take: [take("data", 0)], progress)
             return AngleSamples(info.name, times, values[0], None, stamped=False)
 
-        def fields(layout: Layout, take: _Take) -> list[FloatArray] | None:
+        def fields(layout: MessageLayout, take: _Take) -> list[FloatArray] | None:
             place = _place(layout, joint, "position")
             return None if place is None else [take("position", place), take("velocity", place)]
 
@@ -108,7 +108,7 @@ class Bag(Recording):
         """
         info = self._readable(topic, WRENCH, JOINT_STATE, FLOAT64)
 
-        def fields(layout: Layout, take: _Take) -> list[FloatArray] | None:
+        def fields(layout: MessageLayout, take: _Take) -> list[FloatArray] | None:
             if info.msgtype == WRENCH:
                 return [take("wrench", 5)]
             if info.msgtype == FLOAT64:
@@ -135,7 +135,7 @@ class Bag(Recording):
         named = (layout.names for block in self.blocks(topic) for layout, _ in layouts(block, JOINT_STATE, info.name))
         names = sorted({name for names in named for name in names})
 
-        def fields(layout: Layout, take: _Take) -> list[FloatArray]:
+        def fields(layout: MessageLayout, take: _Take) -> list[FloatArray]:
             absent = layout.fields["position"][1]
             return [take("position", layout.names.index(name) if name in layout.names else absent) for name in names]
 
@@ -156,7 +156,7 @@ class Bag(Recording):
     def _columns(
         self,
         info: TopicInfo,
-        fields: Callable[[Layout, _Take], list[FloatArray] | None],
+        fields: Callable[[MessageLayout, _Take], list[FloatArray] | None],
         progress: Progress | None,
         joint: str = "",
     ) -> tuple[IntArray, list[FloatArray]]:
@@ -189,7 +189,7 @@ class Bag(Recording):
         return stamps, values
 
 
-def _place(layout: Layout, joint: str, field: str) -> int | None:
+def _place(layout: MessageLayout, joint: str, field: str) -> int | None:
     """The index of the joint's value in a JointState of this layout; None when it has none."""
     if joint not in layout.names:
         return None

@@ -50,7 +50,7 @@ def gather(buffer: Bytes, starts: IntArray, dtype: npt.DTypeLike) -> npt.NDArray
 
 
 @dataclass
-class Layout:
+class MessageLayout:
     """Where things lie in a message: bytes that all messages of this layout share, and the fields to read."""
 
     size: int = 0
@@ -104,7 +104,7 @@ class _Cursor:
         if len(cdr) < 4 or cdr[0] != 0 or cdr[1] > 1:
             raise ValueError("its encapsulation is not plain CDR")
         self.cdr, self.position = cdr, 4
-        self.layout = Layout(order="<" if cdr[1] else ">", fixed=[(0, cdr[:2])])
+        self.layout = MessageLayout(order="<" if cdr[1] else ">", fixed=[(0, cdr[:2])])
 
     def align(self, to: int) -> None:
         self.position += -(self.position - 4) % to
@@ -137,12 +137,12 @@ class _Cursor:
         self.take(8)
         self.string()
 
-    def end(self) -> Layout:
+    def end(self) -> MessageLayout:
         self.layout.size = self.position
         return self.layout
 
 
-def _joint_state(cdr: bytes) -> Layout:
+def _joint_state(cdr: bytes) -> MessageLayout:
     cursor = _Cursor(cdr)
     cursor.header()
     cursor.layout.names = tuple(cursor.string() for _ in range(cursor.length()))
@@ -151,8 +151,8 @@ def _joint_state(cdr: bytes) -> Layout:
     return cursor.end()
 
 
-def _stamped(name: str, count: int) -> Callable[[bytes], Layout]:
-    def read(cdr: bytes) -> Layout:
+def _stamped(name: str, count: int) -> Callable[[bytes], MessageLayout]:
+    def read(cdr: bytes) -> MessageLayout:
         cursor = _Cursor(cdr)
         cursor.header()
         cursor.doubles(name, count)
@@ -161,19 +161,19 @@ def _stamped(name: str, count: int) -> Callable[[bytes], Layout]:
     return read
 
 
-def _header(cdr: bytes) -> Layout:
+def _header(cdr: bytes) -> MessageLayout:
     cursor = _Cursor(cdr)
     cursor.header()
     return cursor.end()
 
 
-def _float64(cdr: bytes) -> Layout:
+def _float64(cdr: bytes) -> MessageLayout:
     cursor = _Cursor(cdr)
     cursor.doubles("data", 1)
     return cursor.end()
 
 
-LAYOUT_READERS: dict[str, Callable[[bytes], Layout]] = {
+LAYOUT_READERS: dict[str, Callable[[bytes], MessageLayout]] = {
     "sensor_msgs/msg/JointState": _joint_state,
     "geometry_msgs/msg/WrenchStamped": _stamped("wrench", 6),
     "geometry_msgs/msg/PointStamped": _stamped("point", 3),
@@ -183,7 +183,7 @@ LAYOUT_READERS: dict[str, Callable[[bytes], Layout]] = {
 """The message types that are decoded, by how one message tells its layout."""
 
 
-def layouts(block: MessageBlock, msgtype: str, topic: str) -> Iterator[tuple[Layout, IntArray]]:
+def layouts(block: MessageBlock, msgtype: str, topic: str) -> Iterator[tuple[MessageLayout, IntArray]]:
     """Split a block into groups of one layout: (layout, indices of its messages), every message in one group.
 
     Raises RecordingError for a message that cannot be decoded, with the time it was recorded.

@@ -1,6 +1,6 @@
 """Designs of linkages: lengths from what the machine must do, balancing, and many designs at once."""
 
-from textile_twin_core.synthesis.bars import CAST_IRON, Section
+from textile_twin_core.synthesis.bars import CAST_IRON, BarSection
 from textile_twin_core.synthesis.batch import Batch
 from textile_twin_core.synthesis.crank_rocker import (
     CrankRockerDesign,
@@ -21,6 +21,7 @@ from textile_twin_core.synthesis.through_points import PointsDesign, through_poi
 
 __all__ = [
     "CAST_IRON",
+    "BarSection",
     "Batch",
     "CrankRockerDesign",
     "CrankRockerFamily",
@@ -33,7 +34,6 @@ __all__ = [
     "Parameter",
     "PointsDesign",
     "RockerThroughPoints",
-    "Section",
     "SliderCrankDesign",
     "SliderCrankFamily",
     "Tool",

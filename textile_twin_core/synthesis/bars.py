@@ -10,7 +10,7 @@ from textile_twin_core.errors import SceneError
 
 
 @dataclass(frozen=True)
-class Section:
+class BarSection:
     """Density [kg/m^3] and rectangular section [m] of a bar; the width lies in the plane of motion.
 
     The default is the cast iron of 30 x 10 mm of Topalbekiroglu and Celik 2010.
@@ -31,4 +31,4 @@ class Section:
         return Body.bar(link, length_m, self.density_kg_m3, self.width_m, self.thickness_m)
 
 
-CAST_IRON = Section()
+CAST_IRON = BarSection()

@@ -32,7 +32,7 @@ class Point:
 
 
 @dataclass
-class Link:
+class LinkBatch:
     """A link: its start, length, unit direction, and derivatives of its angle by the shaft angle."""
 
     start: Point
@@ -58,7 +58,7 @@ class Chain:
 
     columns: Columns
     points: dict[str, Point] = field(default_factory=dict)
-    links: dict[str, Link] = field(default_factory=dict)
+    links: dict[str, LinkBatch] = field(default_factory=dict)
     rotations: dict[str, tuple[Any, Any, Any]] = field(default_factory=dict)
     cosines: list[FloatArray] = field(default_factory=list)
 
@@ -81,7 +81,7 @@ def _(group: Crank, chain: Chain) -> None:
         chain,
         group.name,
         group.end,
-        Link(chain.points[group.at], chain.number(f"{group.name}.length_m"), direction, p, q),
+        LinkBatch(chain.points[group.at], chain.number(f"{group.name}.length_m"), direction, p, q),
     )
 
 
@@ -93,7 +93,7 @@ def _(group: RigidArm, chain: Chain) -> None:
         chain,
         group.name,
         group.end,
-        Link(on.start, chain.number(f"{group.name}.length_m"), direction, on.first, on.second),
+        LinkBatch(on.start, chain.number(f"{group.name}.length_m"), direction, on.first, on.second),
     )
 
 
@@ -116,8 +116,8 @@ def _(group: RRRDyad, chain: Chain) -> None:
     w = ground.second - start.second + p2 * p2 * arm - p3 * p3 * (arm - way)
     q2, q3 = _dot(w, rocker) / (b * sine), _dot(w, coupler) / (c * sine)
     chain.cosines.append((b * b + c * c - squared) / (2.0 * b * c))
-    _add(chain, group.coupler, group.end, Link(start, b, coupler, p2, q2))
-    chain.links[group.rocker] = Link(ground, c, rocker, p3, q3)
+    _add(chain, group.coupler, group.end, LinkBatch(start, b, coupler, p2, q2))
+    chain.links[group.rocker] = LinkBatch(ground, c, rocker, p3, q3)
 
 
 @solve.register
@@ -131,11 +131,11 @@ def _(group: RRPDyad, chain: Chain) -> None:
     p = -drift / reach
     q = -(sag + offset * p * p) / reach
     chain.cosines.append(offset / rod)
-    _add(chain, group.rod, group.end, Link(start, rod, (reach - 1j * offset) / rod * axis, p, q))
+    _add(chain, group.rod, group.end, LinkBatch(start, rod, (reach - 1j * offset) / rod * axis, p, q))
     joint = chain.points[group.end]
     joint.first, joint.second = ((z / axis).real * axis for z in (joint.first, joint.second))
     zero = np.zeros(1)
-    _add(chain, group.slider, group.tip, Link(joint, slider, axis, zero, zero))
+    _add(chain, group.slider, group.tip, LinkBatch(joint, slider, axis, zero, zero))
 
 
 @solve.register
@@ -154,11 +154,11 @@ def _(group: EllipticGearPair, chain: Chain) -> None:
     rate, change = -ratio * p, -(growth * p * p + ratio * q)
     chain.rotations[group.driven] = driven, rate, change
     length = e * np.abs(line)
-    _add(chain, group.driver, group.ends[0], Link(chain.points[group.at], length, turn * rest, p, q))
-    _add(chain, group.driven, group.ends[1], Link(chain.points[group.driven_at], length, driven, rate, change))
+    _add(chain, group.driver, group.ends[0], LinkBatch(chain.points[group.at], length, turn * rest, p, q))
+    _add(chain, group.driven, group.ends[1], LinkBatch(chain.points[group.driven_at], length, driven, rate, change))
 
 
-def _add(chain: Chain, name: str, end: str, link: Link) -> None:
+def _add(chain: Chain, name: str, end: str, link: LinkBatch) -> None:
     chain.links[name] = link
     chain.points[end] = link.at(link.length)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from textile_twin_core.dynamics import Body
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Arc, Crank, Group, RigidArm, RRRDyad
-from textile_twin_core.synthesis.bars import CAST_IRON, Section
+from textile_twin_core.synthesis.bars import CAST_IRON, BarSection
 from textile_twin_core.synthesis.crank_rocker import LinkLengths
 from textile_twin_core.synthesis.hand_positions import RockerThroughPoints
 
@@ -24,7 +24,7 @@ class Tool:
 
 def crank_rocker_machine(
     lengths: LinkLengths,
-    section: Section = CAST_IRON,
+    section: BarSection = CAST_IRON,
     tool: Tool | None = None,
     hand: RockerThroughPoints | None = None,
     name: str = "crank_rocker",

@@ -12,7 +12,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Crank, RigidArm, RRRDyad
 from textile_twin_core.mechanism.rrr_dyad import Branch
-from textile_twin_core.synthesis.bars import CAST_IRON, Section
+from textile_twin_core.synthesis.bars import CAST_IRON, BarSection
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -92,7 +92,7 @@ class FourBarDesign:
         """The coupler point (m,) at crank angles (m,)."""
         return np.asarray(coupler_points(*self.row, theta)[0])
 
-    def machine(self, section: Section = CAST_IRON, name: str = "four_bar") -> Machine:
+    def machine(self, section: BarSection = CAST_IRON, name: str = "four_bar") -> Machine:
         """The machine: links are bars of the section, the coupler point P is the end of an arm without mass."""
         u, v = self.point_m
         return Machine(

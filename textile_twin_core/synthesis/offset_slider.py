@@ -13,7 +13,7 @@ from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Crank, RRPDyad, Travel
-from textile_twin_core.synthesis.bars import CAST_IRON, Section
+from textile_twin_core.synthesis.bars import CAST_IRON, BarSection
 from textile_twin_core.synthesis.crank_rocker import LARGEST_DEVIATION_RAD, WANTED_RATIO
 
 _IN_LINE = 4e-15
@@ -39,7 +39,7 @@ class SliderCrankDesign:
         """Lengths, ratio and transmission angle."""
         return asdict(self) | {"r_over_l": self.crank_over_rod, "mu_min_deg": math.degrees(self.mu_min_rad)}
 
-    def machine(self, section: Section = CAST_IRON, slider_kg: float = 1.0, name: str = "slider_crank") -> Machine:
+    def machine(self, section: BarSection = CAST_IRON, slider_kg: float = 1.0, name: str = "slider_crank") -> Machine:
         """The machine: crank about O, rod, slider along +x; links are bars of the section."""
         return Machine(
             name=name,

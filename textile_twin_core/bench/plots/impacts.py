@@ -7,7 +7,7 @@ from pathlib import Path
 
 from textile_twin_core.bench.impact_table import EVENT_DRIVEN, PENALTY, ImpactRow
 from textile_twin_core.bench.plots import style
-from textile_twin_core.bench.plots.labels import Label, place_labels
+from textile_twin_core.bench.plots.labels import Annotation, place_labels
 
 FLOOR_S = 1e-18
 """Errors below are drawn here: half a unit in the last place of the event times."""
@@ -34,7 +34,7 @@ def plot_impacts(rows: Sequence[ImpactRow], path: Path) -> None:
             zorder=4 if ours else 3,
         )  # fmt: skip
         names = [row.setting.removeprefix("tolerance ").removeprefix("rtol ") for row in group]
-        labels += [Label(x, y, name, colour, ours) for name, (x, y) in zip(names, points, strict=True)]
+        labels += [Annotation(x, y, name, colour, ours) for name, (x, y) in zip(names, points, strict=True)]
     axes.margins(x=0.12, y=0.08)
     axes.autoscale_view()
     axes.set_autoscale_on(False)

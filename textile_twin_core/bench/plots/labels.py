@@ -21,7 +21,7 @@ _COVERED, _CROSSED, _GRAZED = 1e4, 150.0, 40.0
 
 
 @dataclass(frozen=True)
-class Label:
+class Annotation:
     """A name for the point (x, y), in the axes' data."""
 
     x: float
@@ -82,7 +82,7 @@ class _Spot:
 
 def place_labels(
     axes: Axes,
-    labels: Sequence[Label],
+    labels: Sequence[Annotation],
     lines: Sequence[Sequence[Place]] = (),
     nameless: Sequence[Place] = (),
     size: float = 8.0,

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from textile_twin_core.bench.plots import style
-from textile_twin_core.bench.plots.labels import Label, place_labels
+from textile_twin_core.bench.plots.labels import Annotation, place_labels
 from textile_twin_core.bench.shaft_signal import KNOCKS, MANY_ORDERS, RATE_HZ, STEADY
 from textile_twin_core.bench.shaft_table import DRAWN_BITS, NO_ALPHA, ShaftRow
 
@@ -30,7 +30,7 @@ def plot_shaft(rows: Sequence[ShaftRow], path: Path) -> None:
         by_latency, "latency [s]: causal, one sample; smooth, half the record", "RMS error of the torque / peak"
     )
     style.dress(by_cost, "processor time [us per sample]", "")
-    labels: list[Label] = []
+    labels: list[Annotation] = []
     nameless: list[tuple[float, float]] = []
     for load, bits in sorted({(row.load, row.bits) for row in shown}):
         group = [row for row in shown if (row.load, row.bits) == (load, bits) and row.us_per_sample]
@@ -41,7 +41,7 @@ def plot_shaft(rows: Sequence[ShaftRow], path: Path) -> None:
         costs = [(row.us_per_sample or 1.0, error) for row, error in zip(group, errors, strict=True)]
         _draw(by_cost, costs, kind, linewidth=0.0)
         if bits == max(DRAWN_BITS):
-            labels += [Label(*at, row.estimator, _COLOURS[load]) for row, at in zip(group, costs, strict=True)]
+            labels += [Annotation(*at, row.estimator, _COLOURS[load]) for row, at in zip(group, costs, strict=True)]
         else:
             nameless += costs
     _reference(by_latency, by_cost, [row for row in shown if row.estimator == NO_ALPHA and row.load == STEADY])

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from textile_twin_core.bench.plots import style
-from textile_twin_core.bench.plots.labels import Label, place_labels
+from textile_twin_core.bench.plots.labels import Annotation, place_labels
 from textile_twin_core.bench.ratios import COMPILED, RIGID_BODIES
 from textile_twin_core.bench.run import Row
 
@@ -53,7 +53,7 @@ def plot_work_precision(rows: Sequence[Row], path: Path, scene: str = "torque") 
         if name in present
     ]
     figure.legend(handles, present, loc="outside lower center", ncols=len(present), frameon=False, fontsize=8)
-    labels = [Label(x, y, row.name, _GROUPS[_group(row)][0], row.peer is None) for row, (x, y) in at.items()]
+    labels = [Annotation(x, y, row.name, _GROUPS[_group(row)][0], row.peer is None) for row, (x, y) in at.items()]
     place_labels(axes, labels, (ours, [(limit, FLOOR) for limit in axes.get_xlim()]))
     style.save(figure, path)
 

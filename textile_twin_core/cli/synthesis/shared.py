@@ -14,7 +14,7 @@ from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.errors import SceneError
 from textile_twin_core.files import save_machine_file, staged
 from textile_twin_core.machine import Machine
-from textile_twin_core.synthesis import Section, rotation_of_time_ratio
+from textile_twin_core.synthesis import BarSection, rotation_of_time_ratio
 
 
 def add_output(parser: Parser) -> None:
@@ -69,11 +69,11 @@ def points(text: str) -> list[tuple[float, float]]:
     return found
 
 
-def _section(text: str) -> Section:
+def _section(text: str) -> BarSection:
 
     try:
         density, width, thickness = (float(part) for part in text.split(","))
-        return Section(density, width, thickness)
+        return BarSection(density, width, thickness)
     except (ValueError, SceneError):
         raise argparse.ArgumentTypeError(
             f"write DENSITY,WIDTH,THICKNESS as three positive numbers, not '{text}'"

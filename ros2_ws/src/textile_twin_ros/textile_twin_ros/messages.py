@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.recordings.cdr_decode import LAYOUT_READERS, Bytes, Layout
+from textile_twin_core.recordings.cdr_decode import LAYOUT_READERS, Bytes, MessageLayout
 from textile_twin_core.recordings.cdr_encode import encode_headers, encode_joint_states, encode_points, encode_wrenches
 
 SECOND_NS = 1_000_000_000
@@ -54,7 +54,7 @@ class FieldReader:
         places: tells field and number of each value to be read, in their order in the message, or raises MessageError.
     """
 
-    def __init__(self, msgtype: str, places: Callable[[Layout], Sequence[tuple[str, int]]]) -> None:
+    def __init__(self, msgtype: str, places: Callable[[MessageLayout], Sequence[tuple[str, int]]]) -> None:
         self._msgtype, self._places = msgtype, places
         self._size = sys.maxsize
         self._fixed: list[tuple[int, int, bytes]] = []
@@ -113,7 +113,7 @@ class JointReader(FieldReader):
     """
 
     def __init__(self, joint: str, fields: Sequence[str]) -> None:
-        def places(layout: Layout) -> list[tuple[str, int]]:
+        def places(layout: MessageLayout) -> list[tuple[str, int]]:
             if joint not in layout.names:
                 raise MessageError(f"has no joint '{joint}', only: {', '.join(layout.names) or 'none at all'}")
             return [(name, layout.names.index(joint)) for name in fields]

@@ -11,7 +11,7 @@ TURN = 2.0 * math.pi
 
 
 @dataclass
-class ShaftMotion:
+class SimulatedShaft:
     """Angle, speed and acceleration of a shaft over time, in closed form.
 
     The angle is phi + ripple * sin(phi) with a phase phi that runs up at constant acceleration and then goes on at
@@ -78,7 +78,7 @@ class Marks:
     """
 
     angles_rad: Sequence[float]
-    motion: ShaftMotion
+    motion: SimulatedShaft
     encoder: SimulatedEncoder
 
     def passed(self, begin_s: float, end_s: float) -> list[float]:

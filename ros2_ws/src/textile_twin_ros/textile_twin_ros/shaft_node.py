@@ -22,7 +22,7 @@ from textile_twin_ros.messages import SECOND_NS, HeaderTemplate, JointTemplate, 
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sensor_parameters import EncoderParameters
-from textile_twin_ros.shaft_motion import TURN, Marks, ShaftMotion, SimulatedEncoder, SimulatedTorqueSensor
+from textile_twin_ros.shaft_motion import TURN, Marks, SimulatedEncoder, SimulatedShaft, SimulatedTorqueSensor
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 from textile_twin_ros.twin_outputs import TORQUE
 
@@ -61,7 +61,7 @@ class ShaftNode(Node):
         machine = load_machine(parameters.machine, parameters.encoder())
         self._twin = ttc.compile(machine, outputs=[TORQUE]) if machine.tells_torque else None
         encoder, torque = machine.sensors.encoder, machine.sensors.torque
-        self._motion = ShaftMotion(parameters.rpm, parameters.run_up_s, parameters.ripple)
+        self._motion = SimulatedShaft(parameters.rpm, parameters.run_up_s, parameters.ripple)
         self._encoder = SimulatedEncoder(parameters.encoder_bits, encoder.zero_rad, encoder.direction, encoder.ratio)
         self._sensor = SimulatedTorqueSensor(torque.gain, torque.offset_Nm, parameters.torque_noise_Nm, parameters.seed)
         self._delay_s = torque.delay_s
