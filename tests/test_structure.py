@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import subprocess
 import sys
 import tomllib
 from collections import defaultdict
@@ -127,3 +128,13 @@ def test_a_class_has_a_name_of_its_own() -> None:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places[node.name].append(module)
     assert not {name: modules for name, modules in places.items() if len(modules) > 1}
+
+
+def test_parts_of_scipy_come_when_they_are_used() -> None:
+    # They are a third of what a node or a command reads at its start.
+    program = (
+        "import sys, textile_twin_core.twin, textile_twin_core.comparison;"
+        " print([name for name in ('scipy.optimize', 'scipy.interpolate', 'scipy.integrate') if name in sys.modules])"
+    )
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert said.stdout == "[]\n"

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.readings import Readings
@@ -220,7 +220,10 @@ def _factor_and_delay(seen: np.ndarray, driven: np.ndarray, rates: FloatArray) -
         return np.concatenate([rest.real, rest.imag])
 
     start = abs(np.vdot(driven, seen)) / max(np.vdot(driven, driven).real, 1e-300)
-    best = min((least_squares(left, [start, late]) for late in np.linspace(-4.0, 4.0, 9)), key=lambda each: each.cost)
+    best = min(
+        (scipy.optimize.least_squares(left, [start, late]) for late in np.linspace(-4.0, 4.0, 9)),
+        key=lambda each: each.cost,
+    )
     return float(best.x[0]), float(best.x[1]) * 1e-3
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
+import scipy
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.bootstrap import Estimate
@@ -26,7 +26,7 @@ class BesideEvent:
 
     def error(self, shift_rad: float, spread_rad: float) -> float:
         """Sum of absolute errors with the event shifted, the force growing over the spread."""
-        past = ndtr((self.relative_rad - shift_rad) / spread_rad)
+        past = scipy.special.ndtr((self.relative_rad - shift_rad) / spread_rad)
         return float(np.sum(np.abs(self.measured - self.before - past * (self.after - self.before))))
 
 
@@ -78,7 +78,7 @@ def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: 
 
 
 def _log_likelihood(beside: BesideEvent, shift: float, spread: float, scale: float, steep: bool) -> float:
-    past = ndtr((beside.relative_rad - shift) / spread)
+    past = scipy.special.ndtr((beside.relative_rad - shift) / spread)
     step = beside.after - beside.before
     if steep:
         early = np.exp(-0.5 * ((beside.measured - beside.before) / scale) ** 2)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.assess import assess
@@ -236,7 +236,7 @@ def _least_squares(
     start = np.array([values[name] for name in free]) * size
     for _ in range(2):  # the second time with the scale of what is left
         start = np.maximum(start, low + 1e-12)
-        solved = least_squares(
+        solved = scipy.optimize.least_squares(
             residual, start, jacobian, (low, np.inf), loss="huber", f_scale=HUBER, max_nfev=most_steps
         )
         start = solved.x

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.bootstrap import Estimate, estimate, moves_of
@@ -202,7 +202,7 @@ def _fit(model: _Model, measured: FloatArray, start: dict[str, float], free: tup
         return np.asarray(_slopes(model, at(x), free)[good] / (size * noise))
 
     begin = np.array([start[name] for name in free]) * size
-    return at(least_squares(residual, begin, jacobian, loss="huber", f_scale=HUBER, max_nfev=40).x)
+    return at(scipy.optimize.least_squares(residual, begin, jacobian, loss="huber", f_scale=HUBER, max_nfev=40).x)
 
 
 def _slopes(model: _Model, values: dict[str, float], free: tuple[str, ...]) -> FloatArray:

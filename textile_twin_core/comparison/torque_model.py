@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtr
+import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.event_angle import BesideEvent
@@ -177,8 +177,8 @@ class TorqueModel:
 
     def _inside(self, theta: FloatArray, values: Mapping[str, float]) -> FloatArray:
         """1 between entry and exit, 0 outside, smooth over the spread."""
-        after_entry = ndtr(_apart(theta, values["entry_angle_rad"]) / self.spread_rad)
-        after_exit = ndtr(_apart(theta, values["exit_angle_rad"]) / self.spread_rad)
+        after_entry = scipy.special.ndtr(_apart(theta, values["entry_angle_rad"]) / self.spread_rad)
+        after_exit = scipy.special.ndtr(_apart(theta, values["exit_angle_rad"]) / self.spread_rad)
         # Half a turn from an event its own step leaps; the other event's then decides.
         span = float(np.remainder(values["exit_angle_rad"] - values["entry_angle_rad"], TURN))
         since = np.remainder(theta - values["entry_angle_rad"], TURN)

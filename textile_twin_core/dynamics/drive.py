@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 import numpy as np
-from scipy.integrate import DOP853, DenseOutput
-from scipy.optimize import brentq
+import scipy
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.drive_result import DriveEvent, DriveResult
@@ -147,7 +146,13 @@ class Drive:
         return float(solver.t), direction
 
     def _land(
-        self, begin: float, start: FloatArray, solver: DOP853, state: FloatArray, stretch: Stretch, direction: int
+        self,
+        begin: float,
+        start: FloatArray,
+        solver: scipy.integrate.DOP853,
+        state: FloatArray,
+        stretch: Stretch,
+        direction: int,
     ) -> tuple[float, int]:
         """Go from the beginning of the last step exactly onto what came first: standstill or the stretch's end."""
         dense, bound, time = solver.dense_output(), stretch.bound(direction), float(solver.t)
@@ -157,7 +162,7 @@ class Drive:
         if direction * (dense(time)[0] - bound) >= 0.0:
             which, target = 0, bound
             time = _root(lambda t: dense(t)[0] - bound, begin, time)
-        pieces: list[DenseOutput] = []
+        pieces: list[scipy.integrate.DenseOutput] = []
         end = start
         for _ in range(5):  # Newton's method, each time with a step of its own
             if not time > begin:
@@ -183,7 +188,7 @@ class Drive:
 
     def _cross(
         self, begin: float, start: FloatArray, end: float, stretch: Stretch
-    ) -> tuple[FloatArray, list[DenseOutput]]:
+    ) -> tuple[FloatArray, list[scipy.integrate.DenseOutput]]:
         """From the state at one time to that at another, in one step if its error allows."""
         solver, pieces = self._solver(begin, start, end, stretch, end - begin), []
         while solver.status == "running":
@@ -193,15 +198,17 @@ class Drive:
 
     def _solver(
         self, time: float, state: FloatArray, end: float, stretch: Stretch, first_step: float | None = None
-    ) -> DOP853:
+    ) -> scipy.integrate.DOP853:
         def slopes(t: float, y: FloatArray) -> FloatArray:
             self.evaluations += 1
             return self._slopes(t, y, stretch)
 
         absolute = self.tolerance * self._scales
-        return DOP853(slopes, time, state.copy(), end, rtol=self.tolerance, atol=absolute, first_step=first_step)
+        return scipy.integrate.DOP853(
+            slopes, time, state.copy(), end, rtol=self.tolerance, atol=absolute, first_step=first_step
+        )
 
-    def _step(self, solver: DOP853) -> None:
+    def _step(self, solver: scipy.integrate.DOP853) -> None:
         message = solver.step()
         self.steps += 1
         if solver.status == "failed":
@@ -210,7 +217,7 @@ class Drive:
                 f"{solver.y[1]:.6g} rad/s ({message}); is the drive torque smooth and the tolerance not too small?"
             )
 
-    def _record(self, dense: DenseOutput, stretch: Stretch) -> None:
+    def _record(self, dense: scipy.integrate.DenseOutput, stretch: Stretch) -> None:
         """The motion at the times asked up to the end of a step."""
         while self._next < self._times.size and self._times[self._next] <= dense.t_max:
             time = float(self._times[self._next])
@@ -254,4 +261,4 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
     """Where a function crosses zero; an end of the range where rounding hides the crossing."""
     if function(low) * function(high) > 0.0:
         return high
-    return float(brentq(function, low, high, xtol=1e-300, rtol=1e-14))
+    return float(scipy.optimize.brentq(function, low, high, xtol=1e-300, rtol=1e-14))

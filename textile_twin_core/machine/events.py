@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from textile_twin_core.expression import Expr, const, derivative, substitute, variable
 from textile_twin_core.expression.loop import Loop
@@ -83,5 +83,5 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
     at_low, at_high = function(low), function(high)
     if at_low * at_high >= 0.0:  # one end is the root, to rounding
         return low if abs(at_low) <= abs(at_high) else high
-    root: float = brentq(function, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps)
+    root: float = scipy.optimize.brentq(function, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps)
     return root

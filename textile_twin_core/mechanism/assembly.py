@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression.scalar import compile_scalar
@@ -73,5 +73,5 @@ def _opens_at(closure: Closure, range_rad: tuple[float, float]) -> str:
     low, high = float(thetas[opening[0]]), float(thetas[opening[0] + 1])
 
     function = compile_scalar([value], ["theta"])
-    angle = brentq(lambda t: function(t)[0], low, high)
+    angle = scipy.optimize.brentq(lambda t: function(t)[0], low, high)
     return f": {closure.begins} at a shaft angle of {math.degrees(angle):.4f} deg where"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import PPoly, make_interp_spline
+import scipy
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MachineError
@@ -54,7 +54,9 @@ def from_table(theta_rad: FloatArray, position_m: FloatArray, name: str = "table
     elif abs(positions[-1] - positions[0]) > 1e-12 * max(float(np.abs(positions).max()), 1e-300):
         raise MachineError("the motion table's first and last row are one turn apart but differ in position")
     positions[-1] = positions[0]
-    spline = PPoly.from_spline(make_interp_spline(angles, positions, k=5, bc_type="periodic"))
+    spline = scipy.interpolate.PPoly.from_spline(
+        scipy.interpolate.make_interp_spline(angles, positions, k=5, bc_type="periodic")
+    )
     return _from_spline(spline, angles, name)
 
 
@@ -77,7 +79,7 @@ def from_function(function: Callable[[float], float], name: str = "function") ->
         count *= 2
 
 
-def _from_spline(spline: PPoly, angles: FloatArray, name: str) -> MotionLaw:
+def _from_spline(spline: scipy.interpolate.PPoly, angles: FloatArray, name: str) -> MotionLaw:
     """The spline's pieces as sections over [0, 2 pi), the piece that contains 2 pi split in two."""
     wrapped: list[tuple[float, Section]] = []
     for k in range(angles.size - 1):

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
+import scipy
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const
@@ -83,7 +83,7 @@ class PeriodicTable:
             own[0] *= 0.5
             yield own * np.exp(-1j * np.arange(own.size) * angles[0])
 
-        spline = CubicSpline(angles, [*self.values, self.values[0]], bc_type="periodic")
+        spline = scipy.interpolate.CubicSpline(angles, [*self.values, self.values[0]], bc_type="periodic")
         smooth = np.fft.rfft(spline(np.arange(_SAMPLES) * (_TURN / _SAMPLES))) * (2.0 / _SAMPLES)
         smooth[0] *= 0.5
         yield smooth[: _SAMPLES // 4 + 1]
