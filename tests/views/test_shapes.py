@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
+from textile_twin_core.mechanism import CamFollower
+from textile_twin_core.mechanism.cam_follower import SecondRoller
+from textile_twin_core.mechanism.law_strokes import Stroke
 from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for, round_ticks, split_turns
 from textile_twin_core.views.phases import inside_backing, lanes_of, state_changes
-from textile_twin_core.views.scene import build_scene
+from textile_twin_core.views.scene import build_scene, poses
 from textile_twin_core.views.solids import Solid, circle, extrude, rectangle, stadium
 
 
@@ -25,6 +28,8 @@ def test_solids_are_closed_and_look_outwards() -> None:
     assert volume(bar) == pytest.approx(2.0 + np.pi * 0.25, rel=1e-4)
     cone = extrude(circle(1.0, sides=400), 0.0, 3.0, colour, end_scale=1e-9)
     assert volume(cone) == pytest.approx(np.pi, rel=1e-3)
+    boomerang = [(2.0, 0.0), (0.0, 2.0), (-1.0, -1.0), (0.0, -0.5)]  # seen whole from (0, 0)
+    assert volume(extrude(boomerang, 0.0, 3.0, colour, centre=(0.0, 0.0))) == pytest.approx(3.0 * 3.75)
     turned = bar.turned((0, 1, 0), (0, 0, 1), (1, 0, 0)).moved((5.0, -7.0, 2.0))
     assert volume(turned) == pytest.approx(volume(bar))
 
@@ -84,3 +89,27 @@ def test_every_linkage_has_a_scene(name: str) -> None:
     for part in scene.moving:
         assert volume(part.solid) > 0.0
         assert np.isfinite(part.solid.vertices).all()
+
+
+def test_rollers_touch_the_cams_that_are_drawn() -> None:
+    strokes = (Stroke(0.3, 1.7, 0.2), Stroke(2.8, 2.4, 0.0))
+    group = CamFollower(
+        "cam", "sley", "O", "M", "B", 0.06, 0.12, strokes, pivot="C", roller_radius_m=0.012,
+        second=SecondRoller((0.06, 0.11), 0.01),
+    )  # fmt: skip
+    scene = build_scene(ttc.Machine("cams", {"O": (0.01, -0.02), "C": (0.15, 0.03)}, (group,)))
+    cam, sley = scene.moving
+    assert (len(cam.outlines), len(sley.outlines)) == (2, 0)
+    assert volume(cam.solid) > 0.0
+    places = {name: np.broadcast_to(at, (361, 2)) for name, at in scene.fixed_points.items()} | dict(scene.paths)
+    (axis, turned), (pivot, swung) = (poses(part, places) for part in (cam, sley))
+    for outline, roller, radius in zip(cam.outlines, [(0.12, 0.0), (0.06, 0.11)], [0.012, 0.01], strict=True):
+        for k in range(0, 361, 30):
+            centre = pivot[k, :2] + roller @ _turn(swung[k])
+            away = np.hypot(*(axis[k, :2] + outline @ _turn(turned[k]) - centre).T)
+            assert away.min() == pytest.approx(radius, rel=1e-3)  # corners of the outline lie a degree apart
+
+
+def _turn(angle: float) -> np.ndarray:
+    """Rows of a matrix that turns a row vector by an angle."""
+    return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])

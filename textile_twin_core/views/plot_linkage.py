@@ -40,9 +40,12 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
         start, end = points[part.start], points[part.end]
         colour = tuple(channel / 255.0 * 0.88 for channel in part.colour)
         wide = 9.0 if part.length_m < 0.6 * scene.size_m else 5.0
-        axes.plot(
-            [start[0], end[0]], [start[1], end[1]], color=colour, linewidth=wide, solid_capstyle="round", zorder=3
-        )
+        if part.outlines:
+            _draw_cam(axes, part.outlines, start, end - start, colour)
+        else:
+            axes.plot(
+                [start[0], end[0]], [start[1], end[1]], color=colour, linewidth=wide, solid_capstyle="round", zorder=3
+            )
         if part.length_m > 0.05 * scene.size_m:
             middle = 0.5 * (start + end)
             axes.annotate(part.name, middle, (9, 3), textcoords="offset points", fontsize=10.5, color=_INK, zorder=6)
@@ -74,6 +77,16 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
     axes.set_axis_off()
     axes.margins(0.1, 0.07)
     axes.set_title(f"Linkage at {np.rad2deg(theta):.1f}°", loc="left", fontsize=13, color=_INK, pad=12)
+
+
+def _draw_cam(
+    axes: Axes, outlines: tuple[FloatArray, ...], axis: FloatArray, along: FloatArray, colour: tuple[float, ...]
+) -> None:
+    """A cam's outlines, turned as its link is, the conjugate cam paler and behind."""
+    u = along / np.hypot(*along)
+    for k, outline in enumerate(outlines):
+        places = axis + outline @ np.array([u, [-u[1], u[0]]])
+        axes.fill(*places.T, facecolor=(*colour, 0.35 / (k + 1)), edgecolor=colour, linewidth=2.2, zorder=2.5 - 0.1 * k)
 
 
 def _outward(name: str, scene: MachineScene, points: dict[str, FloatArray]) -> FloatArray:

@@ -32,6 +32,8 @@ class MovingPart:
     solid: Solid
     colour: palette.Colour
     layer_m: float
+    outlines: tuple[FloatArray, ...] = ()
+    """Of a cam: its outline (n, 2) [m] in the frame of the link, and that of a conjugate cam."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +116,7 @@ def build_scene(machine: Machine) -> MachineScene:
     sliding = {joint.child_link: joint for joint in machine.joints if joint.kind == "prismatic"}
     moving, grounds = [], []
     for number, link in enumerate(machine.links):
+        outlines = _outlines(machine, link.name)
         length = float(np.hypot(*(paths[link.end][0] - paths[link.start][0])))
         colour = palette.LINKS[number % len(palette.LINKS)]
         if link.name in sliding:
@@ -121,9 +124,9 @@ def build_scene(machine: Machine) -> MachineScene:
             axis = sliding[link.name].axis
             grounds.append(_guide(paths[link.start], (float(axis[0]), float(axis[1])), width))
         else:
-            solid = _bar(length, width, colour)
+            solid = _cam(outlines, width, colour) if outlines else _bar(length, width, colour)
         layer = 0.55 * width * number
-        moving.append(MovingPart(link.name, link.start, link.end, length, solid, colour, layer))
+        moving.append(MovingPart(link.name, link.start, link.end, length, solid, colour, layer, outlines))
     depth = 0.55 * width * len(moving)
     grounds += [_bearing(point, width, depth) for point in fixed_points.values()]
     return MachineScene(
@@ -135,6 +138,19 @@ def build_scene(machine: Machine) -> MachineScene:
         lower=(float(low[0]), float(low[1])),
         upper=(float(high[0]), float(high[1])),
     )
+
+
+def _outlines(machine: Machine, link: str) -> tuple[FloatArray, ...]:
+    """The outlines (n, 2) [m], counter-clockwise, of the cams on a link; none where it does not turn fully."""
+    found = []
+    for ending in ("", "_second"):
+        names = [f"outline_{link}{ending}_{axis}_m" for axis in "xy"]
+        if machine.linkage.solved.turns_fully and set(names) <= set(machine.outputs):
+            over = compile_machine(machine, outputs=names, method="exact").evaluate(_TURN[:-1], 0.0, 0.0)
+            outline = np.column_stack([over[name] for name in names])
+            x, y = outline.T
+            found.append(outline if x @ np.roll(y, -1) > y @ np.roll(x, -1) else outline[::-1])
+    return tuple(found)
 
 
 def _backing(machine: Machine, paths: Mapping[str, FloatArray]) -> BackingPlane | None:
@@ -163,6 +179,16 @@ def _bar(length: float, width: float, colour: palette.Colour) -> Solid:
     )
     boss = extrude(circle(0.38 * width), -0.7 * thick, 0.8 * thick, palette.STEEL)
     return join([bar, rib, boss, boss.moved((length, 0.0, 0.0)), pin, pin.moved((length, 0.0, 0.0))])
+
+
+def _cam(outlines: tuple[FloatArray, ...], width: float, colour: palette.Colour) -> Solid:
+    """A plate of the cam's outline on a hub, and behind it that of a conjugate cam."""
+    thick = 0.42 * width
+    plates = [
+        extrude(outline, -(k + 0.5) * thick, (0.5 - k) * thick, colour, centre=(0.0, 0.0))
+        for k, outline in enumerate(outlines)
+    ]
+    return join([*plates, extrude(circle(0.5 * width), -0.5 * thick, 0.9 * thick, palette.STEEL)])
 
 
 def _slider(length: float, width: float, colour: palette.Colour) -> Solid:

@@ -1,4 +1,4 @@
-"""Solid shapes for the machine's picture: convex outlines extruded into flat-shaded triangles."""
+"""Solid shapes for the machine's picture: outlines extruded into flat-shaded triangles."""
 
 from __future__ import annotations
 
@@ -44,18 +44,29 @@ def join(solids: Sequence[Solid]) -> Solid:
     )
 
 
-def extrude(outline: Points, z0: float, z1: float, colour: Colour, end_scale: float = 1.0) -> Solid:
-    """A convex, counter-clockwise outline (n, 2) from z0 to z1, drawn to `end_scale` of its size at z1."""
+def extrude(
+    outline: Points,
+    z0: float,
+    z1: float,
+    colour: Colour,
+    end_scale: float = 1.0,
+    centre: tuple[float, float] | None = None,
+) -> Solid:
+    """A counter-clockwise outline (n, 2) from z0 to z1, drawn to `end_scale` of its size at z1.
+
+    From `centre` the whole outline must be in sight; without one from its mean, as of every convex outline.
+    """
     base = np.asarray(outline, dtype=np.float64)
-    middle = base.mean(axis=0)
+    middle = base.mean(axis=0) if centre is None else np.asarray(centre, dtype=np.float64)
     top = middle + end_scale * (base - middle)
     n = base.shape[0]
     low = np.column_stack([base, np.full(n, z0)])
     high = np.column_stack([top, np.full(n, z1)])
-    fan = np.array([(0, k, k + 1) for k in range(1, n - 1)], dtype=np.int64)
-    vertices, normals = [high, low], [np.tile([0.0, 0.0, 1.0], (n, 1)), np.tile([0.0, 0.0, -1.0], (n, 1))]
-    triangles = [fan, fan[:, ::-1] + n]
-    count = 2 * n
+    fan = np.array([(n, k, (k + 1) % n) for k in range(n)], dtype=np.int64)
+    vertices = [high, [(*middle, z1)], low, [(*middle, z0)]]
+    normals = [np.tile([0.0, 0.0, side], (n + 1, 1)) for side in (1.0, -1.0)]
+    triangles = [fan, fan[:, ::-1] + n + 1]
+    count = 2 * (n + 1)
     for k in range(n):
         j = (k + 1) % n
         quad = np.array([low[k], low[j], high[j], high[k]])
