@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,17 +18,15 @@ from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.record_inlets import Inlets
+from textile_twin_ros.record_progress import Progress
 from textile_twin_ros.recording_place import RecordingPlace
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
 
 if TYPE_CHECKING:
     from textile_twin_core.recordings import BagWriter
 
-# Goes on for as long as any node lives.
-_NEVER_SILENT = ("/diagnostics", "/clock")
 _LOOK_S = 0.1
 _HOUSEKEEPING_S = 0.25
-_AFTERMATH_S = 1.5
 _RETENTION_S = 1.0
 
 
@@ -79,12 +76,12 @@ class RecordNode(Node):
         self._place = RecordingPlace(self.settings.bag, self.settings.folder, self.get_namespace())
         self.executor_name = self.settings.executor
         self.finished = Future()
-        self._enough = dict(self._parse_count(text) for text in self.settings.stop_after)
+        enough = dict(self._parse_count(text) for text in self.settings.stop_after)
+        self._progress = Progress(enough, self.settings.stop_when_idle_s)
         self._writer: BagWriter | None = None
         self._open_files = ExitStack()
-        self.counts: Counter[str] = Counter()
-        self._last = self._retained = time.monotonic()
-        self._anything = self._told_silent = False
+        self._retained = time.monotonic()
+        self._told_silent = False
         depth = depth_for(self.settings.rate_hz, self.settings.queue_s)
         self._inlets = Inlets(self, self.settings.topics, self.settings.types, depth, self._take)
         if self.settings.start:
@@ -103,12 +100,11 @@ class RecordNode(Node):
         path, self._writer = self._writer.path, None
         self._inlets.write_to(None)
         self._open_files.close()
-        if self._place.by_time and not self._anything:
+        if self._place.by_time and not self._progress.anything:
             remove(path)
             print("nothing came: no recording is kept", flush=True)
             return
-        counts = ", ".join(f"{topic} {count}" for topic, count in sorted(self.counts.items()) if count)
-        print(f"recorded {self.counts.total()} messages in {path}: {counts or 'nothing came'}", flush=True)
+        print(f"recorded {self._progress.counts.total()} messages in {path}: {self._progress}", flush=True)
 
     def _parse_count(self, text: str) -> tuple[str, int]:
         topic, _, count = text.partition("=")
@@ -130,9 +126,7 @@ class RecordNode(Node):
             split_s=settings.split_minutes * 60.0,
         )
         self._writer = self._open_files.enter_context(writer)
-        self.counts.clear()
-        self._anything = False
-        self._last = time.monotonic()
+        self._progress.begin()
         self._inlets.write_to(writer)
         self.get_logger().info(f"recording to {path}")
 
@@ -144,10 +138,7 @@ class RecordNode(Node):
         except OSError as error:
             self._give_up(self._writer.path, error)
             return
-        self.counts[topic] += 1
-        if topic not in _NEVER_SILENT:
-            self._last = time.monotonic()
-            self._anything = True
+        self._progress.take(topic)
 
     def _keep_house(self) -> None:
         if self._writer is None:
@@ -161,15 +152,9 @@ class RecordNode(Node):
         if self.settings.keep_GB and now - self._retained > _RETENTION_S:
             self._retained = now
             self._place.retain(self._writer, round(self.settings.keep_GB * 1e9))
-        idle = self.settings.stop_when_idle_s
-        quiet_s = now - self._last
-        ended = idle and self._anything and quiet_s > idle
-        complete = self._enough and all(self.counts[topic] >= count for topic, count in self._enough.items())
-        # Other topics may still have something to say of the last messages counted.
-        if (ended or (complete and quiet_s > _AFTERMATH_S)) and not self.finished.done():
+        if self._progress.is_complete() and not self.finished.done():
             self.finished.set_result(0)
-        # Where silence is the end, it is nothing to warn of.
-        silent = quiet_s > self.settings.no_data_timeout_s and not (idle and self._anything)
+        silent = self._progress.is_silent(self.settings.no_data_timeout_s)
         if silent and not self._told_silent:
             self.get_logger().warning(self._silence())
         self._told_silent = silent
@@ -180,7 +165,7 @@ class RecordNode(Node):
         self._inlets.write_to(None)
         with suppress(TwinError, OSError):
             self._open_files.close()
-        reason = f"{path}: {error.strerror or error}: the recording ends after {self.counts.total()} messages"
+        reason = f"{path}: {error.strerror or error}: the recording ends after {self._progress.counts.total()} messages"
         if not self.finished.done():
             self.finished.set_exception(RecordingError(f"{reason}; make room, and keep it with textile-twin recover"))
 
@@ -188,11 +173,11 @@ class RecordNode(Node):
         wanted = self._inlets.wanted
         if not wanted:
             return f"nothing to record for {self.settings.no_data_timeout_s:g} s"
-        told = self._inlets.describe({topic for topic in wanted if not self.counts[topic]})
+        told = self._inlets.describe({topic for topic in wanted if not self._progress.counts[topic]})
         return f"no data to record for {self.settings.no_data_timeout_s:g} s: {told or 'all topics fell silent'}"
 
     def _statuses(self) -> list[Status]:
-        values: dict[str, object] = {topic: self.counts[topic] for topic in self._inlets.topics}
+        values: dict[str, object] = {topic: self._progress.counts[topic] for topic in self._inlets.topics}
         if self._writer is None:
             return [Status("recording", OK, "not recording", values)]
         if self._told_silent:
@@ -216,7 +201,7 @@ class RecordNode(Node):
         if self._writer is None:
             response.success, response.message = False, "not recording: call ~/start first"
             return response
-        path, total = self._writer.path, self.counts.total()
+        path, total = self._writer.path, self._progress.counts.total()
         self.close()
         response.success, response.message = True, f"{total} messages in {path}"
         return response
