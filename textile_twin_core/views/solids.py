@@ -63,7 +63,7 @@ def extrude(
     low = np.column_stack([base, np.full(n, z0)])
     high = np.column_stack([top, np.full(n, z1)])
     fan = np.array([(n, k, (k + 1) % n) for k in range(n)], dtype=np.int64)
-    vertices = [high, [(*middle, z1)], low, [(*middle, z0)]]
+    vertices = [high, np.array([(*middle, z1)]), low, np.array([(*middle, z0)])]
     normals = [np.tile([0.0, 0.0, side], (n + 1, 1)) for side in (1.0, -1.0)]
     triangles = [fan, fan[:, ::-1] + n + 1]
     count = 2 * (n + 1)
