@@ -105,13 +105,11 @@ def bin_by_angle(theta_rad: FloatArray, residual_Nm: FloatArray, bins: int) -> A
 def by_revolution(stamps_ns: IntArray, theta_rad: FloatArray, residual_Nm: FloatArray) -> RevolutionErrors:
     """Sort (n,) samples, in order of time, by the revolution of the shaft."""
     turn = np.floor(theta_rad / TWO_PI).astype(np.int64)
-    number, place = np.unique(turn, return_inverse=True)
+    number, first, place = np.unique(turn, return_index=True, return_inverse=True)
+    del turn  # an hour's arrays are large
     count = np.bincount(place)
-    # Within a revolution the largest residual comes last, the earliest sample comes first.
-    by_size = np.lexsort((np.abs(residual_Nm), place))
-    worst = by_size[np.cumsum(count) - 1]
-    by_time = np.argsort(place, kind="stable")
-    first = by_time[np.cumsum(count) - count]
+    # Within a revolution the largest residual comes last.
+    worst = np.lexsort((np.abs(residual_Nm), place))[np.cumsum(count) - 1]
     return RevolutionErrors(
         number=number,
         start_ns=stamps_ns[first],

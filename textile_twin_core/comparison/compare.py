@@ -84,6 +84,7 @@ def compare_torque(
     track, jumps = build_track(
         predicted_time, predictions.torque_Nm, predictions.theta_rad, [e.angle_rad for e in events]
     )
+    del predicted_time  # here and below: an hour's arrays are large, and what comes after them needs the room
     piece, inside = track.piece(time - configured)
     if not inside.any():
         raise AlignmentError(
@@ -97,6 +98,7 @@ def compare_torque(
         search_s = min(delay_search_s, _half_turn(track))
         fit = fit_sensor(track, time[calm], measured[calm], configured, search_s, event_guard_s)
         fit = _never_worse(fit, track, (time[calm], measured[calm]), (configured, gain, offset), event_guard_s)
+    del piece, inside, calm
 
     used, not_used = _select(track, time - fit.delay_s, ready, event_guard_s)
     causes.update(not_used)
@@ -113,9 +115,14 @@ def compare_torque(
     if np.count_nonzero(used_configured) < _LEAST_SAMPLES:
         used_configured = used
     configured_Nm, _ = _expected(track, time - configured, gain, offset)
-    turning = _turning(track, time - fit.delay_s)
-    seen, told, turned = measured[used], expected[used], angle[used]
+    errors_configured = error_statistics(measured[used_configured], configured_Nm[used_configured])
+    del used_configured, configured_Nm
+    seen, told = measured[used], expected[used]
+    errors = error_statistics(seen, told)
     fitted = fit.gain * (told - offset) / gain + fit.offset_Nm if np.isfinite(fit.gain) else told
+    errors_fitted = error_statistics(seen, fitted)
+    del seen, told, fitted
+    turned, turning = angle[used], _turning(track, time - fit.delay_s)
 
     causes["prediction_not_usable"] = predictions.dropped
     causes.update({f"angle_{cause}": int(number) for cause, number in (rejected or {}).items()})
@@ -135,9 +142,9 @@ def compare_torque(
         sensor_gain=gain,
         sensor_offset_Nm=offset,
         fit=fit,
-        errors=error_statistics(seen, told),
-        errors_configured=error_statistics(measured[used_configured], configured_Nm[used_configured]),
-        errors_fitted=error_statistics(seen, fitted),
+        errors=errors,
+        errors_configured=errors_configured,
+        errors_fitted=errors_fitted,
         by_angle=bin_by_angle(angle[used & turning], residual[used & turning], angle_bins),
         by_revolution=by_revolution(measured_ns[used], turned, residual[used]),
         by_order=by_order(angle[used & turning], residual[used & turning]),

@@ -18,7 +18,7 @@ from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, Ang
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of, state_changes
 from textile_twin_core.views.scene import PointPositions, build_scene
-from textile_twin_core.views.scribe import Scribe
+from textile_twin_core.views.scribe import Scribe, blocks
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -115,7 +115,9 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
 
         step = max(1, int(predicted_s.size / max(predicted_s[-1] * _FRAME_RATE_HZ, 1.0)))
         frames = np.arange(0, predicted_s.size, step)
-        scribe.motion(predicted_s[frames], PointPositions(machine)(theta[frames]))
+        positions = PointPositions(machine)
+        for part in blocks(frames.size):
+            scribe.motion(predicted_s[frames[part]], positions(theta[frames[part]]))
         # Through the sensor, so that both curves and the residual speak of the same instant.
         shown = comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm
         sigma = abs(comparison.sensor_gain) * comparison.predicted_sigma_Nm

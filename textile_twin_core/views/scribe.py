@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,8 @@ from textile_twin_core.views.scene import MachineScene, poses
 _SEGMENT = 8  # samples of a line in the plot over the shaft angle
 _MOST_SEGMENTS = 20_000
 """Lines of one torque over the angle; in an hour at 500 Hz and 160 rpm each is then half a turn long."""
+_BLOCK = 65_536
+"""Samples that are handed to the viewer's writer at a time: what it makes of hours together would fill the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,9 +51,10 @@ class Scribe:
 
     def predicted(self, time_s: FloatArray, torque_Nm: FloatArray, sigma_Nm: FloatArray) -> None:
         """Predicted torque with its standard deviation (nan where unknown) over time."""
-        variance = np.where(np.isfinite(sigma_Nm), sigma_Nm, 0.0) ** 2
-        columns = rr.Measurements.columns(values=torque_Nm, variances=variance)
-        self.stream.send_columns("torque/predicted", _times(time_s), columns)
+        for part in blocks(time_s.size):
+            variance = np.where(np.isfinite(sigma_Nm[part]), sigma_Nm[part], 0.0) ** 2
+            columns = rr.Measurements.columns(values=torque_Nm[part], variances=variance)
+            self.stream.send_columns("torque/predicted", _times(time_s[part]), columns)
 
     def measured(self, time_s: FloatArray, torque_Nm: FloatArray) -> None:
         """Measured torque over time."""
@@ -69,18 +72,18 @@ class Scribe:
 
     def over_angle(self, which: str, time_s: FloatArray, theta_rad: FloatArray, torque_Nm: FloatArray) -> None:
         """A torque over the shaft angle, in short lines that the viewer keeps for some turns."""
-        points = self.torque_canvas.place(theta_rad, torque_Nm)
-        strips, ends = [], []
         length = max(_SEGMENT, time_s.size // _MOST_SEGMENTS)
-        for first in range(0, time_s.size - 1, length):
-            part = slice(first, min(first + length + 1, time_s.size))
-            for strip in split_turns(theta_rad[part], points[part]):
-                strips.append(strip.astype(np.float32))
-                ends.append(time_s[part][-1])
-        if not strips:
-            return
-        columns = rr.LineStrips2D.columns(strips=strips)
-        self.stream.send_columns(f"angle/{which}", _times(np.array(ends)), columns)
+        for block in blocks(time_s.size - 1, max(1, _BLOCK // length) * length):
+            strips, ends = [], []
+            for first in range(block.start, block.stop, length):
+                part = slice(first, min(first + length + 1, time_s.size))
+                theta = theta_rad[part]
+                for strip in split_turns(theta, self.torque_canvas.place(theta, torque_Nm[part])):
+                    strips.append(strip.astype(np.float32))
+                    ends.append(time_s[part][-1])
+            if strips:
+                columns = rr.LineStrips2D.columns(strips=strips)
+                self.stream.send_columns(f"angle/{which}", _times(np.array(ends)), columns)
 
     def now(self, time_s: FloatArray, theta_rad: FloatArray, torque_Nm: FloatArray) -> None:
         """The present point of the plot over the shaft angle."""
@@ -154,8 +157,13 @@ class Scribe:
         self.stream.log(entity, drawn, static=time_s is None)
 
     def _scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
-        if time_s.size:
-            self.stream.send_columns(entity, _times(time_s), rr.Scalars.columns(scalars=values))
+        for part in blocks(time_s.size):
+            self.stream.send_columns(entity, _times(time_s[part]), rr.Scalars.columns(scalars=values[part]))
+
+
+def blocks(count: int, size: int = _BLOCK) -> Iterator[slice]:
+    """So many samples in blocks of at most `size`."""
+    return (slice(first, min(first + size, count)) for first in range(0, count, size))
 
 
 def _times(time_s: FloatArray) -> list[rr.TimeColumn]:
