@@ -1,4 +1,4 @@
-"""One program of what Python calls: a function compiled with all functions that it calls, which alone become no code.
+"""A function compiled as one program with all functions that it calls; these alone become no machine code.
 
 numba by itself makes machine code of every function, and wrappers by which Python can call it, and does so again
 wherever one is part of another: of forty functions that call each other that takes three times as long.

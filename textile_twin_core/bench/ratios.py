@@ -1,4 +1,4 @@
-"""Ratios of times, taken round by round: they hold on any computer, and its wandering clock falls out of them."""
+"""Ratios of times, taken round by round: they hold on any computer, also while its clock speed changes."""
 
 from __future__ import annotations
 

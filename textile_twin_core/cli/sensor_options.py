@@ -1,4 +1,4 @@
-"""Options that tell of the sensors of a recording what the machine file does not."""
+"""Options for the sensors of a recording where the machine file does not describe them."""
 
 from __future__ import annotations
 

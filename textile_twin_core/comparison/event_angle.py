@@ -1,4 +1,4 @@
-"""At which shaft angle a force sets in or ceases: the likelihood of every angle, from the samples beside the event."""
+"""At which shaft angle a force begins or ends: the likelihood of every angle, from the samples beside the event."""
 
 from __future__ import annotations
 

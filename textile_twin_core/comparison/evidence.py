@@ -1,4 +1,4 @@
-"""What a record says of the settings: measured torque beside the torque that any settings of the sensors would give."""
+"""Measured torque beside the torque that any settings of the sensors would give: the record as the fits use it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Watch turns of a machine against what was learnt of it: alarms by their evidence, with hysteresis."""
+"""Watch turns of a machine against what was learnt of it, and raise alarms, with hysteresis."""
 
 from __future__ import annotations
 

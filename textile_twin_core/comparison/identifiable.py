@@ -1,4 +1,4 @@
-"""What a record can tell before anything is fitted to it: parameters whose effects are the same are found out."""
+"""Which parameters a record can separate: those whose effects on the torque look alike are found before any fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joints of the robot description: what a group declares of how its links hang on each other."""
+"""Joints of the robot description: how the links of a group are connected."""
 
 from __future__ import annotations
 

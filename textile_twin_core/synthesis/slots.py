@@ -1,4 +1,4 @@
-"""Slots: every number in a machine's declaration by a name of its own, to read it and to put another in its place."""
+"""Slots: every number in a machine's declaration by a name of its own, to read and to replace it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Twins of machines with a history: springs and stops remember what went before."""
+"""Twins of machines whose state depends on the past: bodies between springs and stops."""
 
 from __future__ import annotations
 

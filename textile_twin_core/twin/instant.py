@@ -1,4 +1,4 @@
-"""Predictions of machines without history: each shaft state for itself."""
+"""Predictions of machines whose outputs depend on the present state of the shaft alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows of a table: one for each interval of the angle, more where a function leaps, and all that for each direction."""
+"""Rows of a table: one for each interval of the angle, more where a function leaps, for each direction of turning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the shaft stands, told by events: edges of a wheel counted from its gap, angles from an index pulse."""
+"""Where the shaft stands, from events: edges of a wheel counted from its gap, angles from an index pulse."""
 
 from __future__ import annotations
 
