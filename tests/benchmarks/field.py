@@ -4,17 +4,20 @@ Run from the root of the repository: python -m tests.benchmarks.field WHAT [NUMB
   side-by-side [SECONDS]   three suites on one computer, two of them in namespaces, started in the same second
   kills [TIMES]            a recorder killed at random moments at 1 kHz, and what is on the disk
   restarts [TIMES]         nodes killed and started again in any order, and how long until predictions are back
+  bridge [SECONDS]         a PLC at 100 Hz by OPC UA: from asyncua's own server to the predictions in it
 python -m tests.benchmarks.endurance [MINUTES] runs at 1 kHz for long.
 """
 
 from __future__ import annotations
 
+import asyncio
 import random
 import re
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -22,7 +25,10 @@ import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
+from tests.ros.bridged import Bridged
 from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, running_suite
+from tests.ros.test_opcua import RATE_HZ as PLC_HZ
+from tests.ros.test_opcua import VARIABLES, Plc
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import open_bag
 
@@ -73,13 +79,15 @@ def kills(suite: Suite, times: int) -> None:
     """What was published more than half a second before the kill is on the disk, without a hole."""
     choice = random.Random(1)
     feed(suite, 1000.0)
-    latest, holes = [], 0
+    latest, first, holes = [], [], 0
     for number in range(times):
         bag = suite.folder / f"killed_{number}"
         recorder = suite.start("record_node", f"bag:={bag}", "topics:=[main_shaft/angle]")
         recorder.wait_for_words("recording to")
+        began = time.monotonic()
         while recorder.process.poll() is None and not _messages_on_disk(bag):
             time.sleep(0.1)
+        first.append(time.monotonic() - began)
         time.sleep(choice.uniform(0.5, 2.5))
         killed_ns = time.time_ns()
         recorder.end(signal.SIGKILL)
@@ -88,7 +96,8 @@ def kills(suite: Suite, times: int) -> None:
         holes += round((int(stamps[-1]) - int(stamps[0])) / 1_000_000) + 1 - len(stamps)
         latest.append((killed_ns - int(stamps[-1])) * 1e-9)
     print(f"{times} kills at 1 kHz: the last sample on the disk {np.median(latest):.2f} s (median) and at most"
-          f" {max(latest):.2f} s before the kill; {holes} holes")  # fmt: skip
+          f" {max(latest):.2f} s before the kill; {holes} holes; the first sample"
+          f" there {max(first):.1f} s after the start at most")  # fmt: skip
 
 
 def _messages_on_disk(bag: Path) -> int:
@@ -122,6 +131,39 @@ def restarts(suite: Suite, times: int) -> None:
           f" {stale} old ones")  # fmt: skip
 
 
+def bridge(suite: Suite, seconds: float) -> None:
+    """Every sample of a PLC comes to the topics once, and the twin's predictions go back."""
+    plc, heard = Plc(), Bridged(suite.node(), "opcua_node: plc")
+    names = [
+        f"{name}:='ns=2;s={variable}'"
+        for name, variable in zip(("angle", "torque", "predicted"), VARIABLES, strict=True)
+    ]
+    suite.start("twin_node").wait_for_words("predicting from")
+    suite.start(
+        "opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", f"angle_unit_rad:={np.deg2rad(0.1)}", *names
+    ).wait_for_words("reading")
+    suite.spin_for(3.0)
+    heard.angles.clear()
+    count = round(seconds * PLC_HZ)
+
+    async def turn() -> None:
+        began = time.monotonic()
+        for number in range(count):
+            await plc.cycle(number)
+            await asyncio.sleep(max(0.0, began + (number + 1) / PLC_HZ - time.monotonic()))
+
+    shaft = threading.Thread(target=plc.call, args=(turn(), seconds + 60.0))
+    shaft.start()
+    while shaft.is_alive():
+        suite.spin_for(0.1)
+    suite.spin_for(2.0)
+    stamps = [_stamp(message) for message in heard.angles]
+    print(f"{count} samples of a PLC: {len(stamps)} angles, {len(set(stamps))} stamps, {len(heard.torques)} torques,"
+          f" {len(heard.predicted)} predictions; in the PLC {plc.call(plc.nodes['Predicted'].read_value()):.3f} N m,"
+          f" the last {heard.predicted[-1].wrench.torque.z:.3f} N m")  # fmt: skip
+    plc.close()
+
+
 def _stamp(message: WrenchStamped | JointState) -> int:
     return int(message.header.stamp.sec * SECOND_NS + message.header.stamp.nanosec)
 
@@ -132,6 +174,7 @@ def main() -> None:
         "side-by-side": (side_by_side, 60.0),
         "kills": (kills, 20),
         "restarts": (restarts, 20),
+        "bridge": (bridge, 60.0),
     }
     if len(sys.argv) < 2 or sys.argv[1] not in runs:
         sys.exit(__doc__)

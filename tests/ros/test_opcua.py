@@ -39,9 +39,9 @@ class Plc:
         self._thread.start()
         self.call(self._start())
 
-    def call(self, work: Coroutine[Any, Any, Any]) -> Any:
+    def call(self, work: Coroutine[Any, Any, Any], timeout_s: float = 30.0) -> Any:
         """Do something in the server's thread."""
-        return asyncio.run_coroutine_threadsafe(work, self._loop).result(30.0)
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(timeout_s)
 
     async def _start(self) -> None:
         self.server = Server()
