@@ -28,7 +28,13 @@ class Estimate:
         return Estimate(factor * self.value + shift, abs(factor) * self.sigma, (ends[0], ends[1]))
 
 
-def bootstrap_moves(jacobian: FloatArray, residual: FloatArray, turn: IntArray, draws: int = DRAWS) -> FloatArray:
+def bootstrap_moves(
+    jacobian: FloatArray,
+    residual: FloatArray,
+    turn: IntArray,
+    draws: int = DRAWS,
+    instruments: FloatArray | None = None,
+) -> FloatArray:
     """By how much each estimate moves when the turns of the record are drawn again with replacement: (draws, k).
 
     One Gauss-Newton step from the estimate for each draw, with Huber weights (the one-step bootstrap of Shao and Tu
@@ -39,19 +45,20 @@ def bootstrap_moves(jacobian: FloatArray, residual: FloatArray, turn: IntArray, 
         jacobian: (n, k) slopes of the expected torque. residual: (n,) measured less expected.
         turn: (n,) the turn to which each sample belongs.
         draws: number of draws.
+        instruments: (n, k) what the residual was made orthogonal to; None: the slopes, as by least squares.
     """
     scale = 1.4826 * float(np.median(np.abs(residual))) + 1e-300
     weight = huber_weights(residual, scale)
     sizes = np.sqrt(np.mean(jacobian**2, axis=0)) + 1e-300
     scaled = jacobian / sizes
+    weighted = (scaled if instruments is None else instruments / sizes) * weight[:, None]
     turns, place = np.unique(turn, return_inverse=True)
     k = jacobian.shape[1]
     normals = np.empty((turns.size, k, k))
     for row in range(k):
-        for column in range(row + 1):
-            products = np.bincount(place, weights=weight * scaled[:, row] * scaled[:, column])
-            normals[:, row, column] = normals[:, column, row] = products
-    scores = np.stack([np.bincount(place, weights=weight * residual * scaled[:, c]) for c in range(k)], axis=1)
+        for column in range(k):
+            normals[:, row, column] = np.bincount(place, weights=weighted[:, row] * scaled[:, column])
+    scores = np.stack([np.bincount(place, weights=residual * weighted[:, c]) for c in range(k)], axis=1)
     rng = np.random.default_rng(_SEED)
     drawn = rng.multinomial(turns.size, np.full(turns.size, 1.0 / turns.size), size=draws).astype(np.float64)
     total = np.einsum("dt,tij->dij", drawn, normals)
@@ -61,16 +68,20 @@ def bootstrap_moves(jacobian: FloatArray, residual: FloatArray, turn: IntArray, 
     return np.asarray(moves * math.sqrt(turns.size / max(turns.size - 1.0, 1.0)))
 
 
-def moves_of(jacobian: FloatArray, residual: FloatArray, turn: IntArray) -> FloatArray:
+def moves_of(
+    jacobian: FloatArray, residual: FloatArray, turn: IntArray, instruments: FloatArray | None = None
+) -> FloatArray:
     """The moves of `bootstrap_moves`, widened where samples on their own would scatter more.
 
     Turns of a run-up weigh much and are few; a bootstrap over them alone is then too narrow.
     """
-    moves = bootstrap_moves(jacobian, residual, turn)
+    moves = bootstrap_moves(jacobian, residual, turn, instruments=instruments)
     sizes = np.sqrt(np.mean(jacobian**2, axis=0)) + 1e-300
     scaled = jacobian / sizes
-    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True)
-    alone = np.sqrt(np.diag(inverse) * float(np.mean(residual**2))) / sizes
+    held = scaled if instruments is None else instruments / sizes
+    inverse = np.linalg.pinv(held.T @ scaled, rcond=1e-13)
+    variance = np.einsum("ij,jk,ik->i", inverse, held.T @ held, inverse)
+    alone = np.sqrt(variance * float(np.mean(residual**2))) / sizes
     return np.asarray(moves * np.maximum(1.0, alone / (np.std(moves, axis=0) + 1e-300)))
 
 

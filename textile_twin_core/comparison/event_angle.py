@@ -13,6 +13,8 @@ from textile_twin_core.comparison.bootstrap import Estimate
 SPREADS_RAD = tuple(np.radians([0.01, 0.02, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0]).tolist())
 _OUTLIERS = 1e-4
 _OUTLIER_SIGMAS = 100.0
+_FAR = 5.0
+"""Spreads from an event beyond which the force is there, or not, to 3e-7."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: 
     best: tuple[float, FloatArray, float, bool] | None = None
     masses = {True: np.zeros(shifts.size), False: np.zeros(shifts.size)}
     logs = {
-        (steep, spread): np.array([_log_likelihood(beside, float(s), spread, scale, steep) for s in shifts])
+        (steep, spread): _log_likelihoods(beside, shifts, spread, scale, steep)
         for spread in SPREADS_RAD
         for steep in (True, False)
     }
@@ -75,6 +77,18 @@ def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: 
     reached = np.cumsum(mass)
     low, high = (float(np.interp(share, reached, shifts)) for share in (0.025, 0.975))
     return EventAngle(Estimate(mean, spread, (low, high)), best[2], best[3])
+
+
+def _log_likelihoods(beside: BesideEvent, shifts: FloatArray, spread: float, scale: float, steep: bool) -> FloatArray:
+    """(k,) of the samples at shifts (k,) of the event. Far from all shifts a sample is before the event or after it."""
+    middle, reach = 0.5 * (shifts[0] + shifts[-1]), 0.5 * float(np.ptp(shifts)) + _FAR * spread
+    near = np.abs(beside.relative_rad - middle) < reach
+    far, close = (
+        BesideEvent(beside.relative_rad[k], beside.measured[k], beside.before[k], beside.after[k])
+        for k in (~near, near)
+    )
+    always = _log_likelihood(far, middle, spread, scale, steep)
+    return np.array([always + _log_likelihood(close, float(s), spread, scale, steep) for s in shifts])
 
 
 def _log_likelihood(beside: BesideEvent, shift: float, spread: float, scale: float, steep: bool) -> float:

@@ -9,18 +9,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.assess import assess
 from textile_twin_core.comparison.bootstrap import Estimate, estimate, moves_of
 from textile_twin_core.comparison.event_angle import BesideEvent, EventAngle, event_angle
+from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.explain import Explanation
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable
 from textile_twin_core.comparison.identified_machine import identified_machine
 from textile_twin_core.comparison.readings import Readings
+from textile_twin_core.comparison.repeating_motion import excess_of, repeating_motion
 from textile_twin_core.comparison.result import plain
-from textile_twin_core.comparison.settings_fit import HUBER, robust_scale
+from textile_twin_core.comparison.settings_fit import robust_scale
+from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
+from textile_twin_core.comparison.smooth_fit import SmoothFit, instrumented_fit, least_squares_fit
 from textile_twin_core.comparison.torque_model import DELAY, EVENTS, GAIN, NOT_NEGATIVE, OFFSET, ZERO, TorqueModel
 from textile_twin_core.comparison.unmodelled import UnmodelledTorque, unmodelled_torque
 from textile_twin_core.errors import RecordingError
@@ -78,10 +81,11 @@ class Identification:
 
 
 def identify(readings: Readings, machine: Machine) -> Identification:
-    """Fit the parameters that the record can tell, by bounded least squares with Huber's loss.
+    """Fit the parameters that the record can tell.
 
-    Effects are checked before anything is solved (see `identifiable`); linear parameters and the smooth ones are then
-    solved together by scipy's trust region, event angles by a scan first. Intervals: bootstrap over whole turns.
+    Effects are checked before anything is solved (see `identifiable`); the smooth parameters are then solved together
+    (see `smooth_fit`), event angles by the likelihood of the samples beside them. Intervals by a bootstrap over whole
+    turns.
 
     Raises RecordingError when the recording tells nothing, is of another machine, or a sensor's discrete setting
     (direction, ratio, unit, sign) is wrong, which `calibrate` settles.
@@ -95,20 +99,17 @@ def identify(readings: Readings, machine: Machine) -> Identification:
     free, lost = _tellable(model, values, found)
     for each in lost:
         values[each.name] = told[each.name]
-    values, events = _solve(model, values, tuple(free))
+    steady = _steady(readings, machine, evidence)
+    values, events, fit = _solve(model, steady, values, tuple(free))
     smooth = tuple(name for name in free if name not in EVENTS)
-    spread = max((event.spread_rad for event in events.values()), default=0.0)
-    parts = model.parts(values)
-    residual = evidence.torque_Nm - model.expected(values)
-    good = parts.good & ~model.near_event(parts.theta, values, _beside(spread))
-    turn = model.turn(values)
-    moves = moves_of(model.jacobian(values, smooth)[good], residual[good], turn[good])
+    turn = model.turn(values)[fit.good]
+    moves = moves_of(fit.slopes, fit.residual, turn, fit.instruments)
     fitted = {name: _bounded(name, estimate(values[name], moves[:, k])) for k, name in enumerate(smooth)}
     phase = _phase_sigma(smooth, moves, found.settings.direction * evidence.working_speed())
     fitted |= {name: _with_phase(values[name], event, phase) for name, event in events.items()}
     fitted = {name: fitted[name] for name in free}
-    before = (evidence.torque_Nm - model.expected(told))[good]
-    left = unmodelled_torque(parts.theta[good], residual[good] / values[GAIN], turn[good])
+    before = (evidence.torque_Nm - model.expected(told))[fit.good]
+    left = unmodelled_torque(model.parts(values).theta[fit.good], fit.residual / values[GAIN], turn)
     turned = machine.sensors.encoder.direction * machine.sensors.encoder.ratio
     if ZERO in fitted:
         fitted[ZERO] = fitted[ZERO].scaled(1.0 / turned)
@@ -116,9 +117,9 @@ def identify(readings: Readings, machine: Machine) -> Identification:
         parameters=fitted,
         fixed={name: values[name] / (turned if name == ZERO else 1.0) for name in model.names if name not in free},
         not_identifiable=tuple(lost),
-        spread_rad=spread,
+        spread_rad=_spread(events),
         rms_before_Nm=float(np.sqrt(np.mean(before**2))),
-        rms_after_Nm=float(np.sqrt(np.mean(residual[good] ** 2))),
+        rms_after_Nm=float(np.sqrt(np.mean(fit.residual**2))),
         unmodelled=left,
         machine=identified_machine(machine, {**values, ZERO: values[ZERO] / turned}, free),
         notes=tuple(each.text for each in lost),
@@ -161,26 +162,47 @@ def _tellable(
     return free, [*lost, *more]
 
 
+def _steady(readings: Readings, machine: Machine, evidence: Evidence) -> ShaftTrack:
+    """The motion that repeats or changes slowly, of which the errors of single readings are no part."""
+    encoder, track = machine.sensors.encoder, evidence.track
+    excess = None
+    if not encoder.teeth:
+        time: FloatArray = np.asarray((readings.angle_stamps_ns - readings.angle_stamps_ns[0]) * 1e-9, np.float64)
+        excess = excess_of(track, time, readings.angle * encoder.ratio, TURN * encoder.ratio)
+    return repeating_motion(track, encoder.cycle_turns, evidence.rest_rad_s, excess)
+
+
 def _solve(
-    model: TorqueModel, values: dict[str, float], free: tuple[str, ...]
-) -> tuple[dict[str, float], dict[str, EventAngle]]:
+    model: TorqueModel, steady: ShaftTrack, values: dict[str, float], free: tuple[str, ...]
+) -> tuple[dict[str, float], dict[str, EventAngle], SmoothFit]:
     """Smooth parameters away from the events, and events from the samples beside them, in turns."""
     names = [name for name in EVENTS if name in free]
     smooth = tuple(name for name in free if name not in EVENTS)
     events: dict[str, EventAngle] = {}
-    spread = _WIDEST_RAD
+
+    def away() -> BoolArray:
+        spread = _spread(events) if events else _WIDEST_RAD
+        return ~model.near_event(model.parts(values).theta, values, _beside(spread))
+
     for last in (False, True):
-        away = ~model.near_event(model.parts(values).theta, values, _beside(spread))
-        values = _least_squares(model, values, smooth, away, _MANY_STEPS if last else _FEW_STEPS)
-        scale = robust_scale((model.evidence.torque_Nm - model.expected(values))[model.parts(values).good & away])
+        chosen = away()
+        values = least_squares_fit(model, values, smooth, chosen, _MANY_STEPS if last else _FEW_STEPS)
+        if last:
+            values = instrumented_fit(model, steady, values, smooth, chosen).values
+        scale = robust_scale((model.evidence.torque_Nm - model.expected(values))[model.parts(values).good & chosen])
         for name in names:
             beside = model.beside_event(values, name, _SCAN_RAD)
             if beside.relative_rad.size:
                 coarse = _scan(beside, _FIRST_SPREAD_RAD)
                 events[name] = event_angle(beside, scale, coarse, _REACH_RAD)
                 values = values | {name: values[name] + events[name].shift.value}
-        spread = max((event.spread_rad for event in events.values()), default=0.0)
-    return values, events
+    fit = instrumented_fit(model, steady, values, smooth, away())
+    return fit.values, events, fit
+
+
+def _spread(events: Mapping[str, EventAngle]) -> float:
+    """The widest angle over which a force sets in."""
+    return max((event.spread_rad for event in events.values()), default=0.0)
 
 
 def _scan(beside: BesideEvent, spread_rad: float) -> float:
@@ -209,39 +231,6 @@ def _with_phase(value: float, event: EventAngle, phase: float) -> Estimate:
     wider = float(np.hypot(shift.sigma, phase)) / max(shift.sigma, 1e-300)
     low, high = (value + wider * (end - shift.value) for end in shift.interval95)
     return Estimate(value, wider * shift.sigma, (low, high))
-
-
-def _least_squares(
-    model: TorqueModel, values: dict[str, float], free: tuple[str, ...], chosen: BoolArray | None, most_steps: int
-) -> dict[str, float]:
-    """Bounded least squares with Huber's loss in the free parameters, each scaled by its effect."""
-    good = model.parts(values).good
-    if chosen is not None:
-        good = good & chosen
-    torque = model.evidence.torque_Nm[good]
-    slopes = model.jacobian(values, free)[good]
-    size = np.sqrt(np.mean(slopes**2, axis=0)) + 1e-300
-    scale = robust_scale(torque - model.expected(values)[good])
-
-    def at(x: FloatArray) -> dict[str, float]:
-        return values | dict(zip(free, (x / size).tolist(), strict=True))
-
-    def residual(x: FloatArray) -> FloatArray:
-        return np.asarray(np.nan_to_num((model.expected(at(x))[good] - torque) / scale))
-
-    def jacobian(x: FloatArray) -> FloatArray:
-        return np.asarray(np.nan_to_num(model.jacobian(at(x), free)[good] / (size * scale)))
-
-    low = np.array([0.0 if name in NOT_NEGATIVE else -np.inf for name in free])
-    start = np.array([values[name] for name in free]) * size
-    for _ in range(2):  # the second time with the scale of what is left
-        start = np.maximum(start, low + 1e-12)
-        solved = scipy.optimize.least_squares(
-            residual, start, jacobian, (low, np.inf), loss="huber", f_scale=HUBER, max_nfev=most_steps
-        )
-        start = solved.x
-        scale = robust_scale(torque - model.expected(at(start))[good])
-    return at(start)
 
 
 def _bounded(name: str, found: Estimate) -> Estimate:

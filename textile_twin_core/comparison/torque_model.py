@@ -81,6 +81,12 @@ class TorqueModel:
         other.__dict__.update(self.__dict__, spread_rad=spread_rad)
         return other
 
+    def with_evidence(self, evidence: Evidence) -> TorqueModel:
+        """The same for other evidence."""
+        other = object.__new__(TorqueModel)
+        other.__dict__.update(self.__dict__, evidence=evidence)
+        return other
+
     def start(self) -> dict[str, float]:
         """Values as the machine declares them; zero and delay are the caller's to improve."""
         encoder, sensor = self.machine.sensors.encoder, self.machine.sensors.torque

@@ -1,0 +1,131 @@
+"""Fit a torque model's smooth parameters: bounded least squares first, then free of the acceleration's errors."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.comparison.settings_fit import HUBER, huber_weights, robust_scale
+from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.comparison.torque_model import NOT_NEGATIVE, TorqueModel
+
+_MOST_LOSS = 2.0
+"""Standard deviations that instruments may cost; weaker ones are not used."""
+_ROUNDS, _STILL = 8, 1e-4
+
+
+@dataclass(frozen=True)
+class SmoothFit:
+    """Values by name, and what their uncertainty follows from, (m, k) and (m,) over the samples `good` of a model.
+
+    slopes: of the expected torque by the parameters. instruments: what the residual was made orthogonal to.
+    """
+
+    values: dict[str, float]
+    slopes: FloatArray
+    instruments: FloatArray
+    residual: FloatArray
+    good: BoolArray
+
+
+def least_squares_fit(
+    model: TorqueModel, values: dict[str, float], free: tuple[str, ...], chosen: BoolArray, most_steps: int
+) -> dict[str, float]:
+    """Bounded least squares with Huber's loss in the free parameters, each scaled by its effect."""
+    good = model.parts(values).good & chosen
+    torque = model.evidence.torque_Nm[good]
+    slopes = model.jacobian(values, free)[good]
+    size = np.sqrt(np.mean(slopes**2, axis=0)) + 1e-300
+    scale = robust_scale(torque - model.expected(values)[good])
+
+    def at(x: FloatArray) -> dict[str, float]:
+        return values | dict(zip(free, (x / size).tolist(), strict=True))
+
+    def residual(x: FloatArray) -> FloatArray:
+        return np.asarray(np.nan_to_num((model.expected(at(x))[good] - torque) / scale))
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        return np.asarray(np.nan_to_num(model.jacobian(at(x), free)[good] / (size * scale)))
+
+    low = np.array([0.0 if name in NOT_NEGATIVE else -np.inf for name in free])
+    start = np.array([values[name] for name in free]) * size
+    for _ in range(2):  # the second time with the scale of what is left
+        start = np.maximum(start, low + 1e-12)
+        solved = scipy.optimize.least_squares(
+            residual, start, jacobian, (low, np.inf), loss="huber", f_scale=HUBER, max_nfev=most_steps
+        )
+        start = solved.x
+        scale = robust_scale(torque - model.expected(at(start))[good])
+    return at(start)
+
+
+def instrumented_fit(
+    model: TorqueModel, steady: ShaftTrack, values: dict[str, float], free: tuple[str, ...], chosen: BoolArray
+) -> SmoothFit:
+    """From least squares to the values whose residual is orthogonal to the slopes on a track without its errors.
+
+    Errors of the shaft's acceleration are in the slopes as well as in the residual, which biases least squares; they
+    are not in the slopes taken on `steady` (instrumental variables, Soederstroem and Stoica 1983; Huber's weights).
+    Where the motion repeats so little that this would cost more than half the precision, least squares stay.
+    """
+    other = model.with_evidence(dataclasses.replace(model.evidence, track=steady))
+    good = model.parts(values).good & other.parts(values).good & chosen
+    fit = _state(model, other, values, free, good)
+    if _loss(fit) > _MOST_LOSS:
+        other = model
+        fit = _state(model, other, values, free, good)
+    for _ in range(_ROUNDS):
+        step, normal = _step(fit, free)
+        values = values | {name: values[name] + float(step[k]) for k, name in enumerate(free)}
+        fit = _state(model, other, values, free, good)
+        if float(np.max(np.abs(step) * normal, initial=0.0)) < _STILL * robust_scale(fit.residual):
+            break
+    return fit
+
+
+def _state(
+    model: TorqueModel, other: TorqueModel, values: dict[str, float], free: tuple[str, ...], good: BoolArray
+) -> SmoothFit:
+    slopes = model.jacobian(values, free)[good]
+    instruments = slopes if other is model else other.jacobian(values, free)[good]
+    residual = (model.evidence.torque_Nm - model.expected(values))[good]
+    return SmoothFit(values, slopes, instruments, residual, good)
+
+
+def _step(fit: SmoothFit, free: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+    """The next step, and by how much a unit of each parameter moves the torque.
+
+    Parameters that would become negative stop at zero, and the others are solved for without them.
+    """
+    size = np.sqrt(np.mean(fit.slopes**2, axis=0)) + 1e-300
+    weighted = fit.instruments / size * huber_weights(fit.residual, robust_scale(fit.residual))[:, None]
+    normal, right = weighted.T @ (fit.slopes / size), weighted.T @ fit.residual
+    now = np.array([fit.values[name] for name in free])
+    bounded = np.array([name in NOT_NEGATIVE for name in free], dtype=np.bool_)
+    step, stopped = np.zeros(len(free)), np.zeros(len(free), dtype=np.bool_)
+    for _ in range(np.count_nonzero(bounded) + 1):
+        step[stopped] = -now[stopped]
+        left = ~stopped
+        told = right[left] - normal[np.ix_(left, stopped)] @ (step[stopped] * size[stopped])
+        step[left] = np.linalg.lstsq(normal[np.ix_(left, left)], told, rcond=1e-12)[0] / size[left]
+        below = left & bounded & (now + step < 0.0)
+        if not below.any():
+            break
+        stopped |= below
+    return step, size
+
+
+def _loss(fit: SmoothFit) -> float:
+    """The largest factor by which instruments widen a standard deviation."""
+    size = np.sqrt(np.mean(fit.slopes**2, axis=0)) + 1e-300
+    slopes, instruments = fit.slopes / size, fit.instruments / size
+    if np.linalg.matrix_rank(instruments) < instruments.shape[1]:
+        return np.inf
+    best = np.diag(np.linalg.pinv(slopes.T @ slopes, rcond=1e-13, hermitian=True))
+    gain = np.linalg.pinv(instruments.T @ slopes, rcond=1e-13)
+    reached = np.einsum("ij,jk,ik->i", gain, instruments.T @ instruments, gain)
+    return float(np.sqrt(np.max(reached / best, initial=1.0)))
