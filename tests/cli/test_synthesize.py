@@ -41,7 +41,10 @@ def test_lengths_for_a_ground_link(tmp_path: Path, capsys: pytest.CaptureFixture
         0.2308,
         0.3,
     ]
+    task = ["synthesize", "crank-rocker", "--swing", "30", "--rotation", "180", "--ground", "0.3"]
     assert "crank 0.0597375 m, coupler 0.200739 m, rocker 0.230808 m (best)" in capsys.readouterr().out
+    assert main([*task, "--choose", "continuous"]) == 0
+    assert "crank 0.0599529 m, coupler 0.199843 m, rocker 0.23164 m (continuous)" in capsys.readouterr().out
 
 
 def test_no_design_is_good_enough(capsys: pytest.CaptureFixture[str]) -> None:

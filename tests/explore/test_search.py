@@ -64,6 +64,7 @@ def test_same_seed_gives_the_same_front() -> None:
     goals = (Goal("beater_largest_acceleration_m_s2", True), Goal("peak_torque_Nm", False))
     first, again, other = (search(design, Task(ranges, goals, (), seed), generations=12).front for seed in (5, 5, 6))
     assert first == again and first != other
+    assert search(design, Task(ranges, goals, (), 5), generations=2).complete
 
 
 def test_progress_is_told_and_stop_is_heard() -> None:
@@ -78,7 +79,7 @@ def test_progress_is_told_and_stop_is_heard() -> None:
     design, goals = Design.of(machines.handloom_beatup()), (Goal("beater_stroke_m", True),)
     task = Task({"crank_m": (0.04, 0.08)}, goals, (Limit("peak_torque_Nm", False, 9.0),))
     found = search(design, task, seen.append, stopped)
-    assert found.designs == 480 and found.share == 1.0
+    assert found.designs == 480 and found.share == 1.0 and not found.complete
     search(design, task, seen.append, lambda: len(seen) > 2, 120.0)
     assert 0 < seen[0].designs < seen[1].designs < seen[2].designs
     assert seen[2].designs_per_second > 0.0 and 0.0 < seen[0].share < 1.0

@@ -25,6 +25,8 @@ from textile_twin_core.explore.first_look import first_look
 from textile_twin_core.explore.overlay import overlay
 from textile_twin_core.explore.session import PageSession
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
 
 def state(session: PageSession, **message: object) -> dict:  # type: ignore[type-arg]
     head, _ = unpack(session.answer(message))
@@ -173,6 +175,39 @@ def test_exports_can_be_read_elsewhere(loom: PageSession) -> None:
     lengths = sorted(round((line.dxf.end - line.dxf.start).magnitude, 3) for line in links)
     assert {40.0, 100.0, 180.0, 189.5} <= set(lengths)
     assert drawing.units == 4 and len(drawing.modelspace().query("LWPOLYLINE")) >= 3
+
+
+def test_picker_of_a_user_s_own_is_shown_changed_and_saved(tmp_path: Path) -> None:
+    first_look()[0].result()
+    session = PageSession(Design.of(ttc.load_machine(EXAMPLES / "picker.yaml")))
+    head, floats = unpack(session.answer({"type": "hello"}))
+    begin, size = head["analysis"]["charts"][0]["curves"]["picker"]
+    theta, speed = np.arange(size) * (2.0 * math.pi / size), 18.85
+    run = ttc.load_machine(EXAMPLES / "picker.yaml").simulate(
+        end_s=4.0 * math.pi / speed, times=(2.0 * math.pi + theta) / speed
+    )
+    way = 1e3 * run.positions[run.model.index["picker"]]
+    assert floats[begin : begin + size] == pytest.approx(way, abs=1e-3)
+    assert numbers(head)["picker_stroke_m"] == pytest.approx(np.ptp(way), rel=1e-3)
+    assert {name for name, _ in head["analysis"]["marks"]} == {"rear stop hits", "strap touches", "buffer touches"}
+    softer = state(session, type="change", values={"buffer.stiffness_1": 2e4, "stick.stroke_1_to_m": 165.0})
+    assert numbers(softer)["stick_stroke_m"] == pytest.approx(165.0)
+    assert numbers(softer)["picker_stroke_m"] != numbers(head)["picker_stroke_m"]
+    faster = state(session, type="speed", rpm=190.0)
+    assert numbers(faster)["stick_largest_speed_m_s"] > numbers(softer)["stick_largest_speed_m_s"]
+    saved = tmp_path / "softer.yaml"
+    saved.write_bytes(session.file("yaml", 0.0).content)
+    again = ttc.load_machine(saved)
+    assert again.pads[1].stiffness == (2e4, 0.0, 4e8) and again.driven.strokes[0].to == pytest.approx(0.165)
+
+
+def test_cam_of_a_user_s_own_turns_with_its_sizes_as_sliders() -> None:
+    session = PageSession(Design.of(ttc.load_machine(EXAMPLES / "cam_loom.yaml")))
+    head = state(session, type="hello")
+    assert numbers(head)["beater_stroke_m"] == pytest.approx(300.0 * 0.2)
+    assert "on sley" in next(c for c in head["analysis"]["charts"] if c["title"] == "Reactions")["curves"]
+    larger = state(session, type="change", values={"beat_up_cam.base_radius_m": 65.0})
+    assert numbers(larger)["beater_stroke_m"] == pytest.approx(60.0) and not larger["problem"]
 
 
 def test_sensitivity_of_the_stroke_is_the_slope_of_the_stroke(loom: PageSession) -> None:

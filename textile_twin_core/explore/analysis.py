@@ -9,6 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.loads import Backing
+from textile_twin_core.explore.analysis_of_contact import analyse_contact
 from textile_twin_core.explore.analysis_of_transfer import analyse_transfer
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.interference import clashes
@@ -42,7 +43,7 @@ def analyse(design: Design) -> Analysis:
     """One turn of a design. Raises MachineError, with the shaft angle, where it cannot close."""
     machine = design.machine()
     if isinstance(machine, ContactMachine):
-        return analyse_transfer(machine)
+        return analyse_contact(machine, design.speed_rad_s) if design.has_speed else analyse_transfer(machine)
     assert isinstance(machine, Machine)  # a family makes no other kind
     theta = shaft_angles()
     points = _points(machine, theta)
@@ -118,12 +119,16 @@ def _swings(machine: Machine, theta: FloatArray) -> Chart:
 def _forces(machine: Machine, speed: float, theta: FloatArray) -> tuple[list[Chart], dict[str, float]]:
     model, at = machine.model, machine.linkage.pins
     guides = [name for name in model.outputs if name.startswith("reaction_guide")]
+    contacts = [name for name in model.outputs if name.startswith("contact_force_")]
     parts = [name for name in _TORQUE if name != "torque_load_Nm" or machine.loads]
-    names = [*parts, *(f"reaction_{pin}_{axis}_N" for pin in at for axis in "xy"), *guides]
+    names = [*parts, *(f"reaction_{pin}_{axis}_N" for pin in at for axis in "xy"), *guides, *contacts]
     by_name = dict(zip(names, over_turn([model.output(name) for name in names], theta, speed), strict=True))
     shaken = shaking(machine, speed, theta.size)
     reactions = {pin: np.hypot(by_name[f"reaction_{pin}_x_N"], by_name[f"reaction_{pin}_y_N"]) for pin in at}
     reactions |= {"guide" if len(guides) == 1 else name[15:-2]: np.abs(by_name[name]) for name in guides}
+    reactions |= {
+        f"on {name[14:-2].replace('_', ' ')}": by_name[name] for name in contacts
+    }  # negative: it would lift off
     charts = [
         Chart("Torque on the shaft", "N m", {_TORQUE[name]: by_name[name] for name in parts}),
         Chart("Reactions", "N", reactions),

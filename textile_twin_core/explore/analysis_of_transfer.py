@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from textile_twin_core.explore.shown import Analysis, Bar, Chart, Mark
+from textile_twin_core.explore.analysis_of_contact import FINER, NOTE, contact_marks, impact_numbers, motion_charts
+from textile_twin_core.explore.shown import Analysis, Bar
 from textile_twin_core.machine import ContactMachine
 from textile_twin_core.machines.needle_transfer import ELEMENTS, PAD
 from textile_twin_core.papers.needle_transfer import ForwardStroke, forward_stroke
@@ -14,16 +15,14 @@ from textile_twin_core.synthesis.turn import SAMPLES, shaft_angles
 
 _BESIDE_M = 0.012
 _LONG_M = 0.02
-_FINER = 10
-_SHOWN = {"impact": "hits", "touch": "touches", "release": "leaves"}
 
 
 def analyse_transfer(machine: ContactMachine) -> Analysis:
     """One cycle from the published start, at the declared cycles per minute. Raises ContactError and MachineError."""
-    fine, theta = shaft_angles(_FINER * SAMPLES), shaft_angles()
+    fine, theta = shaft_angles(FINER * SAMPLES), shaft_angles()
     run = machine.simulate(times=fine / machine.nominal_speed_rad_s)
     rows = [run.model.index[element] for element in ELEMENTS]
-    position, velocity, acceleration = (a[:, ::_FINER] for a in (run.positions, run.velocities, run.accelerations))
+    position = run.positions[:, ::FINER]
     labels = [element.replace("_", " ") for element in ELEMENTS]
     points, bars = {}, []
     for k, (label, row) in enumerate(zip(labels, rows, strict=True)):
@@ -46,29 +45,18 @@ def analyse_transfer(machine: ContactMachine) -> Analysis:
         "element_2_largest_deceleration_s": stroke.deceleration_s,
         "collets_meet_s": stroke.contact_s,
         "element_2_off_the_pin_m": stroke.leaves_pin_m,
-        "impacts": float(sum(event.kind == "impact" for event in run.events)),
-        "energy_lost_J": float(sum(event.energy_lost_J for event in run.events)),
+        **impact_numbers(run.events),
     }
-    firsts: dict[str, float] = {}
-    for event in run.events:
-        if event.kind in _SHOWN and event.time_s * machine.nominal_speed_rad_s < 2.0 * math.pi:
-            name = f"{event.name.replace('_', ' ')} {_SHOWN[event.kind]}"
-            firsts.setdefault(name, event.time_s * machine.nominal_speed_rad_s)
-    charts = (
-        Chart("Displacement", "mm", {n: 1e3 * position[r] for n, r in zip(labels, rows, strict=True)}),
-        Chart("Velocity", "m/s", {n: velocity[r] for n, r in zip(labels, rows, strict=True)}),
-        Chart("Acceleration", "m/s²", {n: acceleration[r] for n, r in zip(labels, rows, strict=True)}),
-    )
-    note = "Impacts are instants: curves of acceleration do not show them, marks do."
+    within = [event for event in run.events if event.time_s * machine.nominal_speed_rad_s < 2.0 * math.pi]
     return Analysis(
         theta,
         points,
         ("pad a", "pad b"),
         tuple(bars),
-        charts,
+        motion_charts(run, labels, rows),
         numbers,
-        tuple(Mark(name, angle) for name, angle in firsts.items()),
-        notes=(note,),
+        contact_marks(within, machine.nominal_speed_rad_s),
+        notes=(NOTE,),
     )
 
 

@@ -11,6 +11,7 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.machine.sizes import check_size
 from textile_twin_core.papers.beatup import WITHIN_M
 from textile_twin_core.synthesis import Family, family_of
+from textile_twin_core.synthesis.family import DeclaredFamily
 
 _LARGEST_SPEED = 1e5
 
@@ -35,6 +36,11 @@ class Design:
     def fresh(self) -> Design:
         """What the machine was as it came."""
         return Design(self.family, self.family.base.nominal_speed_rad_s, {}, _own_dwell(self.family.base))
+
+    @property
+    def has_speed(self) -> bool:
+        """Whether the shaft's speed stands beside the parameters; the needle transfer's is one of them."""
+        return isinstance(self.family, DeclaredFamily) or not self.family.base.has_history
 
     def machine(self) -> AnyMachine:
         """The machine. Raises MachineError where these values make none."""

@@ -12,7 +12,6 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.labels import PRINTED, label, shown_unit
 from textile_twin_core.explore.shown import Analysis
-from textile_twin_core.machine import Machine
 
 
 class Arrays:
@@ -97,7 +96,7 @@ def design_head(design: Design) -> dict[str, Any]:
     return {
         "name": design.family.name,
         "description": design.family.base.description,
-        "rpm": design.speed_rad_s * 30.0 / math.pi if isinstance(design.family.base, Machine) else None,
+        "rpm": design.speed_rad_s * 30.0 / math.pi if design.has_speed else None,
         "dwell_mm": None if design.dwell_within_m is None else 1e3 * design.dwell_within_m,
         "parameters": parameters,
     }

@@ -17,6 +17,7 @@ from textile_twin_core.synthesis.batch import SAMPLES, Batch
 from textile_twin_core.synthesis.tolerance import Limit, batch_of
 
 _POPULATION, _SLOW_POPULATION = 160, 24
+GENERATIONS = 200
 _FINE = 720
 _OPEN = 1e3
 _TELL_S = 0.25
@@ -50,12 +51,16 @@ class FrontDesign:
 
 @dataclass(frozen=True)
 class SearchProgress:
-    """How far the search is: its front, designs looked at, designs a second of pure evaluation, share of the time."""
+    """How far the search is: its front, designs looked at, designs a second of pure evaluation, share of the time.
+
+    `complete` says that all generations were gone through: then the seed alone decides what is found.
+    """
 
     front: tuple[FrontDesign, ...]
     designs: int
     designs_per_second: float
     share: float
+    complete: bool = False
 
 
 Report = Callable[[SearchProgress], None]
@@ -67,7 +72,7 @@ def search(
     report: Report | None = None,
     stopped: Callable[[], bool] | None = None,
     seconds: float = 60.0,
-    generations: int = 400,
+    generations: int = GENERATIONS,
 ) -> SearchProgress:
     """The designs of which none is better in all goals, within the limits, from the present one and random others.
 
@@ -94,7 +99,8 @@ def search(
         if number >= generations or now - begin > seconds or (stopped and stopped()):
             break
     finer = numbers_of if slow else _evaluator(design, _FINE)[0]
-    return SearchProgress(_again(_front(population, task), task, finer), goals.designs, goals.rate, 1.0)
+    front = _again(_front(population, task), task, finer)
+    return SearchProgress(front, goals.designs, goals.rate, 1.0, number >= generations)
 
 
 Evaluate = Callable[[Mapping[str, FloatArray], Sequence[str]], dict[str, FloatArray]]

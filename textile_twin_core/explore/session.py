@@ -336,6 +336,7 @@ def _progress(progress: SearchProgress, task: Task, running: bool, took: float =
         "per_second": progress.designs_per_second,
         "share": progress.share,
         "took": took,
+        "complete": progress.complete,
     }
     return Arrays().packed(head)
 

@@ -80,12 +80,12 @@ def _parameter(name: str, value: float | None, whole: bool = False) -> Parameter
 class DeclaredFamily:
     """A machine of a user's own: its parameters are the numbers of its declaration."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: AnyMachine) -> None:
         self.base = machine
         self.name = machine.name
         self.parameters = tuple(_parameter(name, value) for name, value in read(machine).items())
 
-    def machine(self, values: Mapping[str, float]) -> Machine:
+    def machine(self, values: Mapping[str, float]) -> AnyMachine:
         """The machine with these values. Raises MachineError where it cannot be, SceneError for an unknown name."""
         return write(self.base, values)
 
@@ -157,7 +157,7 @@ class PublishedFamily:
         nudged = {name: v * (1.0 + _NUDGE * (k + 1) / len(values)) for k, (name, v) in enumerate(values.items())}
         if "axis_ratio" in nudged:
             nudged["axis_ratio"] = values["axis_ratio"]
-        before, after = self._slots, read(self.machine(nudged))  # type: ignore[arg-type]
+        before, after = self._slots, read(self.machine(nudged))
         by_value = {(values[name], v): name for name, v in nudged.items() if v != values[name]}
         return {slot: by_value[(v, after[slot])] for slot, v in before.items() if (v, after[slot]) in by_value}
 
@@ -226,8 +226,4 @@ def family_of(machine: AnyMachine) -> Family:
         family = PublishedFamily(machine, kind)
         if machine.has_history or family.machine({}) == machine:
             return family
-    if not isinstance(machine, Machine):
-        raise SceneError(
-            f"machine '{machine.name}' is no linkage, and none of the catalogue: it has no parameters to turn"
-        )
     return DeclaredFamily(machine)

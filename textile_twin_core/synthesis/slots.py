@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple, get_type_hints
 
 from textile_twin_core.errors import SceneError
+from textile_twin_core.machine import AnyMachine, ContactMachine
+from textile_twin_core.machine.contact_machine import DrivenElement
 from textile_twin_core.machine.drive import load_names
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Arc, Crank, EllipticGearPair, Group, RigidArm, RRPDyad, RRRDyad
@@ -22,27 +24,59 @@ class Slot(NamedTuple):
     place: int | None = None
 
 
-def slots(machine: Machine) -> tuple[Slot, ...]:
-    """Every number of points, groups, bodies, measures and loads, in the order of the declaration."""
-    found = [Slot(f"{name}.{'xy'[k]}_m", "points", name, "", k) for name in machine.points for k in (0, 1)]
+def slots(machine: AnyMachine) -> tuple[Slot, ...]:
+    """Every number of the parts of a machine, in the order of its declaration.
+
+    Raises SceneError for a machine of neither kind.
+    """
+    if isinstance(machine, Machine):
+        return tuple(_of_linkage(machine))
+    if isinstance(machine, ContactMachine):
+        return tuple(_of_contact(machine))
+    raise SceneError(f"machine '{machine.name}' is neither a linkage nor a contact machine: it has no numbers to turn")
+
+
+def _of_linkage(machine: Machine) -> Iterator[Slot]:
+    """Numbers of points, groups, bodies, measures and loads."""
+    yield from (Slot(f"{name}.{'xy'[k]}_m", "points", name, "", k) for name in machine.points for k in (0, 1))
     for i, group in enumerate(machine.groups):
-        found += [Slot(name, "groups", i, attribute, place) for name, attribute, place in _of_group(group)]
+        yield from (Slot(name, "groups", i, attribute, place) for name, attribute, place in _of_group(group))
     seen: dict[str, int] = {}
     for i, body in enumerate(machine.bodies):
         seen[body.on] = seen.get(body.on, 0) + 1
         name = body.on if seen[body.on] == 1 else f"{body.on}#{seen[body.on]}"
-        found += [Slot(f"{name}.{what}", "bodies", i, what) for what in ("mass_kg", "inertia_kgm2")]
-        found += [
+        yield from (Slot(f"{name}.{what}", "bodies", i, what) for what in ("mass_kg", "inertia_kgm2"))
+        yield from (
             Slot(f"{name}.centroid_{way}", "bodies", i, "centroid", k) for k, way in enumerate(("along", "across"))
-        ]
+        )
     for i, measure in enumerate(machine.measures):
         if isinstance(measure, Arc):
-            found.append(Slot(f"{measure.name}.radius_m", "measures", i, "radius_m"))
+            yield Slot(f"{measure.name}.radius_m", "measures", i, "radius_m")
     for i, (name, load) in enumerate(zip(load_names(machine.loads), machine.loads, strict=True)):
-        hints = get_type_hints(type(load))
-        fields = [f.name for f in dataclasses.fields(load) if hints[f.name] is float]  # type: ignore[arg-type]
-        found += [Slot(f"{name.replace(' ', '_')}.{field}", "loads", i, field) for field in fields]
-    return tuple(found)
+        yield from (Slot(f"{name.replace(' ', '_')}.{number}", "loads", i, number) for number in _floats(load))
+
+
+def _of_contact(machine: ContactMachine) -> Iterator[Slot]:
+    """Numbers of the strokes, bodies, springs, stops and pads; the last stroke leads back to 0, wherever that is."""
+    strokes = machine.driven.strokes
+    for i in range(len(strokes)):
+        name = f"{machine.driven.name}.stroke_{i + 1}"
+        yield Slot(f"{name}_start_rad", "driven", i, "start_rad")
+        yield Slot(f"{name}_turn_rad", "driven", i, "turn_rad")
+        if i < len(strokes) - 1:
+            yield Slot(f"{name}_to_m", "driven", i, "to")
+    for field in ("bodies", "springs", "stops", "pads"):
+        for i, part in enumerate(getattr(machine, field)):
+            yield from (Slot(f"{part.name}.{number}", field, i, number) for number in _floats(part))
+            for k, coefficient in enumerate(getattr(part, "stiffness", ())):
+                if coefficient:
+                    yield Slot(f"{part.name}.stiffness_{k + 1}", field, i, "stiffness", k)
+
+
+def _floats(part: Any) -> list[str]:
+    """Names of the fields that are one number."""
+    hints = get_type_hints(type(part))
+    return [field.name for field in dataclasses.fields(part) if hints[field.name] is float]
 
 
 def _of_group(group: Group) -> Iterator[tuple[str, str, int | None]]:
@@ -65,20 +99,23 @@ def _of_group(group: Group) -> Iterator[tuple[str, str, int | None]]:
             yield f"{group.driver}.axis_ratio", "axis_ratio", None
             yield f"{group.driver}.phase_rad", "phase_rad", None
             yield f"{group.driver}.pressure_angle_rad", "pressure_angle_rad", None
+        case _ if dataclasses.is_dataclass(group):
+            name = next(str(value) for value in vars(group).values() if isinstance(value, str))
+            yield from ((f"{name}.{number}", number, None) for number in _floats(group))
 
 
-def read(machine: Machine) -> dict[str, float]:
+def read(machine: AnyMachine) -> dict[str, float]:
     """The machine's numbers by slot."""
     return {slot.name: float(_get(machine, slot)) for slot in slots(machine)}
 
 
-def _get(machine: Machine, slot: Slot) -> Any:
-    entry: Any = getattr(machine, slot.field)[slot.entry]
+def _get(machine: AnyMachine, slot: Slot) -> Any:
+    entry = _entries(machine, slot.field)[slot.entry]
     value = getattr(entry, slot.attribute) if slot.attribute else entry
     return value if slot.place is None else value[slot.place]
 
 
-def write(machine: Machine, values: Mapping[str, float]) -> Machine:
+def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
     """The machine with other numbers in some of its slots.
 
     Raises SceneError for a slot that is not there, MachineError where the machine cannot be so.
@@ -97,10 +134,19 @@ def write(machine: Machine, values: Mapping[str, float]) -> Machine:
             row[slot.place] = new
             new = tuple(row)
         held[slot.entry] = dataclasses.replace(entry, **{slot.attribute: new}) if slot.attribute else new
-    changes = {field: dict(held) if field == "points" else tuple(held.values()) for field, held in entries.items()}
-    return dataclasses.replace(machine, **changes) if changes else machine  # type: ignore[arg-type]
+    changes = {field: _field(machine, field, held) for field, held in entries.items()}
+    return dataclasses.replace(machine, **changes) if changes else machine
 
 
-def _entries(machine: Machine, field: str) -> dict[int | str, Any]:
+def _entries(machine: AnyMachine, field: str) -> dict[int | str, Any]:
     held = getattr(machine, field)
-    return dict(held) if field == "points" else dict(enumerate(held))
+    if isinstance(held, DrivenElement):
+        held = held.strokes
+    return dict(held) if isinstance(held, Mapping) else dict(enumerate(held))
+
+
+def _field(machine: AnyMachine, field: str, entries: dict[int | str, Any]) -> Any:
+    held = getattr(machine, field)
+    if isinstance(held, DrivenElement):
+        return dataclasses.replace(held, strokes=tuple(entries.values()))
+    return entries if isinstance(held, Mapping) else tuple(entries.values())

@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> None:
             raise UsageError("--tool-mass needs --arm, the length of the arm that carries the tool")
         tool = None if arm is None else Tool(arm, arguments.tool_mass or 0.0)
         machine = crank_rocker_machine(chosen.scaled(arguments.ground), arguments.section, tool, hand)
-    lines = _table(result, arguments.ground)
+    lines = _table(result) + ([] if arguments.ground is None else _lengths(result, chosen, arguments.ground))
     if hand:
         x, y = hand.pivot_m
         lines.insert(1, f"rocker pivot at {x:.6g}, {y:.6g} m, the hand {hand.radius_m:.6g} m from it")
@@ -83,7 +83,7 @@ def _chosen(result: CrankRockerSynthesis, choice: str | None) -> CrankRockerDesi
     return found
 
 
-def _table(result: CrankRockerSynthesis, ground_m: float | None) -> list[str]:
+def _table(result: CrankRockerSynthesis) -> list[str]:
     count = len(result.designs)
     low, high = (math.degrees(beta) for beta in result.family.beta_bounds_rad)
     lines = [
@@ -103,15 +103,18 @@ def _table(result: CrankRockerSynthesis, ground_m: float | None) -> list[str]:
         lines.append("no design keeps the transmission angle within 40 deg of 90")
     if result.best_transmission:
         lines.append(_row(result.best_transmission) + "  largest mu_min")
-    shown = result.best or result.best_transmission
-    if ground_m is not None and shown:
-        length = shown.scaled(ground_m)
-        lines += [
-            "",
-            f"ground link {length.ground_m:g} m: crank {length.crank_m:.6g} m, coupler {length.coupler_m:.6g} m,"
-            f" rocker {length.rocker_m:.6g} m ({'best' if result.best else 'largest mu_min'})",
-        ]
     return lines
+
+
+def _lengths(result: CrankRockerSynthesis, chosen: CrankRockerDesign, ground_m: float) -> list[str]:
+    """The chosen design in metres, with the word that chooses it."""
+    word = next(word for word, attribute in CHOICES.items() if chosen is getattr(result, attribute))
+    length = chosen.scaled(ground_m)
+    return [
+        "",
+        f"ground link {length.ground_m:g} m: crank {length.crank_m:.6g} m, coupler {length.coupler_m:.6g} m,"
+        f" rocker {length.rocker_m:.6g} m ({word})",
+    ]
 
 
 def _row(design: CrankRockerDesign) -> str:

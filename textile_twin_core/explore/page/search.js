@@ -109,7 +109,7 @@ export class Search {
     this.#running(head.running);
     byId("share").value = head.running ? head.share : 1;
     const rate = `${shown(head.designs, 6)} designs looked at, ${shown(Math.round(head.per_second), 5)} a second`;
-    const ended = head.running ? "" : `; done in ${shown(head.took, 3)} s`;
+    const ended = head.running ? "" : `; done in ${shown(head.took, 3)} s${head.complete ? "" : ", before its last generation: given more time, the same seed finds more"}`;
     this.say(head.front.length ? `${rate}${ended}: ${head.front.length} of which none is better in all goals.` : `${rate}${ended}: none keeps the limits${head.running ? " yet" : ""}.`);
     this.#front(head);
   }

@@ -1,0 +1,88 @@
+"""A contact machine on the page: its elements along their line over a settled cycle, with the impacts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.contact import ContactEvent, ContactRun
+from textile_twin_core.explore.shown import Analysis, Bar, Chart, Mark
+from textile_twin_core.machine import ContactMachine
+from textile_twin_core.synthesis.turn import SAMPLES, shaft_angles
+
+NOTE = "Impacts are instants: curves of acceleration do not show them, marks do."
+FINER = 10
+"""Extremes are read among so many more samples than are shown."""
+_TURN = 2.0 * math.pi
+_SHOWN = {"impact": "hits", "touch": "touches", "release": "leaves"}
+_SETTLED = "The second cycle, after a first one from the start that the machine declares."
+_FRAME = "frame"
+
+
+def analyse_contact(machine: ContactMachine, speed_rad_s: float) -> Analysis:
+    """The second cycle at a constant speed. Raises ContactError and MachineError."""
+    fine, theta = shaft_angles(FINER * SAMPLES), shaft_angles()
+    run = machine.simulate(end_s=2.0 * _TURN / speed_rad_s, times=(_TURN + fine) / speed_rad_s)
+    rows = [run.model.index[element] for element in machine.elements]
+    events = [event for event in run.events if event.time_s * speed_rad_s >= _TURN]
+    numbers: dict[str, float] = {}
+    for element, row in zip(machine.elements, rows, strict=True):
+        x, v, a = run.positions[row], run.velocities[row], run.accelerations[row]
+        numbers[f"{element}_stroke_m"] = float(np.ptp(x))
+        numbers[f"{element}_largest_speed_m_s"] = float(np.abs(v).max())
+        numbers[f"{element}_largest_acceleration_m_s2"] = float(np.abs(a).max())
+    points, bars = _picture(machine, run.positions[rows][:, ::FINER])
+    fixed = tuple(name for name in points if name.startswith(_FRAME))
+    charts = motion_charts(run, [element.replace("_", " ") for element in machine.elements], rows)
+    notes = (_SETTLED, NOTE) if events else (_SETTLED,)
+    marks = contact_marks(events, speed_rad_s)
+    return Analysis(theta, points, fixed, bars, charts, numbers | impact_numbers(events), marks, notes=notes)
+
+
+def motion_charts(run: ContactRun, labels: list[str], rows: list[int]) -> tuple[Chart, ...]:
+    """Curves of the elements in these rows, of a run with `FINER` samples for each that is shown."""
+    motion = (run.positions * 1e3, run.velocities, run.accelerations)
+    heads = (("Displacement", "mm"), ("Velocity", "m/s"), ("Acceleration", "m/s²"))
+    return tuple(
+        Chart(title, unit, {name: values[row, ::FINER] for name, row in zip(labels, rows, strict=True)})
+        for (title, unit), values in zip(heads, motion, strict=True)
+    )
+
+
+def contact_marks(events: Iterable[ContactEvent], speed_rad_s: float) -> tuple[Mark, ...]:
+    """Where each stop or pad is hit, touched and left for the first time among some events."""
+    firsts: dict[str, float] = {}
+    for event in events:
+        if event.kind in _SHOWN:
+            name = f"{event.name.replace('_', ' ')} {_SHOWN[event.kind]}"
+            firsts.setdefault(name, (event.time_s * speed_rad_s) % _TURN)
+    return tuple(Mark(name, angle) for name, angle in firsts.items())
+
+
+def impact_numbers(events: Iterable[ContactEvent]) -> dict[str, float]:
+    """How many impacts there are among some events, and what they cost."""
+    hits = [event for event in events if event.kind == "impact"]
+    return {"impacts": float(len(hits)), "energy_lost_J": float(sum(event.energy_lost_J for event in events))}
+
+
+def _picture(
+    machine: ContactMachine, positions: FloatArray
+) -> tuple[dict[str, tuple[FloatArray, FloatArray]], tuple[Bar, ...]]:
+    """Each element as a bar across the line, side by side; pads on the frame as bars over all of them."""
+    ux, uy = np.array(machine.axis) / math.hypot(*machine.axis)
+    width = 0.2 * float(np.ptp(positions)) or 0.01
+    points, bars = {}, []
+
+    def bar(name: str, along: FloatArray, begin: float, end: float) -> None:
+        for side, across in (("left", begin * width), ("right", end * width)):
+            points[f"{name} {side}"] = along * ux - across * uy, along * uy + across * ux
+        bars.append(Bar(name.removeprefix(f"{_FRAME} "), f"{name} left", f"{name} right"))
+
+    for k, element in enumerate(machine.elements):
+        bar(element.replace("_", " "), positions[k], k + 0.1, k + 0.9)
+    for pad in (pad for pad in machine.pads if pad.lower == _FRAME):
+        bar(f"{_FRAME} {pad.name}", np.full(positions.shape[1], pad.position_m), -0.5, len(machine.elements) + 0.5)
+    return points, tuple(bars)
