@@ -5,13 +5,19 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, shaft_settings
+from textile_twin_core.cli.drawn import write_drawn
+from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_core.recordings.replay import replay_bag
+
+if TYPE_CHECKING:
+    from textile_twin_core.machine import AnyMachine
 
 
 def parser() -> Parser:
@@ -25,7 +31,8 @@ def parser() -> Parser:
     add_recording(parser, shaft="causal")
     add_machine(parser, option=True)
     add_sensors(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="BAG2", help="folder to make, or an .mcap file")
+    parser.add_argument("--out", type=Path, metavar="BAG2", help="folder to make, or an .mcap file")
+    parser.add_argument("--rrd", type=Path, metavar="FILE", help="write a recording for textile-twin view")
     parser.add_argument("--force", action="store_true", help="replace the output when it is there")
     return parser
 
@@ -33,6 +40,23 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Replay the recording."""
     machine = with_sensors(load_machine(arguments.machine, arguments.set), arguments)
+    if arguments.out is None and arguments.rrd is None:
+        raise UsageError("--out or --rrd is missing: where the predictions go")
+    if arguments.out is not None:
+        _write_bag(arguments, machine)
+    if arguments.rrd is not None:
+        _write_view(arguments, machine)
+
+
+def _write_view(arguments: argparse.Namespace, machine: AnyMachine) -> None:    from textile_twin_core.files import staged
+
+    if arguments.rrd.suffix != ".rrd":
+        raise UsageError(f"--rrd {arguments.rrd}: must end in .rrd")
+    with staged(arguments.rrd) as partial:
+        write_drawn(partial, arguments, machine)
+
+
+def _write_bag(arguments: argparse.Namespace, machine: AnyMachine) -> None:
 
     bag = open_bag(arguments.bag)
     for notice in bag.notices:

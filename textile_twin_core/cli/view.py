@@ -6,78 +6,50 @@ import argparse
 import tempfile
 from pathlib import Path
 
-import numpy as np
-
-from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
-from textile_twin_core.cli.compare import compare_recording
+from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number
+from textile_twin_core.cli.drawn import write_drawn
 from textile_twin_core.cli.mistakes import UsageError
-from textile_twin_core.cli.named_machine import is_machine, load_linkage, load_machine
-from textile_twin_core.cli.progress import progress
-from textile_twin_core.cli.readings import read_angles
+from textile_twin_core.cli.named_machine import is_machine, load_machine
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.errors import TwinError
-from textile_twin_core.machine import ContactMachine
-from textile_twin_core.recordings.prediction import predictions
-from textile_twin_core.twin import compile_machine
 
 
 def parser() -> Parser:
     """The command's arguments."""
     parser = Parser(
         "view",
-        "Shows a comparison that `compare --rrd` wrote, or compares a recording and shows that, or shows a machine.\n"
-        "Ends when the viewer is closed.",
+        "Shows a recording: the machine in motion, and its torque beside the measured one where there is one; a file\n"
+        "that `compare --rrd` or `replay --rrd` wrote; or a machine. Ends when the viewer is closed.",
         "textile-twin view bags/tufting_160rpm_synthetic --machine tufting",
     )
     add_recording(parser, shaft="smooth", also=", an .rrd file, or a machine: its name or its file (.yaml)")
     add_machine(parser, option=True, required=False)
     add_sensors(parser)
+    parser.add_argument(
+        "--png", type=Path, metavar="FILE", help="draw the viewer's picture into a file instead; needs no screen"
+    )
+    parser.add_argument("--at", type=number, metavar="S", help="with --png: the time shown (default: the end)")
     return parser
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Open the viewer, or for a machine its picture, and wait until it is closed."""
+    """Open the viewer, or for a machine its picture, and wait until it is closed; or draw without a screen."""
+    if arguments.png is not None and arguments.png.suffix != ".png":
+        raise UsageError(f"--png {arguments.png}: must end in .png")
     if is_machine(str(arguments.bag)):
         _show_machine(arguments)
         return
     if arguments.bag.suffix == ".rrd":
-        _show(arguments.bag)
+        _show(arguments, arguments.bag)
         return
     if arguments.machine is None:
         raise UsageError("--machine is missing: a recording is shown beside what its machine should do")
+
     machine = with_sensors(load_machine(arguments.machine, arguments.set), arguments)
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
         recording = Path(folder) / f"{arguments.bag.stem}.rrd"
-        if isinstance(machine, ContactMachine):
-            _write_elements(recording, arguments, machine)
-        else:
-            _write_comparison(recording, arguments)
-        _show(recording)
-
-
-def _write_comparison(recording: Path, arguments: argparse.Namespace) -> None:
-    from textile_twin_core.views import write_comparison_recording
-
-    machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
-    comparison = compare_recording(arguments, machine)
-    write_comparison_recording(recording, comparison, machine, title=arguments.bag.name)
-
-
-def _write_elements(recording: Path, arguments: argparse.Namespace, machine: ContactMachine) -> None:
-    """The motion of a contact machine's elements, as the recorded shaft moves them."""
-    from textile_twin_core.views import write_element_recording
-
-    _, angles = read_angles(arguments, machine)
-    names = list(zip(*machine.joint_outputs.values(), strict=True))
-    # What it does follows from what it has done, as live.
-    session = compile_machine(machine, [*names[0], *names[1]]).session("causal")
-    with progress(len(angles), "predicting") as done:
-        blocks = list(predictions(session, angles, done))
-    stamps = np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks])
-    positions, velocities = (
-        np.concatenate([np.stack([block[name] for name in which], axis=1) for block in blocks]) for which in names
-    )
-    write_element_recording(recording, machine, stamps, positions, velocities, title=arguments.bag.name)
+        write_drawn(recording, arguments, machine)
+        _show(arguments, recording)
 
 
 def _show_machine(arguments: argparse.Namespace) -> None:
@@ -88,11 +60,17 @@ def _show_machine(arguments: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
         picture, recording = Path(folder) / "machine.png", Path(folder) / f"{machine.name}.rrd"
         write_picture(recording, plot_machine(picture, machine), title=machine.name)
-        _show(recording)
+        _show(arguments, recording)
 
 
-def _show(recording: Path) -> None:
-    from textile_twin_core.views import open_viewer
+def _show(arguments: argparse.Namespace, recording: Path) -> None:
+    from textile_twin_core.views import open_viewer, screenshot
 
+    if arguments.png is not None:
+        from textile_twin_core.files import staged
+
+        with staged(arguments.png) as partial:
+            screenshot(recording, partial, time_s=arguments.at)
+        return
     if code := open_viewer(recording).wait():
         raise TwinError(f"the viewer ended with code {code}; it needs a screen and a graphics driver")

@@ -6,6 +6,7 @@ from textile_twin_core.views.element_views import LiveElements, write_element_re
 from textile_twin_core.views.live import LiveView
 from textile_twin_core.views.live_recording import LiveRecording
 from textile_twin_core.views.machine_picture import plot_machine
+from textile_twin_core.views.motion_recording import write_motion_recording
 from textile_twin_core.views.picture_recording import write_picture
 from textile_twin_core.views.plot import plot_comparison
 from textile_twin_core.views.recording import write_comparison_recording
@@ -23,6 +24,7 @@ __all__ = [
     "screenshots",
     "write_comparison_recording",
     "write_element_recording",
+    "write_motion_recording",
     "write_picture",
     "write_report",
 ]

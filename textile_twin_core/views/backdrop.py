@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 
 import numpy as np
 import rerun as rr
 
-from textile_twin_core.arrays import BoolArray
+from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.views import palette
-from textile_twin_core.views.angle_canvas import AngleCanvas
+from textile_twin_core.views.angle_canvas import TWO_PI, AngleCanvas, split_turns
 from textile_twin_core.views.phases import Lane
 from textile_twin_core.views.scene import BackingPlane, MachineScene
 from textile_twin_core.views.solids import Solid
@@ -90,6 +91,27 @@ def style_series(stream: rr.RecordingStream) -> None:
             rr.SeriesLines(colors=[palette.LIMIT], names=[f"{side} limit"], widths=[1.0]),
             static=True,
         )
+
+
+def style_travels(stream: rr.RecordingStream, names: Sequence[str]) -> None:
+    """Colours and names of what measures tell, over time and over the shaft angle, and of the shaft's speed."""
+    for name, colour in zip(names, cycle(palette.TRAVELS)):
+        style = rr.SeriesLines(colors=[colour], names=[name], widths=[1.8], aggregation_policy=_MIN_MAX)
+        stream.log(f"travel/{name}", style, static=True)
+        line = rr.LineStrips2D.from_fields(colors=[colour], radii=[-1.4], draw_order=1.0)
+        stream.log(f"travel_angle/{name}", line, static=True)
+        now = rr.Points2D.from_fields(colors=[palette.NOW], radii=[-5.0], draw_order=50.0)
+        stream.log(f"travel_angle/now_{name}", now, static=True)
+    speed = rr.SeriesLines(colors=[palette.STEEL], names=["shaft"], widths=[1.6], aggregation_policy=_MIN_MAX)
+    stream.log("speed/shaft", speed, static=True)
+
+
+def draw_curve(
+    stream: rr.RecordingStream, entity: str, canvas: AngleCanvas, theta_rad: FloatArray, value: FloatArray
+) -> None:
+    """A curve over one turn (k,) that stays; its colour comes from elsewhere."""
+    strips = split_turns(theta_rad, np.column_stack([theta_rad * (canvas.width / TWO_PI), canvas.y(value)]))
+    stream.log(entity, rr.LineStrips2D.from_fields(strips=strips), static=True)
 
 
 def style_angle_curves(stream: rr.RecordingStream) -> None:

@@ -25,7 +25,9 @@ class Layout:
 
     Attributes:
         machine: name for the title. scene: the linkage, for the camera.
-        torque, residual: canvases of the plots over the shaft angle.
+        travel, torque, residual: canvases of the plots over the shaft angle; no travel without a measure, no torque
+            without masses, no residual while no torque was measured.
+        travels: names of the measures. lanes: rows of phases.
         window_s: time shown before and after the cursor in the plots over time.
         turn_s: the last turn, drawn bold over the shaft angle. kept_s: how long earlier turns stay there.
         kept: the same in words. residual_title: the residual's title.
@@ -33,8 +35,11 @@ class Layout:
 
     machine: str
     scene: MachineScene
-    torque: AngleCanvas
-    residual: AngleCanvas
+    travel: AngleCanvas | None
+    travels: tuple[str, ...]
+    lanes: int
+    torque: AngleCanvas | None
+    residual: AngleCanvas | None
     window_s: tuple[float, float]
     turn_s: float
     kept_s: float
@@ -44,24 +49,7 @@ class Layout:
     def blueprint(self) -> rrb.Blueprint:
         """The layout as the viewer takes it."""
         machine = rrb.Vertical(self._linkage(), self._log(), row_shares=[3.2, 1.0])
-        over_angle = rrb.Horizontal(
-            self._angle_view(
-                f"Torque over shaft angle, {self.kept} [N m]",
-                "angle",
-                self.torque,
-                self._kept_turns(),
-            ),
-            self._angle_view("Residual by shaft angle: mean, spread, extremes [N m]", "by_angle", self.residual, {}),
-            rrb.TextDocumentView(name="Run summary", origin="summary"),
-            column_shares=[1.25, 1.0, 0.92],
-        )
-        plots = rrb.Vertical(
-            self._series("Torque on the main shaft, predicted as its sensor shows it [N m]", "torque", legend=True),
-            self._series(self.residual_title, "residual"),
-            rrb.StateTimelineView(name="Phase of the cycle", origin="phase", time_view=self._window()),
-            over_angle,
-            row_shares=[3.2, 1.9, 1.4, 3.9],
-        )
+        plots = self._motion_plots() if self.torque is None or self.residual is None else self._torque_plots()
         return rrb.Blueprint(
             rrb.Horizontal(machine, plots, column_shares=[1.0, 2.9]),
             rrb.BlueprintPanel(state="collapsed"),
@@ -74,6 +62,46 @@ class Layout:
             auto_layout=False,
             auto_views=False,
         )
+
+    def _torque_plots(self) -> rrb.Vertical:
+        """Measured beside predicted torque."""
+        assert self.torque is not None and self.residual is not None
+        over_angle = rrb.Horizontal(
+            self._angle_view(f"Torque over shaft angle, {self.kept} [N m]", "angle", self.torque, self._kept_turns()),
+            self._angle_view("Residual by shaft angle: mean, spread, extremes [N m]", "by_angle", self.residual, {}),
+            self._summary(),
+            column_shares=[1.25, 1.0, 0.92],
+        )
+        return rrb.Vertical(
+            self._series("Torque on the main shaft, predicted as its sensor shows it [N m]", "torque", legend=True),
+            self._series(self.residual_title, "residual"),
+            self._phases(),
+            over_angle,
+            row_shares=[3.2, 1.9, 1.4, 3.9],
+        )
+
+    def _motion_plots(self) -> rrb.Vertical:
+        """What the shaft's angle alone tells."""
+        of = f"{self.travels[0].capitalize()} position" if len(self.travels) == 1 else "Positions"
+        rows: list[tuple[rrb.View | rrb.Container, float]] = []
+        beside: list[rrb.View | rrb.Container] = []
+        if self.travel is not None:
+            rows.append((self._series(f"{of} [mm]", "travel", legend=len(self.travels) > 1), 2.6))
+            beside.append(self._angle_view(f"{of} over shaft angle [mm]", "travel_angle", self.travel, {}))
+        if self.torque is not None:
+            rows.append((self._series("Torque on the main shaft, predicted [N m]", "torque"), 2.6))
+            title = f"Torque over shaft angle, {self.kept} [N m]"
+            beside.append(self._angle_view(title, "angle", self.torque, self._kept_turns()))
+        rows += [(self._series("Speed of the shaft [rpm]", "speed"), 1.5), (self._phases(), 0.7 + 0.5 * self.lanes)]
+        rows.append((rrb.Horizontal(*beside, self._summary(), column_shares=[1.0] * len(beside) + [0.8]), 3.9))
+        views, shares = zip(*rows, strict=True)
+        return rrb.Vertical(*views, row_shares=list(shares))
+
+    def _phases(self) -> rrb.StateTimelineView:
+        return rrb.StateTimelineView(name="Phase of the cycle", origin="phase", time_view=self._window())
+
+    def _summary(self) -> rrb.TextDocumentView:
+        return rrb.TextDocumentView(name="Run summary", origin="summary")
 
     def _window(self) -> rrb.TimeAxis:
         before, after = self.window_s
@@ -99,7 +127,7 @@ class Layout:
             background=palette.BACKGROUND,
             visual_bounds=rrb.VisualBounds2D(
                 x_range=(-0.095 * canvas.width, 1.035 * canvas.width),
-                y_range=(-0.11 * canvas.height, 1.11 * canvas.height),
+                y_range=(-0.11 * canvas.height, 1.14 * canvas.height),
             ),
             overrides=ranges,
         )

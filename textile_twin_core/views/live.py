@@ -49,11 +49,16 @@ class LiveView(LiveRecording):
         flush_s: float = 0.1,
         buffer_samples: int = 200_000,
     ) -> None:
-        super().__init__(("predicted", "measured", "residual"), flush_s, buffer_samples)
-        self._drawing = LiveDrawing(machine, self._stream, limit_Nm, frames_hz)
+        self.tells_torque = machine.tells_torque
+        super().__init__(("motion", "predicted", "measured", "residual"), flush_s, buffer_samples)
+        self._drawing = LiveDrawing(machine, self._stream, limit_Nm, frames_hz, title=f"{machine.name}, live")
         self._begin(self._drawing.layout.blueprint(), host, port, path, memory_limit)
         self._drawing.prepare()
         self._worker.start()
+
+    def add_motion(self, stamps_ns: IntArray, theta_rad: FloatArray) -> None:
+        """Take shaft angles (n,) of a machine whose masses are not known: stamps [ns] and the angle."""
+        self._put("motion", stamps_ns, theta_rad)
 
     def add_predicted(
         self, stamps_ns: IntArray, theta_rad: FloatArray, torque_Nm: FloatArray, sigma_Nm: FloatArray | None = None
@@ -71,6 +76,8 @@ class LiveView(LiveRecording):
         self._put("residual", stamps_ns, residual_Nm)
 
     def _draw(self, blocks: dict[str, Block]) -> None:
+        if "motion" in blocks:
+            self._drawing.motion(*blocks["motion"])
         if "predicted" in blocks:
             self._drawing.predicted(*blocks["predicted"])
         if "measured" in blocks:

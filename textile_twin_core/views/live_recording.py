@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Sequence
 from typing import Self
 
@@ -16,6 +17,9 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import TwinError
 from textile_twin_core.views.buffer import Block, Buffer
 from textile_twin_core.views.port import Port
+from textile_twin_core.views.scribe import say
+
+_MOST_WORDS = 1000  # lines that wait to be drawn
 
 
 class LiveRecording(ABC):
@@ -34,6 +38,8 @@ class LiveRecording(ABC):
         self._flush_s = flush_s
         self._buffers = {name: Buffer(buffer_samples) for name in kinds}
         self._origin: int | None = None
+        self._latest_s = 0.0
+        self._words: deque[tuple[str, str]] = deque(maxlen=_MOST_WORDS)
         self._stream = rr.RecordingStream("textile-twin")
         self._port: Port | None = None
         self.url: str | None = None
@@ -54,6 +60,10 @@ class LiveRecording(ABC):
     def error(self) -> BaseException | None:
         """What ended the drawing thread, None while all is well."""
         return self._error
+
+    def say(self, level: str, text: str) -> None:
+        """Add a line to the list of events, at the time of the latest sample; level: INFO, WARN or ERROR."""
+        self._words.append((level, text))
 
     def close(self) -> None:
         """Draw what is left, end the thread and close file and server."""
@@ -105,6 +115,8 @@ class LiveRecording(ABC):
 
     def _take_and_draw(self) -> None:
         self._draw({name: block for name, buffer in self._buffers.items() if (block := buffer.take())})
+        while self._words:
+            say(self._stream, self._latest_s, *self._words.popleft())
 
     def _put(self, name: str, stamps_ns: IntArray, *columns: FloatArray) -> None:
         stamps = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
@@ -113,4 +125,5 @@ class LiveRecording(ABC):
         if self._origin is None:
             self._origin = int(stamps[0])
         time = np.asarray((stamps - self._origin) * 1e-9, dtype=np.float64)
+        self._latest_s = float(time[-1])
         self._buffers[name].put((time, *(np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in columns)))

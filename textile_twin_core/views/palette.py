@@ -11,6 +11,7 @@ PREDICTED: Final[Colour] = (64, 190, 255)
 RESIDUAL: Final[Colour] = (255, 110, 160)
 OVER_LIMIT: Final[Colour] = (255, 70, 70)
 LIMIT: Final[Colour] = (130, 135, 145)
+TRAVELS: Final[tuple[Colour, ...]] = ((150, 214, 110), (64, 190, 255), (214, 150, 230), (236, 222, 170))
 NOW: Final[Colour] = (255, 255, 255)
 
 IN_BACKING: Final[Colour] = (46, 160, 98)

@@ -11,14 +11,15 @@ import numpy as np
 import rerun as rr
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison import Comparison, summary_rows
+from textile_twin_core.comparison import Comparison, summary_rows, verdict_lines
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.views import backdrop
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.layout import Layout
-from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of, state_changes
+from textile_twin_core.views.phases import inside_backing, state_changes
 from textile_twin_core.views.scene import PointPositions, build_scene
 from textile_twin_core.views.scribe import Scribe, blocks
+from textile_twin_core.views.travels import lanes_for, marks_for
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -83,11 +84,16 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
     measured_s = _seconds(comparison.stamps_ns, origin)
     theta = comparison.predicted_theta_rad
     scene = build_scene(machine)
+    lanes, marks = lanes_for(machine), marks_for(machine)
+    inside = inside_backing(lanes)
     torque_canvas, residual_canvas = _canvases(comparison)
     period = _period_s(comparison)
     layout = Layout(
         machine=machine.name,
         scene=scene,
+        travel=None,
+        travels=(),
+        lanes=len(lanes),
         torque=torque_canvas,
         residual=residual_canvas,
         window_s=(2.4 * period, 0.4 * period),
@@ -102,9 +108,6 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
     try:
         scribe = Scribe(stream, scene, torque_canvas, residual_canvas)
         stream.send_recording_name(title)
-        lanes = lanes_of(comparison.events)
-        inside = inside_backing(lanes)
-        marks = marks_of(comparison.events)
         backdrop.draw_machine(stream, scene)
         backdrop.style_series(stream)
         backdrop.style_angle_curves(stream)
@@ -123,7 +126,7 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
         sigma = abs(comparison.sensor_gain) * comparison.predicted_sigma_Nm
         scribe.predicted(predicted_s + comparison.fit.delay_s, shown, sigma)
         scribe.over_angle("predicted", predicted_s, theta, shown)
-        scribe.now(predicted_s[frames], theta[frames], shown[frames])
+        scribe.point("angle/now", torque_canvas, predicted_s[frames], theta[frames], shown[frames])
         scribe.measured(measured_s, comparison.measured_Nm)
         scribe.residual(measured_s, comparison.residual_Nm, limit)
         for which in ("measured", "last"):
@@ -136,20 +139,23 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
 
 
 def summary_markdown(comparison: Comparison, title: str, limit_Nm: float) -> str:
-    """The run's summary as markdown: what was compared, the numbers, what to know when reading them."""
+    """The run's summary as markdown: what was compared, the numbers, the verdict, what to know when reading them."""
     rows = summary_rows(comparison)
     head, *rest = [(name, value) for name, value in rows if name != "note"]
     lines = [f"### {title}", "", f"| {head[0]} | {head[1]} |", "|---|---|"]
     lines += [f"| {name} | {value} |" for name, value in rest]
     lines += [f"| limit shown | {limit_Nm:.3f} N m |"]
+    lines += ["", *(f"**{line}**  " for line in verdict_lines(comparison))]
     lines += ["", *(f"*{value}*" for name, value in rows if name == "note")]
     return "\n".join(lines)
 
 
 def _say(scribe: Scribe, comparison: Comparison, origin: int, limit: float) -> None:
-    """The list of events: where comparing begins, and every turn that passes the limit."""
+    """The list of events: where comparing begins, the verdict, and every turn that passes the limit."""
     start = float(_seconds(comparison.stamps_ns[comparison.used][0], origin))
     scribe.say(start, "INFO", "comparison starts: the shaft's motion is settled")
+    for cause in comparison.verdict:
+        scribe.say(start, "WARN", cause.text)
     turns = comparison.by_revolution
     over = np.flatnonzero(np.abs(turns.worst_Nm) > limit)
     worst = over[np.argsort(-np.abs(turns.worst_Nm[over]), kind="stable")]

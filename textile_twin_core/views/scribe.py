@@ -58,17 +58,17 @@ class Scribe:
 
     def measured(self, time_s: FloatArray, torque_Nm: FloatArray) -> None:
         """Measured torque over time."""
-        self._scalars("torque/measured", time_s, torque_Nm)
+        self.scalars("torque/measured", time_s, torque_Nm)
 
     def residual(self, time_s: FloatArray, residual_Nm: FloatArray, limit_Nm: float | None) -> None:
         """Residual over time, with its limit where there is one."""
-        self._scalars("residual/residual", time_s, residual_Nm)
+        self.scalars("residual/residual", time_s, residual_Nm)
         if limit_Nm is not None and time_s.size:
             ends = time_s[[0, -1]]
-            self._scalars("residual/limit_upper", ends, np.full(2, limit_Nm))
-            self._scalars("residual/limit_lower", ends, np.full(2, -limit_Nm))
+            self.scalars("residual/limit_upper", ends, np.full(2, limit_Nm))
+            self.scalars("residual/limit_lower", ends, np.full(2, -limit_Nm))
             over = np.abs(residual_Nm) > limit_Nm
-            self._scalars("residual/over_limit", time_s[over], residual_Nm[over])
+            self.scalars("residual/over_limit", time_s[over], residual_Nm[over])
 
     def over_angle(self, which: str, time_s: FloatArray, theta_rad: FloatArray, torque_Nm: FloatArray) -> None:
         """A torque over the shaft angle, in short lines that the viewer keeps for some turns."""
@@ -85,10 +85,12 @@ class Scribe:
                 columns = rr.LineStrips2D.columns(strips=strips)
                 self.stream.send_columns(f"angle/{which}", _times(np.array(ends)), columns)
 
-    def now(self, time_s: FloatArray, theta_rad: FloatArray, torque_Nm: FloatArray) -> None:
-        """The present point of the plot over the shaft angle."""
-        points = self.torque_canvas.place(theta_rad, torque_Nm).astype(np.float32)
-        self.stream.send_columns("angle/now", _times(time_s), rr.Points2D.columns(positions=points))
+    def point(
+        self, entity: str, canvas: AngleCanvas, time_s: FloatArray, theta_rad: FloatArray, value: FloatArray
+    ) -> None:
+        """The present point of a plot over the shaft angle."""
+        points = canvas.place(theta_rad, value).astype(np.float32)
+        self.stream.send_columns(entity, _times(time_s), rr.Points2D.columns(positions=points))
 
     def phases(self, changes: Sequence[StateChanges]) -> None:
         """Changes of phase, lane by lane."""
@@ -99,8 +101,7 @@ class Scribe:
 
     def say(self, time_s: float, level: str, text: str) -> None:
         """A line in the list of events."""
-        self.stream.set_time(TIMELINE, duration=float(time_s))
-        self.stream.log("events", rr.TextLog(f"{time_s:7.2f} s  {text}", level=level))
+        say(self.stream, time_s, level, text)
 
     def summary(self, markdown: str, time_s: float | None = None) -> None:
         """The run's summary; `time_s` as in `residual_by_angle`."""
@@ -156,7 +157,8 @@ class Scribe:
             self.stream.set_time(TIMELINE, duration=float(time_s))
         self.stream.log(entity, drawn, static=time_s is None)
 
-    def _scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
+    def scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
+        """A series of numbers over time."""
         for part in blocks(time_s.size):
             self.stream.send_columns(entity, _times(time_s[part]), rr.Scalars.columns(scalars=values[part]))
 
@@ -164,6 +166,18 @@ class Scribe:
 def blocks(count: int, size: int = _BLOCK) -> Iterator[slice]:
     """So many samples in blocks of at most `size`."""
     return (slice(first, min(first + size, count)) for first in range(0, count, size))
+
+
+def say(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> None:
+    """Write a line into the list of events; level: INFO, WARN or ERROR."""
+    stream.set_time(TIMELINE, duration=float(time_s))
+    stream.log("events", rr.TextLog(f"{time_s:7.2f} s  {text}", level=level))
+
+
+def say(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> None:
+    """Write a line into the list of events; level: INFO, WARN or ERROR."""
+    stream.set_time(TIMELINE, duration=float(time_s))
+    stream.log("events", rr.TextLog(f"{time_s:7.2f} s  {text}", level=level))
 
 
 def _times(time_s: FloatArray) -> list[rr.TimeColumn]:

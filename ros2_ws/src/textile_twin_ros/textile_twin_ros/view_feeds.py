@@ -73,9 +73,13 @@ class LinkageFeed:
         predicted = self._samples["balancing_torque/predicted"]
         sigmas = self._samples["balancing_torque/predicted_sigma"]
         joints = self._samples["joint_states"]
-        if not predicted or not joints:
+        if not joints or (self._view.tells_torque and not predicted):
             return
         joint_stamps, theta = _columns(joints)
+        if not self._view.tells_torque:
+            self._view.add_motion(joint_stamps + self._shift_ns, theta)
+            joints.clear()
+            return
         stamps, torque = _columns(predicted)
         count = int(np.searchsorted(stamps, joint_stamps[-1], side="right"))
         if not count:

@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
 from textile_twin_core.machine import ContactMachine
@@ -70,6 +72,9 @@ class ViewNode(Node):
             linkage = load_linkage(settings.machine)
             view = self._view = LiveView(linkage, limit_Nm=settings.limit_Nm or None, **place)
             self._feed = LinkageFeed(view, self._listen)
+        self._monitor = f"{self.get_namespace()}/monitor_node: faults".lstrip("/")
+        self._alarm = ""
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._hear, QoSProfile(depth=10))
         call_every(self, _HAND_OVER_S, self._hand_over)
         self._diagnostics = DiagnosticsPublisher(self, lambda: settings.machine, self._statuses)
         shown = [f"rerun {self._view.url}"] if self._view.url else []
@@ -86,6 +91,18 @@ class ViewNode(Node):
         return SampleInput(
             self, topic, kind, joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s, take
         )
+
+    def _hear(self, message: DiagnosticArray) -> None:
+        """Show the alarms of this machine's monitor, each once."""
+        for status in message.status:
+            if status.name != self._monitor:
+                continue
+            alarm = "" if status.level == OK else status.message
+            if alarm and alarm != self._alarm:
+                self._view.say("ERROR" if status.level == ERROR else "WARN", alarm)
+            elif self._alarm and not alarm:
+                self._view.say("INFO", "as learnt again")
+            self._alarm = alarm
 
     def _hand_over(self) -> None:
         for source in self._feed.inputs:

@@ -1,0 +1,88 @@
+"""What the shaft's angle alone shows: of every linkage, live and of a recording, with the same numbers."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from tests.views.conftest import START_NS, rows_of, scalars_of
+from textile_twin_core.cli.main import main
+from textile_twin_core.machine import Machine
+from textile_twin_core.recordings import BagWriter
+from textile_twin_core.views import LiveView, write_motion_recording
+from textile_twin_core.views.travels import lanes_for, marks_for
+
+SPEED = 31.4
+STAMPS = START_NS + np.arange(1500) * 2_000_000
+THETA = SPEED * 2e-3 * np.arange(1500) + 0.4
+
+
+def gear_loom() -> Machine:
+    machine = ttc.machines.elliptic_gear_beatup()
+    assert isinstance(machine, Machine) and not machine.tells_torque
+    return machine
+
+
+def check(path: Path) -> None:
+    """What a reader of the recording finds."""
+    times, sley = scalars_of(path, "/travel/sley")
+    np.testing.assert_allclose(times, (STAMPS - START_NS) * 1e-9, atol=1e-9)
+    assert np.ptp(sley) == pytest.approx(85.0, abs=0.05)  # the fourth paper's stroke [mm]
+    _, speed = scalars_of(path, "/speed/shaft")
+    np.testing.assert_allclose(speed, SPEED * 30.0 / math.pi, rtol=1e-9)
+    _, states = rows_of(path, "/phase/sley_beat", "StateChange:state")
+    order = ["dwell", "forward", "beat-up", "back"]
+    places = [order.index(state[0]) for state in states]
+    assert all((b - a) % 4 == 1 for a, b in zip(places[:-1], places[1:], strict=True))
+    assert len(places) == pytest.approx(4 * np.ptp(THETA) / (2 * math.pi), abs=2)
+    times, turns = rows_of(path, "/world/base/links/gear_1", "Transform3D:quaternion")
+    assert 150 < times.size < 400
+    _, texts = rows_of(path, "/summary", "TextDocument:text")
+    assert f"{SPEED * 30.0 / math.pi:.1f} rpm" in str(texts[-1][0])
+
+
+def test_of_a_recording(tmp_path: Path) -> None:
+    write_motion_recording(tmp_path / "m.rrd", gear_loom(), STAMPS, THETA, title="a test")
+    check(tmp_path / "m.rrd")
+
+
+def test_live(tmp_path: Path) -> None:
+    with LiveView(gear_loom(), port=None, path=tmp_path / "live.rrd", flush_s=0.02) as view:
+        for first in range(0, STAMPS.size, 70):
+            part = slice(first, first + 70)
+            view.add_motion(STAMPS[part], np.mod(THETA[part], 2 * math.pi))
+        view.say("WARN", "needle side: force changed by +20 %")
+    assert view.error is None and view.dropped == 0
+    check(tmp_path / "live.rrd")
+    times, texts = rows_of(tmp_path / "live.rrd", "/events", "TextLog:text")
+    assert times[0] == pytest.approx((STAMPS[-1] - START_NS) * 1e-9) and "needle side" in texts[0][0]
+
+
+def test_dwell_and_beat_up_are_where_the_paper_has_them() -> None:
+    (lane,) = lanes_for(gear_loom())
+    begins = {state: math.degrees(angle) for angle, state in lane.begins}
+    # The printed dwell is 92 .. 285 degrees, within 7 mm of the rear: 5 % of the stroke is 4.25 mm.
+    assert 92.0 < begins["dwell"] < 125.0 and 255.0 < begins["forward"] < 285.0
+    assert [name for name, _ in marks_for(gear_loom())] == ["beat-up"]
+    assert {lane.name for lane in lanes_for(ttc.machines.tufting())} == {"needle_backing", "needle_stroke"}
+
+
+@pytest.mark.parametrize("machine", ["elliptic_gear_beatup", "needle_transfer", "tufting"])
+def test_a_recording_of_the_angle_alone_is_drawn(machine: str, tmp_path: Path) -> None:
+    bag = tmp_path / "angle"
+    with BagWriter(bag) as out:
+        out.write_joint_states("main_shaft/angle", STAMPS[:700], ["main_shaft"], np.mod(THETA[:700], 2 * math.pi))
+    drawn = tmp_path / "drawn.rrd"
+    assert main(["replay", str(bag), "--machine", machine, "--rrd", str(drawn)]) == 0
+    entity = {"elliptic_gear_beatup": "/travel/sley", "needle_transfer": "/position/element_1"}.get(machine, "")
+    times, _ = scalars_of(drawn, entity) if entity else scalars_of(drawn, "/torque/predicted", "Measurements:values")
+    assert times.size == 698
+
+
+def test_a_replay_without_any_output_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", "bags/none", "--machine", "tufting"]) == 2
+    assert "--out or --rrd is missing" in capsys.readouterr().err

@@ -1,0 +1,59 @@
+"""Write what a shaft's angle alone tells of a machine as a recording of the rerun viewer, drawn as the live view is."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.views.live_drawing import LiveDrawing
+
+if TYPE_CHECKING:
+    from textile_twin_core.machine.machine import Machine
+
+_FRAMES_HZ = 125.0
+_BLOCK = 512
+_TURNS_BEFORE, _TURNS_AFTER = 4.0, 0.3
+
+
+def write_motion_recording(
+    path: str | os.PathLike[str],
+    machine: Machine,
+    stamps_ns: IntArray,
+    theta_rad: FloatArray,
+    torque_Nm: FloatArray | None = None,
+    sigma_Nm: FloatArray | None = None,
+    *,
+    title: str,
+) -> None:
+    """Write the motion of a machine: stamps [ns] and shaft angles (n,), and (n,) torque and sigma where it has masses.
+
+    Raises OSError when the file cannot be written.
+    """
+    stream = rr.RecordingStream("textile-twin", recording_id=f"{machine.name}-{int(stamps_ns[0])}")
+    time = np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)
+    turn_s = _turn_s(time, theta_rad)
+    window = (_TURNS_BEFORE * turn_s, _TURNS_AFTER * turn_s)
+    drawing = LiveDrawing(machine, stream, None, _FRAMES_HZ, title=title, window_s=window, turn_s=turn_s)
+    stream.save(os.fspath(path), default_blueprint=drawing.layout.blueprint())
+    try:
+        stream.send_recording_name(title)
+        drawing.prepare()
+        for first in range(0, time.size, _BLOCK):
+            part = slice(first, first + _BLOCK)
+            if torque_Nm is None:
+                drawing.motion(time[part], theta_rad[part])
+            else:
+                sigma = np.full(time[part].size, np.nan) if sigma_Nm is None else sigma_Nm[part]
+                drawing.predicted(time[part], theta_rad[part], torque_Nm[part], sigma)
+    finally:
+        stream.disconnect()
+
+
+def _turn_s(time: FloatArray, theta: FloatArray) -> float:
+    """Time of one turn where most of the recording runs [s]; 1 s for a shaft at rest."""
+    speed = float(np.median(np.abs(np.diff(theta)) / np.maximum(np.diff(time), 1e-9))) if time.size > 1 else 0.0
+    return 2.0 * np.pi / speed if speed > 1e-3 else 1.0
