@@ -21,7 +21,6 @@ def write(path: Path, kind: str, size: float, seed: int) -> None:
         out.write_wrenches("balancing_torque/measured", made.torque_stamps_ns, made.torque)
 
 
-@pytest.mark.slow
 def alike(a: Any, b: Any) -> bool:
     """The same but for the last digits, which are a compiler's: a process with much to do compiles, others do not."""
     if isinstance(a, dict):
@@ -31,6 +30,7 @@ def alike(a: Any, b: Any) -> bool:
     return a == pytest.approx(b, rel=1e-9, abs=1e-9, nan_ok=True) if isinstance(a, float) else a == b
 
 
+@pytest.mark.slow
 def test_a_folder_is_watched_alike_by_one_process_and_by_two(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -51,6 +51,28 @@ def test_a_folder_is_watched_alike_by_one_process_and_by_two(
     assert told[0][0]["alarms"][0]["kind"] == "constant_torque"
     assert {"bag", "turn", "stamp_ns", "rms_Nm", "load_force_size"} <= set(tables[0].column_names)
     assert "friction changed" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_twenty_recordings_on_a_cluster_give_the_table_of_one_process(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="no Dask: pip install 'textile-twin-core[cluster]'")
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    for number in range(20):
+        kind = "friction" if number % 5 == 0 else ""
+        made = faulty(kind, 1.2, number, duration_s=20.0, onset_s=14.0, rate=150.0).recording
+        with BagWriter(folder / f"bag_{number:02d}") as out:
+            out.write_joint_states("main_shaft/angle", made.angle_stamps_ns, ["main_shaft"], made.angle)
+            out.write_wrenches("balancing_torque/measured", made.torque_stamps_ns, made.torque)
+    command = ["monitor", str(folder), "--machine", "tufting", "--learn", "30"]
+    tables = {}
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        for name, how in (("one", ["--workers", "1"]), ("two", ["--dask", cluster.scheduler_address])):
+            table = tmp_path / f"{name}.parquet"
+            assert main([*command, *how, "--parquet", str(table)]) == 3
+            tables[name] = parquet.read_table(table).to_pydict()
+    assert alike(tables["one"], tables["two"])
+    assert sorted(set(tables["one"]["bag"])) == [f"bag_{number:02d}" for number in range(20)]
 
 
 def test_what_cannot_be_watched_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

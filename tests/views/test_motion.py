@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -37,9 +38,9 @@ def check(path: Path) -> None:
     _, states = rows_of(path, "/phase/sley_beat", "StateChange:state")
     order = ["dwell", "forward", "beat-up", "back"]
     places = [order.index(state[0]) for state in states]
-    assert all((b - a) % 4 == 1 for a, b in zip(places[:-1], places[1:], strict=True))
+    assert all((b - a) % 4 == 1 for a, b in pairwise(places))
     assert len(places) == pytest.approx(4 * np.ptp(THETA) / (2 * math.pi), abs=2)
-    times, turns = rows_of(path, "/world/base/links/gear_1", "Transform3D:quaternion")
+    times, _ = rows_of(path, "/world/base/links/gear_1", "Transform3D:quaternion")
     assert 150 < times.size < 400
     _, texts = rows_of(path, "/summary", "TextDocument:text")
     assert f"{SPEED * 30.0 / math.pi:.1f} rpm" in str(texts[-1][0])

@@ -12,6 +12,7 @@ from textile_twin_core.cli.compare import compare_recording
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.readings import read_angles
 from textile_twin_core.machine import AnyMachine, ContactMachine, Machine
+from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.machine_topics import beside
 from textile_twin_core.recordings.predicted_topics import TORQUE
 from textile_twin_core.recordings.prediction import predictions
@@ -43,8 +44,6 @@ def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) 
 
 def _holds_torque(arguments: argparse.Namespace) -> bool:
     """Whether a torque was recorded beside the angle."""
-    from textile_twin_core.recordings import open_bag
-
     bag = open_bag(arguments.bag)
     return bag.has_topic(beside(bag, bag.find_topic(arguments.angle_topic).name, arguments.torque_topic))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, shaft_settings
 from textile_twin_core.cli.drawn import write_drawn
@@ -13,11 +12,10 @@ from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
+from textile_twin_core.files import staged
+from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_core.recordings.replay import replay_bag
-
-if TYPE_CHECKING:
-    from textile_twin_core.machine import AnyMachine
 
 
 def parser() -> Parser:
@@ -48,8 +46,7 @@ def run(arguments: argparse.Namespace) -> None:
         _write_view(arguments, machine)
 
 
-def _write_view(arguments: argparse.Namespace, machine: AnyMachine) -> None:    from textile_twin_core.files import staged
-
+def _write_view(arguments: argparse.Namespace, machine: AnyMachine) -> None:
     if arguments.rrd.suffix != ".rrd":
         raise UsageError(f"--rrd {arguments.rrd}: must end in .rrd")
     with staged(arguments.rrd) as partial:
@@ -57,7 +54,6 @@ def _write_view(arguments: argparse.Namespace, machine: AnyMachine) -> None:    
 
 
 def _write_bag(arguments: argparse.Namespace, machine: AnyMachine) -> None:
-
     bag = open_bag(arguments.bag)
     for notice in bag.notices:
         print(f"textile-twin: {notice}", file=sys.stderr)

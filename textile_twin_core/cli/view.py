@@ -12,6 +12,7 @@ from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import is_machine, load_machine
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.errors import TwinError
+from textile_twin_core.files import staged
 
 
 def parser() -> Parser:
@@ -67,8 +68,6 @@ def _show(arguments: argparse.Namespace, recording: Path) -> None:
     from textile_twin_core.views import open_viewer, screenshot
 
     if arguments.png is not None:
-        from textile_twin_core.files import staged
-
         with staged(arguments.png) as partial:
             screenshot(recording, partial, time_s=arguments.at)
         return

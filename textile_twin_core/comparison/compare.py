@@ -18,6 +18,7 @@ from textile_twin_core.errors import AlignmentError
 from textile_twin_core.machine import Event, TorqueSensor
 
 _LEAST_SAMPLES = 16
+_LEAST_TURNS = 1.0  # of the shaft, without which a delay is not sought
 _TURNING_SHARE = 0.1  # of the fast end of the recorded speeds
 
 
@@ -94,7 +95,8 @@ def compare_torque(
     ready = (predictions.settled[:-1] & predictions.settled[1:])[track.after_sample]
     calm = inside & ready[piece]
     fit = SensorFit(configured, float("nan"), gain, offset, identifiable=False, at_limit=False)
-    if np.count_nonzero(calm) >= _LEAST_SAMPLES:
+    turns = float(np.ptp(track.theta_rad)) / (2.0 * np.pi)
+    if np.count_nonzero(calm) >= _LEAST_SAMPLES and turns >= _LEAST_TURNS:
         search_s = min(delay_search_s, _half_turn(track))
         fit = fit_sensor(track, time[calm], measured[calm], configured, search_s, event_guard_s)
         fit = _never_worse(fit, track, (time[calm], measured[calm]), (configured, gain, offset), event_guard_s)
@@ -160,7 +162,7 @@ def compare_torque(
         events=tuple(
             ComparisonEvent(event.name, float(event.angle_rad), jump) for event, jump in zip(events, jumps, strict=True)
         ),
-        notes=_notes(fit, configured, min(delay_search_s, _half_turn(track))),
+        notes=_notes(fit, configured, min(delay_search_s, _half_turn(track))) if turns >= _LEAST_TURNS else (),
     )
 
 

@@ -138,6 +138,8 @@ def monitor_recording(
 
 def _whole(found: TurnFeatures) -> TurnFeatures:
     """Without turns that hold too few samples to be one."""
+    if not found.number.size:
+        return found
     usual = float(np.median(found.count))
     kept = found.count >= max(FEWEST_PER_TURN, 0.2 * usual)
     kept[0] &= found.count[0] > 0.8 * usual

@@ -37,7 +37,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Watched:
-    """What was seen of a recording: trends by column, (turns,) each, and alarms; error: why it could not be watched."""
+    """What was seen of a recording: trends by column, (turns,) each, and alarms; error: why it was not watched."""
 
     bag: Path
     columns: Mapping[str, FloatArray | IntArray]
@@ -58,7 +58,14 @@ def watch_bag(job: Job) -> Watched:
         found = monitor_recording(readings, job.machine, job.settings)
     except TwinError as error:
         return Watched(job.bag, {}, (), str(error))
-    return Watched(job.bag, found.columns, found.alarms)
+    turns, learnt = len(found.columns.get("turn", ())), job.settings.learn_turns
+    if turns > learnt:
+        return Watched(job.bag, found.columns, found.alarms)
+    error = (
+        f"{job.bag}: the shaft makes {turns} whole turns beside measured torque, and the first {learnt} are learnt"
+        " from: nothing is watched; record longer, or learn from fewer (--learn)"
+    )
+    return Watched(job.bag, found.columns, (), error)
 
 
 def watch_bags(jobs: Sequence[Job], workers: int = 1, scheduler: str | None = None) -> Iterator[Watched]:

@@ -51,7 +51,9 @@ class LiveView(LiveRecording):
     ) -> None:
         self.tells_torque = machine.tells_torque
         super().__init__(("motion", "predicted", "measured", "residual"), flush_s, buffer_samples)
-        self._drawing = LiveDrawing(machine, self._stream, limit_Nm, frames_hz, title=f"{machine.name}, live")
+        turn_s = 2.0 * np.pi / machine.nominal_speed_rad_s
+        title = f"{machine.name}, live"
+        self._drawing = LiveDrawing(machine, self._stream, limit_Nm, frames_hz, title=title, turn_s=turn_s)
         self._begin(self._drawing.layout.blueprint(), host, port, path, memory_limit)
         self._drawing.prepare()
         self._worker.start()
