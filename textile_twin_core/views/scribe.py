@@ -174,11 +174,5 @@ def say(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> Non
     stream.log("events", rr.TextLog(f"{time_s:7.2f} s  {text}", level=level))
 
 
-def say(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> None:
-    """Write a line into the list of events; level: INFO, WARN or ERROR."""
-    stream.set_time(TIMELINE, duration=float(time_s))
-    stream.log("events", rr.TextLog(f"{time_s:7.2f} s  {text}", level=level))
-
-
 def _times(time_s: FloatArray) -> list[rr.TimeColumn]:
     return [rr.TimeColumn(TIMELINE, duration=np.round(time_s * 1e9).astype("timedelta64[ns]"))]
