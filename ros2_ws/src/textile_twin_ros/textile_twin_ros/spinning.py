@@ -26,8 +26,11 @@ from textile_twin_ros.commands import ENDING_SIGNALS
 from textile_twin_ros.usage import read_words
 
 EXECUTORS = ("events", "single")
-# How long one spin may last before it looks whether the node has finished.
-SPIN_S = 0.2
+# How soon it is noticed that the node has finished or is told to end.
+_LOOK_S = 0.2
+# Each spin of the events executor leaves 32 bytes behind, and each callback of the other one adds to the future of the
+# spin: spins are long, and each has a future of its own.
+_SPIN_S = 10.0
 
 
 class SuiteNode(Protocol):
@@ -139,9 +142,16 @@ def finish_with(finished: Future, work: Callable[[], int]) -> None:
 def _spin(node: SuiteNode, ending: _Ending) -> int:
     executor = create_executor(node.executor_name)
     executor.add_node(cast(Node, node))
-    # Python hears of a signal between two spins at the latest.
+    turn = Future()
+
+    def look() -> None:
+        if (ending.told or node.finished.done()) and not turn.done():
+            turn.set_result(None)
+
+    call_every(cast(Node, node), _LOOK_S, look)  # with it Python hears of a signal, too
     while not ending.told and not node.finished.done():
-        executor.spin_until_future_complete(node.finished, timeout_sec=SPIN_S)
+        turn = Future()
+        executor.spin_until_future_complete(turn, timeout_sec=_SPIN_S)
     return int(node.finished.result()) if node.finished.done() else 0
 
 
