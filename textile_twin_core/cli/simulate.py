@@ -22,7 +22,6 @@ from textile_twin_core.files.motion_table import looks_like_degrees
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin import compile_machine
 
-_TORQUES = ("balancing_torque_Nm", "torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm")
 _MOST_EVENTS = 40
 _BOUNCES = ("impact", "rest")
 _SUFFIXES = (".csv", ".parquet", ".mcap")

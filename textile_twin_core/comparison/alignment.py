@@ -14,10 +14,8 @@ TWO_PI = 2.0 * np.pi
 #: An event is a jump when the prediction steps over it this many times further than beside it.
 JUMP_RATIO = 5.0
 
-#: Two predictions further apart than this many median periods have a gap between them.
+#: Two predictions or states further apart than this many median periods have a gap between them.
 GAP_PERIODS = 5.0
-
-
 _PART = 65_536
 
 

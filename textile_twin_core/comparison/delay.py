@@ -8,11 +8,11 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.alignment import TWO_PI, Track, parts
+from textile_twin_core.comparison.statistics import HUBER
 
 _COARSE_SAMPLES = 5000
 _COARSE_STEPS = 100  # on either side of the configured delay
 _MORE_LIKELY = 1.05  # by this factor a reversed torque must be liker than one that is not
-_HUBER = 1.345  # residuals beyond this many sigmas count linearly, Huber 1964
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +114,8 @@ def _gauss_newton(
 
 
 def _huber(columns: FloatArray, error: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Errors and columns with what lies beyond `_HUBER` scales weighed down."""
-    weight = np.minimum(1.0, _HUBER * scale / np.maximum(np.abs(error), 1e-300))
+    """Errors and columns with what lies beyond `HUBER` scales weighed down."""
+    weight = np.minimum(1.0, HUBER * scale / np.maximum(np.abs(error), 1e-300))
     return np.asarray(weight * error), np.asarray(columns * weight)
 
 

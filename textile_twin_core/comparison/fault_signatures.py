@@ -12,7 +12,7 @@ from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 
 BINS = 36
-FEWEST_PER_TURN = 12
+FEWEST_TORQUES_PER_TURN = 12
 _PHASE_STEP = 1e-3
 _JUMP_GUARD_RAD = 0.15
 """Samples this near to a leap of the load are left out: a slip of the angle would show as nothing but the leap."""

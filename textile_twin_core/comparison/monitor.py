@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.assess import configured_settings
-from textile_twin_core.comparison.fault_signatures import FEWEST_PER_TURN, KINDS, TurnFeatures, turn_features
+from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN, KINDS, TurnFeatures, turn_features
 from textile_twin_core.comparison.fault_watch import SERIES, Alarm, FaultWatch, WatchSettings
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
@@ -87,7 +87,7 @@ class Monitor:
         states = s.direction * theta - s.zero_rad, s.direction * omega, s.direction * alpha
         end = math.inf if last else float(np.floor((s.direction * rows[-1, 1] - s.zero_rad) / TURN))
         ready = good & (np.floor(states[0] / TURN) < end if s.direction > 0 else np.floor(states[0] / TURN) > end)
-        if np.count_nonzero(ready) < FEWEST_PER_TURN:
+        if np.count_nonzero(ready) < FEWEST_TORQUES_PER_TURN:
             return _trend(None, np.zeros((0, len(SERIES))), [])
         found = turn_features(
             self._terms, s, stamps[ready], torque[ready], (states[0][ready], states[1][ready], states[2][ready])
@@ -141,7 +141,7 @@ def _whole(found: TurnFeatures) -> TurnFeatures:
     if not found.number.size:
         return found
     usual = float(np.median(found.count))
-    kept = found.count >= max(FEWEST_PER_TURN, 0.2 * usual)
+    kept = found.count >= max(FEWEST_TORQUES_PER_TURN, 0.2 * usual)
     kept[0] &= found.count[0] > 0.8 * usual
     kept[-1] &= found.count[-1] > 0.8 * usual
     return TurnFeatures(**{name: getattr(found, name)[kept] for name in TurnFeatures.__dataclass_fields__})

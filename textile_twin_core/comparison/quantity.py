@@ -13,8 +13,9 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.bootstrap import Estimate, estimate, moves_of
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.search import SPREAD_FOR_DELAY
-from textile_twin_core.comparison.settings_fit import HUBER, robust_scale
+from textile_twin_core.comparison.settings_fit import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
+from textile_twin_core.comparison.statistics import HUBER
 from textile_twin_core.comparison.turns import speed_spread
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine

@@ -10,14 +10,13 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.evidence import Evidence, Settings, States
 from textile_twin_core.comparison.shaft_track import TURN
+from textile_twin_core.comparison.statistics import HUBER
 
-HUBER = 1.345
-"""Residuals beyond this many sigmas count linearly (Huber 1964)."""
 _STEPS = {"zero_rad": 1e-4, "delay_s": 1e-5, "drift": 1e-7}
 _LONGEST = {"zero_rad": 0.15, "delay_s": 0.01, "drift": 1e-4}
 """Longest step of one iteration."""
 NONLINEAR = tuple(_STEPS)
-FEWEST = 16
+_FEWEST_SAMPLES = 16
 """Samples below which nothing is fitted."""
 LINEAR = ("gain", "load", "constant_Nm", "viscous_Nms", "inertia_kgm2", "offset_Nm")
 
@@ -73,7 +72,7 @@ def fit_settings(evidence: Evidence, start: Settings, free: Iterable[str], itera
         residual = evidence.torque_Nm - evidence.expected(settings, states)
         jacobian = slopes(evidence, settings, states, names)
         good = states.good & np.isfinite(jacobian).all(axis=1)
-        if np.count_nonzero(good) < FEWEST:
+        if np.count_nonzero(good) < _FEWEST_SAMPLES:
             break
         scale = robust_scale(residual[good])
         loss = _loss(residual[states.good], scale)
@@ -157,7 +156,7 @@ def slopes(evidence: Evidence, settings: Settings, states: States, names: tuple[
 
 def _loss(residual: FloatArray, scale: float) -> float:
     """Mean of Huber's loss, infinite with too few samples."""
-    if residual.size < FEWEST:
+    if residual.size < _FEWEST_SAMPLES:
         return np.inf
     return float(np.mean(huber_loss(residual, scale)))
 

@@ -9,15 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.alignment import GAP_PERIODS
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import ShaftStates, create_estimator
 from textile_twin_core.twin.session import encoder_settings
 
 TURN = 2.0 * math.pi
-
-GAP_PERIODS = 5.0
-"""Two states further apart than this many median periods have a gap between them."""
 _UNSURE, _STILL = 0.1, 0.005
 
 

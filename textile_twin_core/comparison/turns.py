@@ -6,7 +6,7 @@ import numpy as np
 
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 
-_FEWEST_TURNS = 8
+_FEWEST_SPANS = 8
 _PAUSE = 20.0
 """A turn this many times longer than the median one holds a stop."""
 
@@ -17,4 +17,4 @@ def speed_spread(track: ShaftTrack) -> float:
     edges = np.flatnonzero(np.diff(turn) != 0.0)
     spans = np.sort(np.diff(track.time_s[edges]))
     spans = spans[(spans > 0.0) & (spans < _PAUSE * np.median(spans))] if spans.size else spans
-    return float(spans[-3] / spans[2]) if spans.size >= _FEWEST_TURNS else 1.0
+    return float(spans[-3] / spans[2]) if spans.size >= _FEWEST_SPANS else 1.0

@@ -11,7 +11,7 @@ from textile_twin_core.comparison.explain import Explanation
 from textile_twin_core.comparison.readings import AngleUnit
 from textile_twin_core.comparison.torque_units import nearest_gain
 
-FEWEST_PER_TURN = 16.0
+FEWEST_ANGLES = 16.0
 """Angle samples a turn below which the orders that carry torque are not seen."""
 NOT_THIS_MACHINE = 0.05
 """Share of the torque that the machine leaves unexplained and another machine could explain."""
@@ -52,12 +52,12 @@ def causes(explanation: Explanation, unit: AngleUnit, per_turn: float, periodic:
         text = f"the angle is logged in {unit.name}, {unit.turn:g} a turn, and is read as radians"
         named.insert(0, Cause("angle_unit", text, unit.name))
     unexplained = 1.0 - explanation.explained
-    if unexplained > NOT_THIS_MACHINE and per_turn >= FEWEST_PER_TURN:
+    if unexplained > NOT_THIS_MACHINE and per_turn >= FEWEST_ANGLES:
         # Settings that were bent to fit another machine mean nothing.
         named = [] if unexplained > _NOTHING_ELSE else named
         named.insert(0, _other_machine(explanation, unexplained, 1.0 - periodic))
-    if per_turn < FEWEST_PER_TURN:
-        text = f"the angle comes {per_turn:.1f} times a turn; a torque needs it at least {FEWEST_PER_TURN:g} times"
+    if per_turn < FEWEST_ANGLES:
+        text = f"the angle comes {per_turn:.1f} times a turn; a torque needs it at least {FEWEST_ANGLES:g} times"
         named.insert(0, Cause("angle_rate", text, per_turn))
     return named
 

@@ -11,9 +11,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
 from textile_twin_core.explore.design import Design
 from textile_twin_core.machine import Machine
-from textile_twin_core.synthesis.balancing import balancing_spring, counterweights, flywheel, opposed_linkages
-
-WAYS = ("counterweight", "force", "spring", "second-linkage", "flywheel")
+from textile_twin_core.synthesis.balancing import WAYS, balancing_spring, counterweights, flywheel, opposed_linkages
 
 
 def balanced(design: Design, way: str, ripple: float = 0.02) -> tuple[Design, str]:

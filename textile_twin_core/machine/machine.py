@@ -14,7 +14,6 @@ from textile_twin_core.machine.sensors import Scene
 from textile_twin_core.machine.sizes import reckonable
 from textile_twin_core.machine.urdf import machine_urdf
 
-_MOTION = ("position_m", "velocity_m_s", "acceleration_m_s2")
 _TORQUES = ("balancing_torque_Nm", "torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm")
 
 

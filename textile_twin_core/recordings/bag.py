@@ -14,15 +14,10 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import rosbag2_metadata
 from textile_twin_core.recordings.cdr_decode import MessageLayout, layouts
 from textile_twin_core.recordings.mcap_read import McapFile
+from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.recordings.other_storage import OtherFile
 from textile_twin_core.recordings.recording import Progress, Recording
 from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
-
-JOINT_STATE = "sensor_msgs/msg/JointState"
-WRENCH = "geometry_msgs/msg/WrenchStamped"
-POINT = "geometry_msgs/msg/PointStamped"
-FLOAT64 = "std_msgs/msg/Float64"
-HEADER = "std_msgs/msg/Header"
 
 _Take = Callable[[str, int], FloatArray]
 """Element k of a field of all messages of one layout: (field, k) -> (n,), NaN where there is none."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.recordings import cdr_encode
-from textile_twin_core.recordings.bag import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.recordings.cdr_decode import Bytes
+from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 
 
 class ArrayWriter(ABC):

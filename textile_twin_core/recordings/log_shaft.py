@@ -17,7 +17,7 @@ _PASSED = 2.7
 """Low-pass of the pickup over the rate of the teeth: noise goes, the edge keeps its place."""
 _NEAREST = 0.4
 _FEWEST_EDGES = 16
-_BESIDE_RAD = np.deg2rad(45.0)
+_ABOUT_ZERO_RAD = np.deg2rad(45.0)
 
 
 def tooth_edges(time_s: FloatArray, volts: FloatArray) -> FloatArray:
@@ -99,7 +99,7 @@ def force_torque(
 def _at_rest(theta: FloatArray, force: FloatArray, zero_at_rad: float, cycle_turns: int) -> float:
     """The force about an angle, of the turns of the cycle that with the smallest size."""
     turn, place = np.divmod(theta - zero_at_rad + np.pi, 2.0 * np.pi)
-    near = np.abs(place - np.pi) < _BESIDE_RAD
+    near = np.abs(place - np.pi) < _ABOUT_ZERO_RAD
     levels = [
         float(np.median(force[near & (np.mod(turn, cycle_turns) == k)]))
         for k in range(cycle_turns)

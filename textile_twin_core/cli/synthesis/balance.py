@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 from textile_twin_core.cli.arguments import Parser, add_machine, number, positive
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.synthesis.shared import add_output, write
-from textile_twin_core.synthesis.balancing import balancing_spring, counterweights, flywheel, opposed_linkages
+from textile_twin_core.synthesis.balancing import WAYS, balancing_spring, counterweights, flywheel, opposed_linkages
 
 if TYPE_CHECKING:
     from textile_twin_core.machine import Machine
 
 DESCRIPTION = "A machine balanced by counterweights, a spring, a second linkage out of phase, or a flywheel."
 EXAMPLE = "textile-twin synthesize balance tufting --by counterweight --out balanced.yaml"
-WAYS = ("counterweight", "force", "spring", "second-linkage", "flywheel")
 
 
 def add(parser: Parser) -> None:

@@ -6,7 +6,11 @@ from textile_twin_core.synthesis.balancing.phase import Phased, opposed_linkages
 from textile_twin_core.synthesis.balancing.shaking import Shaking, shaking
 from textile_twin_core.synthesis.balancing.spring import Sprung, balancing_spring
 
+WAYS = ("counterweight", "force", "spring", "second-linkage", "flywheel")
+"""Ways of balancing, as people ask for them."""
+
 __all__ = [
+    "WAYS",
     "Counterweight",
     "Counterweighted",
     "Flywheel",

@@ -16,13 +16,9 @@ import numpy as np
 
 from textile_twin_core.recordings.cdr_decode import LAYOUT_READERS, Bytes, MessageLayout
 from textile_twin_core.recordings.cdr_encode import encode_headers, encode_joint_states, encode_points, encode_wrenches
+from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 
 SECOND_NS = 1_000_000_000
-JOINT_STATE = "sensor_msgs/msg/JointState"
-WRENCH = "geometry_msgs/msg/WrenchStamped"
-POINT = "geometry_msgs/msg/PointStamped"
-FLOAT64 = "std_msgs/msg/Float64"
-HEADER = "std_msgs/msg/Header"
 TORQUE_Z = 5
 
 _ONE = np.zeros(1, np.int64)

@@ -12,22 +12,12 @@ from rclpy.qos import QoSPolicyKind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
+from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, WRENCH
 from textile_twin_ros.diagnostics import InputWatch, Status
 from textile_twin_ros.endpoints import describe_publishers, samples_qos
 from textile_twin_ros.health import Recent, judged, publisher_findings, sample_findings, stamp_findings
 from textile_twin_ros.listening import Listening, Take
-from textile_twin_ros.messages import (
-    FLOAT64,
-    HEADER,
-    JOINT_STATE,
-    WRENCH,
-    HeaderReader,
-    JointReader,
-    MessageError,
-    TorqueReader,
-    message_class,
-    read_float64,
-)
+from textile_twin_ros.messages import HeaderReader, JointReader, MessageError, TorqueReader, message_class, read_float64
 
 #: Stamp [ns], that of arrival where the message has none; value; its rate where the message has it, otherwise NaN.
 Sample: TypeAlias = tuple[int, float, float]

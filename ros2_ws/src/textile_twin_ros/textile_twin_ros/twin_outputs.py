@@ -9,17 +9,10 @@ from typing import Protocol, TypeAlias
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual
 from textile_twin_core.machine import AnyMachine
+from textile_twin_core.recordings.message_types import JOINT_STATE, POINT, WRENCH
 from textile_twin_core.twin import HistoryTwin, Twin
 from textile_twin_core.twin.session import Sample
-from textile_twin_ros.messages import (
-    JOINT_STATE,
-    POINT,
-    SECOND_NS,
-    WRENCH,
-    JointTemplate,
-    PointTemplate,
-    WrenchTemplate,
-)
+from textile_twin_ros.messages import SECOND_NS, JointTemplate, PointTemplate, WrenchTemplate
 
 TORQUE = "balancing_torque_Nm"
 SHAFT_FRAME = "main_shaft"

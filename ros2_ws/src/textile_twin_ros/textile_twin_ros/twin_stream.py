@@ -12,12 +12,13 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_jumps
 from textile_twin_core.machine import AnyMachine
+from textile_twin_core.recordings.message_types import WRENCH
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_core.twin.session import Sample
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
 from textile_twin_ros.health import judged, residual_findings, state_level
-from textile_twin_ros.messages import WRENCH, message_class
+from textile_twin_ros.messages import message_class
 from textile_twin_ros.twin_outputs import (
     RESIDUAL_TOPIC,
     SIGMA_TOPIC,
