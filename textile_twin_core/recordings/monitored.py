@@ -61,11 +61,11 @@ def watch_bag(job: Job) -> Watched:
     turns, learnt = len(found.columns.get("turn", ())), job.settings.learn_turns
     if turns > learnt:
         return Watched(job.bag, found.columns, found.alarms)
-    error = (
+    why = (
         f"{job.bag}: the shaft makes {turns} whole turns beside measured torque, and the first {learnt} are learnt"
         " from: nothing is watched; record longer, or learn from fewer (--learn)"
     )
-    return Watched(job.bag, found.columns, (), error)
+    return Watched(job.bag, found.columns, (), why)
 
 
 def watch_bags(jobs: Sequence[Job], workers: int = 1, scheduler: str | None = None) -> Iterator[Watched]:
