@@ -1,38 +1,25 @@
-"""MCAP files written in bulk: chunks are laid out in numpy, the records around them by the mcap library."""
+"""MCAP files written in bulk: chunks of messages, and the records around them by the mcap library."""
 
 from __future__ import annotations
 
 import os
-import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import mcap.records as records
-import numpy as np
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.recordings.cdr_decode import Bytes
+from textile_twin_core.recordings.mcap_chunk import MESSAGE_HEAD_BYTES, Chunk
 from textile_twin_core.recordings.mcap_read import MAGIC
 from textile_twin_core.recordings.schemas import MessageSchema
 
 _CHUNK_BYTES = 1 << 20
-_MESSAGE_HEAD = np.dtype(
-    [
-        ("opcode", "u1"),
-        ("length", "<u8"),
-        ("channel", "<u2"),
-        ("sequence", "<u4"),
-        ("log", "<u8"),
-        ("publish", "<u8"),
-    ]
-)
-_HEAD = struct.Struct("<BQHIQQ").pack
-_INDEX_HEAD = struct.Struct("<BQHI").pack
 
 
 class McapFileWriter:
@@ -57,12 +44,8 @@ class McapFileWriter:
         """Of all chunks, as the summary takes them: a recording that goes on for long has very many."""
         self._metadata: list[records.MetadataIndex] = []
         self._compressor = zstandard.ZstdCompressor()
-        self._chunk = bytearray()
-        self._rows: dict[int, list[IntArray]] = {}
-        self._singles: dict[int, list[int]] = {}
-        """Log time and offset of messages written one by one, in turn."""
+        self._chunk = Chunk()
         self.span_ns: tuple[int, int] | None = None
-        self._chunk_span: tuple[int, int] | None = None
         self._put(MAGIC)
         self._emit(records.Header(profile="ros2", library="textile-twin"))
 
@@ -115,46 +98,29 @@ class McapFileWriter:
 
     def write(self, channel: int, log_time_ns: int, cdr: bytes) -> None:
         """Append one message."""
-        sequence = self.counts[channel] & 0xFFFFFFFF
-        self._singles.setdefault(channel, []).extend((log_time_ns, len(self._chunk)))
-        self._chunk += _HEAD(Opcode.MESSAGE, 22 + len(cdr), channel, sequence, log_time_ns, log_time_ns)
-        self._chunk += cdr
-        self._note(channel, 1, log_time_ns, log_time_ns)
-        if len(self._chunk) >= _CHUNK_BYTES:
+        self._chunk.add(channel, self.counts[channel], log_time_ns, cdr)
+        self.counts[channel] += 1
+        if len(self._chunk.data) >= _CHUNK_BYTES:
             self._end_chunk()
 
     def write_rows(self, channel: int, log_times_ns: IntArray, rows: Bytes) -> None:
         """Append messages of equal length: log times (n,), CDR bytes (n, size)."""
-        at_once = max(1, _CHUNK_BYTES // (31 + rows.shape[1]))
+        at_once = max(1, _CHUNK_BYTES // (MESSAGE_HEAD_BYTES + rows.shape[1]))
         for start in range(0, len(rows), at_once):
             times, cdr = log_times_ns[start : start + at_once], rows[start : start + at_once]
-            messages = np.empty((len(cdr), 31 + cdr.shape[1]), np.uint8)
-            heads = np.empty(len(cdr), _MESSAGE_HEAD)
-            heads["opcode"], heads["length"], heads["channel"] = Opcode.MESSAGE, 22 + cdr.shape[1], channel
-            heads["sequence"] = (self.counts[channel] + np.arange(len(cdr))) & 0xFFFFFFFF
-            heads["log"] = heads["publish"] = times
-            messages[:, :31] = heads.view(np.uint8).reshape(-1, 31)
-            messages[:, 31:] = cdr
-            offsets = len(self._chunk) + np.arange(len(cdr)) * messages.shape[1]
-            self._rows.setdefault(channel, []).append(np.stack([times, offsets], axis=1))
-            self._chunk += messages.tobytes()
-            self._note(channel, len(cdr), int(times.min()), int(times.max()))
-            if len(self._chunk) >= _CHUNK_BYTES // 2:
+            self._chunk.add_rows(channel, self.counts[channel], times, cdr)
+            self.counts[channel] += len(cdr)
+            if len(self._chunk.data) >= _CHUNK_BYTES // 2:
                 self._end_chunk()
-
-    def _note(self, channel: int, count: int, first_ns: int, last_ns: int) -> None:
-        self.counts[channel] += count
-        if self._chunk_span is not None:
-            first_ns, last_ns = min(first_ns, self._chunk_span[0]), max(last_ns, self._chunk_span[1])
-        self._chunk_span = (first_ns, last_ns)
 
     def _end_chunk(self) -> None:
         """Write the pending messages as one chunk with its index."""
-        if self._chunk_span is None:
+        chunk = self._chunk
+        if chunk.span_ns is None:
             return
-        data = bytes(self._chunk)
+        data = bytes(chunk.data)
         packed = self._compressor.compress(data)
-        first, last = self._chunk_span
+        first, last = chunk.span_ns
         start, length = self._emit(
             records.Chunk(
                 message_start_time=first,
@@ -167,13 +133,9 @@ class McapFileWriter:
         )
         index_start = self._file.tell()
         offsets: dict[int, int] = {}
-        for channel, singles in self._singles.items():
-            self._rows.setdefault(channel, []).append(np.array(singles, np.int64).reshape(-1, 2))
-        for channel, pieces in self._rows.items():
+        for channel, index in chunk.indices():
             offsets[channel] = self._file.tell()
-            table = np.concatenate(pieces)
-            body = table[np.argsort(table[:, 0], kind="stable")].astype("<u8").tobytes()
-            self._put(_INDEX_HEAD(Opcode.MESSAGE_INDEX, 6 + len(body), channel, len(body)) + body)
+            self._put(index)
         chunk_index = records.ChunkIndex(
             message_start_time=first,
             message_end_time=last,
@@ -187,9 +149,9 @@ class McapFileWriter:
         )
         self._chunk_count += 1
         self._chunk_indices += self._bytes_of(chunk_index)
-        whole = self.span_ns or self._chunk_span
+        whole = self.span_ns or chunk.span_ns
         self.span_ns = (min(first, whole[0]), max(last, whole[1]))
-        self._chunk, self._rows, self._singles, self._chunk_span = bytearray(), {}, {}, None
+        self._chunk = Chunk()
 
     def flush(self) -> None:
         """Put everything written so far on the disk, so that neither a kill nor a power loss takes it."""

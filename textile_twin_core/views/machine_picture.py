@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.twin import compile_machine
 from textile_twin_core.views.plot_linkage import draw_linkage
+from textile_twin_core.views.saving import save_png
 from textile_twin_core.views.scene import build_scene
 
 _SAMPLES = 1440
@@ -40,13 +39,7 @@ def plot_machine(path: str | os.PathLike[str], machine: AnyMachine, *, rpm: floa
     Raises RecordingError when the file cannot be written there.
     """
     figure = _linkage_page(machine, rpm) if isinstance(machine, Machine) else _law_page(machine, rpm)
-    target = Path(path)
-    FigureCanvasAgg(figure)
-    try:
-        figure.savefig(target, format="png")
-    except OSError as error:
-        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
-    return target
+    return save_png(figure, path)
 
 
 def _linkage_page(machine: Machine, rpm: float | None) -> Figure:

@@ -9,18 +9,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison import Comparison
-from textile_twin_core.errors import RecordingError
 from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of
 from textile_twin_core.views.plot_linkage import draw_linkage
 from textile_twin_core.views.scene import build_scene
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
+from textile_twin_core.views.saving import save_png
 
 # On paper the same hues as in the viewer, dark enough for white.
 _MEASURED, _PREDICTED, _RESIDUAL = "#e07b00", "#0072b2", "#c2377a"
@@ -46,7 +45,6 @@ def plot_comparison(path: str | os.PathLike[str], comparison: Comparison, machin
     """
     scene = build_scene(machine)
     figure = Figure(figsize=(16.0, 10.0), dpi=100, facecolor="white")
-    FigureCanvasAgg(figure)
     grid = figure.add_gridspec(
         2, 3, width_ratios=[0.72, 1.6, 1.35], height_ratios=[1.0, 1.0], left=0.025, right=0.978, top=0.885, bottom=0.07,
         wspace=0.17, hspace=0.27,
@@ -62,12 +60,7 @@ def plot_comparison(path: str | os.PathLike[str], comparison: Comparison, machin
     _torque_over_angle(over_angle, comparison, inside, marks)
     _residual_over_time(residual, comparison, window, inside)
     _residual_by_angle(by_angle, comparison, inside, marks)
-    target = Path(path)
-    try:
-        figure.savefig(target, format="png")
-    except OSError as error:
-        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
-    return target
+    return save_png(figure, path)
 
 
 def _headline(figure: Figure, comparison: Comparison, title: str) -> None:

@@ -6,11 +6,10 @@ import os
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from textile_twin_core.comparison.quantity import QuantityComparison
-from textile_twin_core.errors import RecordingError
+from textile_twin_core.views.saving import save_png
 
 _MEASURED, _MACHINE, _INK, _MUTED, _GRID = "#e07b00", "#0072b2", "#22272e", "#6b7480", "#e4e7eb"
 _MOST_POINTS = 20_000
@@ -25,7 +24,6 @@ def plot_quantity(path: str | os.PathLike[str], found: QuantityComparison, title
     order = np.argsort(angle)
     left = found.measured[few] - found.expected[few]
     figure = Figure(figsize=(14.0, 9.0), dpi=100, facecolor="white")
-    FigureCanvasAgg(figure)
     said = (
         f"scale {found.scale.value:.4f}, delay {found.delay_s.value * 1e3:.2f} ms,"
         f" zero {np.degrees(found.zero_rad.value):+.2f} deg; left: {found.rms * factor:.3g} {unit} RMS;"
@@ -53,9 +51,4 @@ def plot_quantity(path: str | os.PathLike[str], found: QuantityComparison, title
         axes.tick_params(colors=_MUTED)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
-    target = Path(path)
-    try:
-        figure.savefig(target, format="png")
-    except OSError as error:
-        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
-    return target
+    return save_png(figure, path)
