@@ -72,10 +72,9 @@ def test_silence_is_told(suite: Suite) -> None:
     bench = Bench(suite, namespace="/elsewhere")
     twin.wait_for_words("no data on /main_shaft/angle")
     suite.spin_until(
-        lambda: (
-            "nobody publishes" in bench.diagnostics.get("main_shaft/angle", String()).message
-            if "main_shaft/angle" in bench.diagnostics
-            else False
+        lambda: all(
+            words in bench.diagnostics.get("main_shaft/angle", DiagnosticStatus()).message
+            for words in ("no data", "nobody publishes")
         ),
         "diagnostics of the silence",
     )

@@ -23,6 +23,7 @@ from textile_twin_ros.listening import listen
 from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplate
 from textile_twin_ros.opcua_values import Value, Values
 from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.sending import Send, patient
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 if TYPE_CHECKING:
@@ -102,9 +103,11 @@ class OpcuaNode(Node):
     def _create_topics(self) -> None:
         qos = samples_qos(depth_for(self.settings.rate_hz))
         self._angle, self._torque = JointTemplate(["main_shaft"], velocities=False), WrenchTemplate("main_shaft")
-        self._angles = self.create_publisher(JointState, "main_shaft/angle", qos)
+        self._send_angle = patient(self.create_publisher(JointState, "main_shaft/angle", qos).publish)
         has_torque = "torque" in self._ids
-        self._torques = self.create_publisher(WrenchStamped, "balancing_torque/measured", qos) if has_torque else None
+        self._send_torque: Send | None = None
+        if has_torque:
+            self._send_torque = patient(self.create_publisher(WrenchStamped, "balancing_torque/measured", qos).publish)
         if "predicted" in self._ids:
             reader = TorqueReader()
 
@@ -156,13 +159,13 @@ class OpcuaNode(Node):
         number = self._number(value)
         if number is not None:
             self.counts["angles"] += 1
-            self._angles.publish(self._angle.message(self._stamp(value), number * self.settings.angle_unit_rad))
+            self._send_angle(self._angle.message(self._stamp(value), number * self.settings.angle_unit_rad))
 
     def _give_torque(self, value: Value) -> None:
         number = self._number(value)
-        if number is not None and self._torques is not None:
+        if number is not None and self._send_torque is not None:
             self.counts["torques"] += 1
-            self._torques.publish(self._torque.message(self._stamp(value), number * self.settings.torque_unit_Nm))
+            self._send_torque(self._torque.message(self._stamp(value), number * self.settings.torque_unit_Nm))
 
     def _number(self, value: Value) -> float | None:
         self.counts["overflows"] += value.overflow

@@ -21,6 +21,7 @@ from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplat
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.plc_registers import Register, Registers
+from textile_twin_ros.sending import Send, patient
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 _RETRY_S = 1.0
@@ -89,8 +90,10 @@ class PlcNode(Node):
     def _create_topics(self, has_torque: bool) -> None:
         qos = samples_qos(depth_for(self.settings.rate_hz))
         self._angle, self._torque = JointTemplate(["main_shaft"], velocities=False), WrenchTemplate("main_shaft")
-        self._angles = self.create_publisher(JointState, "main_shaft/angle", qos)
-        self._torques = self.create_publisher(WrenchStamped, "balancing_torque/measured", qos) if has_torque else None
+        self._send_angle = patient(self.create_publisher(JointState, "main_shaft/angle", qos).publish)
+        self._send_torque: Send | None = None
+        if has_torque:
+            self._send_torque = patient(self.create_publisher(WrenchStamped, "balancing_torque/measured", qos).publish)
         if self._predicted is not None:
             reader = TorqueReader()
 
@@ -141,10 +144,10 @@ class PlcNode(Node):
                 self.counts["missed"] += (sequence - self._last_sequence) % (1 << self._sequence_bits) - 1
             self._last_sequence = sequence
         self.counts["received"] += 1
-        self._angles.publish(self._angle.message(stamp_ns, values["angle"] * self.settings.angle_unit_rad))
-        if self._torques is not None:
+        self._send_angle(self._angle.message(stamp_ns, values["angle"] * self.settings.angle_unit_rad))
+        if self._send_torque is not None:
             torque = values["torque"] * self.settings.torque_unit_Nm
-            self._torques.publish(self._torque.message(stamp_ns, torque))
+            self._send_torque(self._torque.message(stamp_ns, torque))
 
     def _fail(self, error: OSError) -> None:
         self._client.close()

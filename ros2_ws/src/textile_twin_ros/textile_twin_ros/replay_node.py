@@ -19,6 +19,7 @@ from textile_twin_ros.endpoints import is_latched, latched_qos, relative_name, s
 from textile_twin_ros.messages import SECOND_NS, has_header, message_class, shift_stamp
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.sending import patient
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 _LOOK_S = 0.02
@@ -67,6 +68,7 @@ class ReplayNode(Node):
         self._bag = open_bag(self.settings.bag)
         self._topics = self._chosen_topics()
         self._outlets = {topic: self._create_publisher(topic) for topic in self._topics}
+        self._senders = {topic: patient(outlet.publish) for topic, outlet in self._outlets.items()}
         self._headed = {topic for topic in self._topics if has_header(message_class(self._bag.topics[topic].msgtype))}
         self._clock_publisher = (
             self.create_publisher(Clock, "/clock", samples_qos(10)) if self.settings.clock_rate_hz else None
@@ -143,7 +145,7 @@ class ReplayNode(Node):
             if not topic:
                 self._publish_clock(log_ns + shift_ns)
                 continue
-            self._outlets[topic].publish(shift_stamp(raw, shift_ns) if turn and topic in self._headed else raw)
+            self._senders[topic](shift_stamp(raw, shift_ns) if turn and topic in self._headed else raw)
             self.played[topic] += 1
         return True
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
@@ -21,6 +20,7 @@ from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import SECOND_NS, HeaderTemplate, JointTemplate, WrenchTemplate
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.sending import Send, patient
 from textile_twin_ros.sensor_parameters import EncoderParameters
 from textile_twin_ros.shaft_motion import TURN, Marks, SimulatedEncoder, SimulatedShaft, SimulatedTorqueSensor
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
@@ -68,7 +68,7 @@ class ShaftNode(Node):
         self._torque = WrenchTemplate("main_shaft")
         qos = samples_qos(depth_for(parameters.rate_hz))
         self._publish_angle = self._create_angle(encoder, qos)
-        self._torques = self.create_publisher(WrenchStamped, "balancing_torque/measured", qos)
+        self._send_torque = patient(self.create_publisher(WrenchStamped, "balancing_torque/measured", qos).publish)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=finish_with, args=(self.finished, self._work), name="shaft")
         self._thread.start()
@@ -82,25 +82,29 @@ class ShaftNode(Node):
         edges, index = self.settings.angle_type == "edges", self.settings.index
         reference_of(encoder, edges, index)
         motion, wheel = self._motion, self._encoder
-        marks: list[tuple[Publisher, Marks]] = []
+        marks: list[tuple[Send, Marks]] = []
         pitch = TURN / encoder.teeth if encoder.teeth else 0.0
         if edges:
             teeth = [k * pitch for k in range(encoder.teeth - encoder.missing_teeth)]
-            marks.append((self.create_publisher(Header, "main_shaft/angle", qos), Marks(teeth, motion, wheel)))
+            marks.append(
+                (patient(self.create_publisher(Header, "main_shaft/angle", qos).publish), Marks(teeth, motion, wheel))
+            )
         if index:
             place = [TURN - 0.5 * pitch] if edges else [0.0]  # before tooth 0
-            marks.append((self.create_publisher(Header, "main_shaft/index", qos), Marks(place, motion, wheel)))
+            marks.append(
+                (patient(self.create_publisher(Header, "main_shaft/index", qos).publish), Marks(place, motion, wheel))
+            )
         event, angle = HeaderTemplate("main_shaft"), JointTemplate(["main_shaft"], velocities=False)
-        angles = None if edges else self.create_publisher(JointState, "main_shaft/angle", qos)
+        send_angle = None if edges else patient(self.create_publisher(JointState, "main_shaft/angle", qos).publish)
         switched_on = wheel.turned(0.0) if index else 0.0
 
         def publish(start_ns: int, time_s: float, before_s: float) -> None:
-            if angles is not None:
+            if send_angle is not None:
                 shown = (wheel.read(motion.at(time_s)[0]) - switched_on) % TURN
-                angles.publish(angle.message(start_ns + round(time_s * SECOND_NS), shown))
-            for publisher, passing in marks:
+                send_angle(angle.message(start_ns + round(time_s * SECOND_NS), shown))
+            for send, passing in marks:
                 for passed_s in passing.passed(before_s, time_s):
-                    publisher.publish(event.message(start_ns + round(passed_s * SECOND_NS)))
+                    send(event.message(start_ns + round(passed_s * SECOND_NS)))
 
         return publish
 
@@ -129,7 +133,7 @@ class ShaftNode(Node):
     def _publish_torque(self, stamp_ns: int, time_s: float) -> None:
         if self._twin is not None and time_s >= self._delay_s:
             torque = float(self._twin.evaluate(*self._motion.at(time_s - self._delay_s))[TORQUE])
-            self._torques.publish(self._torque.message(stamp_ns, self._sensor.read(torque)))
+            self._send_torque(self._torque.message(stamp_ns, self._sensor.read(torque)))
 
 
 def main(arguments: list[str] | None = None) -> int:

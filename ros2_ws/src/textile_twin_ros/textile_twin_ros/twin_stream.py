@@ -19,6 +19,7 @@ from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
 from textile_twin_ros.health import judged, residual_findings, state_level
 from textile_twin_ros.messages import message_class
+from textile_twin_ros.sending import Send, patient
 from textile_twin_ros.twin_outputs import (
     RESIDUAL_TOPIC,
     SIGMA_TOPIC,
@@ -68,7 +69,7 @@ class TwinStream:
         self._restarts = RestartWatch()
         self._wanted: list[Output] = []
         self._wants_residual = self._wants_sigma = False
-        self._calls: list[tuple[Callable[[Sample], bytes | None], Callable[[bytes], None]]] = []
+        self._calls: list[tuple[Callable[[Sample], bytes | None], Send]] = []
         self._warm_up()
         topics = {output.topic: output.msgtype for output in self._outputs}
         if self._has_torque:
@@ -181,10 +182,9 @@ class TwinStream:
         status = Status(RESIDUAL_TOPIC, OK if residuals.given else WARN, text, values)
         return judged(status, residual_findings(residuals.rms_Nm, measured_rms_Nm, limit_Nm))
 
-    def _sender(self, topic: str) -> Callable[[bytes], None]:
+    def _sender(self, topic: str) -> Send:
         """What sends a message of a topic: rclpy's own call, without the layers that ask for its type each time."""
-        send: Callable[[bytes], None] = self.publishers[topic].handle.publish_raw
-        return send
+        return patient(self.publishers[topic].handle.publish_raw)
 
     def _publish(self, samples: Iterable[Sample]) -> None:
         for sample in samples:
