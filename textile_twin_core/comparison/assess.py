@@ -24,6 +24,11 @@ _WHEEL = (
     "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
     " shaft's speed against what the torque drives instead (compare --quantity speed)"
 )
+_LIKE_PITCH_ERRORS = ("torque_gain", "load_force")
+_PITCH = (
+    "gain and loads are not judged: the pitch errors of the toothed wheel are not told, and read as acceleration of the"
+    " shaft; give pitch_errors_rad of the encoder in the machine file"
+)
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,13 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
     if short and machine.sensors.encoder.teeth:
         # Its pitch errors read as acceleration: what follows from that accuses nobody.
         return Assessment(unit, found, (), (*_notes(evidence, found), _WHEEL))
-    return Assessment(unit, found, tuple(causes(found, unit, per_turn, periodic)), _notes(evidence, found))
+    named, notes = causes(found, unit, per_turn, periodic), _notes(evidence, found)
+    if machine.sensors.encoder.teeth and machine.sensors.encoder.pitch_errors_rad is None:
+        judged = [cause for cause in named if cause.cause not in _LIKE_PITCH_ERRORS]
+        if len(judged) < len(named):
+            notes = (*notes, _PITCH)
+        named = judged
+    return Assessment(unit, found, tuple(named), notes)
 
 
 def configured_settings(machine: Machine) -> Settings:

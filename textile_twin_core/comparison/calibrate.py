@@ -11,7 +11,7 @@ import numpy as np
 
 from textile_twin_core.comparison.assess import Assessment, assess
 from textile_twin_core.comparison.bootstrap import Estimate, estimates
-from textile_twin_core.comparison.explain import Explanation
+from textile_twin_core.comparison.explain import ALL_SAMPLES, Explanation
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings
@@ -21,8 +21,6 @@ from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.sensors import Sensors, TorqueSensor
-
-_ALL_SAMPLES = 60_000
 
 
 @dataclass(frozen=True)
@@ -149,7 +147,7 @@ def _final_fit(found: Explanation) -> SettingsFit:
         free |= {"constant_Nm"}  # friction, then: at rest the sensor shows none of it
     elif "constant_Nm" not in free:
         free |= {"offset_Nm"}
-    return fit_settings(found.evidence.thinned(_ALL_SAMPLES), found.settings, free)
+    return fit_settings(found.evidence.thinned(ALL_SAMPLES), found.settings, free)
 
 
 def _ambiguous(assessment: Assessment, found: Explanation, fit: SettingsFit, ratio: float) -> list[Ambiguity]:

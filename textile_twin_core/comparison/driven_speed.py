@@ -1,4 +1,4 @@
-"""The shaft's speed against what the measured torque drives: ripple by orders; the inertia and delay that fit it."""
+"""The shaft's speed against what the measured torque drives: ripple by orders, and the inertia and delay that fit."""
 
 from __future__ import annotations
 

@@ -27,6 +27,8 @@ _SIGMAS = 4.0
 """and lie this many standard deviations, taken over turns of the shaft, from the configured value."""
 _LEAST = {"zero_rad": np.radians(0.3), "delay_s": 3e-4, "drift": 2e-5, "gain": 0.02, "load": 0.04}
 _FEWEST_AT_REST = 20
+ALL_SAMPLES = 60_000
+"""Samples of which the last fit takes all; of longer records it takes so many."""
 _LEAST_TORQUE = 0.015  # of the measured torque's size, as torque
 
 
@@ -87,6 +89,9 @@ def explain(
     at_rest = rest_reading(evidence, fit.settings)
     if "constant_Nm" in fit.free and _is_offset(fit, evidence, at_rest):
         fit = _as_offset(fine, fit, configured, encoder_turn_rad)
+    # What departs is settled by every sample: what tells zero from delay are the few of run-ups and coast-downs.
+    fine = evidence.thinned(ALL_SAMPLES)
+    fit = fit_settings(fine, fit.settings, fit.free)
     torque = fine.torque_Nm[fit.good]
     alternatives = tuple(
         each

@@ -115,6 +115,8 @@ def _normal_by_turn(
 
 def _solved(normal: FloatArray, right: FloatArray) -> FloatArray:
     """Sizes of the signatures of each turn; one without effect gets 0."""
+    if not right.size:
+        return right
     scale = np.sqrt(np.mean(np.diagonal(normal, axis1=1, axis2=2), axis=0))
     scale[scale == 0.0] = 1.0
     scaled = normal / (scale[:, None] * scale[None, :]) + 1e-6 * np.eye(scale.size)

@@ -73,7 +73,7 @@ class Monitor:
 
     def advance(self, last: bool = False) -> Trend:
         """Watch the turns that are complete by now: their trend and their alarms."""
-        if self._origin_ns is None or not self._torque or not self._states:
+        if self._origin_ns is None or not self._torque or sum(map(len, self._states)) < 2:
             return _trend(None, np.zeros((0, len(SERIES))), [])
         rows = np.concatenate(self._states)
         stamps = np.concatenate([stamps for stamps, _ in self._torque])

@@ -1,0 +1,92 @@
+"""Recordings that tell little, at every command that judges one: clear words, an exit code, no fit pretended."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.generators.mill_recordings import MillRecording, Stamps, healthy, record
+from textile_twin_core.cli.main import main
+from textile_twin_core.recordings import BagWriter
+
+CASE = healthy("tufting", 911, duration_s=14.0)
+COMMANDS = ["compare", "calibrate", "identify", "monitor"]
+
+
+def write(path: Path, made: MillRecording, torque: bool = True) -> Path:
+    with BagWriter(path) as out:
+        out.write_joint_states("main_shaft/angle", made.angle_stamps_ns, ["main_shaft"], made.angle)
+        if torque:
+            out.write_wrenches("balancing_torque/measured", made.torque_stamps_ns, made.torque)
+    return path
+
+
+def between(made: MillRecording, *parts_s: tuple[float, float]) -> MillRecording:
+    """What was logged in these parts of the recording."""
+
+    def inside(stamps: Stamps) -> np.ndarray:
+        second = (stamps - made.angle_stamps_ns[0]) * 1e-9
+        return np.logical_or.reduce([(second > first) & (second < last) for first, last in parts_s])
+
+    angle, torque = inside(made.angle_stamps_ns), inside(made.torque_stamps_ns)
+    return replace(
+        made,
+        angle_stamps_ns=made.angle_stamps_ns[angle],
+        angle=made.angle[angle],
+        torque_stamps_ns=made.torque_stamps_ns[torque],
+        torque=made.torque[torque],
+    )
+
+
+def run(command: str, bag: Path, folder: Path) -> int:
+    out = ["--out", str(folder / "made.yaml")] if command == "calibrate" else []
+    return main([command, str(bag), "--machine", "tufting", *out, "--json", str(folder / "found.json")])
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("command", COMMANDS)
+def test_what_cannot_be_judged_is_said_in_one_line(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = record(CASE)
+    still, short = between(made, (-1.0, 0.9)), between(made, (6.0, 6.2))
+    hour = replace(made, torque_stamps_ns=made.torque_stamps_ns + 3_600 * 10**9)
+    words = {"still": "stands still", "short": "of a turn", "hour": "clock", "alone": "no topic"}
+    if command == "monitor":
+        words |= dict.fromkeys(("still", "short", "hour"), "nothing is watched")
+    for name, part in (("still", still), ("short", short), ("hour", hour), ("alone", made)):
+        bag = write(tmp_path / name, part, torque=name != "alone")
+        code = run(command, bag, tmp_path)
+        told = capsys.readouterr()
+        assert not (tmp_path / "made.yaml").exists()
+        if command == "compare" and name in ("still", "short"):
+            # Errors can be told of any two torques that lie side by side, a delay or a cause cannot.
+            found = json.loads((tmp_path / "found.json").read_text())
+            assert code == 0 and found["verdict"] == [] and found["torque"]["delay_s"] == 0.0
+            assert words[name] in told.out and "nothing can be told" in told.out and "clocks" not in told.out
+            continue
+        assert code == 2, (name, told.err)
+        assert told.err.count("\n") == 1 and words[name] in told.err, (name, told.err)
+
+
+def test_gaps_do_no_harm_and_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = write(tmp_path / "gaps", between(record(CASE), (-1.0, 6.0), (7.0, 9.0), (9.6, 20.0)))
+    assert run("compare", bag, tmp_path) == 0
+    assert "gaps in the shaft angle" in capsys.readouterr().out
+    assert json.loads((tmp_path / "found.json").read_text())["verdict"] == []
+    assert run("calibrate", bag, tmp_path) == 0
+    found = json.loads((tmp_path / "found.json").read_text())
+    low, high = found["zero_rad"]["interval95"]
+    assert low - 2e-3 < 0.0 < high + 2e-3 and high - low < 0.01
+
+
+def test_clocks_that_drift_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = write(tmp_path / "drift", record(replace(CASE, torque=replace(CASE.torque, drift=8e-4))))
+    assert run("compare", bag, tmp_path) == 0
+    (cause,) = json.loads((tmp_path / "found.json").read_text())["verdict"]
+    assert cause["cause"] == "clocks_drift" and cause["value"] == pytest.approx(8e-4, rel=0.03)
+    assert "drift apart by 8" in capsys.readouterr().out

@@ -1,0 +1,71 @@
+"""A machine read off a toothed wheel: verdict and monitor go by what the machine file says of the wheel."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.generators.mill_recordings import START_NS, healthy, torque_of
+from tests.generators.planned_motion import steady
+from tests.generators.told_machine import told_machine
+from textile_twin_core.comparison import Readings, assess
+from textile_twin_core.comparison.fault_watch import WatchSettings
+from textile_twin_core.comparison.monitor import Monitor
+from textile_twin_core.machine import Machine
+from textile_twin_core.machine.sensors import Encoder, Sensors
+
+TEETH, MISSING, SECONDS, NOISE_NM = 60, 2, 24.0, 0.08
+CASE = healthy("tufting", 961, run_up=False, duration_s=SECONDS)
+PITCH = np.concatenate([0.002 * np.random.default_rng(3).standard_normal(TEETH - MISSING), np.zeros(MISSING)])
+
+
+@pytest.fixture(scope="module")
+def readings() -> Readings:
+    """Stamps of a wheel's edges, each off its place by its pitch error, and the torque at 500 Hz."""
+    rng = np.random.default_rng(961)
+    plan = steady(SECONDS, 16.755, rng)
+    time = np.linspace(0.0, SECONDS, 200_000)
+    theta = plan.at(time)[0]
+    step = 2.0 * math.pi / TEETH
+    number = np.arange(math.ceil(theta[0] / step) + 1, math.floor(theta[-1] / step) - 1)
+    number = number[np.mod(number, TEETH) < TEETH - MISSING]
+    edge = number * step + PITCH[np.mod(number, TEETH)]
+    at = np.interp(edge, theta, time)
+    for _ in range(3):
+        angle, omega, _ = plan.at(at)
+        at -= (angle - edge) / omega
+    stamps = np.rint((at + 5e-6 * rng.standard_normal(at.size)) * 1e9).astype(np.int64) + START_NS
+    time = np.arange(0.05, SECONDS - 0.05, 1.0 / 500.0)
+    torque = torque_of(CASE, *plan.at(time)) + NOISE_NM * rng.standard_normal(time.size)
+    return Readings(stamps, number * step, np.rint(time * 1e9).astype(np.int64) + START_NS, torque)
+
+
+def machine(pitch: tuple[float, ...] | None) -> Machine:
+    told = told_machine(CASE)
+    encoder = Encoder(teeth=TEETH, missing_teeth=MISSING, pitch_errors_rad=pitch)
+    return replace(told, sensors=Sensors(encoder, told.sensors.torque))
+
+
+def test_a_healthy_machine_is_accused_of_nothing(readings: Readings) -> None:
+    told, unknown = (assess(readings, machine(pitch)) for pitch in (tuple(PITCH.tolist()), None))
+    assert told.verdict == () and told.explained > 0.9997
+    # What the wheel's own errors look like is nobody's fault either, and is said.
+    assert unknown.verdict == () and unknown.explained < 0.9996
+    assert any("pitch errors" in note for note in unknown.notes)
+    assert not any("pitch errors" in note for note in told.notes)
+
+
+def test_the_monitor_sees_the_noise_of_the_torque_alone(readings: Readings) -> None:
+    noise = []
+    for pitch in (tuple(PITCH.tolist()), None):
+        monitor = Monitor(machine(pitch), WatchSettings(learn_turns=20))
+        monitor.add_torques(readings.torque_stamps_ns, readings.torque)
+        monitor.add_angles(readings.angle_stamps_ns, readings.angle)
+        trend = monitor.finish()
+        assert trend.alarms == ()
+        noise.append(float(np.median(trend.columns["noise_Nm"])))
+    assert noise[0] == pytest.approx(NOISE_NM, rel=0.05)
+    assert noise[1] > 1.5 * NOISE_NM
