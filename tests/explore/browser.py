@@ -93,6 +93,15 @@ class Page:
         self.driver.get(address)
         self.until(lambda: self.states > 0)
 
+    def as_phone(self, width: int, height: int) -> None:
+        """Of a phone's size, narrower than a window can be; nothing else is changed."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+
+    def as_window(self) -> None:
+        """Of the window's own size again."""
+        self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
     @property
     def states(self) -> int:
         """How many answers have been shown."""

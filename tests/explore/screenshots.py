@@ -25,7 +25,7 @@ def main() -> None:
         _picture("needle_transfer", address, 24)
     with served("elliptic_gear_beatup") as (_, address):
         _picture("elliptic_gear_beatup", address, 40, _search, "1500,1690")
-        _picture("phone", address, 40, _dark, "500,1000")
+        _picture("phone", address, 40, _phone)
 
 
 def _picture(name: str, address: str, degrees: float, act=None, size: str = "1500,1300") -> None:  # type: ignore[no-untyped-def]
@@ -55,15 +55,16 @@ def _search(page: Page) -> None:
     for parameter in ("crank_m", "coupler_m", "rocker_m", "axis_ratio", "past_largest_ratio_rad"):
         page.tick(parameter)
     page.find("#seconds").clear()
-    page.find("#seconds").send_keys("15")
+    page.find("#seconds").send_keys("300")
     page.find("#start").click()
-    page.until(lambda: "done in" in page.text("#search_says"), 90)
+    page.until(lambda: "done in" in page.text("#search_says"), 300)
     points = page.driver.find_elements(By.CSS_SELECTOR, "#front circle")
     wanted = [p for p in points if float((p.get_attribute("aria-label") or "").split("rear ")[1].split(" ")[0]) > 205.0]
     page.answered(lambda: wanted[0].send_keys(Keys.ENTER))
 
 
-def _dark(page: Page) -> None:
+def _phone(page: Page) -> None:
+    page.as_phone(390, 844)
     page.find("#theme").click()
 
 

@@ -210,12 +210,11 @@ def test_every_machine_moves_and_fits_a_phone(page: Page, name: str) -> None:
     assert float(page.find("#linkage").get_attribute("aria-valuenow") or 0) == pytest.approx(40.0)
     after = [line.get_attribute("x2") for line in page.driver.find_elements(By.CSS_SELECTOR, "#linkage [data-link]")]
     assert after != before or name == "needle_transfer"  # its elements move straight down
-    size = page.driver.get_window_size()
-    page.driver.set_window_size(500, 900)  # as narrow as Chromium's window gets
+    page.as_phone(360, 740)
     wide = page.driver.execute_script(
         "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
     )
-    page.driver.set_window_size(size["width"], size["height"])
+    page.as_window()
     assert wide <= 0
 
 

@@ -175,6 +175,16 @@ def test_exports_can_be_read_elsewhere(loom: PageSession) -> None:
     lengths = sorted(round((line.dxf.end - line.dxf.start).magnitude, 3) for line in links)
     assert {40.0, 100.0, 180.0, 189.5} <= set(lengths)
     assert drawing.units == 4 and len(drawing.modelspace().query("LWPOLYLINE")) >= 3
+    first, second = drawing.modelspace().query("ELLIPSE[layer=='LINKS']")  # the pitch curves, which touch
+    for gear in (first, second):
+        assert gear.dxf.major_axis.magnitude == pytest.approx(71.233) and gear.dxf.ratio == pytest.approx(0.85)
+    near = [
+        math.dist(a, b)
+        for a in np.array(list(first.flattening(0.001)))[:, :2]
+        for b in np.array(list(second.flattening(0.001)))[:, :2]
+        if abs(a[0] - b[0]) < 1.0 and abs(a[1] - b[1]) < 1.0
+    ]
+    assert min(near) < 0.5
 
 
 def test_picker_of_a_user_s_own_is_shown_changed_and_saved(tmp_path: Path) -> None:
@@ -208,6 +218,20 @@ def test_cam_of_a_user_s_own_turns_with_its_sizes_as_sliders() -> None:
     assert "on sley" in next(c for c in head["analysis"]["charts"] if c["title"] == "Reactions")["curves"]
     larger = state(session, type="change", values={"beat_up_cam.base_radius_m": 65.0})
     assert numbers(larger)["beater_stroke_m"] == pytest.approx(60.0) and not larger["problem"]
+    head, _ = unpack(session.answer({"type": "sensitivity", "free": {"beater.radius_m": [290, 310]}}))
+    place = [n["text"] for n in head["numbers"]].index("beater stroke")
+    assert head["rows"][0]["changes"][place] == pytest.approx(0.1 * 0.2)  # of a swing of 0.2 rad
+    head, _ = unpack(session.answer({"type": "tolerance", "free": {"beater.radius_m": [290, 310]}, "width": 0.5}))
+    assert head["samples"] == 400
+    stroke = next(row for row in head["rows"] if row["text"] == "beater stroke")
+    assert (stroke["worst_low"], stroke["worst_high"]) == pytest.approx((59.9, 60.1))
+
+
+def test_what_is_compared_goes_with_another_machine_and_stays_with_one_alike(loom: PageSession) -> None:
+    state(loom, type="pin", on=True)
+    alike = loom.file("yaml", 0.0).content.decode()
+    assert state(loom, type="load", name="alike.yaml", text=alike)["pinned"]
+    assert not state(loom, type="machine", name="tufting")["pinned"]
 
 
 def test_sensitivity_of_the_stroke_is_the_slope_of_the_stroke(loom: PageSession) -> None:

@@ -46,7 +46,8 @@ def read_design(text: str, name: str = "the file") -> tuple[Design, dict[str, An
     """
     if len(text) > _LARGEST:
         raise SceneError(f"{name}: more than 2 MB is no machine file")
-    if not text.lstrip().startswith("{"):
+    braced = text.lstrip().startswith("{")  # as a short machine file may be, too
+    if not (braced and (name.endswith(".json") or '"format"' in text)):
         return Design.of(_machine(text, name)), {}
     try:
         shared = json.loads(text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import csv
 import io
 import math
@@ -10,11 +11,14 @@ import numpy as np
 from ezdxf.filemanagement import new as new_drawing
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
 
 from textile_twin_core.explore.shown import Analysis
 
 _INK, _FAINT, _COLOURS = "#22272e", "#c8ced6", ("#0072b2", "#e07b00", "#2a9d63", "#c2377a", "#6b7480", "#8a63d2")
 _MILLI = 1e3
+_SHORT = 2
+"""Names of points that are no longer are written beside them; else that of the bar."""
 
 
 def as_csv(analysis: Analysis) -> str:
@@ -38,17 +42,25 @@ def as_picture(analysis: Analysis, title: str, angle_rad: float, kind: str) -> b
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(rows, 2, width_ratios=[1.0, 1.2])
     linkage = figure.add_subplot(grid[:, 0])
-    k = _sample(analysis, angle_rad)
-    for name, (x, y) in analysis.points.items():
-        if name not in analysis.fixed:
-            linkage.plot(_MILLI * x, _MILLI * y, color=_FAINT, lw=0.9)
+    places = _places(analysis, angle_rad)
+    for name in _moving(analysis):
+        x, y = analysis.points[name]
+        linkage.plot(_MILLI * x, _MILLI * y, color=_FAINT, lw=0.9)
     for bar in analysis.bars:
-        (ax, ay), (bx, by) = analysis.points[bar.start], analysis.points[bar.end]
-        linkage.plot([_MILLI * ax[k], _MILLI * bx[k]], [_MILLI * ay[k], _MILLI * by[k]], color=_INK, lw=2.2)
-    for name, (x, y) in analysis.points.items():
+        a, b = places[bar.start], places[bar.end]
+        if bar.half_axes_m is None:
+            linkage.plot([a.real, b.real], [a.imag, b.imag], color=_INK, lw=2.2)
+        else:
+            middle, (major, minor), tilt = (a + b) / 2.0, bar.half_axes_m, math.degrees(cmath.phase(b - a))
+            size = 2.0 * _MILLI * major, 2.0 * _MILLI * minor
+            linkage.add_patch(Ellipse((middle.real, middle.imag), *size, angle=tilt, fill=False, ec=_INK, lw=1.4))
+        if len(bar.start) > _SHORT:
+            linkage.annotate(bar.name, (b.real, b.imag), (4, 4), textcoords="offset points", fontsize=8)
+    for name, place in places.items():
         face = _INK if name in analysis.fixed else "white"
-        linkage.plot(_MILLI * x[k], _MILLI * y[k], "o", color=_INK, mfc=face, ms=5)
-        linkage.annotate(name, (_MILLI * x[k], _MILLI * y[k]), (4, 4), textcoords="offset points", fontsize=8)
+        linkage.plot(place.real, place.imag, "o", color=_INK, mfc=face, ms=5)
+        if len(name) <= _SHORT:
+            linkage.annotate(name, (place.real, place.imag), (4, 4), textcoords="offset points", fontsize=8)
     linkage.set_aspect("equal")
     linkage.set_title(f"{title}, shaft at {math.degrees(angle_rad):.1f} deg", fontsize=10)
     linkage.set_xlabel("mm")
@@ -70,25 +82,39 @@ def as_picture(analysis: Analysis, title: str, angle_rad: float, kind: str) -> b
 def as_dxf(analysis: Analysis, angle_rad: float) -> str:
     """The linkage at a shaft angle in millimetres: links, joints, and the paths of the moving points, by layer."""
     drawing = new_drawing("R2010", units=4)
-    space, k = drawing.modelspace(), _sample(analysis, angle_rad)
+    space, places = drawing.modelspace(), _places(analysis, angle_rad)
     for layer in ("LINKS", "JOINTS", "PATHS"):
         drawing.layers.add(layer)
-    places = {name: (float(_MILLI * x[k]), float(_MILLI * y[k])) for name, (x, y) in analysis.points.items()}
-    size = max(math.dist(a, b) for a in places.values() for b in places.values())
+    size = max(abs(a - b) for a in places.values() for b in places.values())
     for bar in analysis.bars:
-        space.add_line(places[bar.start], places[bar.end], dxfattribs={"layer": "LINKS"})
+        a, b = places[bar.start], places[bar.end]
+        if bar.half_axes_m is None:
+            space.add_line((a.real, a.imag), (b.real, b.imag), dxfattribs={"layer": "LINKS"})
+        else:
+            middle, (major, minor) = (a + b) / 2.0, bar.half_axes_m
+            along = _MILLI * major * (b - a) / abs(b - a)
+            ends = (middle.real, middle.imag), (along.real, along.imag)
+            space.add_ellipse(*ends, ratio=minor / major, dxfattribs={"layer": "LINKS"})
     for name, place in places.items():
-        space.add_circle(place, 0.01 * size, dxfattribs={"layer": "JOINTS"})
-        space.add_text(name, height=0.02 * size, dxfattribs={"layer": "JOINTS"}).set_placement(place)
-        if name not in analysis.fixed:
-            x, y = analysis.points[name]
-            path = np.column_stack([_MILLI * x, _MILLI * y]).tolist()
-            space.add_lwpolyline(path, close=True, dxfattribs={"layer": "PATHS"})
+        space.add_circle((place.real, place.imag), 0.01 * size, dxfattribs={"layer": "JOINTS"})
+        text = space.add_text(name, height=0.02 * size, dxfattribs={"layer": "JOINTS"})
+        text.set_placement((place.real, place.imag))
+    for name in _moving(analysis):
+        path = (_MILLI * np.column_stack(analysis.points[name])).tolist()
+        space.add_lwpolyline(path, close=True, dxfattribs={"layer": "PATHS"})
     out = io.StringIO()
     drawing.write(out)
     return out.getvalue()
 
 
-def _sample(analysis: Analysis, angle_rad: float) -> int:
+def _places(analysis: Analysis, angle_rad: float) -> dict[str, complex]:
+    """Every point at the sample nearest to a shaft angle [mm]."""
     step = float(analysis.theta_rad[1] - analysis.theta_rad[0])
-    return round(angle_rad / step) % analysis.theta_rad.size
+    k = round(angle_rad / step) % analysis.theta_rad.size
+    return {name: _MILLI * complex(x[k], y[k]) for name, (x, y) in analysis.points.items()}
+
+
+def _moving(analysis: Analysis) -> list[str]:
+    """Points whose paths are drawn: those that move, but for the second foci of gears."""
+    foci = [bar.end for bar in analysis.bars if bar.half_axes_m is not None]
+    return [name for name in analysis.points if name not in analysis.fixed and name not in foci]

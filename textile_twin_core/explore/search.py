@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -111,7 +112,8 @@ def _evaluator(design: Design, samples: int) -> tuple[Evaluate, tuple[str, ...],
     try:
         batch = batch_of(design.family, design.values, design.speed_rad_s, design.dwell_within_m)
     except SceneError:
-        return _one_by_one(design), tuple(analyse(design).numbers), True
+        slowly = OneByOne(design)
+        return slowly.evaluate, slowly.names, True
     batch = Batch(batch.machine, design.speed_rad_s, design.dwell_within_m, samples)
     fixed = dict(design.values)
 
@@ -123,20 +125,23 @@ def _evaluator(design: Design, samples: int) -> tuple[Evaluate, tuple[str, ...],
     return evaluate, batch.names, False
 
 
-def _one_by_one(design: Design) -> Evaluate:
-    def evaluate(values: Mapping[str, FloatArray], names: Sequence[str]) -> dict[str, FloatArray]:
-        rows = [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)]
-        out: dict[str, list[float]] = {name: [] for name in names}
-        for row in rows:
-            try:
-                numbers = analyse(design.changed({k: float(v) for k, v in row.items()})).numbers
-            except TwinError:
-                numbers = {}
-            for name in names:
-                out[name].append(numbers.get(name, np.nan))
-        return {name: np.array(column) for name, column in out.items()}
+class OneByOne:
+    """The numbers of many designs, one after the other: what a machine without a batch form has."""
 
-    return evaluate
+    def __init__(self, design: Design) -> None:
+        self._design = design
+        self.names = tuple(analyse(design).numbers)
+
+    def evaluate(self, values: Mapping[str, FloatArray], names: Iterable[str]) -> dict[str, FloatArray]:
+        """Numbers by name, each (n,), for the values (n,) by parameter; NaN for a design that cannot be."""
+        rows = [self._numbers(dict(zip(values, row, strict=True))) for row in zip(*values.values(), strict=True)]
+        return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+
+    def _numbers(self, values: Mapping[str, Any]) -> Mapping[str, float]:
+        try:
+            return analyse(self._design.changed({name: float(value) for name, value in values.items()})).numbers
+        except TwinError:
+            return {}
 
 
 def _check(design: Design, task: Task, numbers: Sequence[str]) -> None:

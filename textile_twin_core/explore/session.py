@@ -23,12 +23,15 @@ from textile_twin_core.explore.history import History
 from textile_twin_core.explore.labels import label, shown_unit
 from textile_twin_core.explore.overlay import Overlay
 from textile_twin_core.explore.packing import Arrays, analysis_head, design_head, plain, printed_of
-from textile_twin_core.explore.search import FrontDesign, Goal, SearchProgress, Task, search
+from textile_twin_core.explore.search import FrontDesign, Goal, OneByOne, SearchProgress, Task, search
 from textile_twin_core.explore.shown import Analysis
-from textile_twin_core.synthesis.tolerance import Limit, batch_of, monte_carlo, sensitivities
+from textile_twin_core.machine import ContactMachine
+from textile_twin_core.synthesis.tolerance import Limit, ManyDesigns, batch_of, monte_carlo, sensitivities
 
 Message = Mapping[str, Any]
 _MOST_SECONDS = 600.0
+_FEW = 400
+"""Machines drawn for the tolerances where they are worked out one by one."""
 
 
 @dataclass(frozen=True)
@@ -167,6 +170,8 @@ class PageSession:
     def _forget(self) -> None:
         """What belongs to another machine."""
         self._front, self._recording = (), None
+        if self._pinned is not None and _measured(self._pinned) != _measured(self.design):
+            self._pinned = None
 
     def _pin(self, message: Message) -> bytes:
         if message.get("on"):
@@ -192,7 +197,7 @@ class PageSession:
 
     def _sensitivity(self, message: Message) -> bytes:
         names, parameters = self._asked(message)
-        batch = batch_of(self.design.family, self.design.values, self.design.speed_rad_s, self.design.dwell_within_m)
+        batch = self._many()
         known = [name for name in names if name in batch.names]
         found = sensitivities(self.design.family, self.design.values, batch, known, parameters)
         units = {p.name: p.unit for p in self.design.family.parameters}
@@ -212,9 +217,10 @@ class PageSession:
         tolerances = {p: width / shown_unit(units[p])[1] for p in parameters if units[p] in ("m", "rad")}
         if not tolerances:
             raise SceneError("choose at least one length or angle as free: those have tolerances")
-        batch = batch_of(self.design.family, self.design.values, self.design.speed_rad_s, self.design.dwell_within_m)
+        batch = self._many()
+        size = {"samples": _FEW, "corners": _FEW} if isinstance(batch, OneByOne) else {}
         found = monte_carlo(
-            self.design.family, self.design.values, batch, batch.names, tolerances, task.limits, seed=task.seed
+            self.design.family, self.design.values, batch, batch.names, tolerances, task.limits, **size, seed=task.seed
         )
         rows = []
         for name, spread in found.spreads.items():
@@ -235,6 +241,13 @@ class PageSession:
                 "parameters": list(tolerances),
             }
         )
+
+    def _many(self) -> ManyDesigns:
+        """What works out many designs like the present one: all at once where the machine has such a form."""
+        try:
+            return batch_of(self.design.family, self.design.values, self.design.speed_rad_s, self.design.dwell_within_m)
+        except SceneError:
+            return OneByOne(self.design)
 
     def _asked(self, message: Message) -> tuple[list[str], list[str]]:
         """Numbers of the present design, and the parameters that are free."""
@@ -308,6 +321,12 @@ class PageSession:
 def _published(name: str) -> Design:
     """A published machine, the same for every tab and every step of its history."""
     return Design.of(machines.create(name))
+
+
+def _measured(design: Design) -> tuple[str, ...]:
+    """Names of what is measured on a machine."""
+    base = design.family.base
+    return base.elements if isinstance(base, ContactMachine) else tuple(m.name for m in getattr(base, "measures", ()))
 
 
 def _number(value: object, what: str) -> float:

@@ -134,12 +134,9 @@ class PublishedFamily:
         return tuple(name for name in valued if name not in _NOT_SEARCHED)
 
     def columns(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Values by slot of many designs, as the paper's parameters place them.
-
-        Raises SceneError for a machine that has no slots.
-        """
+        """Values by slot of many designs, as the paper's parameters place them; by parameter for one without slots."""
         if self.base.has_history:
-            raise SceneError(f"machine '{self.kind}' has a history, which no batch holds")
+            return dict(values)
         given = {p.name: np.asarray(values.get(p.name, p.value or 0.0), dtype=np.float64) for p in self.parameters}
         equal = {slot: given[name] for slot, name in self._equal_slots.items()}
         return {slot: v for slot, v in (equal | _PLACED[self.kind](given)).items() if slot in self._slots}

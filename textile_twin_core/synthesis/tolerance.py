@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -14,9 +15,22 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.synthesis.batch import Batch
 from textile_twin_core.synthesis.family import Family
 
-_MOST_CORNERS = 4096
+SAMPLES, CORNERS = 20000, 4096
 _STEPS = {"m": 1e-6, "rad": 1e-6}
 _RELATIVE = 1e-5
+
+
+class ManyDesigns(Protocol):
+    """What works out the numbers of many designs, such as a `Batch`."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The numbers that can be asked for."""
+        ...
+
+    def evaluate(self, values: Mapping[str, FloatArray], names: Iterable[str]) -> dict[str, FloatArray]:
+        """Numbers by name, each (n,), for values (n,) by name; NaN for a design that cannot close."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -58,7 +72,7 @@ class Tolerances:
 
 
 def sensitivities(
-    family: Family, values: Mapping[str, float], batch: Batch, names: Sequence[str], parameters: Sequence[str]
+    family: Family, values: Mapping[str, float], batch: ManyDesigns, names: Sequence[str], parameters: Sequence[str]
 ) -> dict[str, dict[str, float]]:
     """Derivative of each number by each parameter (SI), by number and parameter: central differences in one batch."""
     units = {p.name: p.unit for p in family.parameters}
@@ -78,17 +92,18 @@ def sensitivities(
 def monte_carlo(
     family: Family,
     values: Mapping[str, float],
-    batch: Batch,
+    batch: ManyDesigns,
     names: Sequence[str],
     tolerances: Mapping[str, float],
     limits: Sequence[Limit] = (),
-    samples: int = 20000,
+    samples: int = SAMPLES,
+    corners: int = CORNERS,
     seed: int = 0,
 ) -> Tolerances:
     """The spread of numbers where parameters lie within +- their tolerance, and how many parts break a limit.
 
     Errors are normal with a standard deviation of a third of the tolerance, cut off at it. The worst case is the worst
-    of all corners of the tolerances, or of 4096 of them where there are more. Parts that cannot close are
+    of all corners of the tolerances, or of `corners` of them where there are more. Parts that cannot close are
     scrap. The same seed gives the same numbers. Raises SceneError for a tolerance that is not positive.
     """
     for p, tolerance in tolerances.items():
@@ -98,13 +113,13 @@ def monte_carlo(
     base, random = _nominal(family, values), np.random.default_rng(seed)
     errors = {p: _cut_normal(random, samples) * tolerance for p, tolerance in tolerances.items()}
     found = _evaluate(family, batch, base, errors, asked)
-    corners = _evaluate(family, batch, base, _corners(random, tolerances), asked)
+    ends = _evaluate(family, batch, base, _corners(random, tolerances, corners), asked)
     nominal = _evaluate(family, batch, base, {p: np.zeros(1) for p in tolerances}, asked)
     broken = [limit.broken(found[limit.number]) for limit in limits]
     closes = np.isfinite(next(iter(found.values())))
     scrap = ~closes if not broken else np.any(broken, axis=0) | ~closes
     return Tolerances(
-        {name: _spread(float(nominal[name][0]), found[name], corners[name]) for name in names},
+        {name: _spread(float(nominal[name][0]), found[name], ends[name]) for name in names},
         float(scrap.mean()),
         tuple(float(one.mean()) for one in broken),
         samples,
@@ -116,7 +131,11 @@ def _nominal(family: Family, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _evaluate(
-    family: Family, batch: Batch, base: Mapping[str, float], errors: Mapping[str, FloatArray], names: Sequence[str]
+    family: Family,
+    batch: ManyDesigns,
+    base: Mapping[str, float],
+    errors: Mapping[str, FloatArray],
+    names: Sequence[str],
 ) -> dict[str, FloatArray]:
     count = max(e.size for e in errors.values()) if errors else 1
     columns = {name: np.full(count, value) for name, value in base.items()}
@@ -133,11 +152,11 @@ def _cut_normal(random: np.random.Generator, samples: int) -> FloatArray:
     return drawn
 
 
-def _corners(random: np.random.Generator, tolerances: Mapping[str, float]) -> dict[str, FloatArray]:
-    if 2 ** len(tolerances) <= _MOST_CORNERS:
+def _corners(random: np.random.Generator, tolerances: Mapping[str, float], most: int) -> dict[str, FloatArray]:
+    if 2 ** len(tolerances) <= most:
         signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(tolerances))))
     else:
-        signs = random.choice([-1.0, 1.0], (_MOST_CORNERS, len(tolerances)))
+        signs = random.choice([-1.0, 1.0], (most, len(tolerances)))
     return {p: signs[:, k] * tolerance for k, (p, tolerance) in enumerate(tolerances.items())}
 
 

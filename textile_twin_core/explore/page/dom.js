@@ -35,7 +35,7 @@ export function shown(value, digits = 5) {
   if (value == null || !Number.isFinite(value)) return "–";
   if (Math.abs(value) < 1e-12) return "0";
   const plain = +value.toPrecision(digits);
-  return Math.abs(plain) < 1e-3 ? plain.toExponential() : String(plain);
+  return Math.abs(plain) < 1e-3 || Math.abs(plain) >= 1e7 ? plain.toExponential() : String(plain);
 }
 
 // The number in a field; null and a mark on the field where there is none.
