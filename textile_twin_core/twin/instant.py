@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,6 +13,7 @@ from textile_twin_core.errors import MotionError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import ShaftStates
+from textile_twin_core.shaft.status import PHASE, TURNS
 
 _FEW = 80
 """Samples up to which one by one is faster than as arrays."""
@@ -74,12 +75,13 @@ class InstantPredictor:
 
     def predict_one(self, states: ShaftStates) -> dict[str, float]:
         """Outputs at the one state there is."""
-        values = self._single((states.phase_rad.item(), states.omega_rad_s.item(), states.alpha_rad_s2.item()))
+        *state, turns = states.table[0, PHASE : TURNS + 1].tolist()
+        values = self._single(state)
         for name, winding in self._winding.items():
-            values[name] += winding * states.turns.item()
+            values[name] += winding * turns
         return values
 
-    def _single(self, state: tuple[float, ...]) -> dict[str, float]:
+    def _single(self, state: Sequence[float]) -> dict[str, float]:
         """One sample, as it would come out of a block: NaN where the machine's motion is not determined."""
         try:
             return self._twin.evaluate(*state)

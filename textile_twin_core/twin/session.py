@@ -17,6 +17,8 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
+from textile_twin_core.shaft.status import PHASE, TURNS
+from textile_twin_core.shaft.turns import TURN, TURN_TAIL
 from textile_twin_core.twin.predictor import AnyTwin, Predictor
 
 
@@ -163,11 +165,14 @@ class Session:
         factor = e.direction * e.ratio
         velocities = None if velocity is None else np.array((velocity * factor,))
         states = self._estimator.step(np.array((stamp,)), np.array(((angle - e.zero_rad) * factor,)), velocities)
-        if len(states) != 1 or sigma:
-            return tuple(self._predict(states).rows(sigma)) if len(states) else ()
-        motion = states.omega_rad_s.item(), states.alpha_rad_s2.item()
+        count = len(states)
+        if count != 1 or sigma:
+            return tuple(self._predict(states).rows(sigma)) if count else ()
+        # Plain numbers: the states' columns, which are arrays, take longer than all that follows.
+        phase, omega, alpha, turns = states.table[0, PHASE : TURNS + 1].tolist()
+        theta = turns * TURN + (turns * TURN_TAIL + phase)  # as join_turns
         outputs = self._predictor.predict_one(states)
-        return (Sample(states.stamps.item(), states.theta_rad.item(), *motion, math.nan, outputs),)
+        return (Sample(states.stamps.item(), theta, omega, alpha, math.nan, outputs),)
 
     def use(self, twin: AnyTwin) -> None:
         """Go on with another twin of the same machine: other outputs, the shaft's state is kept.

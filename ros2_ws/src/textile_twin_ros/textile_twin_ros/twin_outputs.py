@@ -93,35 +93,7 @@ class Thinning:
 
 
 class JointOutput:
-    """Positions and velocities of every joint of a linkage, passive ones too, at a limited rate.
-
-    They are evaluated by a twin of their own, and only for the samples that are sent.
-    """
-
-    topic = "joint_states"
-    msgtype = JOINT_STATE
-    needs: tuple[str, ...] = ()
-
-    def __init__(self, machine: AnyMachine, rate_hz: Callable[[], float], compile_twin: CompileTwin) -> None:
-        positions, velocities = zip(*machine.joint_outputs.values(), strict=True)
-        self._template = JointTemplate(tuple(machine.joint_outputs))
-        self._count = len(positions)
-        self._values = *positions, *velocities
-        self._thinning, self._compile = Thinning(rate_hz), compile_twin
-        self._twin: CompiledTwin | None = None
-
-    def message(self, sample: Sample) -> bytes | None:
-        """A JointState."""
-        if not self._thinning.keeps(sample.stamp):
-            return None
-        if self._twin is None:
-            self._twin = self._compile(self._values)
-        values = (*self._twin.evaluate(sample.theta_rad, sample.omega_rad_s, sample.alpha_rad_s2).values(),)
-        return self._template.full_message(sample.stamp, values[: self._count], values[self._count :])
-
-
-class ElementOutput:
-    """Positions and velocities of the joints of a machine with a history, which every sample goes through."""
+    """Positions and velocities of every joint of a machine, passive ones too, at a limited rate."""
 
     topic = "joint_states"
     msgtype = JOINT_STATE
@@ -153,7 +125,7 @@ class ResidualMessages:
         return (self._template.message(item.stamp_ns, item.residual_Nm) for item in residuals)
 
 
-def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float], compile_twin: CompileTwin) -> list[Output]:
+def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float]) -> list[Output]:
     """The topics that a machine has, without the residual.
 
     Each measure of a linkage (needle, beater, sley) gives the topic of its point's position.
@@ -163,9 +135,7 @@ def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float], compile_
         outputs.append(TorqueOutput("balancing_torque/predicted", lambda sample: sample.outputs[TORQUE]))
         outputs.append(TorqueOutput(SIGMA_TOPIC, lambda sample: sample.torque_sigma_Nm))
     outputs += [PointOutput(f"{measure}/position", point) for measure, point in machine.tools.items()]
-    if machine.has_history:
-        return [*outputs, ElementOutput(machine, joint_rate_hz)]
-    return [*outputs, JointOutput(machine, joint_rate_hz, compile_twin)]
+    return [*outputs, JointOutput(machine, joint_rate_hz)]
 
 
 def twins_of(machine: AnyMachine) -> CompileTwin:

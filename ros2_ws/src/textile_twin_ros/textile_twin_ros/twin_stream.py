@@ -53,7 +53,7 @@ class TwinStream:
     ) -> None:
         self._node = node
         self._compile = twins_of(machine)
-        self._outputs = outputs_of(machine, joint_rate_hz, self._compile)
+        self._outputs = outputs_of(machine, joint_rate_hz)
         # A machine with a history goes through all of it, whoever listens.
         self._has_history = machine.has_history
         self._idle = (
