@@ -29,8 +29,8 @@ EXECUTORS = ("events", "single")
 # How soon it is noticed that the node has finished or is told to end.
 _LOOK_S = 0.2
 # Each spin of the events executor leaves 32 bytes behind, and each callback of the other one adds to the future of the
-# spin: spins are long, and each has a future of its own.
-_SPIN_S = 10.0
+# spin: spins are not short, and each has a future of its own. A node that has fallen behind looks between two of them.
+_SPIN_S = 1.0
 
 
 class SuiteNode(Protocol):
