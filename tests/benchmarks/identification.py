@@ -1,17 +1,19 @@
 """A known truth found again on many seeds: errors, standard deviations and coverage of the intervals.
 
-Run from the root of the repository: python -m tests.benchmarks.identification FIRST_SEED LAST_SEED
+Run from the root of the repository: python -m tests.benchmarks.identification FIRST_SEED LAST_SEED, or with `elastic`
+instead of the seeds: the bias that a shaft brings which twists, while the model's does not.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
 
-from tests.generators.mill_recordings import healthy, record
+from tests.generators.mill_recordings import START_NS, Case, healthy, record, torque_of
 from tests.generators.shaft_law import Backing, Friction, tufting_law
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Estimate, Readings, identify
@@ -29,25 +31,64 @@ TRUTH = {
 }
 
 
-def identified(seed: int) -> dict[str, Estimate]:
-    """The parameters found in one recording of 60 s."""
+def recorded_case(seed: int) -> Case:
+    """The truth of a recording of 60 s."""
     case = healthy("tufting", seed, duration_s=60.0)
-    case = replace(
+    return replace(
         case,
         backing=Backing(force_N=TRUTH["backing_force_N"], free_force_N=TRUTH["free_force_N"]),
         friction=Friction(TRUTH["shaft_viscous_Nms"], TRUTH["shaft_coulomb_Nm"]),
         torque=replace(case.torque, gain=TRUTH["torque_sensor_gain"], delay_s=TRUTH["torque_sensor_delay_s"]),
     )
+
+
+def identified(seed: int) -> dict[str, Estimate]:
+    """The parameters found in one recording."""
+    case = recorded_case(seed)
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     return dict(identify(readings, told_machine(case)).parameters)
 
 
-def main(first: int, last: int) -> None:
-    """Print a Markdown table."""
+STIFFNESSES_NM_RAD = (math.inf, 80e3, 20e3, 5e3)
+ELASTIC_SEED = 7000
+
+
+def truly() -> dict[str, float]:
+    """Every parameter as it is."""
     theta = np.linspace(0.0, 2.0 * np.pi, 2_000_001)
     inside = np.flatnonzero(tufting_law().at(theta)[3] >= Backing().entry_plane_m)
-    truth = TRUTH | {"entry_angle_rad": float(theta[inside[0]]), "exit_angle_rad": float(theta[inside[-1]])}
+    return TRUTH | {"entry_angle_rad": float(theta[inside[0]]), "exit_angle_rad": float(theta[inside[-1]])}
+
+
+def elastic() -> None:
+    """Print a Markdown table of errors (and standard deviations) by the stiffness of the shaft behind the encoder.
+
+    The encoder sits at the drive: the crank lags it by the torque over the stiffness.
+    """
+    case = recorded_case(ELASTIC_SEED)
+    made = record(case)
+    torque = torque_of(case, *made.plan.at((made.angle_stamps_ns - START_NS) * 1e-9))
+    truth = truly()
+    rows: dict[str, list[str]] = {}
+    for stiffness in STIFFNESSES_NM_RAD:
+        angle = np.mod(made.angle + torque / stiffness, 2.0 * np.pi)
+        readings = Readings(made.angle_stamps_ns, angle, made.torque_stamps_ns, made.torque)
+        found = identify(readings, told_machine(case)).parameters
+        product = found["backing_force_N"].value * found["torque_sensor_gain"].value
+        rows.setdefault("force times gain, share", []).append(f"{product / (900.0 * 1.02) - 1.0:+.2g}")
+        for name, each in found.items():
+            rows.setdefault(name, []).append(f"{each.value - truth[name]:+.2g} ({each.sigma:.1g})")
+        print(f"{stiffness:g} N m/rad: done", file=sys.stderr, flush=True)
+    print("| parameter |", *(f"{stiffness:g} |" for stiffness in STIFFNESSES_NM_RAD))
+    print("|---|" + "---|" * len(STIFFNESSES_NM_RAD))
+    for name, errors in rows.items():
+        print(f"| {name} |", *(f"{error} |" for error in errors))
+
+
+def main(first: int, last: int) -> None:
+    """Print a Markdown table."""
+    truth = truly()
     errors, sigmas, covered = defaultdict(list), defaultdict(list), defaultdict(list)
     for seed in range(first, last):
         found = identified(seed)
@@ -69,4 +110,7 @@ def main(first: int, last: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]))
+    if sys.argv[1] == "elastic":
+        elastic()
+    else:
+        main(int(sys.argv[1]), int(sys.argv[2]))

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.generators.mill_recordings import Case, healthy, record
+from tests.generators.mill_recordings import Case, healthy, record, torque_of
+from tests.generators.planned_motion import Plan
 from tests.generators.shaft_law import Backing, Friction, tufting_law
 from tests.generators.told_machine import told_machine
-from textile_twin_core.comparison import Identification, Readings, identify
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison import Identification, Readings, identify, with_table
+from textile_twin_core.dynamics import loads as declared
 from textile_twin_core.errors import RecordingError
 
 
@@ -51,8 +55,9 @@ def test_a_run_up_tells_every_parameter_of_the_tufting_machine() -> None:
     told = found.to_json()
     assert told["not_identifiable"] == ["torque_sensor_offset_Nm"]
     assert set(told["parameters"]["backing_force_N"]) == {"value", "sigma", "interval95"}
-    planes = found.machine.loads[0]
-    assert isinstance(planes.entry_plane_m, float) and abs(planes.entry_plane_m - 0.5572) < 2e-5  # type: ignore[union-attr]
+    backing = found.machine.loads[0]
+    assert isinstance(backing, declared.Backing)
+    assert backing.entry_plane_m == pytest.approx(0.5572, abs=2e-5)
 
 
 def test_at_one_speed_what_cannot_be_told_is_named_and_stays() -> None:
@@ -79,6 +84,71 @@ def test_a_torque_that_nobody_modelled_comes_out_with_its_band() -> None:
     truth = 0.4 * np.cos(5.0 * left.angle_rad - 1.0)
     assert float(np.mean(np.abs(left.torque_Nm - truth) < left.band_Nm + 0.02)) > 0.95
     assert float(np.max(left.band_Nm)) < 0.05
+
+
+def two_turns(seed: int) -> tuple[Case, Readings, Callable[[FloatArray], FloatArray]]:
+    """A loom whose load, unknown to its file, repeats every second turn."""
+    case = healthy("loom", seed, duration_s=24.0)
+    made = record(case)
+    start = np.floor(made.plan.start_rad / (2.0 * np.pi)) * 2.0 * np.pi
+
+    def load(theta: FloatArray) -> FloatArray:
+        return np.asarray(0.5 * np.cos(1.5 * (theta - start) - 1.0) + 0.3 * np.sin(5.0 * theta))
+
+    theta = made.plan.at((made.torque_stamps_ns - made.torque_stamps_ns.min()) * 1e-9 + 0.0507)[0]
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque + load(theta))
+    return case, readings, load
+
+
+def test_a_load_over_two_turns_comes_out_over_two_turns() -> None:
+    case, readings, load = two_turns(975)
+    machine = told_machine(case)
+    sensors = replace(machine.sensors, encoder=replace(machine.sensors.encoder, cycle_turns=2))
+    left = identify(readings, replace(machine, sensors=sensors)).unmodelled
+    assert left.significant
+    assert left.cycle_turns == 2
+    assert left.angle_rad[-1] > 12.5
+    error = left.torque_Nm - load(left.angle_rad)
+    assert float(np.sqrt(np.mean(error**2))) < 0.05
+    assert float(np.max(left.band_Nm)) < 0.1
+    # Over one turn what changes sign from turn to turn is not there.
+    alone = identify(readings, machine).unmodelled
+    assert float(np.ptp(alone.torque_Nm)) == pytest.approx(0.6, abs=0.1)
+    with pytest.raises(RecordingError, match="lasts 2 turns"):
+        with_table(machine, left)
+
+
+@pytest.mark.parametrize(
+    ("points", "said"),
+    [
+        (((0.0, 0.0), (20.0, 0.0)), "stands still"),
+        (((0.0, 0.0), (2.0, 0.0), (6.0, 1.2), (8.0, 0.0), (20.0, 0.0)), "of a turn"),
+    ],
+    ids=["standstill", "part of a turn"],
+)
+def test_too_little_motion_is_said_and_nothing_is_fitted(points: Sequence[tuple[float, float]], said: str) -> None:
+    plan = Plan(points, 0.4)
+    rng = np.random.default_rng(5)
+    time = np.arange(0.05, 19.95, 0.002)
+    case = healthy("tufting", 976)
+    stamps = np.rint(time * 1e9).astype(np.int64)
+    theta, omega, alpha = plan.at(time)
+    torque = torque_of(case, theta, omega, alpha) + 0.08 * rng.standard_normal(time.size)
+    angle = np.rint(theta / 3.8e-4) * 3.8e-4
+    with pytest.raises(RecordingError, match=said):
+        identify(Readings(stamps, angle, stamps, torque), told_machine(case))
+
+
+def test_gaps_are_told_and_what_is_beside_them_counts() -> None:
+    case = healthy("tufting", 977, duration_s=24.0)
+    made = record(case)
+    since = (made.angle_stamps_ns - made.angle_stamps_ns[0]) * 1e-9
+    lost = ((since > 8.0) & (since < 10.5)) | ((since > 14.0) & (since < 15.0))
+    readings = Readings(made.angle_stamps_ns[~lost], np.unwrap(made.angle)[~lost], made.torque_stamps_ns, made.torque)
+    found = identify(readings, told_machine(case))
+    assert any("gaps in the shaft angle" in note and "does not count" in note for note in found.notes)
+    product = found.parameters["backing_force_N"].value * found.parameters["torque_sensor_gain"].value
+    assert product == pytest.approx(1000.0, rel=0.01)
 
 
 def test_wrong_sensors_are_to_be_settled_first() -> None:

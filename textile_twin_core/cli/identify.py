@@ -45,6 +45,8 @@ def run(arguments: argparse.Namespace) -> None:
 
     if arguments.table and arguments.out is None:
         raise UsageError("--table writes into the machine file: give --out too")
+    if arguments.table and machine.sensors.encoder.cycle_turns > 1:
+        raise UsageError("--table writes a load over one turn: leave it out, --json has the table over the whole cycle")
     check_out(arguments)
     _, angles, measured = read_samples(arguments, machine)
     found = identify(readings_of(angles, measured), machine)
@@ -67,13 +69,16 @@ def _print(found: Identification) -> None:
         ("RMS error after", f"{found.rms_after_Nm:.4g} N m"),
     ]
     left = found.unmodelled
+    over = f" over {left.cycle_turns} turns" if left.cycle_turns > 1 else ""
     if left.significant:
         rows.append(
             (
                 "not modelled",
-                f"a torque by shaft angle of up to {float(abs(left.torque_Nm).max()):.3g} N m,"
+                f"a torque by shaft angle{over} of up to {float(abs(left.torque_Nm).max()):.3g} N m,"
                 f" {left.share * 100.0:.0f} % of what is left",
             )
         )
-    rows += [("not identifiable", each.text) for each in found.not_identifiable]
+    lost = [each.text for each in found.not_identifiable]
+    rows += [("not identifiable", text) for text in lost]
+    rows += [("note", text) for text in found.notes if text not in lost]
     print_rows(rows)

@@ -9,6 +9,7 @@ from textile_twin_core.comparison.torque_model import DELAY, EVENTS, GAIN, INERT
 from textile_twin_core.comparison.unmodelled import UnmodelledTorque
 from textile_twin_core.dynamics import Body
 from textile_twin_core.dynamics.loads import Backing, Load, ShaftFriction, TorqueTable
+from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.sensors import Sensors, TorqueSensor
 from textile_twin_core.twin import compile_machine
@@ -40,7 +41,15 @@ def identified_machine(machine: Machine, values: Mapping[str, float], free: Sequ
 
 
 def with_table(machine: Machine, torque: UnmodelledTorque) -> Machine:
-    """The machine with a torque that nobody modelled as a load: what the drive must give, the load takes."""
+    """The machine with a torque that nobody modelled as a load: what the drive must give, the load takes.
+
+    Raises RecordingError for a torque over several turns, which no load of a machine can be.
+    """
+    if torque.cycle_turns > 1:
+        raise RecordingError(
+            f"the torque that nobody modelled lasts {torque.cycle_turns} turns, and a machine's table lasts one: take"
+            " it from the JSON"
+        )
     table = TorqueTable(tuple(torque.angle_rad.tolist()), tuple((-torque.torque_Nm).tolist()))
     return replace(machine, loads=(*machine.loads, table))
 

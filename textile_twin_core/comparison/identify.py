@@ -50,6 +50,7 @@ class Identification:
         spread_rad: angle over which the backing's force sets in (standard deviation).
         rms_before_Nm, rms_after_Nm: residual of the machine as configured, and with all that was found.
         unmodelled: torque by shaft angle that is left over, with its band. machine: the machine with what was found.
+        notes: what a reader should know of the recording (gaps), and why parameters could not be told.
     """
 
     parameters: Mapping[str, Estimate]
@@ -90,7 +91,7 @@ def identify(readings: Readings, machine: Machine) -> Identification:
     Raises RecordingError when the recording tells nothing, is of another machine, or a sensor's discrete setting
     (direction, ratio, unit, sign) is wrong, which `calibrate` settles.
     """
-    found = _settled(readings, machine)
+    found, notes = _settled(readings, machine)
     evidence = found.evidence.thinned(_ALL_SAMPLES)
     model = TorqueModel(evidence, machine, found.settings.direction, _FIRST_SPREAD_RAD)
     told = model.start()
@@ -109,7 +110,8 @@ def identify(readings: Readings, machine: Machine) -> Identification:
     fitted |= {name: _with_phase(values[name], event, phase) for name, event in events.items()}
     fitted = {name: fitted[name] for name in free}
     before = (evidence.torque_Nm - model.expected(told))[fit.good]
-    left = unmodelled_torque(model.parts(values).theta[fit.good], fit.residual / values[GAIN], turn)
+    theta = model.parts(values).theta[fit.good]
+    left = unmodelled_torque(theta, fit.residual / values[GAIN], turn, machine.sensors.encoder.cycle_turns)
     turned = machine.sensors.encoder.direction * machine.sensors.encoder.ratio
     if ZERO in fitted:
         fitted[ZERO] = fitted[ZERO].scaled(1.0 / turned)
@@ -122,12 +124,15 @@ def identify(readings: Readings, machine: Machine) -> Identification:
         rms_after_Nm=float(np.sqrt(np.mean(fit.residual**2))),
         unmodelled=left,
         machine=identified_machine(machine, {**values, ZERO: values[ZERO] / turned}, free),
-        notes=tuple(each.text for each in lost),
+        notes=(*notes, *(each.text for each in lost)),
     )
 
 
-def _settled(readings: Readings, machine: Machine) -> Explanation:
-    """The record explained, when its sensors' discrete settings are right. Raises RecordingError."""
+def _settled(readings: Readings, machine: Machine) -> tuple[Explanation, tuple[str, ...]]:
+    """The record explained and what is to be said of it, when its sensors' discrete settings are right.
+
+    Raises RecordingError.
+    """
     assessment = assess(readings, machine)
     found = assessment.explanation
     if found is None:
@@ -138,7 +143,7 @@ def _settled(readings: Readings, machine: Machine) -> Explanation:
         # Less than this a force or an angle that is to be identified may leave.
         if cause.cause == "other_machine" and 1.0 - found.explained > _LEFT_BY_LOADS:
             raise RecordingError(f"nothing to identify: {cause.text}")
-    return found
+    return found, assessment.notes
 
 
 def _near(angle: float, other: float) -> float:

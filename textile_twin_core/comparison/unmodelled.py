@@ -10,17 +10,18 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.bootstrap import bootstrap_moves
 from textile_twin_core.comparison.shaft_track import TURN
 
-_ORDERS = 16
-_POINTS = 120
+_ORDERS = 16  # of the turn
+_POINTS = 120  # a turn
 _WORTH = 0.01
 
 
 @dataclass(frozen=True)
 class UnmodelledTorque:
-    """A torque that the drive must give beside the model's, over one turn; arrays are (points,).
+    """A torque that the drive must give beside the model's, over one cycle; arrays are (points,).
 
     Attributes:
-        angle_rad: evenly over the turn. torque_Nm: what is left over. band_Nm: half width that holds it in 95 of 100
+        cycle_turns: turns of the shaft in a cycle. angle_rad: evenly over the cycle, whose first turn is that of the
+            shaft's unwrapped angle 0. torque_Nm: what is left over. band_Nm: half width that holds it in 95 of 100
             recordings, at every angle at once.
         share: part of the residual's mean square that it explains.
         significant: whether it leaves its band anywhere, and explains more than a hundredth.
@@ -31,27 +32,32 @@ class UnmodelledTorque:
     band_Nm: FloatArray
     share: float
     significant: bool
+    cycle_turns: int = 1
 
 
-def unmodelled_torque(theta_rad: FloatArray, residual_Nm: FloatArray, turn: IntArray) -> UnmodelledTorque:
-    """The Fourier series, orders 1 to 16, of a residual (n,) over the shaft angle, with a simultaneous band.
+def unmodelled_torque(
+    theta_rad: FloatArray, residual_Nm: FloatArray, turn: IntArray, cycle_turns: int = 1
+) -> UnmodelledTorque:
+    """The Fourier series, orders 1 / cycle_turns to 16, of a residual (n,) over the shaft angle, with its band.
 
-    The band is the 95th percentile, over a bootstrap of whole turns, of the largest departure in units of its scatter.
+    The band is the 95th percentile, over a bootstrap of whole cycles, of the largest departure in units of its scatter.
     """
-    columns = _waves(theta_rad)
+    cycle = np.asarray(turn // cycle_turns)
+    columns = _waves(theta_rad, cycle_turns)
     found = np.linalg.lstsq(columns.T @ columns, columns.T @ residual_Nm, rcond=1e-9)[0]
     left = residual_Nm - columns @ found
-    angle = TURN * np.arange(_POINTS) / _POINTS
-    waves = _waves(angle)
-    moves = bootstrap_moves(columns, left, turn, draws=400) @ waves.T
+    angle = TURN * np.arange(_POINTS * cycle_turns) / _POINTS
+    waves = _waves(angle, cycle_turns)
+    moves = bootstrap_moves(columns, left, cycle, draws=400) @ waves.T
     scatter = np.std(moves, axis=0) + 1e-300
     width = float(np.percentile(np.max(np.abs(moves) / scatter, axis=1), 95.0))
     torque, band = waves @ found, width * scatter
     power = float(residual_Nm @ residual_Nm)
     share = 1.0 - float(left @ left) / power if power > 0.0 else 0.0
-    return UnmodelledTorque(angle, torque, band, share, share > _WORTH and bool((np.abs(torque) > band).any()))
+    significant = share > _WORTH and bool((np.abs(torque) > band).any())
+    return UnmodelledTorque(angle, torque, band, share, significant, cycle_turns)
 
 
-def _waves(theta: FloatArray) -> FloatArray:
-    angle = np.outer(theta, np.arange(1, _ORDERS + 1))
+def _waves(theta: FloatArray, cycle_turns: int) -> FloatArray:
+    angle = np.outer(theta, np.arange(1, _ORDERS * cycle_turns + 1) / cycle_turns)
     return np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
