@@ -82,3 +82,15 @@ def test_gears_have_joints_of_their_own() -> None:
     routes = ttc.compile(machine, ["balancing_torque_Nm", "balancing_torque_newton_euler_Nm"], "exact")
     one, two = routes.evaluate(1.1, 20.0, 30.0).values()
     assert two == pytest.approx(one, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["tufting", "handloom_beatup", "elliptic_gear_beatup"])
+def test_every_published_linkage_takes_the_parameters_of_its_sensors(name: str) -> None:
+    given = {"encoder_zero_rad": 0.1, "torque_sensor_gain": 1.1, "torque_sensor_delay_s": 2e-3}
+    machine = getattr(ttc.machines, name)(**given)
+    encoder, torque = machine.sensors.encoder, machine.sensors.torque
+    assert (encoder.zero_rad, torque.gain, torque.offset_Nm, torque.delay_s) == (0.1, 1.1, 0.0, 2e-3)
+    assert {n: machine.parameters[n] for n in given} == given
+    assert list(machine.parameters)[-4:] == list(ttc.machines.parameters_of(name))[-4:]
+    with pytest.raises(TypeError, match="encoder_zero"):
+        getattr(ttc.machines, name)(encoder_zero=0.1)

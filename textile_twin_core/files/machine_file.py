@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from inspect import signature
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -85,11 +84,10 @@ def published_machine(name: str, values: Mapping[str, Any], place: str) -> AnyMa
     `place` is where the values stand, for messages. Raises MachineError for a value of the wrong kind, and as
     machines.create does.
     """
-    factory = getattr(machines, name) if name in machines.NAMES else None
-    known = signature(factory).parameters if factory is not None else {}
+    known = machines.parameters_of(name) if name in machines.NAMES else {}
     for key, value in values.items():
         if key in known:
-            word = isinstance(known[key].default, str)
+            word = isinstance(known[key], str)
             convert(value, str if word else float, f"{place}{key}")
             if word and not isinstance(value, str):
                 raise MachineError(f"{place}{key}: must be a word, not {value!r}")

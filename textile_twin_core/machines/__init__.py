@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
-from inspect import signature
+from inspect import Parameter, signature
 from pathlib import Path
+from typing import Any
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machine import (
@@ -29,6 +30,7 @@ from textile_twin_core.machine.sizes import check_size, reckonable
 from textile_twin_core.machines.elliptic_gear_beatup import elliptic_gear_beatup
 from textile_twin_core.machines.handloom_beatup import handloom_beatup
 from textile_twin_core.machines.needle_transfer import needle_transfer
+from textile_twin_core.machines.sensor_parameters import SENSOR_DEFAULTS
 from textile_twin_core.machines.tufting import tufting
 
 _FACTORIES: Mapping[str, Callable[..., AnyMachine]] = {
@@ -38,6 +40,13 @@ _FACTORIES: Mapping[str, Callable[..., AnyMachine]] = {
     "elliptic_gear_beatup": elliptic_gear_beatup,
 }
 NAMES: tuple[str, ...] = tuple(_FACTORIES)
+
+
+def parameters_of(name: str) -> dict[str, Any]:
+    """The parameters of a published machine with their defaults, those of its sensors last."""
+    known = signature(_FACTORIES[name]).parameters.values()
+    own = {each.name: each.default for each in known if each.kind is Parameter.KEYWORD_ONLY}
+    return {**own, **SENSOR_DEFAULTS} if len(own) < len(known) else own
 
 
 def create(name: str, **overrides: float | str) -> AnyMachine:
@@ -50,7 +59,7 @@ def create(name: str, **overrides: float | str) -> AnyMachine:
         near = get_close_matches(name, NAMES, n=2) or NAMES
         hint = "give the path of a machine file" if Path(name).suffix else f"did you mean {' or '.join(near)}?"
         raise MachineError(f"there is no machine '{name}'; {hint}; machines: {', '.join(NAMES)}")
-    known = signature(factory).parameters
+    known = parameters_of(name)
     for parameter, value in overrides.items():
         if parameter not in known:
             near = get_close_matches(parameter, known, n=3) or list(known)[:5]
@@ -78,6 +87,7 @@ __all__ = [
     "elliptic_gear_beatup",
     "handloom_beatup",
     "needle_transfer",
+    "parameters_of",
     "tufting",
     "with_encoder",
 ]

@@ -7,11 +7,13 @@ sley DE rigid with CD.
 from __future__ import annotations
 
 import math
+from typing import Unpack
 
 from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machine.machine import Machine
-from textile_twin_core.machine.sensors import Encoder, Scene, Sensors, TorqueSensor
+from textile_twin_core.machine.sensors import Scene
+from textile_twin_core.machines.sensor_parameters import SensorParameters, numbers_of, sensors_of
 from textile_twin_core.mechanism import Arc, Crank, EllipticGearPair, RigidArm, RRRDyad
 
 
@@ -42,10 +44,7 @@ def elliptic_gear_beatup(
     rocker_kgm2: float | None = None,
     sley_kgm2: float | None = None,
     gravity_m_s2: float = 9.81,
-    encoder_zero_rad: float = 0.0,
-    torque_sensor_gain: float = 1.0,
-    torque_sensor_offset_Nm: float = 0.0,
-    torque_sensor_delay_s: float = 0.0,
+    **sensors: Unpack[SensorParameters],
 ) -> Machine:
     """The mechanism with the paper's lengths; torque, energy and reactions only once every mass and inertia is given.
 
@@ -56,7 +55,7 @@ def elliptic_gear_beatup(
     """
     given = dict(locals())
     missing = tuple(name for name, value in given.items() if value is None)
-    parameters = {name: float(value) for name, value in given.items() if value is not None}
+    parameters = numbers_of(given)
     reach = 2.0 * half_axis_m
     axis = (reach * math.cos(centre_line_rad), reach * math.sin(centre_line_rad))
     foot = (axis[0] + ground_m * math.cos(ground_angle_rad), axis[1] + ground_m * math.sin(ground_angle_rad))
@@ -96,10 +95,7 @@ def elliptic_gear_beatup(
         ),
         measures=(Arc("sley", link="sley", radius_m=sley_m, sense=-1),),
         gravity_m_s2=(0.0, -gravity_m_s2),
-        sensors=Sensors(
-            Encoder(zero_rad=encoder_zero_rad),
-            TorqueSensor(torque_sensor_gain, torque_sensor_offset_Nm, torque_sensor_delay_s),
-        ),
+        sensors=sensors_of(sensors),
         joint_names={
             "gear_1": "main_shaft",
             "gear_2": "driven_gear",

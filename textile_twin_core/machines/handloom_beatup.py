@@ -7,10 +7,11 @@ AE rigid with it; the design of beta = 48 deg at a crank rotation of 180 deg, sc
 from __future__ import annotations
 
 import math
+from typing import Unpack
 
 from textile_twin_core.dynamics import Body
 from textile_twin_core.machine.machine import Machine
-from textile_twin_core.machine.sensors import Encoder, Sensors, TorqueSensor
+from textile_twin_core.machines.sensor_parameters import SensorParameters, numbers_of, sensors_of
 from textile_twin_core.mechanism import Arc, Crank, RigidArm, RRRDyad
 
 
@@ -34,10 +35,7 @@ def handloom_beatup(
     arm_kgm2: float = 0.0049,
     beater_kgm2: float = 0.0,
     gravity_m_s2: float = 9.81,
-    encoder_zero_rad: float = 0.0,
-    torque_sensor_gain: float = 1.0,
-    torque_sensor_offset_Nm: float = 0.0,
-    torque_sensor_delay_s: float = 0.0,
+    **sensors: Unpack[SensorParameters],
 ) -> Machine:
     """The beat-up mechanism; masses and inertias as printed, for cast iron of 30 x 10 mm.
 
@@ -47,7 +45,7 @@ def handloom_beatup(
     gravity feels. The beater's position counts along its arc from the rear dead centre; it beats up at the
     other one, crank and coupler stretched.
     """
-    parameters = {name: float(value) for name, value in locals().items()}
+    parameters = numbers_of(locals())
     pivot = (ground_m * math.cos(ground_angle_rad), ground_m * math.sin(ground_angle_rad))
     return Machine(
         name="handloom_beatup",
@@ -76,10 +74,7 @@ def handloom_beatup(
         ),
         measures=(Arc("beater", link="l4", radius_m=arm_m, sense=-1),),
         gravity_m_s2=(0.0, -gravity_m_s2),
-        sensors=Sensors(
-            Encoder(zero_rad=encoder_zero_rad),
-            TorqueSensor(torque_sensor_gain, torque_sensor_offset_Nm, torque_sensor_delay_s),
-        ),
+        sensors=sensors_of(sensors),
         joint_names={"l1": "main_shaft", "l2": "coupler", "l3": "rocker"},
         angle_near_rad={"l2": ground_angle_rad + 1.0, "l3": ground_angle_rad + 1.6, "l4": ground_angle_rad + 1.6},
         parameters=parameters,

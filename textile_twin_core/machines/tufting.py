@@ -6,10 +6,11 @@ Crank l1, coupler l2, rocker l3 on the driven shaft C; arm l4 rigid with l3; con
 from __future__ import annotations
 
 import math
+from typing import Unpack
 
 from textile_twin_core.dynamics import Backing, Body
 from textile_twin_core.machine.machine import Machine
-from textile_twin_core.machine.sensors import Encoder, Sensors, TorqueSensor
+from textile_twin_core.machines.sensor_parameters import SensorParameters, numbers_of, sensors_of
 from textile_twin_core.mechanism import Crank, RigidArm, RRPDyad, RRRDyad, Travel
 
 
@@ -42,10 +43,7 @@ def tufting(
     entry_plane_m: float = 0.55784,
     exit_plane_m: float = 0.55784,
     gravity_m_s2: float = 9.81,
-    encoder_zero_rad: float = 0.0,
-    torque_sensor_gain: float = 1.0,
-    torque_sensor_offset_Nm: float = 0.0,
-    torque_sensor_delay_s: float = 0.0,
+    **sensors: Unpack[SensorParameters],
 ) -> Machine:
     """The tufting machine; lengths, masses and inertias are those of Xu et al. 2016, Table 1.
 
@@ -53,7 +51,7 @@ def tufting(
     leaves (about 194 deg), which are one plane of the backing 557.84 mm below the driven shaft:
     `entry_plane_m` and `exit_plane_m`. Eq. 9 and 14 are on the branches pi - asin and 2 pi - acos.
     """
-    parameters = {name: float(value) for name, value in locals().items()}
+    parameters = numbers_of(locals())
     centre = (x1_m, H1_m)
     return Machine(
         name="tufting",
@@ -85,10 +83,7 @@ def tufting(
         measures=(Travel("needle", point="F", origin="C", direction=(0.0, -1.0)),),
         loads=(Backing("needle", backing_force_N, entry_plane_m, exit_plane_m, free_force_N),),
         gravity_m_s2=(0.0, -gravity_m_s2),
-        sensors=Sensors(
-            Encoder(zero_rad=encoder_zero_rad),
-            TorqueSensor(torque_sensor_gain, torque_sensor_offset_Nm, torque_sensor_delay_s),
-        ),
+        sensors=sensors_of(sensors),
         joint_names={"l1": "main_shaft", "l2": "coupler", "l3": "rocker", "l5": "rod", "l6": "needle_bar"},
         angle_near_rad={
             "l2": math.pi / 2,

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -104,7 +103,7 @@ class PublishedFamily:
 
     def __init__(self, machine: AnyMachine, kind: str) -> None:
         self.base, self.kind, self.name = machine, kind, machine.name
-        known = {n: p.default for n, p in signature(getattr(machines, kind)).parameters.items()}
+        known = machines.parameters_of(kind)
         values = {n: machine.parameters.get(n, default) for n, default in known.items() if not n.startswith(_LEFT_OUT)}
         self.parameters = tuple(
             _parameter(n, v, isinstance(known[n], bool))
@@ -217,7 +216,7 @@ Family = DeclaredFamily | PublishedFamily
 def family_of(machine: AnyMachine) -> Family:
     """The family of a machine: that of its paper where it is a published one, else that of its declaration."""
     for kind in machines.NAMES:
-        known, given = set(signature(getattr(machines, kind)).parameters), set(machine.parameters)
+        known, given = set(machines.parameters_of(kind)), set(machine.parameters)
         if not given or not given <= known or type(machines.create(kind)) is not type(machine):
             continue
         family = PublishedFamily(machine, kind)

@@ -1,0 +1,47 @@
+"""The sensors on the shaft as parameters that every published linkage takes beside its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, TypedDict
+
+from textile_twin_core.machine.sensors import Encoder, Sensors, TorqueSensor
+
+
+class SensorParameters(TypedDict, total=False):
+    """What may be given of the sensors, by the names of parameters."""
+
+    encoder_zero_rad: float
+    torque_sensor_gain: float
+    torque_sensor_offset_Nm: float
+    torque_sensor_delay_s: float
+
+
+SENSOR_DEFAULTS: Final[SensorParameters] = {
+    "encoder_zero_rad": 0.0,
+    "torque_sensor_gain": 1.0,
+    "torque_sensor_offset_Nm": 0.0,
+    "torque_sensor_delay_s": 0.0,
+}
+
+
+def sensors_of(given: SensorParameters) -> Sensors:
+    """The sensors that these parameters say."""
+    said = SENSOR_DEFAULTS | given
+    return Sensors(
+        Encoder(zero_rad=said["encoder_zero_rad"]),
+        TorqueSensor(said["torque_sensor_gain"], said["torque_sensor_offset_Nm"], said["torque_sensor_delay_s"]),
+    )
+
+
+def numbers_of(given: Mapping[str, Any]) -> dict[str, float]:
+    """Every number among a factory's arguments, by name: its own, then those of the `sensors`.
+
+    Raises TypeError for a name that neither has, as Python does.
+    """
+    for name in given["sensors"]:
+        if name not in SENSOR_DEFAULTS:
+            raise TypeError(f"a published machine has no parameter '{name}'")
+    own = {name: value for name, value in given.items() if name != "sensors"}
+    values = own | SENSOR_DEFAULTS | given["sensors"]
+    return {name: float(value) for name, value in values.items() if value is not None}
