@@ -13,7 +13,7 @@ from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.sensors import Scene
-from textile_twin_core.machines.sensor_parameters import SensorParameters, numbers_of, sensors_of
+from textile_twin_core.machines.sensor_parameters import SensorNumbers, numbers_of, sensors_of
 from textile_twin_core.mechanism import Arc, Crank, EllipticGearPair, RigidArm, RRRDyad
 
 
@@ -44,7 +44,7 @@ def elliptic_gear_beatup(
     rocker_kgm2: float | None = None,
     sley_kgm2: float | None = None,
     gravity_m_s2: float = 9.81,
-    **sensors: Unpack[SensorParameters],
+    **sensors: Unpack[SensorNumbers],
 ) -> Machine:
     """The mechanism with the paper's lengths; torque, energy and reactions only once every mass and inertia is given.
 

@@ -11,7 +11,7 @@ from typing import Unpack
 
 from textile_twin_core.dynamics import Body
 from textile_twin_core.machine.machine import Machine
-from textile_twin_core.machines.sensor_parameters import SensorParameters, numbers_of, sensors_of
+from textile_twin_core.machines.sensor_parameters import SensorNumbers, numbers_of, sensors_of
 from textile_twin_core.mechanism import Arc, Crank, RigidArm, RRRDyad
 
 
@@ -35,7 +35,7 @@ def handloom_beatup(
     arm_kgm2: float = 0.0049,
     beater_kgm2: float = 0.0,
     gravity_m_s2: float = 9.81,
-    **sensors: Unpack[SensorParameters],
+    **sensors: Unpack[SensorNumbers],
 ) -> Machine:
     """The beat-up mechanism; masses and inertias as printed, for cast iron of 30 x 10 mm.
 

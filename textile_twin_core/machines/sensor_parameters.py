@@ -8,7 +8,7 @@ from typing import Any, Final, TypedDict
 from textile_twin_core.machine.sensors import Encoder, Sensors, TorqueSensor
 
 
-class SensorParameters(TypedDict, total=False):
+class SensorNumbers(TypedDict, total=False):
     """What may be given of the sensors, by the names of parameters."""
 
     encoder_zero_rad: float
@@ -17,7 +17,7 @@ class SensorParameters(TypedDict, total=False):
     torque_sensor_delay_s: float
 
 
-SENSOR_DEFAULTS: Final[SensorParameters] = {
+SENSOR_DEFAULTS: Final[SensorNumbers] = {
     "encoder_zero_rad": 0.0,
     "torque_sensor_gain": 1.0,
     "torque_sensor_offset_Nm": 0.0,
@@ -25,7 +25,7 @@ SENSOR_DEFAULTS: Final[SensorParameters] = {
 }
 
 
-def sensors_of(given: SensorParameters) -> Sensors:
+def sensors_of(given: SensorNumbers) -> Sensors:
     """The sensors that these parameters say."""
     said = SENSOR_DEFAULTS | given
     return Sensors(

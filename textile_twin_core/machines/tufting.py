@@ -10,7 +10,7 @@ from typing import Unpack
 
 from textile_twin_core.dynamics import Backing, Body
 from textile_twin_core.machine.machine import Machine
-from textile_twin_core.machines.sensor_parameters import SensorParameters, numbers_of, sensors_of
+from textile_twin_core.machines.sensor_parameters import SensorNumbers, numbers_of, sensors_of
 from textile_twin_core.mechanism import Crank, RigidArm, RRPDyad, RRRDyad, Travel
 
 
@@ -43,7 +43,7 @@ def tufting(
     entry_plane_m: float = 0.55784,
     exit_plane_m: float = 0.55784,
     gravity_m_s2: float = 9.81,
-    **sensors: Unpack[SensorParameters],
+    **sensors: Unpack[SensorNumbers],
 ) -> Machine:
     """The tufting machine; lengths, masses and inertias are those of Xu et al. 2016, Table 1.
 

@@ -27,7 +27,7 @@ _HEAD = struct.Struct("<BQHIQQ").pack
 _INDEX_HEAD = struct.Struct("<BQHI").pack
 
 
-class Chunk:
+class PendingChunk:
     """Messages that wait to be written together, with their log times."""
 
     def __init__(self) -> None:

@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.recordings.cdr_decode import Bytes
-from textile_twin_core.recordings.mcap_chunk import MESSAGE_HEAD_BYTES, Chunk
+from textile_twin_core.recordings.mcap_chunk import MESSAGE_HEAD_BYTES, PendingChunk
 from textile_twin_core.recordings.mcap_read import MAGIC
 from textile_twin_core.recordings.schemas import MessageSchema
 
@@ -44,7 +44,7 @@ class McapFileWriter:
         """Of all chunks, as the summary takes them: a recording that goes on for long has very many."""
         self._metadata: list[records.MetadataIndex] = []
         self._compressor = zstandard.ZstdCompressor()
-        self._chunk = Chunk()
+        self._chunk = PendingChunk()
         self.span_ns: tuple[int, int] | None = None
         self._put(MAGIC)
         self._emit(records.Header(profile="ros2", library="textile-twin"))
@@ -151,7 +151,7 @@ class McapFileWriter:
         self._chunk_indices += self._bytes_of(chunk_index)
         whole = self.span_ns or chunk.span_ns
         self.span_ns = (min(first, whole[0]), max(last, whole[1]))
-        self._chunk = Chunk()
+        self._chunk = PendingChunk()
 
     def flush(self) -> None:
         """Put everything written so far on the disk, so that neither a kill nor a power loss takes it."""
