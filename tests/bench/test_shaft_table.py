@@ -13,7 +13,6 @@ from textile_twin_core.bench.shaft_signal import KNOCKS, LOADS, MANY_ORDERS, STE
 from textile_twin_core.bench.shaft_table import LAGS_S, NO_ALPHA, Condition, SmoothTorque, conditions, shaft_table
 from textile_twin_core.bench.text import shaft_lines
 from textile_twin_core.shaft import ShaftStates, status
-from textile_twin_core.shaft.states import STATE_WIDTH
 
 SPEED = 160.0 * math.pi / 30.0
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -64,10 +63,10 @@ def test_torque_and_sigma_agree_with_an_independent_derivation() -> None:
     theta, omega, alpha = rng.uniform(-np.pi, np.pi, 400), rng.uniform(5.0, 40.0, 400), rng.normal(0.0, 30.0, 400)
     np.testing.assert_allclose(ours(theta, omega, alpha), theirs(theta, omega, alpha), atol=1e-9)
     root = rng.normal(size=(400, 3, 3))
-    table = np.zeros((400, STATE_WIDTH))
-    table[:, status.PHASE], table[:, status.SPEED], table[:, status.ACCELERATION] = theta, omega, alpha
-    table[:, status.COVARIANCE : status.COVARIANCE + 9] = (root @ root.transpose(0, 2, 1)).reshape(400, 9)
-    states = ShaftStates(np.arange(400), table)
+    rows = np.zeros(400, status.STATE)
+    rows["phase"], rows["speed"], rows["acceleration"] = theta, omega, alpha
+    rows["covariance"] = (root @ root.transpose(0, 2, 1)).reshape(400, 9)
+    states = ShaftStates(np.arange(400), rows)
     expected = np.sqrt(states.variance_of(theirs.gradient(theta, omega, alpha)))
     np.testing.assert_allclose(ours.sigma(states), expected, rtol=1e-5)
 

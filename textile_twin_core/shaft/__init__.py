@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from textile_twin_core.errors import SceneError
-from textile_twin_core.shaft.base import ShaftEstimator
-from textile_twin_core.shaft.causal import CausalEstimator
+from textile_twin_core.shaft.estimator import ShaftEstimator
 from textile_twin_core.shaft.lag import LagEstimator
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.smooth import SmoothEstimator
 from textile_twin_core.shaft.states import ShaftStates
 
-_VIEWS: dict[str, Any] = {"causal": CausalEstimator, "lag": LagEstimator, "smooth": SmoothEstimator}
+_VIEWS: dict[str, Any] = {"causal": ShaftEstimator, "lag": LagEstimator, "smooth": SmoothEstimator}
 ESTIMATORS = tuple(_VIEWS)
 
 __all__ = ["ESTIMATORS", "SampleReport", "ShaftEstimator", "ShaftStates", "create_estimator"]

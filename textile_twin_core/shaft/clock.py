@@ -117,3 +117,17 @@ def gradient(
     by1 = (rate - omega * (d1 + bend * by0)) * even
     by2 = acceleration - alpha * (d1 + bend * by0) - 2.0 * omega * bend * by1 - omega * omega * (d2 + slopes[4] * by0)
     return by0, by1, by2 * even
+
+
+@compiled
+def add_spread(
+    clock: float, rate: float, acceleration: float, slopes: FloatArray, scale: float, spread: FloatArray
+) -> None:
+    """Add to a covariance (6,: 00, 01, 02, 11, 12, 22) of the shaft that of a column of its clock's factor."""
+    d0, d1, d2 = gradient(clock, rate, acceleration, 0.0, 0.0, 0.0, slopes)
+    spread[0] += scale * d0 * d0
+    spread[1] += scale * d0 * d1
+    spread[2] += scale * d0 * d2
+    spread[3] += scale * d1 * d1
+    spread[4] += scale * d1 * d2
+    spread[5] += scale * d2 * d2

@@ -22,12 +22,13 @@ class StepFinder:
 
     Args:
         period_rad: after which the encoder's counts come again.
+        step: when it is told.
     """
 
-    def __init__(self, period_rad: float = TURN) -> None:
+    def __init__(self, period_rad: float = TURN, step: float | None = None) -> None:
         self._period = period_rad
         self._readings = np.zeros(0)
-        self.step: float | None = None
+        self.step = step
 
     @property
     def wanted(self) -> int:

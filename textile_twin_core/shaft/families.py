@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 
 from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import begin, log_memory, take_angle
 from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.readings import least_scale
-from textile_twin_core.shaft.status import END, FAMILIES, FIRST, WAVES, Record
+from textile_twin_core.shaft.status import Record
 from textile_twin_core.shaft.turns import TURN
 
 BANK_SHARE = 1e-5
@@ -35,7 +36,7 @@ SECOND_EVERY = 8.0
 def can_tell(status: Record, f: int, margin: float) -> bool:
     """Whether there are samples enough in a turn for the family's highest order."""
     a_turn = TURN / max(abs(status.speed) * status.interval, 1e-9)
-    return a_turn >= margin * SAMPLES_A_WAVE * status.lowest * WAVES[f]  # type: ignore[no-any-return]
+    return a_turn >= margin * SAMPLES_A_WAVE * status.lowest * lanes.WAVES[f]  # type: ignore[no-any-return]
 
 
 @compiled
@@ -54,14 +55,10 @@ def is_at_work(status: Record, f: int, turned: float) -> bool:
     status.rest[f] = 0.0 if status.weight[f] > NO_WEIGHT else status.rest[f] - turned
     if status.active[f] == 0.0 and status.rest[f] <= 0.0 and can_tell(status, f, 1.1):
         m = UNBIASED
-        kinematic = status.kinematic
-        kinematic[0], kinematic[1], kinematic[2] = status.l00[m], status.l10[m], status.l20[m]
-        kinematic[3], kinematic[4], kinematic[5] = status.l11[m], status.l21[m], status.l22[m]
-        begin(
-            status, f, status.clock_angle[m], status.clock_rate[m], status.clock_acceleration[m], kinematic,
-            status.scale[m],
-        )  # fmt: skip
-        for lane in range(FIRST[f], END[f]):
+        for row in range(9):
+            status.start[row] = status.clock[row, m]
+        begin(status, f, status.scale[m])
+        for lane in range(lanes.FIRST[f], lanes.END[f]):
             status.learnt[lane] = status.learnt[m]
         status.active[f], status.rest[f], status.travelled[f] = 1.0, 0.0, 0.0
     elif status.active[f] > 0.0 and not can_tell(status, f, 0.9):
@@ -80,12 +77,12 @@ def weigh(status: Record, noise: float) -> None:
     least = least_scale(status, noise)
     plain, total, count = 0.0, 0.0, 0
     weight = status.weight
-    for f in range(FAMILIES):
+    for f in range(lanes.FAMILIES):
         if status.active[f] > 0.0:
             together = take_angle(status, f, noise, least)
             seen = f > 0 and has_seen(status, f)
             if seen and status.samples % SECOND_EVERY == 0.0:
-                set_second(status.ripple[status.best[f]], WAVES[f], status.lowest, status.second[f])
+                set_second(status.ripple[status.best[f]], lanes.WAVES[f], status.lowest, status.second[f])
             plain = together if f == 0 else plain
             weight[f] *= together if turning else plain
             if seen and weight[f] == 0.0:
@@ -94,11 +91,11 @@ def weigh(status: Record, noise: float) -> None:
             total += max(weight[f], 0.0)
             count += 1
     known = total * (NEWCOMER if status.judged > 0.0 else 1.0)
-    for f in range(FAMILIES):
+    for f in range(lanes.FAMILIES):
         if weight[f] < 0.0:
             weight[f] = known
             total += known
             status.judged = 1.0
-    for f in range(FAMILIES):
+    for f in range(lanes.FAMILIES):
         if weight[f] > 0.0:
             weight[f] = weight[f] / total * (1.0 - BANK_SHARE) + BANK_SHARE / count

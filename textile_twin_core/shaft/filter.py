@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import (
     RIPPLE_SIZE,
     begin,
@@ -17,34 +18,12 @@ from textile_twin_core.shaft.bank import (
     predict,
     take_angle,
     take_speed,
-)
+)  # fmt: skip
 from textile_twin_core.shaft.families import can_tell, has_seen, is_at_work, weigh
-from textile_twin_core.shaft.gate import admit
+from textile_twin_core.shaft.gate import Block, admit
 from textile_twin_core.shaft.mixture import mix
 from textile_twin_core.shaft.readings import FINEST_RAD2, FIRST_JITTER, noise_in_step, noise_of, recalibrate, unwrapped
-from textile_twin_core.shaft.status import (
-    COVARIANCE,
-    CUT,
-    FAMILIES,
-    INDEX,
-    LEAD,
-    MEMORY,
-    NOISE,
-    ORIGIN,
-    PHASE,
-    READING,
-    RUNNING,
-    SETTLED,
-    STANDSTILL,
-    STARTING,
-    STEP,
-    THETA,
-    TIME,
-    TURNS,
-    UNIT,
-    Record,
-    StatusArray,
-)
+from textile_twin_core.shaft.status import RUNNING, STANDSTILL, STARTING, Record, Records
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
 
 GATE = 49.0
@@ -66,87 +45,86 @@ PERIOD_SAMPLES, SPEED_SAMPLES = 500.0, 100.0
 
 
 @compiled
-def follow(
-    record: StatusArray,
-    last: FloatArray | IntArray,
-    stamps: FloatArray | IntArray,
-    angles: FloatArray,
-    velocities: FloatArray,
-    heard: FloatArray,
-    table: FloatArray,
-) -> int:
-    """Take samples: stamps (n,) [ns] or [s], angles [rad], velocities [rad/s], NaN for none, or an empty array.
-
-    Writes a row of `table` (n, WIDTH) for each accepted sample and returns their number. `last` (1,) is the newest
-    stamp; `heard` (n,) becomes each sample's unwrapped reading, NaN where it was not used.
-    """
+def follow(record: Records, block: Block, table: Records) -> int:
+    """Take a block of samples. Writes a row of `table` for each accepted one and returns their number."""
     count = 0
-    for i in range(stamps.size):
-        heard[i] = math.nan
-        if admit(record, last, stamps[i], angles[i]):
-            velocity = velocities[i] if velocities.size > 0 else math.nan
-            take(record, (stamps[i] - last[0]) * record[0].unit, angles[i], velocity, table[count])
-            last[0] = stamps[i]
-            if table[count, NOISE] > 0.0:
-                heard[i] = table[count, READING]
+    for i in range(block.stamps.size):
+        if take(record[0], block, i, table[count]):
             count += 1
     return count
 
 
 @compiled
-def take(record: StatusArray, step: float, angle: float, velocity: float, row: FloatArray) -> None:
-    """One accepted sample, `step` [s] after the one before; fills its row of the table."""
-    status = record[0]
+def take(status: Record, block: Block, i: int, row: Record) -> bool:
+    """Take sample `i` of a block; whether it was accepted, and its row filled."""
+    stamp, angle = block.stamps[i], block.angles[i]
+    block.heard[i] = math.nan
+    if not admit(status, block.last, stamp, angle):
+        return False
+    _take(status, (stamp - block.last[0]) * status.unit, angle, row)
+    block.last[0] = stamp
+    if status.samples > 1.0:
+        if block.velocities.size > 0 and not math.isnan(block.velocities[i]):
+            _take_velocity(status, block.velocities[i])
+        _tell(status, row)
+    if row.noise > 0.0:
+        block.heard[i] = row.reading
+    return True
+
+
+@compiled
+def _take(status: Record, step: float, angle: float, row: Record) -> None:
+    """One accepted sample, `step` [s] after the one before."""
     turns, phase = split_turn(angle)
     status.samples += 1.0
-    for k in range(row.size):
-        row[k] = 0.0
-    row[INDEX] = status.received - 1.0
+    row.index, row.settled, row.noise, row.cut = status.received - 1.0, -1.0, 0.0, 0.0
     if status.samples == 1.0:
         status.origin, status.time = turns, 0.0
         status.first = status.angle = status.low = status.high = phase
-        row[READING], row[THETA], row[ORIGIN] = phase, phase, turns
-        row[SETTLED] = -1.0
+        row.reading, row.theta, row.origin = phase, phase, turns
         return
     raw = phase + (turns - status.origin) * TURN
     status.time += step
     status.longest = max(status.longest, step)
-    row[STEP], row[TIME] = step, status.time
+    row.step, row.time = step, status.time
     if status.samples == 2.0:
         _begin_motion(status, step, unwrapped(status, raw, status.first))
-        row[READING], row[CUT] = status.angle, 1.0
-        row[NOISE] = row[UNIT] = noise_of(status, status.speed)
+        row.reading, row.cut = status.angle, 1.0
+        row.noise = row.unit = noise_of(status, status.speed)
     else:
         _take_angle(status, step, raw, row)
-    if not math.isnan(velocity):
-        _take_velocity(status, velocity)
+
+
+@compiled
+def _tell(status: Record, row: Record) -> None:
+    """The state, and what smoothing needs of it."""
     mix(status, row)
     if abs(status.speed) * status.interval < status.rounding:
-        row[COVARIANCE] += status.rounding**2 / 12.0
-    _watch(status, math.sqrt(max(row[COVARIANCE + 4], 0.0)))
-    row[SETTLED] = -1.0 if status.samples == 2.0 else 1.0 if status.since >= SETTLING else 0.0
-    row[THETA], row[ORIGIN], row[LEAD] = status.angle, status.origin, float(status.lead)
+        row.covariance[0] += status.rounding**2 / 12.0
+    _watch(status, math.sqrt(max(row.covariance[4], 0.0)))
+    if status.samples > 2.0:
+        row.settled = 1.0 if status.since >= SETTLING else 0.0
+    row.theta, row.origin, row.lead = status.angle, status.origin, float(status.lead)
     put_angle(row, status.angle)
-    for f in range(FAMILIES):
-        row[MEMORY + f] = status.log_memory[f]
+    for f in range(lanes.FAMILIES):
+        row.memory[f] = status.log_memory[f]
 
 
 @compiled
-def put_angle(row: FloatArray, angle: float) -> None:
+def put_angle(row: Record, angle: float) -> None:
     """Write an angle [rad beyond the row's origin] as whole turns and phase."""
     turns = np.floor(angle / TURN + 0.5)
-    row[PHASE] = angle - turns * TURN - turns * TURN_TAIL
-    row[TURNS] = row[ORIGIN] + turns
+    row.phase = angle - turns * TURN - turns * TURN_TAIL
+    row.turns = row.origin + turns
 
 
 @compiled
-def set_uncertainty(kinematic: FloatArray, rate: float, noise: float, step: float) -> None:
-    """Factor l00 .. l22 (6,) after two readings: their noise, and a tenth more speed in a step."""
+def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: float) -> None:
+    """State and factor (9,) after two readings: what their noise leaves open, and a tenth more speed in a step."""
     root = math.sqrt(noise)
-    kinematic[0] = 0.1 * abs(rate) / step + root / step**2
-    kinematic[1] = kinematic[2] = 0.0
-    kinematic[3] = 1.5 * root / step
-    kinematic[4] = kinematic[5] = 0.7 * root
+    start[lanes.ACCELERATION], start[lanes.RATE], start[lanes.ANGLE] = 0.0, rate, angle
+    start[lanes.L00], start[lanes.L10], start[lanes.L20] = 0.1 * abs(rate) / step + root / step**2, 0.0, 0.0
+    start[lanes.L11], start[lanes.L21], start[lanes.L22] = 1.5 * root / step, 0.7 * root, 0.7 * root
 
 
 @compiled
@@ -157,9 +135,9 @@ def _begin_motion(status: Record, step: float, angle: float) -> None:
     if status.jitter_told == 0.0:
         status.jitter = (FIRST_JITTER * step) ** 2
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
-    set_uncertainty(status.kinematic, rate, noise_of(status, rate), step)
-    for f in range(FAMILIES):
-        begin(status, f, angle, rate, 0.0, status.kinematic, 1.0)
+    set_start(status.start, angle, rate, noise_of(status, rate), step)
+    for f in range(lanes.FAMILIES):
+        begin(status, f, 1.0)
         status.active[f] = 1.0 if can_tell(status, f, 1.0) else 0.0
         status.weight[f] = status.travelled[f] = status.rest[f] = 0.0
     status.weight[0] = 1.0
@@ -168,7 +146,7 @@ def _begin_motion(status: Record, step: float, angle: float) -> None:
 
 
 @compiled
-def _take_angle(status: Record, step: float, raw: float, row: FloatArray) -> None:
+def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     """One reading from the third on."""
     status.since += 1.0
     if step > GAP_SAMPLES * status.interval:
@@ -182,11 +160,11 @@ def _take_angle(status: Record, step: float, raw: float, row: FloatArray) -> Non
     noise = noise_of(status, status.speed) if 2.0 * moved < status.rounding else noise_in_step(status, 1.0)
     off = reading - expected
     status.angle = expected
-    row[READING], row[UNIT] = reading, noise
-    row[NOISE] = status.scale[status.best[status.lead]] * noise
+    row.reading, row.unit = reading, noise
+    row.noise = status.scale[status.best[status.lead]] * noise
     least, turned = math.inf, abs(status.speed) * step
-    for back in range(FAMILIES):
-        f = FAMILIES - 1 - back
+    for back in range(lanes.FAMILIES):
+        f = lanes.FAMILIES - 1 - back
         if is_at_work(status, f, turned):
             predict(status, f, step, noise, status.interval)
             status.travelled[f] += turned
@@ -195,14 +173,14 @@ def _take_angle(status: Record, step: float, raw: float, row: FloatArray) -> Non
             if status.weight[f] > LIKELY:
                 least = min(least, nearest(status, f, noise, LIKELY / status.weight[f]))
     if least > GATE and status.since > 5.0:
-        if not _is_motion(status, off, step, row[NOISE], row):
-            row[NOISE] = 0.0
+        if not _is_motion(status, off, step, row.noise, row):
+            row.noise = 0.0
             status.aside += 1.0
             status.outliers += 1.0
             if status.aside > LOST:
                 _lose(status, reading, step, row)
             return
-        for f in range(FAMILIES):
+        for f in range(lanes.FAMILIES):
             expect_angle(status, f, 0.0, reading, reading, noise)
     status.aside = status.off_before = status.off_last = 0.0
     weigh(status, noise)
@@ -212,7 +190,7 @@ def _take_angle(status: Record, step: float, raw: float, row: FloatArray) -> Non
 
 
 @compiled
-def _is_motion(status: Record, off: float, step: float, noise: float, row: FloatArray) -> bool:
+def _is_motion(status: Record, off: float, step: float, noise: float, row: Record) -> bool:
     """Whether readings far off are the shaft's motion and not outliers: the third of three that follow a line.
 
     Then the motion is opened: where they are equally far off (an encoder that slipped) the angle alone, else speed and
@@ -226,40 +204,40 @@ def _is_motion(status: Record, off: float, step: float, noise: float, row: Float
     slipped = abs(grown) < 0.25 * abs(off)
     rate = 0.0 if slipped else grown / span
     by_rate = 0.0 if slipped else (math.sqrt(noise) + abs(grown)) / span
-    for f in range(FAMILIES):
+    for f in range(lanes.FAMILIES):
         open_motion(status, f, off, rate, math.sqrt(noise) + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
-    row[CUT] = 1.0 if slipped else 2.0
-    status.jumps += row[CUT] == 1.0
+    row.cut = 1.0 if slipped else 2.0
+    status.jumps += row.cut == 1.0
     status.outliers -= status.aside
     return True
 
 
 @compiled
-def _bridge_gap(status: Record, step: float, raw: float, row: FloatArray) -> None:
+def _bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
     """After a pause the ripple is still known, the motion is not."""
     status.gaps += 1.0
     reading = unwrapped(status, raw, status.angle + status.speed * step)
-    row[UNIT] = noise_of(status, status.speed)
-    row[READING], row[CUT], row[NOISE] = reading, 1.0, row[UNIT] * status.scale[status.best[status.lead]]
-    root = math.sqrt(row[NOISE])
+    row.unit = noise_of(status, status.speed)
+    row.reading, row.cut, row.noise = reading, 1.0, row.unit * status.scale[status.best[status.lead]]
+    root = math.sqrt(row.noise)
     by_rate = 0.5 * abs(status.speed) + root / status.interval
-    for f in range(FAMILIES):
+    for f in range(lanes.FAMILIES):
         open_motion(status, f, reading - status.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))
         if status.active[f] > 0.0:
-            expect_angle(status, f, 0.0, reading, reading, row[UNIT])
-            take_angle(status, f, row[UNIT], 0.0)
+            expect_angle(status, f, 0.0, reading, reading, row.unit)
+            take_angle(status, f, row.unit, 0.0)
     status.angle = reading
     status.since = 0.0
 
 
 @compiled
-def _lose(status: Record, reading: float, step: float, row: FloatArray) -> None:
+def _lose(status: Record, reading: float, step: float, row: Record) -> None:
     """Readings that follow no motion: begin anew."""
     status.losses += 1.0
     status.first = reading - status.speed * step
     _begin_motion(status, step, reading)
-    row[CUT] = 1.0
-    row[NOISE] = row[UNIT] = noise_of(status, status.speed)
+    row.cut = 1.0
+    row.noise = row.unit = noise_of(status, status.speed)
 
 
 @compiled
@@ -269,7 +247,7 @@ def _take_velocity(status: Record, velocity: float) -> None:
     if status.speed_noise == 0.0:
         status.speed_noise = max(off * off, (0.02 * status.speed) ** 2) + FINEST_RAD2
     status.speed_noise += (off * off - status.speed_noise) / SPEED_SAMPLES
-    for f in range(FAMILIES):
+    for f in range(lanes.FAMILIES):
         if status.active[f] > 0.0:
             take_speed(status, f, velocity, status.angle, status.speed_noise)
 

@@ -3,21 +3,41 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.errors import MotionError
-from textile_twin_core.shaft.status import StatusArray
+from textile_twin_core.shaft.status import Record
+
+Stamps = npt.NDArray[Any]
+"""int64 nanoseconds or float64 seconds."""
+
+
+class Block(NamedTuple):
+    """Samples on their way in.
+
+    Attributes:
+        last: (1,) the newest stamp that passed.
+        stamps: (n,) as they came.
+        angles: (n,) [rad].
+        velocities: (n,) [rad/s], NaN for none, or empty.
+        heard: (n,) becomes each sample's unwrapped reading, NaN where it was not used.
+    """
+
+    last: Stamps
+    stamps: Stamps
+    angles: FloatArray
+    velocities: FloatArray
+    heard: FloatArray
 
 
 @compiled
-def admit(record: StatusArray, last: FloatArray | IntArray, stamp: float, angle: float) -> bool:
+def admit(status: Record, last: Stamps, stamp: float, angle: float) -> bool:
     """Whether a sample may pass: angle and stamp finite, the stamp newer than `last` (1,), the newest that passed."""
-    status = record[0]
     status.received += 1.0
     if not (math.isfinite(angle) and math.isfinite(stamp)):
         status.not_finite += 1.0
@@ -34,29 +54,23 @@ def admit(record: StatusArray, last: FloatArray | IntArray, stamp: float, angle:
 
 def as_samples(
     stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None
-) -> tuple[FloatArray | IntArray, FloatArray, FloatArray]:
+) -> tuple[Stamps, FloatArray, FloatArray]:
     """Samples as arrays: stamps int64 [ns] or float64 [s], angles [rad], velocities [rad/s] (empty for none).
 
     Raises:
         MotionError: arrays of different lengths, or stamps that are no numbers.
     """
-    stamp, angle = np.asarray(stamps), np.asarray(angles, dtype=np.float64)
+    stamp, angle = np.asarray(stamps), np.ascontiguousarray(angles, dtype=np.float64)
     kind = stamp.dtype.kind
     if kind not in "iuf":
         raise MotionError(f"stamps are of type {stamp.dtype}: give integer nanoseconds or float seconds")
     stamp = np.ascontiguousarray(stamp, dtype=np.float64 if kind == "f" else np.int64)
-    angle = np.ascontiguousarray(angle)
     if stamp.ndim != 1 or angle.shape != stamp.shape:
         raise MotionError(
             f"{stamp.size} stamps (shape {stamp.shape}) but {angle.size} angles (shape {angle.shape}): "
             "give one stamp per angle"
         )
-    if velocities is None:
-        return stamp, angle, _NONE
-    velocity = np.ascontiguousarray(velocities, dtype=np.float64)
+    velocity = np.zeros(0) if velocities is None else np.ascontiguousarray(velocities, dtype=np.float64)
     if velocity.size and velocity.shape != stamp.shape:
         raise MotionError(f"{stamp.size} stamps but {velocity.size} velocities: give one per angle, or none")
     return stamp, angle, velocity
-
-
-_NONE: Final = np.zeros(0)

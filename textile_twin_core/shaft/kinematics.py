@@ -1,17 +1,16 @@
 """Square-root Kalman filters of angle, speed and acceleration, side by side in lanes: a covariance stays positive.
 
-Each lane holds acceleration, rate and angle, and the lower triangular factor L of their covariance P = L L' in that
-order, in which moving on in time keeps the triangle: `l10` is its row 1 (rate), column 0 (acceleration). Arrays of
-loops that shall run on several lanes at once must not share memory.
+Each lane of `filters` (see `status`) holds acceleration, rate and angle of its clock, and the lower triangular factor L
+of their covariance P = L L' in that order, in which moving on in time keeps the triangle.
 """
 
 from __future__ import annotations
 
 import math
-from functools import partial
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft.status import Record
 
 HALF_JERK = math.sqrt(1.0 / 12.0)
 LAST_JERK = math.sqrt(1.0 / 720.0)
@@ -19,18 +18,19 @@ LAST_JERK = math.sqrt(1.0 / 720.0)
 HALF_JERK h^2/2) and (0, 0, LAST_JERK h^2), in the order acceleration, rate, angle."""
 
 
-@partial(compiled, apart=True)
-def move_on(
-    acceleration: FloatArray, rate: FloatArray, angle: FloatArray,
-    l00: FloatArray, l10: FloatArray, l20: FloatArray, l11: FloatArray, l21: FloatArray, l22: FloatArray,
-    weakness: FloatArray, strength: float, step: float, first: int, end: int,
-) -> None:  # fmt: skip
+@compiled
+def move_on(filters: Record, strength: float, step: float, first: int, end: int) -> None:
     """Time update of lanes first .. end - 1 by `step` [s] at constant acceleration, with white jerk.
 
     Its covariance over a step h is q [[h^5/20, h^4/8, h^3/6], [., h^3/3, h^2/2], [., ., h]] for angle, rate,
     acceleration (Bar-Shalom, Li and Kirubarajan 2001, 6.2.3), with sqrt(q h) = weakness strength; rotations fold its
     factor into the lane's.
     """
+    x = filters.clock
+    acceleration, rate, angle = x[lanes.ACCELERATION], x[lanes.RATE], x[lanes.ANGLE]
+    l00, l10, l20 = x[lanes.L00], x[lanes.L10], x[lanes.L20]
+    l11, l21, l22 = x[lanes.L11], x[lanes.L21], x[lanes.L22]
+    weakness = filters.weakness
     half = 0.5 * step * step
     for m in range(first, end):
         angle[m] += step * rate[m] + half * acceleration[m]
@@ -59,20 +59,20 @@ def move_on(
         l22[m] = math.sqrt(l22[m] * l22[m] + left2 * left2 + left3 * left3 + last * last)
 
 
-@partial(compiled, apart=True)
-def correct(
-    acceleration: FloatArray, rate: FloatArray, angle: FloatArray,
-    l00: FloatArray, l10: FloatArray, l20: FloatArray, l11: FloatArray, l21: FloatArray, l22: FloatArray,
-    seen0: FloatArray, seen1: FloatArray, seen2: FloatArray, innovation: FloatArray, noise: FloatArray,
-    gain0: FloatArray, gain1: FloatArray, gain2: FloatArray, first: int, end: int,
-) -> None:  # fmt: skip
+@compiled
+def correct(filters: Record, first: int, end: int) -> None:
     """Measurement update of lanes first .. end - 1 (Carlson 1973), from the last column to the first.
 
-    `seen0` .. `seen2` is L' h, what the reading sees of each column. The gains of the three states are written down.
+    `seen` (3, .) is L' h, what the reading sees of each column. The gains of the three states are written down.
     """
+    x = filters.clock
+    acceleration, rate, angle = x[lanes.ACCELERATION], x[lanes.RATE], x[lanes.ANGLE]
+    l00, l10, l20 = x[lanes.L00], x[lanes.L10], x[lanes.L20]
+    l11, l21, l22 = x[lanes.L11], x[lanes.L21], x[lanes.L22]
+    seen, gain, own_noise, innovation = filters.seen, filters.gain, filters.own_noise, filters.innovation
     for m in range(first, end):
-        p0, p1, p2 = seen0[m], seen1[m], seen2[m]
-        before = noise[m]
+        p0, p1, p2 = seen[0, m], seen[1, m], seen[2, m]
+        before = own_noise[m]
         total = before + p2 * p2
         keep = before / math.sqrt(before * total)
         g2 = l22[m] * p2
@@ -94,7 +94,7 @@ def correct(
         l20[m] = keep * f20 - mix * g2
         trust = 1.0 / total
         k0, k1, k2, off = f00 * p0 * trust, (g1 + f10 * p0) * trust, (g2 + f20 * p0) * trust, innovation[m]
-        gain0[m], gain1[m], gain2[m] = k0, k1, k2
+        gain[0, m], gain[1, m], gain[2, m] = k0, k1, k2
         acceleration[m] += k0 * off
         rate[m] += k1 * off
         angle[m] += k2 * off

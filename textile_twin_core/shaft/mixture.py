@@ -4,32 +4,31 @@ from __future__ import annotations
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import stand_at
-from textile_twin_core.shaft.clock import angle_of, gradient, shaft_state, wave
-from textile_twin_core.shaft.status import ACCELERATION, COVARIANCE, END, FAMILIES, FIRST, SPEED, WAVES, Record
+from textile_twin_core.shaft.clock import add_spread, angle_of, gradient, shaft_state, wave
+from textile_twin_core.shaft.status import Record
 
 MINOR = 0.05
 """Filters of less than this part of the heaviest one's weight do not enter the mixture."""
 
 
 @compiled
-def mix(status: Record, row: FloatArray) -> None:
+def mix(status: Record, row: Record) -> None:
     """Set the status's angle, speed, acceleration; those and their covariance into a row of the table."""
     top = 0.0
-    for f in range(FAMILIES):
+    for f in range(lanes.FAMILIES):
         share = status.weight[f] * status.probability[status.best[f]]
         if share > top:
             top, status.lead = share, f
     lead, moments = status.lead, status.moments
     best = status.best[lead]
-    about = angle_of(
-        status.clock_angle[best], status.ripple[best], status.second[lead], WAVES[lead], status.lowest, status.angle,
-        status.basis,
-    )  # fmt: skip
+    clock, ripple, second = status.clock[lanes.ANGLE, best], status.ripple[best], status.second[lead]
+    about = angle_of(clock, ripple, second, lanes.WAVES[lead], status.lowest, status.angle, status.basis)
     status.basis_waves = 0.0
     for place in range(10):
         moments[place] = 0.0
-    for f in range(FAMILIES):
+    for f in range(lanes.FAMILIES):
         if status.weight[f] >= MINOR * top:
             _blend(status, f, about, top)
     for p in range(3):
@@ -38,11 +37,11 @@ def mix(status: Record, row: FloatArray) -> None:
     for p in range(3):
         for q in range(p, 3):
             value = moments[place] / moments[0] - moments[1 + p] * moments[1 + q]
-            row[COVARIANCE + 3 * p + q] = row[COVARIANCE + 3 * q + p] = value
+            row.covariance[3 * p + q] = row.covariance[3 * q + p] = value
             place += 1
     status.angle = about + moments[1]
-    status.speed = row[SPEED] = status.speed + moments[2]
-    status.acceleration = row[ACCELERATION] = status.acceleration + moments[3]
+    status.speed = row.speed = status.speed + moments[2]
+    status.acceleration = row.acceleration = status.acceleration + moments[3]
 
 
 @compiled
@@ -51,35 +50,35 @@ def _blend(status: Record, f: int, about: float, top: float) -> None:
 
     They are the weight; the weighted sums of the three; and of 00, 01, 02, 11, 12, 22 of their products.
     """
-    waves, moments, slopes = WAVES[f], status.moments, status.slopes
+    waves, moments, slopes = lanes.WAVES[f], status.moments, status.slopes
     stand_at(status, about, waves)
-    for m in range(FIRST[f], END[f]):
+    for m in range(lanes.FIRST[f], lanes.END[f]):
         weight = status.weight[f] * status.probability[m]
         if weight < MINOR * top:
             continue
         g = wave(status.ripple[m], status.second[f], waves, status.lowest, status.basis)
-        theta, omega, alpha = shaft_state(
-            status.clock_angle[m], status.clock_rate[m], status.clock_acceleration[m], about, g, slopes
-        )
-        a0, a1, a2 = gradient(status.l20[m], status.l10[m], status.l00[m], 0.0, 0.0, 0.0, slopes)
-        b0, b1, b2 = gradient(status.l21[m], status.l11[m], 0.0, 0.0, 0.0, 0.0, slopes)
-        c0, c1, c2 = gradient(status.l22[m], 0.0, 0.0, 0.0, 0.0, 0.0, slopes)
-        scale, common = weight * status.scale[m], status.common_part
+        clock = status.clock[:, m]
+        angle, rate, acceleration = clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION]
+        theta, omega, alpha = shaft_state(angle, rate, acceleration, about, g, slopes)
+        scale, spread = weight * status.scale[m], moments[4:]
+        add_spread(clock[lanes.L20], clock[lanes.L10], clock[lanes.L00], slopes, scale, spread)
+        add_spread(clock[lanes.L21], clock[lanes.L11], 0.0, slopes, scale, spread)
+        add_spread(clock[lanes.L22], 0.0, 0.0, slopes, scale, spread)
         d0, d1, d2 = theta - about, omega - status.speed, alpha - status.acceleration
         moments[0] += weight
         moments[1] += weight * d0
         moments[2] += weight * d1
         moments[3] += weight * d2
-        moments[4] += scale * (a0 * a0 + b0 * b0 + c0 * c0) + weight * d0 * d0
-        moments[5] += scale * (a0 * a1 + b0 * b1 + c0 * c1) + weight * d0 * d1
-        moments[6] += scale * (a0 * a2 + b0 * b2 + c0 * c2) + weight * d0 * d2
-        moments[7] += scale * (a1 * a1 + b1 * b1 + c1 * c1) + weight * d1 * d1
-        moments[8] += scale * (a1 * a2 + b1 * b2 + c1 * c2) + weight * d1 * d2
-        moments[9] += scale * (a2 * a2 + b2 * b2 + c2 * c2) + weight * d2 * d2
+        spread[0] += weight * d0 * d0
+        spread[1] += weight * d0 * d1
+        spread[2] += weight * d0 * d2
+        spread[3] += weight * d1 * d1
+        spread[4] += weight * d1 * d2
+        spread[5] += weight * d2 * d2
         if waves > 0:
             owe(status, waves, status.sensitivity[m], status.factor[m])
             for place in range(6):
-                moments[4 + place] += scale * common[place]
+                spread[place] += scale * status.common_part[place]
 
 
 @compiled

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft.status import LANES, WIDEST, Record, StatusArray
+from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft.status import Record, Records
 
 FIRST_JITTER = 0.01
 """First guess of the stamps' error, in intervals; learnt within some dozens of samples."""
@@ -78,21 +79,17 @@ def recalibrate(status: Record, noise: float) -> None:
 def _rescale(status: Record, change: float) -> None:
     """The unit of noise has become so many times smaller: what scale and factor stand for must stay."""
     root = math.sqrt(change)
-    for m in range(LANES):
+    for m in range(lanes.COUNT):
         status.scale[m] *= change
-        status.l00[m] /= root
-        status.l10[m] /= root
-        status.l20[m] /= root
-        status.l11[m] /= root
-        status.l21[m] /= root
-        status.l22[m] /= root
-        for j in range(WIDEST):
-            for i in range(j, WIDEST):
+        for row in range(lanes.L00, lanes.L22 + 1):
+            status.clock[row, m] /= root
+        for j in range(lanes.WIDEST):
+            for i in range(j, lanes.WIDEST):
                 status.factor[m, j, i] /= root
 
 
 @compiled
-def set_rounding(record: StatusArray, rounding: float) -> None:
+def set_rounding(record: Records, rounding: float) -> None:
     """From now on the encoder's step is known, 0 for none [rad]."""
     status = record[0]
     before = noise_of(status, status.speed)

@@ -14,16 +14,21 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 
 
-@partial(compiled, apart=True)
-def feel(
-    sensitivity: FloatArray, ripple: FloatArray, factor: FloatArray, step: float, row: int, regressor: FloatArray,
-    felt: FloatArray, width: int,
-) -> tuple[float, float]:  # fmt: skip
-    """Move a sensitivity (3, .) on by `step` [s] and foresee a reading of the state's `row`.
+@compiled
+def set_sensitivity(sensitivity: FloatArray, basis: FloatArray, lowest: float, rate: float, width: int) -> None:
+    """What the state of a clock that stands where the shaft is, turning at `rate` [rad/s], owes to the coefficients."""
+    for i in range(width):
+        turning = lowest * (i // 2 + 1) * rate
+        sensitivity[0, i] = -turning * turning * basis[i]
+        sensitivity[1, i] = turning * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
+        sensitivity[2, i] = basis[i]
 
-    `regressor` (.) is what the reading itself owes to the coefficients; `felt` (.) becomes what the innovation feels of
-    them; `factor` (., .) has rows j of columns j of L. Returns the ripple in the reading, and the variance that its
-    uncertainty gives the innovation.
+
+@partial(compiled, apart=True)
+def feel(sensitivity: FloatArray, step: float, row: int, regressor: FloatArray, felt: FloatArray, width: int) -> None:
+    """Move a sensitivity (3, .) on by `step` [s]; `felt` (.) becomes what an innovation feels of the coefficients.
+
+    It is that of a reading of the state's `row`, which itself owes `regressor` (.) to them.
     """
     half = 0.5 * step * step
     for i in range(width):
@@ -31,6 +36,16 @@ def feel(
         sensitivity[1, i] = rate + step * acceleration
         sensitivity[2, i] += step * rate + half * acceleration
         felt[i] = regressor[i] - sensitivity[row, i]
+
+
+@partial(compiled, apart=True)
+def foretell(
+    ripple: FloatArray, factor: FloatArray, regressor: FloatArray, felt: FloatArray, width: int
+) -> tuple[float, float]:
+    """The ripple in a reading, and the variance that its uncertainty gives the innovation.
+
+    `factor` (., .) has rows j of columns j of L.
+    """
     told = spread = 0.0
     for j in range(width):
         told += regressor[j] * ripple[j]
@@ -42,9 +57,7 @@ def feel(
 
 
 @partial(compiled, apart=True)
-def absorb(
-    sensitivity: FloatArray, felt: FloatArray, gain0: float, gain1: float, gain2: float, width: int
-) -> None:  # fmt: skip
+def absorb(sensitivity: FloatArray, felt: FloatArray, gain0: float, gain1: float, gain2: float, width: int) -> None:
     """Correct a sensitivity by the gains that corrected the state."""
     for i in range(width):
         sensitivity[0, i] += gain0 * felt[i]
@@ -79,12 +92,10 @@ def learn(
         ripple[i] += change[i]
 
 
-@partial(compiled, apart=True)
-def shift(sensitivity: FloatArray, change: FloatArray, width: int) -> tuple[float, float, float]:
-    """By how much a state's three rows change with the coefficients."""
-    acceleration = rate = angle = 0.0
+@compiled
+def along(sensitivity: FloatArray, change: FloatArray, width: int) -> float:
+    """By how much what has this sensitivity (.) changes with the coefficients."""
+    total = 0.0
     for i in range(width):
-        acceleration += sensitivity[0, i] * change[i]
-        rate += sensitivity[1, i] * change[i]
-        angle += sensitivity[2, i] * change[i]
-    return acceleration, rate, angle
+        total += sensitivity[i] * change[i]
+    return total

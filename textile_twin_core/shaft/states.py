@@ -8,11 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.shaft.status import ACCELERATION, COVARIANCE, INDEX, PHASE, SETTLED, SPEED, TURNS
+from textile_twin_core.shaft.status import STATE, Records
 from textile_twin_core.shaft.turns import join_turns
-
-STATE_WIDTH = INDEX + 1
-"""Columns of a table that states are made of."""
 
 
 @dataclass(frozen=True)
@@ -21,29 +18,29 @@ class ShaftStates:
 
     Attributes:
         stamps: (n,) the samples' own stamps, with the dtype and the values they came with.
-        table: (n, STATE_WIDTH or more) see `status`; the properties give its columns their names.
+        rows: (n,) records that begin as STATE (see `status`), which the properties give units.
     """
 
     stamps: FloatArray | IntArray
-    table: FloatArray
+    rows: Records
 
     def __len__(self) -> int:
-        return len(self.table)
+        return len(self.rows)
 
     @property
     def index(self) -> IntArray:
         """(n,) running number, from 0, of the input sample (accepted or not) that the state speaks of."""
-        return self.table[:, INDEX].astype(np.int64)
+        return self.rows["index"].astype(np.int64)
 
     @property
     def turns(self) -> IntArray:
         """(n,) whole turns of the shaft; with `phase_rad` the angle without loss, however many turns there are."""
-        return self.table[:, TURNS].astype(np.int64)
+        return self.rows["turns"].astype(np.int64)
 
     @property
     def phase_rad(self) -> FloatArray:
         """(n,) angle beyond the whole turns, in [-pi, pi)."""
-        return self.table[:, PHASE]
+        return self.rows["phase"]
 
     @property
     def theta_rad(self) -> FloatArray:
@@ -53,27 +50,27 @@ class ShaftStates:
     @property
     def omega_rad_s(self) -> FloatArray:
         """(n,) speed."""
-        return self.table[:, SPEED]
+        return self.rows["speed"]
 
     @property
     def alpha_rad_s2(self) -> FloatArray:
         """(n,) acceleration."""
-        return self.table[:, ACCELERATION]
+        return self.rows["acceleration"]
 
     @property
     def settled(self) -> BoolArray:
         """(n,) True where the estimator has found its feet."""
-        return self.table[:, SETTLED] > 0.5
+        return self.rows["settled"] > 0.5
 
     @property
     def covariance(self) -> FloatArray:
         """(n, 3, 3) of (theta, omega, alpha)."""
-        return self.table[:, COVARIANCE : COVARIANCE + 9].reshape(-1, 3, 3)
+        return self.rows["covariance"].reshape(-1, 3, 3)
 
     @property
     def sigma(self) -> FloatArray:
         """(n, 3) standard deviations of theta [rad], omega [rad/s], alpha [rad/s^2]."""
-        return np.asarray(np.sqrt(self.table[:, COVARIANCE : COVARIANCE + 9 : 4]))
+        return np.asarray(np.sqrt(self.rows["covariance"][:, ::4]))
 
     def variance_of(self, gradient: FloatArray) -> FloatArray:
         """Variance of a quantity with the given (n, 3) gradient by (theta, omega, alpha)."""
@@ -82,12 +79,12 @@ class ShaftStates:
     @classmethod
     def empty(cls, stamps: FloatArray | IntArray | None = None) -> ShaftStates:
         """No states; `stamps` lends its dtype."""
-        return cls(np.zeros(0, dtype=np.float64 if stamps is None else stamps.dtype), np.zeros((0, STATE_WIDTH)))
+        return cls(np.zeros(0, dtype=np.float64 if stamps is None else stamps.dtype), np.zeros(0, STATE))
 
     @classmethod
     def join(cls, parts: Sequence[ShaftStates]) -> ShaftStates:
         """One after the other; the parts must be of one stamp dtype."""
         if len(parts) == 1:
             return parts[0]
-        tables = [part.table[:, :STATE_WIDTH] for part in parts]
-        return cls(np.concatenate([part.stamps for part in parts]), np.concatenate(tables))
+        rows = [part.rows[list(STATE.names or ())].astype(STATE) for part in parts]
+        return cls(np.concatenate([part.stamps for part in parts]), np.concatenate(rows))

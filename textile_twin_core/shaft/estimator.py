@@ -1,0 +1,157 @@
+"""The filter's own states, at once (the view `causal`); what the two other views share with it and build upon."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from textile_twin_core.compiling import records
+from textile_twin_core.errors import MotionError
+from textile_twin_core.shaft.encoder import UNKNOWN_STEP_RAD, StepFinder
+from textile_twin_core.shaft.filter import follow
+from textile_twin_core.shaft.gate import Block, Stamps, as_samples
+from textile_twin_core.shaft.readings import set_rounding
+from textile_twin_core.shaft.report import SampleReport
+from textile_twin_core.shaft.settings import ShaftSettings
+from textile_twin_core.shaft.states import ShaftStates
+from textile_twin_core.shaft.status import COUNTS, KEPT, MOTIONS, ROW, Records, new_status, ripple_amplitudes
+from textile_twin_core.shaft.teeth import ToothWheel
+from textile_twin_core.shaft.turns import TURN
+
+Part = tuple[Stamps, Records]
+"""Stamps and rows of accepted samples."""
+PIECE = 262_144
+"""Samples whose rows are held together, so many that their memory goes back to the computer when they are let go."""
+
+
+class ShaftEstimator:
+    """Angle samples in, shaft states out; state lives between the calls.
+
+    The same samples give identical states however they are cut into blocks. From the third accepted sample on each
+    accepted sample gets exactly one state, now (`step`) or later (`step`, `finish`).
+
+    Args:
+        settings: fields of `ShaftSettings`.
+
+    Raises:
+        SceneError: a setting of the wrong kind or value.
+        TypeError: a setting that does not exist.
+    """
+
+    def __init__(self, **settings: Any) -> None:
+        self._settings = ShaftSettings(**settings)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything, the report included."""
+        told = self._settings
+        self._finder = StepFinder(told.period_rad, told.step_rad)
+        self._status = new_status(told, UNKNOWN_STEP_RAD if told.step_rad is None else told.step_rad)
+        self._last: Stamps = np.zeros(1, np.int64)
+        self._wheel = ToothWheel(told.teeth, told.tooth_zero_rad, told.pitch_errors_rad) if told.teeth else None
+
+    def step(
+        self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
+    ) -> ShaftStates:
+        """Take a block of samples of any size; the states that are ready.
+
+        Args:
+            stamps: (n,) int64 nanoseconds or float seconds, or a scalar.
+            angles: (n,) shaft angle [rad], wrapped or not.
+            velocities: (n,) speed [rad/s] where the sensor gives it (NaN where not).
+
+        Raises:
+            MotionError: arrays of different lengths, or stamps of another kind than before.
+        """
+        return states_of(self._walk(stamps, angles, velocities))
+
+    def finish(self) -> ShaftStates:
+        """The states that are still held; the estimator is then as after `reset`, but for report and newest stamp."""
+        fresh = new_status(self._settings, float(self._status["rounding"][0]))
+        for name in KEPT:
+            fresh[name] = self._status[name]
+        self._status = fresh
+        return ShaftStates.empty(self._last)
+
+    @property
+    def report(self) -> SampleReport:
+        """Counts of what came in and what became of it, and what was learnt."""
+        now = self._status[0]
+        travel = abs(now["speed"]) * now["interval"]
+        state = "waiting" if now["accepted"] == 0 else MOTIONS[int(now["motion"])]
+        return SampleReport(
+            received=int(now["received"]),
+            rejected={"not_finite": int(now["not_finite"]), "duplicate_stamp": int(now["duplicate"]), "older_stamp":
+            int(now["older"])},
+            longest_gap_s=float(now["longest"]),
+            period_s=float(now["interval"]),
+            samples_per_turn=float(TURN / travel) if travel > 0.0 else float("inf"),
+            resolution_rad=float(now["rounding"]) if self._finder.step else 0.0,
+            stamp_jitter_s=float(np.sqrt(now["jitter"])),
+            pitch_errors_rad=() if self._wheel is None else tuple(self._wheel.errors_rad.tolist()),
+            ripple=tuple(ripple_amplitudes(self._status).tolist()),
+            state="lost" if state == "starting" and now["losses"] > 0 else state,
+            **{name: int(now[name]) for name in COUNTS},
+        )  # fmt: skip
+
+    def _walk(self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None) -> list[Part]:
+        """Take samples piece by piece, learning about the encoder between the pieces; what each piece gave."""
+        stamp, angle, velocity = as_samples(stamps, angles, velocities)
+        if self._last.dtype != stamp.dtype:
+            if self._status["accepted"][0] > 0:
+                raise MotionError("stamps changed between integer nanoseconds and float seconds: keep to one, or reset")
+            self._last = np.zeros(1, stamp.dtype)
+        self._status["unit"] = 1e-9 if stamp.dtype == np.int64 else 1.0
+        if self._wheel is not None:
+            angle = self._wheel.corrected(angle)
+        heard = np.empty(stamp.size)
+        parts: list[Part] = []
+        done = 0
+        while done < stamp.size or not parts:
+            wanted = self._finder.wanted
+            end = min(stamp.size, done + (wanted or PIECE))
+            block = Block(self._last, stamp[done:end], angle[done:end], velocity[done:end], heard[done:end])
+            parts.append(self._take(block))
+            if wanted:
+                step = self._finder.take(block.heard[~np.isnan(block.heard)])
+                if step is not None:
+                    set_rounding(self._status, step)
+            done = end
+        return parts
+
+    def _take(self, block: Block) -> Part:
+        """Stamps and rows of the samples whose states are ready."""
+        return self._filtered(block)
+
+    def _filtered(self, block: Block) -> Part:
+        """Stamps and rows of the accepted samples, filtered."""
+        stamps, rows = block.stamps, records(ROW, block.stamps.size)
+        count = follow(self._status, block, rows)
+        if count < stamps.size:
+            rows = rows[:count]
+            stamps = stamps[rows["index"].astype(np.int64) - (int(self._status["received"][0]) - stamps.size)]
+        return stamps, rows
+
+
+def joined(parts: list[Part]) -> Part:
+    """Stamps and rows of all parts, which are taken out of their list on the way: the rows of hours are large."""
+    if len(parts) == 1:
+        return parts.pop()
+    count = sum(stamps.size for stamps, _ in parts)
+    stamps, rows = np.empty(count, parts[0][0].dtype), records(ROW, count)
+    while parts:
+        stamp, part = parts.pop()
+        stamps[count - stamp.size : count], rows[count - stamp.size : count] = stamp, part
+        count -= stamp.size
+    return stamps, rows
+
+
+def states_of(parts: list[Part]) -> ShaftStates:
+    """States of the rows, but for those of a motion's first two samples."""
+    stamps, rows = joined(parts)
+    first = 0
+    while first < min(2, stamps.size) and rows["settled"][first] < 0.0:
+        first += 1
+    return ShaftStates(stamps[first:], rows[first:])
