@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.chain import know_ripple, stand
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
-from textile_twin_core.shaft.filter import set_start
+from textile_twin_core.shaft.filter import GATE, set_start
 from textile_twin_core.shaft.smoothing import Smoother, new_smoother, smooth_rows
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, Records
@@ -62,8 +63,10 @@ class SmoothEstimator(ShaftEstimator):
                 if end - first >= FEWEST:
                     self._smooth_stretch(rows[first:end])
             if wheel is not None and lesson < lessons:
-                told = rows["phase"] + (rows["turns"] - rows["origin"]) * TURN
-                rows["reading"] += wheel.learn(rows["reading"], rows["reading"] - told, rows["noise"] > 0.0)
+                off = rows["reading"] - rows["phase"] - (rows["turns"] - rows["origin"]) * TURN
+                more = wheel.learn(rows["reading"], off)
+                rows["reading"] += more
+                _readmit(rows, off + more)
 
     def _smooth_stretch(self, rows: Records) -> None:
         """With the ripple that led it for most of the time, as the filter came to know it."""
@@ -77,6 +80,14 @@ class SmoothEstimator(ShaftEstimator):
         smoother = new_smoother(self._settings, len(rows))
         smoother.filters["lead"] = family
         _smooth_stretch(smoother, record, rows, unsure)
+
+
+def _readmit(rows: Records, off: FloatArray) -> None:
+    """Readings set aside that are off by no more than others, now that their tooth's error is known, are used."""
+    used = rows["noise"] > 0.0
+    scale = np.median(rows["noise"][used] / rows["unit"][used])
+    back = ~used & (off * off < GATE * scale * rows["unit"])
+    rows["noise"][back] = scale * rows["unit"][back]
 
 
 def _compact(rows: Records) -> Records:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
-from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.shaft.turns import TURN
 
 FARTHEST = 0.3
-"""Part of the pitch beyond which a reading is an outlier, no pitch error."""
+"""Part of the pitch beyond which there is no pitch error."""
+OUTLYING = 4.5
+"""Median deviations from a tooth's median, 3 standard deviations, beyond which its reading is an outlier."""
 FADING = 0.01
 """Part of an error that is forgotten at each lesson: what nothing tells from motion fades."""
 
@@ -40,16 +43,25 @@ class ToothWheel:
         """Shaft angles [rad] at edges of these nominal angles (n,)."""
         return angles + self.errors_rad[self._number(angles)]
 
-    def learn(self, readings: FloatArray, off: FloatArray, used: BoolArray) -> FloatArray:
+    def learn(self, readings: FloatArray, off: FloatArray) -> FloatArray:
         """Move each tooth's error against the mean of what its corrected readings (n,) were off by [rad].
 
-        Returns by how much each reading is to be corrected further.
+        Also of readings that were set aside: a tooth may stand so wrong that all of its own were. What is far from a
+        tooth's median counts as an outlier. Returns by how much each reading is to be corrected further.
         """
         before = self.errors_rad
-        off = off - np.median(off[used])
-        good = used & (np.abs(off) < FARTHEST * self._pitch)
         tooth = self._number(readings)
-        count = np.bincount(tooth[good], minlength=before.size)
-        mean = np.bincount(tooth[good], off[good], minlength=before.size) / np.maximum(count, 1)
+        order = np.argsort(tooth, kind="stable")
+        place = np.searchsorted(tooth[order], np.arange(before.size + 1))
+        mean = np.array([_middle(off[order[first:end]]) for first, end in pairwise(place)])
+        mean = np.where(np.abs(mean - np.median(off)) < FARTHEST * self._pitch, mean - np.median(off), 0.0)
         self.errors_rad = (1.0 - FADING) * before - mean
         return np.asarray((self.errors_rad - before)[tooth])
+
+
+def _middle(values: FloatArray) -> float:
+    """Mean without outliers; 0 of nothing."""
+    if not values.size:
+        return 0.0
+    off = np.abs(values - np.median(values))
+    return float(np.mean(values[off <= OUTLYING * np.median(off)]))

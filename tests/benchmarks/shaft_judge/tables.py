@@ -12,7 +12,7 @@ from tests.benchmarks.engine_records import TEETH, EngineRun, paths, read_run
 from tests.benchmarks.shaft_judge.engine_ripple import driven, explained, waves_of, wheel_errors
 from tests.benchmarks.shaft_judge.engine_score import KIND, leaves, predict
 from tests.benchmarks.shaft_judge.kinds_score import HEADER, SKIP, row, score
-from tests.benchmarks.shaft_judge.views import VIEWS, Factory, track, tuned
+from tests.benchmarks.shaft_judge.views import VIEWS, Factory, learnt_pitch_errors, track, tuned
 from tests.shaft.kinds import KINDS, OUTLIERS
 
 
@@ -48,15 +48,17 @@ def engine_tables(factory: Factory, source: Path, views: Iterable[str] = VIEWS, 
     """Every second tooth fed and the others predicted; all teeth fed; only every so manieth run, to be quick."""
     runs = engine_runs(source)
     pitch, rough = pitch_errors(runs), one_pass_pitch_errors(runs)
+    learnt = np.median([learnt_pitch_errors(run) for run in runs[::4]], axis=0)
     runs = runs[::every]
     print(
         f"\nEngine, {len(runs)} runs, every second tooth fed, the others predicted, the first {SKIP:.0%} left out.\n"
         "RMS [rad], that of the second half, shares within one and two sigma (reading included): medians over runs.\n"
         f"Pitch errors {np.rad2deg(pitch.std()):.3f} degrees RMS, {np.rad2deg(np.abs(pitch).max()):.2f} at most; "
-        f"by one pass {np.rad2deg(rough.std()):.3f} and {np.rad2deg(np.abs(rough).max()):.2f}."
+        f"by one pass {np.rad2deg(rough.std()):.3f} and {np.rad2deg(np.abs(rough).max()):.2f};\n"
+        "learnt: by `smooth` itself, of all teeth of every fourth run."
     )
     print(f"{'teeth':10} {'view':7} {'estimator':10} {'RMS':>8} {'worst':>8} {'half':>8}  {'1s':>5} {'2s':>5}  bad cov")
-    sets = {"calibrated": pitch, "one pass": rough, "raw": np.zeros(TEETH)}
+    sets = {"calibrated": pitch, "learnt": learnt, "one pass": rough, "raw": np.zeros(TEETH)}
     for name, errors in sets.items():
         for view in views:
             for who, maker in (("judged", factory), ("textbook", tuned)):

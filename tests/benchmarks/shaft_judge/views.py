@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.benchmarks.engine_records import TEETH, EngineRun
 from tests.shaft.textbook import textbook
 from textile_twin_core.shaft import ShaftStates, create_estimator
 
@@ -78,6 +79,14 @@ def package(time_s: np.ndarray, angle_rad: np.ndarray, kind: str, view: str) -> 
         states.settled,
         variance,
     )
+
+
+def learnt_pitch_errors(run: EngineRun) -> np.ndarray:
+    """(57,) pitch errors [rad] as the package's `smooth` learns them from all teeth of a run."""
+    estimator = create_estimator("smooth", teeth=TEETH + 3, cycle_turns=2)
+    estimator.step(run.time_s, run.angle_rad)
+    estimator.finish()
+    return np.array(estimator.report.pitch_errors_rad)[:TEETH]
 
 
 def tuned(time_s: np.ndarray, angle_rad: np.ndarray, kind: str, view: str) -> Track:
