@@ -44,18 +44,22 @@ def score(factory: Factory, kind: str, seed: int, view: str) -> Score:
     with np.errstate(invalid="ignore"):
         sigma = np.sqrt(np.diagonal(made.covariance, axis1=1, axis2=2)[late, 1:])
     inside = np.stack([np.mean(np.abs(errors) <= k * sigma, axis=0) for k in (1.0, 2.0)])
-    floor = 0.3 * np.abs(record.omega).max()
-    truth = np.abs(record.omega[made.index[late]])
-    off = made.settled[late] & ~(np.abs(errors[:, 0]) <= 0.5 * np.maximum(truth, floor))
     wanted = int(record.time_s.size * (1.0 - SKIP))
     return Score(
         _rms(errors),
         _rms(reference),
         inside,
-        bool(off.any()),
+        diverged(made, record),
         not_positive(made.covariance),
         1.0 - min(late.sum() / wanted, 1.0),
     )
+
+
+def diverged(made: Track, record: Record) -> bool:
+    """Whether a settled speed is off by more than half of itself (or of 0.3 of the record's top speed)."""
+    late, errors = _errors(made, record)
+    least = np.maximum(np.abs(record.omega[made.index[late]]), 0.3 * np.abs(record.omega).max())
+    return bool((made.settled[late] & ~(np.abs(errors[:, 0]) <= 0.5 * least)).any())
 
 
 def not_positive(covariance: np.ndarray) -> int:

@@ -6,14 +6,15 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
 from tests.benchmarks.engine_pitch import calibrated, one_pass_pitch_errors, pitch_errors
 from tests.benchmarks.engine_records import TEETH, EngineRun, paths, read_run
 from tests.benchmarks.shaft_judge.engine_ripple import driven, explained, waves_of, wheel_errors
 from tests.benchmarks.shaft_judge.engine_score import KIND, leaves, predict
-from tests.benchmarks.shaft_judge.kinds_score import HEADER, SKIP, row, score
+from tests.benchmarks.shaft_judge.kinds_score import HEADER, SKIP, diverged, not_positive, row, score
 from tests.benchmarks.shaft_judge.views import VIEWS, Factory, learnt_pitch_errors, track, tuned
-from tests.shaft.kinds import KINDS, OUTLIERS
+from tests.shaft.kinds import KINDS, OUTLIERS, make
 
 
 def kinds_table(
@@ -34,6 +35,21 @@ def kinds_table(
         for share in outliers:
             for view in views:
                 print(row(kind + share, view, [score(factory, kind + share, s, view) for s in seeds]), flush=True)
+
+
+def trouble_table(factory: Factory, kinds: Iterable[str], seeds: Sequence[int], views: Iterable[str] = VIEWS) -> None:
+    """Records, with no outliers, 1 % and 3 % by turns, that diverge, and covariances that are not positive."""
+    print(f"{len(seeds)} records of each kind: diverged, covariances that are not positive")
+    for kind in kinds:
+        for view in views:
+            lost, bad = [], 0
+            for seed in tqdm(seeds, desc=f"{kind} {view}", leave=False):
+                record = make(kind + OUTLIERS[seed % 3], seed)
+                made = track(factory, record.time_s, record.fed_rad, kind, view)
+                bad += not_positive(made.covariance)
+                if diverged(made, record):
+                    lost.append(seed)
+            print(f"{kind:12} {view:7} {len(lost):4d} {bad:4d}  {lost or ''}", flush=True)
 
 
 def engine_runs(source: Path) -> list[EngineRun]:
