@@ -1,7 +1,7 @@
 """Prints the judge's tables.
 
 Run from the root of the repository:
-python -m tests.benchmarks.shaft_judge [--engine PATH] [--kinds SEEDS] [--many SEEDS] [--only KIND ...] [--view VIEW ...]
+python -m tests.benchmarks.shaft_judge [--engine PATH] [--kinds SEEDS] [--many SEEDS] [--only KIND ..] [--view VIEW ..]
 """
 
 from __future__ import annotations
