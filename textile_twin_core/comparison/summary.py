@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from textile_twin_core.comparison.result import Comparison
+from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 
 
 def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
@@ -43,4 +44,7 @@ def verdict_lines(comparison: Comparison) -> list[str]:
         return [cause.text for cause in comparison.verdict]
     if math.isnan(comparison.explained):
         return ["nothing can be told from this recording; see the notes"]
+    if 1.0 - comparison.explained > NOT_THIS_MACHINE:
+        share = f"{comparison.explained * 100.0:.0f} %"
+        return [f"nothing is judged, though the machine explains but {share} of the torque's variance; see the notes"]
     return [f"as the machine file says; it explains {comparison.explained * 100.0:.2f} % of the torque's variance"]
