@@ -10,10 +10,10 @@ from textile_twin_core.errors import MachineError
 
 ENCODER_OPTIONS: Mapping[str, str] = {
     "teeth": "samples are edges of a wheel with so many teeth a turn, missing ones counted",
-    "missing_teeth": "of these, how many lack in the one gap before tooth 0",
+    "missing_teeth": "of these, how many are missing in the one gap before tooth 0",
     "cycle_turns": "turns of the shaft after which its motion repeats: 2 for half orders",
-    "resolution_rad": "step of the encoder's angle in rad, which is found where it is not told",
-    "stamp_jitter_s": "standard deviation of the stamps in s, which is learnt where it is not told",
+    "resolution_rad": "step of the encoder's angle in rad, estimated from the samples where it is not known",
+    "stamp_jitter_s": "standard deviation of the stamps in s, estimated from the samples where it is not known",
 }
 """What commands and nodes may say of an encoder instead of the machine file, by the names of its settings."""
 
@@ -25,7 +25,7 @@ class Encoder:
 
     resolution_rad: step of the measured angle; None: found. stamp_jitter_s: standard deviation of the stamps; None:
     learnt. teeth: samples are edges of a wheel with so many teeth a turn, missing ones counted; 0: sampled angles.
-    missing_teeth: of these, how many lack in the one gap before tooth 0. pitch_errors_rad: how far each tooth's edge
+    missing_teeth: of these, how many are missing in the gap before tooth 0. pitch_errors_rad: how far each tooth's edge
     lies beyond its nominal angle; None: not known. cycle_turns: turns of the shaft after which its motion repeats.
     """
 

@@ -40,7 +40,7 @@ class SensorParameters(EncoderParameters):
     angle_type: str = parameter(
         "joint_state", "type of main_shaft/angle; edges: a std_msgs/Header for each tooth", choices=tuple(ANGLE_READERS)
     )
-    index: bool = parameter(False, "zero is told by index pulses: a std_msgs/Header on main_shaft/index for each turn")
+    index: bool = parameter(False, "index pulses give the zero: a std_msgs/Header on main_shaft/index for each turn")
     torque_type: str = parameter("wrench", "type of balancing_torque/measured", choices=tuple(TORQUE_READERS))
     torque_unit_Nm: float = parameter(
         1.0,
