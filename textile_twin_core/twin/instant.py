@@ -13,7 +13,6 @@ from textile_twin_core.errors import MotionError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import ShaftStates
-from textile_twin_core.shaft.status import PHASE, TURNS
 
 _FEW = 80
 """Samples up to which one by one is faster than as arrays."""
@@ -75,7 +74,7 @@ class InstantPredictor:
 
     def predict_one(self, states: ShaftStates) -> dict[str, float]:
         """Outputs at the one state there is."""
-        *state, turns = states.table[0, PHASE : TURNS + 1].tolist()
+        *state, turns = states.one()
         values = self._single(state)
         for name, winding in self._winding.items():
             values[name] += winding * turns

@@ -17,7 +17,6 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
-from textile_twin_core.shaft.status import PHASE, TURNS
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
 from textile_twin_core.twin.predictor import AnyTwin, Predictor
 
@@ -169,7 +168,7 @@ class Session:
         if count != 1 or sigma:
             return tuple(self._predict(states).rows(sigma)) if count else ()
         # Plain numbers: the states' columns, which are arrays, take longer than all that follows.
-        phase, omega, alpha, turns = states.table[0, PHASE : TURNS + 1].tolist()
+        phase, omega, alpha, turns = states.one()
         theta = turns * TURN + (turns * TURN_TAIL + phase)  # as join_turns
         outputs = self._predictor.predict_one(states)
         return (Sample(states.stamps.item(), theta, omega, alpha, math.nan, outputs),)
