@@ -181,7 +181,8 @@ def _mean_cycle(
     sensor, encoder = machine.sensors.torque, machine.sensors.encoder
     time: FloatArray = np.asarray((readings.torque_stamps_ns - origin) * 1e-9 - sensor.delay_s, np.float64)
     theta, _, _, good = track.at(time)
-    good &= np.isfinite(readings.torque)
+    # Of the same cycles as the speed: no two burn alike.
+    good &= np.isfinite(readings.torque) & (np.abs(theta - track.theta_rad[0]) > _SETTLED * np.ptp(track.theta_rad))
     theta = encoder.direction * theta[good] - encoder.zero_rad * encoder.direction * encoder.ratio
     torque = (readings.torque[good] - sensor.offset_Nm) / sensor.gain
     place = np.floor(np.mod(theta, cycle) / cycle * _BINS).astype(np.int64) % _BINS
