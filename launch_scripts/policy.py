@@ -43,7 +43,7 @@ class Rights:
 RIGHTS = {
     "twin_node": Rights((*OUTPUTS, "~/transition_event"), INPUTS, ("reset", *LIFECYCLE)),
     "record_node": Rights((), (*INPUTS, *OUTPUTS, "twin_node/transition_event", "/diagnostics"), ("start", "stop")),
-    "view_node": Rights((), (*INPUTS, *OUTPUTS)),
+    "view_node": Rights((), (*INPUTS, *OUTPUTS, "/diagnostics")),
     "monitor_node": Rights((), INPUTS, ("learn_again",)),
     "shaft_node": Rights(INPUTS),
     "plc_node": Rights(INPUTS, ("balancing_torque/predicted",)),

@@ -16,7 +16,6 @@ from textile_twin_core.errors import SceneError
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.health import Recent
-from textile_twin_ros.listening import listen
 from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplate
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
@@ -100,7 +99,7 @@ class PlcNode(Node):
             def keep(raw: bytes) -> None:
                 _, (self._latest,) = reader.read(raw)
 
-            listen(self, WrenchStamped, "balancing_torque/predicted", keep, qos)
+            self.create_subscription(WrenchStamped, "balancing_torque/predicted", keep, qos, raw=True)
 
     def _work(self) -> int:
         pace, number = Pace(self._stop), 0

@@ -14,7 +14,6 @@ from rclpy.subscription import Subscription
 
 from textile_twin_core.errors import SceneError
 from textile_twin_ros.endpoints import describe_publishers, offered_qos, recording_qos
-from textile_twin_ros.listening import Listening, Take
 from textile_twin_ros.messages import message_class
 from textile_twin_ros.own_topics import OwnTopics
 
@@ -51,7 +50,7 @@ class Inlets:
         self._node, self._depth, self._take = node, depth, take
         self._types = dict(self._parsed(text) for text in types)
         self.wanted = {node.resolve_topic_name(topic) for topic in wanted}
-        self._open: dict[str, Listening] = {}
+        self._open: dict[str, Subscription] = {}
         self._refused: set[str] = set()
         self._own = OwnTopics(node.get_namespace())
         self._writer: BagWriter | None = None
@@ -66,13 +65,11 @@ class Inlets:
     def write_to(self, writer: BagWriter | None) -> None:
         """Declare the topics in a recording that begins, and all that are still to come; None: in none."""
         self._writer = writer
-        for topic in self._open:
-            self._declare(topic)
+        for topic, subscription in self._open.items():
+            self._declare(topic, subscription)
 
     def discover(self) -> None:
-        """Subscribe to wanted topics whose type is known by now, and anew where publishers are there and not heard."""
-        for listening in self._open.values():
-            listening.look()
+        """Subscribe to wanted topics whose type is known by now."""
         if self.wanted and self.wanted <= self._open.keys():
             return
         there = self._node.get_topic_names_and_types()
@@ -112,13 +109,10 @@ class Inlets:
             return
         qos: QoSProfile = recording_qos(self._node.get_publishers_info_by_topic(topic), self._depth)
         self._types[topic] = msgtype
+        take = partial(self._take, topic)
+        self._open[topic] = self._node.create_subscription(message_type, topic, take, qos, raw=True)
+        self._declare(topic, self._open[topic])
 
-        def subscribe(hear: Take) -> Subscription:
-            return self._node.create_subscription(message_type, topic, hear, qos, raw=True)
-
-        self._open[topic] = Listening(self._node, subscribe, partial(self._take, topic))
-        self._declare(topic)
-
-    def _declare(self, topic: str) -> None:
+    def _declare(self, topic: str, subscription: Subscription) -> None:
         if self._writer is not None:
-            self._writer.add_topic(topic, self._types[topic], offered_qos(self._open[topic].subscription.qos_profile))
+            self._writer.add_topic(topic, self._types[topic], offered_qos(subscription.qos_profile))

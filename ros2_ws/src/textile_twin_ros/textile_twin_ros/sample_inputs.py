@@ -16,7 +16,6 @@ from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_ST
 from textile_twin_ros.diagnostics import InputWatch, Status
 from textile_twin_ros.endpoints import describe_publishers, samples_qos
 from textile_twin_ros.health import Recent, judged, publisher_findings, sample_findings, stamp_findings
-from textile_twin_ros.listening import Listening, Take
 from textile_twin_ros.messages import HeaderReader, JointReader, MessageError, TorqueReader, message_class, read_float64
 
 #: Stamp [ns], that of arrival where the message has none; value; its rate where the message has it, otherwise NaN.
@@ -130,7 +129,7 @@ class SampleInput:
         self._ready_ns = 0
         self.name = node.resolve_topic_name(topic)
         self.watch = InputWatch(node, self.name, silence_s, lambda: describe_publishers(node, topic, self.msgtype))
-        self._listening = self._listen("reliable" if self._automatic else reliability)
+        self._subscription = self._subscribe("reliable" if self._automatic else reliability)
 
     def status(self, counts: Mapping[str, float] | None = None) -> Status:
         """The input's diagnostics of this moment.
@@ -160,31 +159,27 @@ class SampleInput:
         return bool(self._node.count_publishers(self.name))
 
     def renew(self) -> None:
-        """Subscribe anew where a best-effort publisher has appeared or none is heard; not from within a callback."""
+        """Subscribe anew where a best-effort publisher has appeared; not from within the subscription's own events."""
         if self._renew_due:
             self._renew_due = False
-            self._listening.destroy()
-            self._listening = self._listen("best_effort")
-        self._listening.look()
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = self._subscribe("best_effort")
 
     def destroy(self) -> None:
         """End the subscription; messages that the executor still holds for it are left out."""
         self._ended = True
-        self._listening.destroy()
+        self._node.destroy_subscription(self._subscription)
 
-    def _listen(self, reliability: str) -> Listening:
-        def subscribe(hear: Take) -> Subscription:
-            return self._node.create_subscription(
-                self._message_class,
-                self._topic,
-                hear,
-                samples_qos(self._depth, reliability),
-                event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
-                qos_overriding_options=_OVERRIDABLE,
-                raw=True,
-            )
-
-        return Listening(self._node, subscribe, self._on_message)
+    def _subscribe(self, reliability: str) -> Subscription:
+        return self._node.create_subscription(
+            self._message_class,
+            self._topic,
+            self._on_message,
+            samples_qos(self._depth, reliability),
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
+            qos_overriding_options=_OVERRIDABLE,
+            raw=True,
+        )
 
     def _on_incompatible(self, event: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = QoSPolicyKind(int(event.last_policy_kind)).name.lower()
@@ -223,7 +218,7 @@ class SampleInput:
         self._ready_ns = perf_counter_ns()
 
     def _next(self) -> bytes | None:
-        handle = self._listening.subscription.handle
+        handle = self._subscription.handle
         with handle:
             taken: Any = handle.take_message(self._message_class, True)
         return None if taken is None else taken[0]
