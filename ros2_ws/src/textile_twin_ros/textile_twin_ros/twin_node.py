@@ -23,7 +23,7 @@ from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
 from textile_twin_ros.twin_stream import TwinStream
 
-_LOOK_S = 0.05
+_LOOK_S = 0.1
 _ENDED_S = 0.5
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 

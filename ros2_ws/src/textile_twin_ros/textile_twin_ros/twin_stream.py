@@ -150,6 +150,8 @@ class TwinStream:
 
     def take_torques(self, block: list[tuple[int, float]]) -> None:
         """Hold measured torques against the prediction: stamp [ns], torque [N m]."""
+        if block and self._has_torque and not self._wants_residual:
+            self.choose_outputs(measured=True)  # now, and not when listeners are looked for next
         if self._wants_residual:
             for stamp, torque in block:
                 self._publish_residuals(self._residuals.measured(stamp, torque))
