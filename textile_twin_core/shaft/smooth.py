@@ -12,7 +12,7 @@ from textile_twin_core.shaft.chain import know_ripple, stand
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.filter import GATE, set_start
-from textile_twin_core.shaft.smoothing import Smoother, new_smoother, smooth_rows
+from textile_twin_core.shaft.smoothing import Smoother, evidence, new_smoother, smooth_rows
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, Records
 from textile_twin_core.shaft.turns import TURN
@@ -21,6 +21,8 @@ LESSONS = 4
 """Times that the teeth's pitch errors are made what the smoothed motion says."""
 UNSURE_ROWS, UNSURE_CYCLES = 16, 2.5
 """Beginning of a stretch in which the filter is still finding memory and ripple."""
+LEAST_LED = 0.05
+"""Part of a stretch that a family must have led to be asked."""
 FEWEST = 4
 """Rows below which a stretch keeps the filter's states."""
 
@@ -69,17 +71,19 @@ class SmoothEstimator(ShaftEstimator):
                 _readmit(rows, off + more)
 
     def _smooth_stretch(self, rows: Records) -> None:
-        """With the ripple that led it for most of the time, as the filter came to know it."""
+        """With the ripple, as the filter came to know it, under which the readings are likeliest (Schwarz 1978)."""
         record, cycle = self._status, self._settings.cycle_turns * TURN
-        family = int(np.bincount(rows["lead"][len(rows) // 3 :].astype(np.int64), minlength=lanes.FAMILIES).argmax())
-        if record["travelled"][0, family] < SEEN_CYCLES * cycle:
-            family = 0
-        unsure = UNSURE_ROWS
+        smoother = new_smoother(self._settings, len(rows))
+        led = np.bincount(rows["lead"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
+        seen = record["travelled"][0] >= SEEN_CYCLES * cycle
+        tried = [f for f in range(lanes.FAMILIES) if led[f] and (f == 0 or seen[f])] or [0]
+        family, unsure = tried[0], UNSURE_ROWS
+        if len(tried) > 1:
+            cost = [lanes.WAVES[f] * np.log(len(rows)) - _foretold(smoother, record, rows, f) for f in tried]
+            family = tried[int(np.argmin(cost))]
         if family > 0:
             unsure += int(np.argmax(np.abs(rows["theta"] - rows["theta"][0]) > UNSURE_CYCLES * cycle))
-        smoother = new_smoother(self._settings, len(rows))
-        smoother.filters["lead"] = family
-        _smooth_stretch(smoother, record, rows, unsure)
+        _smooth_stretch(smoother, record, rows, family, unsure)
 
 
 def _readmit(rows: Records, off: FloatArray) -> None:
@@ -105,10 +109,23 @@ def _compact(rows: Records) -> Records:
 
 
 @compiled
-def _smooth_stretch(smoother: Smoother, record: Records, rows: Records, unsure: int) -> None:
-    """The chain begins at the first row with its reading and the filter's speed."""
+def _begin(smoother: Smoother, record: Records, rows: Records, family: int) -> None:
+    """The chain of a family begins at the first row with its reading and the filter's speed."""
     filters, first = smoother.filters[0], rows[0]
+    filters.lead = family
     know_ripple(filters, record[0])
     set_start(filters.start, first.reading, first.speed, first.noise, rows[1].step)
     stand(filters)
+
+
+@compiled
+def _foretold(smoother: Smoother, record: Records, rows: Records, family: int) -> float:
+    """Logarithm of the readings' likelihood under a family."""
+    _begin(smoother, record, rows, family)
+    return evidence(smoother, record[0], rows)
+
+
+@compiled
+def _smooth_stretch(smoother: Smoother, record: Records, rows: Records, family: int, unsure: int) -> None:
+    _begin(smoother, record, rows, family)
     smooth_rows(smoother, record[0], rows, unsure, rows.size - 1)

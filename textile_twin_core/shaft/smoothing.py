@@ -59,6 +59,22 @@ def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
 
 
 @compiled
+def evidence(smoother: Smoother, status: Record, rows: Records) -> float:
+    """Logarithm of the readings' likelihood under the chain, which stands on the first row."""
+    filters, at, total = smoother.filters[0], smoother.steps[0], 0.0
+    memory, intensity = np.empty(rows.size), np.empty(rows.size)
+    for i in range(rows.size):
+        memory[i] = rows[i].memory[filters.lead]
+    _set_clock(filters, rows)
+    _set_intensities(rows, memory, status.interval, intensity)
+    for i in range(1, rows.size):
+        step_there(filters, at, rows[i], intensity[i], False)
+        if at.trust > 0.0:
+            total += 0.5 * (math.log(at.trust) - at.surprise * at.surprise / at.trust)
+    return total
+
+
+@compiled
 def smooth_rows(smoother: Smoother, status: Record, rows: Records, unsure: int, told: int) -> None:
     """Smooth rows 1 .. `told` of (n,), on the first of which the chain stands; write their states there.
 
@@ -67,9 +83,9 @@ def smooth_rows(smoother: Smoother, status: Record, rows: Records, unsure: int, 
     filters, start, interval, count = smoother.filters[0], smoother.steps[MARK], status.interval, rows.size
     memory, intensity, jerk = np.empty(count), np.empty(count), np.zeros((count, 2))
     _readmit(rows)
+    _set_clock(filters, rows)
     shortest = longest = rows[0].memory[filters.lead]
     for i in range(count):
-        rows[i].clock = rows[i].reading + wave_at(filters, rows[i].theta)[0]
         memory[i] = rows[i].memory[filters.lead]
         shortest, longest = min(shortest, memory[i]), max(longest, memory[i])
     write_down(filters, start)
@@ -85,6 +101,13 @@ def smooth_rows(smoother: Smoother, status: Record, rows: Records, unsure: int, 
             _sharpen(rows, jerk, interval, intensity)
         stand_as(filters, start)
         _there_and_back(smoother, rows, intensity, jerk, told if again == ROUNDS else 0)
+
+
+@compiled
+def _set_clock(filters: Record, rows: Records) -> None:
+    """Readings of the clock, from those of the shaft and the chain's ripple."""
+    for i in range(rows.size):
+        rows[i].clock = rows[i].reading + wave_at(filters, rows[i].theta)[0]
 
 
 @compiled
