@@ -65,6 +65,7 @@ def test_errors_of_the_acceleration_do_not_become_inertia(errors: str) -> None:
     assert found.sigma < 5e-4
 
 
+@pytest.mark.slow
 def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
     inside = []
     for seed in range(2, 14):

@@ -128,6 +128,7 @@ def test_search_shows_its_front_stops_and_a_point_becomes_the_design(page: Page)
     assert "Scrap rate" in page.text("#scrap")
 
 
+@pytest.mark.slow
 def test_hands_on_the_tufting_machine_under_its_recording(browser: Page) -> None:
     page = browser
     with served("tufting", "--recording", str(BAG)) as (_, address):
@@ -233,6 +234,7 @@ def test_without_the_token_there_is_nothing_and_the_end_of_the_server_is_said() 
         page.close()
 
 
+@pytest.mark.slow
 def test_page_left_open_comes_back_from_lost_wires_and_sleep_and_holds_no_more() -> None:
     """The short form of `python -m tests.explore.soak`."""
     held = list(soak(minutes=10.0, moves=10, names=("elliptic_gear_beatup",), rounds=3))

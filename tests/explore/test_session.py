@@ -211,6 +211,7 @@ def test_picker_of_a_user_s_own_is_shown_changed_and_saved(tmp_path: Path) -> No
     assert again.pads[1].stiffness == (2e4, 0.0, 4e8) and again.driven.strokes[0].to == pytest.approx(0.165)
 
 
+@pytest.mark.slow
 def test_cam_of_a_user_s_own_turns_with_its_sizes_as_sliders() -> None:
     session = PageSession(Design.of(ttc.load_machine(EXAMPLES / "cam_loom.yaml")))
     head = state(session, type="hello")
@@ -313,6 +314,7 @@ def test_what_is_not_compiled_yet_is_waited_for_and_all_else_goes_on(monkeypatch
     assert any(n["name"] == "impacts" for n in head["analysis"]["numbers"])
 
 
+@pytest.mark.slow
 def test_many_changes_leave_nothing_behind(loom: PageSession) -> None:
     def changed(times: int) -> int:
         for k in range(times):

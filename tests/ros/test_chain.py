@@ -111,6 +111,7 @@ def test_nodes_publish_what_an_offline_session_computes(chain: Chain) -> None:
         np.testing.assert_allclose(np.remainder(difference + 1.0, 2.0 * np.pi) - 1.0, 0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_residual_is_measured_minus_the_prediction_at_the_sensors_time(chain: Chain) -> None:
     recorded, first = open_bag(chain.recording), chain.stamps[0]
     residual = recorded.read_torques(RESIDUAL)

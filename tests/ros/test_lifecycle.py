@@ -17,6 +17,7 @@ from textile_twin_ros.pacing import Pace
 from textile_twin_ros.spinning import EXECUTORS
 
 
+@pytest.mark.slow
 def test_configure_activate_deactivate_cleanup(suite: Suite) -> None:
     twin = suite.start("twin_node", "autostart:=false")
     node = suite.node()

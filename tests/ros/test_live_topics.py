@@ -66,6 +66,7 @@ def start_twin(suite: Suite, *parameters: str, **words: Any) -> Any:
     return suite.start("twin_node", f'wait_for:=["{PREDICTED}", "needle/position"]', *parameters, **words)
 
 
+@pytest.mark.slow
 def test_silence_is_told(suite: Suite) -> None:
     # In recorded time, too, which does not go on when nothing is played.
     twin = suite.start("twin_node", "no_data_timeout_s:=0.5", "use_sim_time:=true")
@@ -84,6 +85,7 @@ def test_silence_is_told(suite: Suite) -> None:
     assert "sensor_msgs/msg/JointState is published on /elsewhere/main_shaft/angle" in status.message
 
 
+@pytest.mark.slow
 def test_another_type_is_told(suite: Suite) -> None:
     twin = suite.start("twin_node", "no_data_timeout_s:=0.5")
     Bench(suite, msgtype=Float64)
@@ -236,6 +238,7 @@ def test_every_machine_has_its_topics(suite: Suite) -> None:
         np.testing.assert_allclose(way, travel - travel[0], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_efforts_speeds_and_thinned_joints(suite: Suite) -> None:
     start_twin(suite, "torque_type:=joint_state", "joint_states_rate_hz:=50.0", "joint:=crank")
     bench = Bench(suite)

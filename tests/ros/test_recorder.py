@@ -61,6 +61,7 @@ def _recorded(recording: Path) -> int:
         return 0
 
 
+@pytest.mark.slow
 def test_recording_by_service(suite: Suite) -> None:
     recording = suite.folder / "runs" / "run"
     recorder = suite.start("record_node", f"bag:={recording}", "start:=false", "topics:=[words]")

@@ -43,6 +43,7 @@ def test_live_view_is_written(suite: Suite) -> None:
     assert any(path.startswith("/world") for path in drawn)
 
 
+@pytest.mark.slow
 def test_the_elements_of_needle_transfer(suite: Suite) -> None:
     file = suite.folder / "elements.rrd"
     view = suite.start("view_node", "machine:=needle_transfer", f"file:={file}", "port:=0")

@@ -47,6 +47,7 @@ def columns_of(image: Pixels, colour: palette.Colour, near: int = 40) -> int:
     return int(np.count_nonzero((np.abs(image - np.array(colour)).max(axis=2) < near).any(axis=0)))
 
 
+@pytest.mark.slow
 @needs_vulkan
 def test_curves_and_machine_are_drawn_and_the_machine_moves(run: Run, tmp_path: Path) -> None:
     recording = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine)
@@ -68,6 +69,7 @@ def test_curves_and_machine_are_drawn_and_the_machine_moves(run: Run, tmp_path: 
     assert np.count_nonzero(drawn) > 0.05 * drawn.size
 
 
+@pytest.mark.slow
 @needs_vulkan
 def test_a_viewer_that_joins_late_sees_the_live_view(run: Run, tmp_path: Path) -> None:
     with LiveView(run.machine, port=free_port(), flush_s=0.05) as view:
