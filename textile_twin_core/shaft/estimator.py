@@ -50,6 +50,7 @@ class ShaftEstimator:
         self._finder = StepFinder(told.period_rad, told.step_rad)
         self._status = new_status(told, UNKNOWN_STEP_RAD if told.step_rad is None else told.step_rad)
         self._last: Stamps = np.zeros(1, np.int64)
+        self._kind = ""
         self._wheel = ToothWheel(told.teeth, told.tooth_zero_rad, told.pitch_errors_rad) if told.teeth else None
 
     def step(
@@ -99,14 +100,13 @@ class ShaftEstimator:
     def _walk(self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None) -> list[Part]:
         """Take samples piece by piece, learning about the encoder between the pieces; what each piece gave."""
         stamp, angle, velocity = as_samples(stamps, angles, velocities)
-        if self._last.dtype != stamp.dtype:
-            if self._status["accepted"][0] > 0:
-                raise MotionError("stamps changed between integer nanoseconds and float seconds: keep to one, or reset")
-            self._last = np.zeros(1, stamp.dtype)
-        self._status["unit"] = 1e-9 if stamp.dtype == np.int64 else 1.0
+        if self._kind != stamp.dtype.char:
+            self._mind_kind(stamp)
         if self._wheel is not None:
             angle = self._wheel.corrected(angle)
         heard = np.empty(stamp.size)
+        if not self._finder.wanted and stamp.size <= PIECE:
+            return [self._take(Block(self._last, stamp, angle, velocity, heard))]
         parts: list[Part] = []
         done = 0
         while done < stamp.size or not parts:
@@ -120,6 +120,14 @@ class ShaftEstimator:
                     set_rounding(self._status, step)
             done = end
         return parts
+
+    def _mind_kind(self, stamps: Stamps) -> None:
+        if self._last.dtype != stamps.dtype:
+            if self._status["accepted"][0] > 0:
+                raise MotionError("stamps changed between integer nanoseconds and float seconds: keep to one, or reset")
+            self._last = np.zeros(1, stamps.dtype)
+        self._status["unit"] = 1e-9 if stamps.dtype == np.int64 else 1.0
+        self._kind = stamps.dtype.char
 
     def _take(self, block: Block) -> Part:
         """Stamps and rows of the samples whose states are ready."""
@@ -154,4 +162,4 @@ def states_of(parts: list[Part]) -> ShaftStates:
     first = 0
     while first < min(2, stamps.size) and rows["settled"][first] < 0.0:
         first += 1
-    return ShaftStates(stamps[first:], rows[first:])
+    return ShaftStates(stamps[first:], rows[first:]) if first else ShaftStates(stamps, rows)
