@@ -123,8 +123,14 @@ def gradient(
 def add_spread(
     clock: float, rate: float, acceleration: float, slopes: FloatArray, scale: float, spread: FloatArray
 ) -> None:
-    """Add to a covariance (6,: 00, 01, 02, 11, 12, 22) of the shaft that of a column of its clock's factor."""
+    """Add to a covariance (6,) of the shaft that of a column of its clock's factor."""
     d0, d1, d2 = gradient(clock, rate, acceleration, 0.0, 0.0, 0.0, slopes)
+    add_products(d0, d1, d2, scale, spread)
+
+
+@compiled
+def add_products(d0: float, d1: float, d2: float, scale: float, spread: FloatArray) -> None:
+    """Add scale times the products 00, 01, 02, 11, 12, 22 to a covariance (6,)."""
     spread[0] += scale * d0 * d0
     spread[1] += scale * d0 * d1
     spread[2] += scale * d0 * d2

@@ -6,7 +6,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import stand_at
-from textile_twin_core.shaft.clock import add_spread, angle_of, gradient, shaft_state, wave
+from textile_twin_core.shaft.clock import add_products, add_spread, angle_of, gradient, shaft_state, wave
 from textile_twin_core.shaft.status import Record
 
 MINOR = 0.05
@@ -69,12 +69,7 @@ def _blend(status: Record, f: int, about: float, top: float) -> None:
         moments[1] += weight * d0
         moments[2] += weight * d1
         moments[3] += weight * d2
-        spread[0] += weight * d0 * d0
-        spread[1] += weight * d0 * d1
-        spread[2] += weight * d0 * d2
-        spread[3] += weight * d1 * d1
-        spread[4] += weight * d1 * d2
-        spread[5] += weight * d2 * d2
+        add_products(d0, d1, d2, weight, spread)
         if waves > 0:
             owe(status, waves, status.sensitivity[m], status.factor[m])
             for place in range(6):
@@ -102,9 +97,4 @@ def owe(status: Record, waves: int, sensitivity: FloatArray, factor: FloatArray)
             s0 += factor[j, i] * owed[0, i]
             s1 += factor[j, i] * owed[1, i]
             s2 += factor[j, i] * owed[2, i]
-        common[0] += s0 * s0
-        common[1] += s0 * s1
-        common[2] += s0 * s2
-        common[3] += s1 * s1
-        common[4] += s1 * s2
-        common[5] += s2 * s2
+        add_products(s0, s1, s2, 1.0, common)

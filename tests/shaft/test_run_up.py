@@ -1,0 +1,21 @@
+"""A mill's recording, rest to run-up to stop: what happens at its ends does not spoil the hour between them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.generators.mill_recordings import START_NS, healthy, record
+from textile_twin_core.shaft import create_estimator
+
+
+def test_the_stop_does_not_choose_the_ripple_of_the_whole() -> None:
+    """Truth by a motion that no estimator knows; turned by its end the acceleration would be off by 3 rad/s^2."""
+    made = record(healthy("tufting", 2003, duration_s=60.0))
+    estimator = create_estimator("smooth")
+    estimator.step(made.angle_stamps_ns, made.angle)
+    states = estimator.finish()
+    time = (states.stamps - START_NS) * 1e-9
+    steady = (time > 0.1 * time[-1]) & (time < 0.9 * time[-1])
+    _, omega, alpha = made.plan.at(time)
+    assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha)[steady] ** 2)) < 0.3
+    assert np.sqrt(np.mean((states.omega_rad_s - omega)[steady] ** 2)) < 0.003
