@@ -24,8 +24,8 @@ RESTLESS_CYCLES, REST_CYCLES = 2.0, 16.0
 NO_WEIGHT = 0.05
 NEWCOMER = 1e-5
 """Weight of a family that comes to have a say where another one with ripple has it already."""
-SAMPLES_A_WAVE = 4.0
-"""Samples a turn that the highest order of a family needs, per order."""
+SAMPLES_A_WAVE = 2.5
+"""Samples a turn that the highest order of a family needs, per order: 2 (Nyquist), and some for speeds that change."""
 UNBIASED = 1
 """Lane of the plain filter that ripple biases least, that of a short memory."""
 SECOND_EVERY = 8.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 
 REJECTION_CAUSES = ("not_finite", "duplicate_stamp", "older_stamp")
-FEW_SAMPLES_A_TURN = 8.0
-"""Below this not even the second order of ripple can be told: 4 samples a wave."""
+FEW_SAMPLES_A_TURN = 5.0
+"""Below this not even the second order of ripple can be told: 2.5 samples a wave."""
 
 
 @dataclass

@@ -11,6 +11,10 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.shaft.status import STATE, Records
 from textile_twin_core.shaft.turns import join_turns
 
+UNMODELLED = np.array([1.0, 1.2, 1.2])
+"""Motions are no white jerk: how much wider than the model says errors of angle, speed and acceleration are, at the
+median over kinds of records with known truth (see tests/shaft/kinds.py)."""
+
 
 @dataclass(frozen=True)
 class ShaftStates:
@@ -70,12 +74,12 @@ class ShaftStates:
     @property
     def covariance(self) -> FloatArray:
         """(n, 3, 3) of (theta, omega, alpha)."""
-        return self.rows["covariance"].reshape(-1, 3, 3)
+        return np.asarray(self.rows["covariance"].reshape(-1, 3, 3) * np.outer(UNMODELLED, UNMODELLED))
 
     @property
     def sigma(self) -> FloatArray:
         """(n, 3) standard deviations of theta [rad], omega [rad/s], alpha [rad/s^2]."""
-        return np.asarray(np.sqrt(self.rows["covariance"][:, ::4]))
+        return np.asarray(np.sqrt(self.rows["covariance"][:, ::4]) * UNMODELLED)
 
     def variance_of(self, gradient: FloatArray) -> FloatArray:
         """Variance of a quantity with the given (n, 3) gradient by (theta, omega, alpha)."""
