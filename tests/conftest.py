@@ -1,12 +1,16 @@
-"""Which tests may run side by side: files of tests, but all that start nodes stay in one row."""
+"""How the tests run: which of them side by side, and none against the clock."""
 
 from __future__ import annotations
 
 import pytest
+from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
 START_NODES = ("tests/ros/", "tests/launch_scripts/", "tests/docs/")
 """Folders whose tests start processes that talk in real time: one after the other, so that none lacks a processor."""
+
+settings.register_profile("suite", deadline=None)
+settings.load_profile("suite")
 
 
 class Rows(LoadScopeScheduling):

@@ -44,7 +44,7 @@ def test_nothing_above_noise_is_no_event() -> None:
     assert first_crossing(np.array([-1e-16, 1e-16, -1e-16]), 1e-15) == math.inf
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     st.lists(st.floats(0.01, 0.99), min_size=1, max_size=7),
     st.lists(st.tuples(st.floats(-2.0, 3.0), st.floats(0.05, 2.0)), max_size=4),

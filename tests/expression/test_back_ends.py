@@ -28,7 +28,7 @@ def check(made: list[Carried], found: Iterable[Any]) -> None:
         assert abs(mp.mpf(float(value)) - carried.value) <= _ROOM * carried.bound + 1e-300, carried
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(programs())
 def test_every_back_end_keeps_to_rounding(program: Program) -> None:
     """The loop as Python, with the sine, cosine and angle that it has when compiled."""
@@ -69,7 +69,7 @@ def test_derivative_against_complex_step() -> None:
     assert found == pytest.approx(stepped.imag / step, rel=1e-14)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(programs())
 def test_derivatives_of_random_graphs_against_differences(program: Program) -> None:
     made = program.run()

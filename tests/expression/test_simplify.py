@@ -34,7 +34,7 @@ def excess(program: Program, made: list[Carried]) -> float:
         return max((float(abs(f - c.value) / (c.bound + 1e-30)) for f, c in zip(found, made, strict=True)), default=0.0)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(programs())
 def test_simplified_expressions_keep_their_value(program: Program) -> None:
     assert excess(program, program.run()) < 20.0
@@ -63,7 +63,7 @@ WRONG: dict[str, tuple[str, Callable[..., Expr]]] = {
 }
 
 
-_QUICK = settings(deadline=None, database=None, derandomize=True, phases=[Phase.generate], report_multiple_bugs=False)
+_QUICK = settings(database=None, derandomize=True, phases=[Phase.generate], report_multiple_bugs=False)
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=list(WRONG))

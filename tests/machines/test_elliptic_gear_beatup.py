@@ -100,7 +100,7 @@ ANGLE = st.floats(-3.1, 3.1)
     lengths=st.floats(0.8, 1.2),
     alpha=st.floats(-2000.0, 2000.0),
 )
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_both_torque_routes_agree_over_a_turn(
     axis_ratio: float, angles: tuple[float, ...], pressure_angle: float, lengths: float, alpha: float
 ) -> None:

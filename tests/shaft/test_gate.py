@@ -34,7 +34,7 @@ def test_stamps_that_are_not_finite_are_refused() -> None:
     assert estimator.report.rejected["not_finite"] == 2
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(st.tuples(st.integers(0, 30), st.sampled_from([0.0, 0.1, np.nan])), min_size=1, max_size=60),
     st.lists(st.integers(1, 9), min_size=60, max_size=60),

@@ -70,7 +70,7 @@ def measured(a: float, b: float, c: float) -> tuple[float, float, float]:
     place=st.floats(0.02, 0.98),
     within=st.floats(0.05, 0.95),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_assembled_linkage_swings_and_turns_as_asked(swing: float, place: float, within: float) -> None:
     """Over the whole admissible range, beyond phi = 180 + psi included."""
     rotation = 90 + swing / 2 + 180 * place
@@ -248,7 +248,7 @@ def test_nearest_ratio_stands_on_the_limit_of_the_transmission_angle() -> None:
 
 
 @given(swing=st.floats(1.0, 175.0), place=st.floats(0.001, 0.999))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_best_transmission_is_the_largest_of_a_dense_grid(swing: float, place: float) -> None:
     rotation = 90 + swing / 2 + 180 * place
     result = crank_rocker(np.radians(swing), np.radians(rotation))
