@@ -11,13 +11,13 @@ from tests.generators.mill_recordings import healthy, torque_of
 from tests.generators.planned_motion import run_up_and_down
 from tests.generators.shaft_law import Friction
 from tests.generators.told_machine import told_machine
-from textile_twin_core.comparison.bootstrap import estimate, moves_of
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.repeating_motion import excess_of, repeating_motion
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.smooth_fit import SmoothFit, instrumented_fit, least_squares_fit
 from textile_twin_core.comparison.torque_model import GAIN, INERTIA, TorqueModel
 from textile_twin_core.comparison.torque_terms import TorqueTerms
+from textile_twin_core.comparison.uncertainty import uncertainty_by_turns
 
 FREE = ("backing_force_N", "free_force_N", "shaft_viscous_Nms", "shaft_coulomb_Nm", INERTIA, GAIN)
 TIME = np.arange(0.0, 40.0, 0.002)
@@ -58,8 +58,8 @@ def fitted(seed: int, errors: str) -> tuple[float, SmoothFit, TorqueModel]:
 def test_errors_of_the_acceleration_do_not_become_inertia(errors: str) -> None:
     least, fit, model = fitted(1, errors)
     turn = model.turn(fit.values)[fit.good]
-    moves = moves_of(fit.slopes, fit.residual, turn, fit.instruments)
-    found = estimate(fit.values[INERTIA], moves[:, FREE.index(INERTIA)])
+    known = uncertainty_by_turns(fit.slopes, fit.residual, turn, fit.instruments)
+    found = known.estimate(FREE.index(INERTIA), fit.values[INERTIA])
     assert abs(least - ADDED) > 4.0 * found.sigma
     assert abs(found.value - ADDED) < 3.0 * found.sigma
     assert found.sigma < 5e-4
@@ -70,8 +70,8 @@ def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
     inside = []
     for seed in range(2, 14):
         _, fit, model = fitted(seed, "of each sample")
-        moves = moves_of(fit.slopes, fit.residual, model.turn(fit.values)[fit.good], fit.instruments)
-        low, high = estimate(fit.values[INERTIA], moves[:, FREE.index(INERTIA)]).interval95
+        known = uncertainty_by_turns(fit.slopes, fit.residual, model.turn(fit.values)[fit.good], fit.instruments)
+        low, high = known.estimate(FREE.index(INERTIA), fit.values[INERTIA]).interval95
         inside.append(low < ADDED < high)
     assert sum(inside) >= 9
 

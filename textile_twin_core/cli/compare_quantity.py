@@ -8,9 +8,9 @@ import math
 from textile_twin_core.cli.mistakes import UsageError, nearest
 from textile_twin_core.cli.outputs import print_rows, write_json
 from textile_twin_core.cli.readings import read_angles, read_samples, readings_of
-from textile_twin_core.comparison.bootstrap import Estimate
 from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
 from textile_twin_core.comparison.quantity import QuantityComparison, Trace, compare_quantity
+from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.log_import import MEASURED

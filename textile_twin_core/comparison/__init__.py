@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from textile_twin_core.comparison.assess import Assessment, assess
-from textile_twin_core.comparison.bootstrap import Estimate
 from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors, RunningAngleBins
 from textile_twin_core.comparison.calibrate import Calibration, calibrate
 from textile_twin_core.comparison.compare import compare_torque
@@ -14,6 +13,7 @@ from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
 from textile_twin_core.comparison.statistics import ErrorStatistics
 from textile_twin_core.comparison.summary import summary_rows, verdict_lines
+from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.comparison.verdict import Cause
 from textile_twin_core.errors import AlignmentError
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.comparison.assess import Assessment, assess
-from textile_twin_core.comparison.bootstrap import Estimate, estimates
 from textile_twin_core.comparison.explain import ALL_SAMPLES, Explanation
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.torque_units import nearest_gain
+from textile_twin_core.comparison.uncertainty import Estimate, estimates
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
@@ -92,7 +92,7 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
     """Settle direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque sensor.
 
     Discrete settings are those of the likeliest hypothesis (see `search`), continuous ones are fitted to all samples,
-    with what else departs (loads, friction) fitted beside them. Intervals are by `bootstrap_moves`.
+    with what else departs (loads, friction) fitted beside them. Intervals are by `uncertainty_by_turns`.
 
     Raises RecordingError when the recording tells nothing, or is of another machine.
     """

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.comparison.bootstrap import Estimate
+from textile_twin_core.comparison.uncertainty import Estimate
 
 SPREADS_RAD = tuple(np.radians([0.01, 0.02, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0]).tolist())
 _OUTLIERS = 1e-4

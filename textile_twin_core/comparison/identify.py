@@ -12,7 +12,6 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.assess import assess
-from textile_twin_core.comparison.bootstrap import Estimate, estimate, moves_of
 from textile_twin_core.comparison.event_angle import BesideEvent, EventAngle, event_angle
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.explain import Explanation
@@ -25,6 +24,7 @@ from textile_twin_core.comparison.settings_fit import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.smooth_fit import SmoothFit, instrumented_fit, least_squares_fit
 from textile_twin_core.comparison.torque_model import DELAY, EVENTS, GAIN, NOT_NEGATIVE, OFFSET, ZERO, TorqueModel
+from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
 from textile_twin_core.comparison.unmodelled import UnmodelledTorque, unmodelled_torque
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
@@ -85,8 +85,7 @@ def identify(readings: Readings, machine: Machine) -> Identification:
     """Fit the parameters that the record can tell.
 
     Effects are checked before anything is solved (see `identifiable`); the smooth parameters are then solved together
-    (see `smooth_fit`), event angles by the likelihood of the samples beside them. Intervals by a bootstrap over whole
-    turns.
+    (see `smooth_fit`), event angles by the likelihood of the samples beside them. Intervals by `uncertainty_by_turns`.
 
     Raises RecordingError when the recording tells nothing, is of another machine, or a sensor's discrete setting
     (direction, ratio, unit, sign) is wrong, which `calibrate` settles.
@@ -104,9 +103,9 @@ def identify(readings: Readings, machine: Machine) -> Identification:
     values, events, fit = _solve(model, steady, values, tuple(free))
     smooth = tuple(name for name in free if name not in EVENTS)
     turn = model.turn(values)[fit.good]
-    moves = moves_of(fit.slopes, fit.residual, turn, fit.instruments)
-    fitted = {name: _bounded(name, estimate(values[name], moves[:, k])) for k, name in enumerate(smooth)}
-    phase = _phase_sigma(smooth, moves, found.settings.direction * evidence.working_speed())
+    known = uncertainty_by_turns(fit.slopes, fit.residual, turn, fit.instruments)
+    fitted = {name: _bounded(name, known.estimate(k, values[name])) for k, name in enumerate(smooth)}
+    phase = _phase_sigma(smooth, known.covariance, found.settings.direction * evidence.working_speed())
     fitted |= {name: _with_phase(values[name], event, phase) for name, event in events.items()}
     fitted = {name: fitted[name] for name in free}
     before = (evidence.torque_Nm - model.expected(told))[fit.good]
@@ -221,13 +220,11 @@ def _beside(spread_rad: float) -> float:
     return 3.0 * spread_rad + 4.0 * _FIRST_SPREAD_RAD
 
 
-def _phase_sigma(names: tuple[str, ...], moves: FloatArray, speed: float) -> float:
+def _phase_sigma(names: tuple[str, ...], covariance: FloatArray, speed: float) -> float:
     """Standard deviation of the shaft angle at working speed that zero and delay leave [rad]."""
-    weigh = {ZERO: -1.0, DELAY: -speed}
-    phase = np.zeros(moves.shape[0])
-    for name in set(weigh) & set(names):
-        phase += weigh[name] * moves[:, names.index(name)]
-    return float(np.std(phase))
+    told = {ZERO: -1.0, DELAY: -speed}
+    weigh = np.array([told.get(name, 0.0) for name in names])
+    return math.sqrt(max(float(weigh @ covariance @ weigh), 0.0))
 
 
 def _with_phase(value: float, event: EventAngle, phase: float) -> Estimate:

@@ -10,13 +10,13 @@ import numpy as np
 import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.bootstrap import Estimate, estimate, moves_of
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.search import SPREAD_FOR_DELAY
 from textile_twin_core.comparison.settings_fit import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.statistics import HUBER
 from textile_twin_core.comparison.turns import speed_spread
+from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.twin import Twin, compile_machine
@@ -99,7 +99,7 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     """Hold a measured quantity against the machine's output of that name.
 
     Zeros around the turn are tried with scale and offset solved for; from the best one all four are fitted by least
-    squares with Huber's loss. Intervals by a bootstrap over turns (`moves_of`).
+    squares with Huber's loss. Intervals by `uncertainty_by_turns`.
 
     Raises RecordingError when there are too few samples, less than a turn, or a quantity that does not vary.
     """
@@ -131,8 +131,8 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     expected = values["scale"] * quantity + values["offset"]
     residual = (measured - expected)[good]
     jacobian = _slopes(model, values, free)[good]
-    moves = moves_of(jacobian, residual, np.floor(theta[good] / TURN).astype(np.int64))
-    known = {each: estimate(values[each], moves[:, k]) for k, each in enumerate(free)}
+    found = uncertainty_by_turns(jacobian, residual, np.floor(theta[good] / TURN).astype(np.int64))
+    known = {each: found.estimate(k, values[each]) for k, each in enumerate(free)}
     fitted = {each: known.get(each, Estimate(values[each])) for each in values}
     around = np.broadcast_to(_over_a_turn(twin, name), (720,))
     return QuantityComparison(

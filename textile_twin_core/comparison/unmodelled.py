@@ -48,7 +48,7 @@ def unmodelled_torque(
     left = residual_Nm - columns @ found
     angle = TURN * np.arange(_POINTS * cycle_turns) / _POINTS
     waves = _waves(angle, cycle_turns)
-    moves = bootstrap_moves(columns, left, cycle, draws=400) @ waves.T
+    moves = bootstrap_moves(columns, left, cycle) @ waves.T
     scatter = np.std(moves, axis=0) + 1e-300
     width = float(np.percentile(np.max(np.abs(moves) / scatter, axis=1), 95.0))
     torque, band = waves @ found, width * scatter

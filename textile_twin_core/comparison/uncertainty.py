@@ -1,0 +1,137 @@
+"""Uncertainties that hold under model error: residuals of one turn of the shaft count as one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison.settings_fit import SettingsFit, robust_scale
+from textile_twin_core.comparison.statistics import HUBER
+
+_ALONE = 1e-9
+"""What a turn leaves to the others of a parameter, below which it alone tells it, and nothing of its uncertainty."""
+_UNTOLD = 0.5
+"""Share of a parameter's variance that turns must tell."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value, its standard deviation, and the interval that holds it in 95 of 100 recordings; nan where not known."""
+
+    value: float
+    sigma: float = math.nan
+    interval95: tuple[float, float] = (math.nan, math.nan)
+
+    def scaled(self, factor: float, shift: float = 0.0) -> Estimate:
+        """factor * value + shift, with its uncertainty."""
+        ends = sorted(factor * end + shift for end in self.interval95)
+        return Estimate(factor * self.value + shift, abs(factor) * self.sigma, (ends[0], ends[1]))
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Covariance (k, k) of k estimates, and (k,) half the width of their 95 % intervals."""
+
+    covariance: FloatArray
+    half_width: FloatArray
+
+    def estimate(self, number: int, value: float) -> Estimate:
+        """One of them with its uncertainty."""
+        sigma, half = math.sqrt(self.covariance[number, number]), float(self.half_width[number])
+        return Estimate(float(value), sigma, (float(value) - half, float(value) + half))
+
+
+def uncertainty_by_turns(
+    slopes: FloatArray, residual: FloatArray, turn: IntArray, instruments: FloatArray | None = None
+) -> Uncertainty:
+    """How uncertain estimates are whose residuals belong together within a turn.
+
+    The sandwich estimator with turns as clusters in the form of Bell and McCaffrey 2002 ("CR2", unbiased when the
+    samples are independent), and Student's quantile with Satterthwaite's degrees of freedom, which they give for each
+    parameter: a run-up has few turns, and much depends on them. With instruments both hold for the slopes projected on
+    these (Pustejovsky and Tipton 2018, section 2.3). Huber's loss enters by pseudo-residuals. A parameter that one
+    turn alone tells has the uncertainty of independent samples.
+
+    Args:
+        slopes: (n, k) of the expected torque by the parameters. residual: (n,) measured less expected.
+        turn: (n,) the turn to which each sample belongs.
+        instruments: (n, k) what the residual was made orthogonal to; None: the slopes, as by least squares.
+    """
+    left = pseudo_residuals(residual)
+    size = np.sqrt(np.mean(slopes**2, axis=0)) + 1e-300
+    scaled = slopes / size
+    if instruments is not None:
+        held = instruments / size
+        scaled = held @ (np.linalg.pinv(held.T @ held, rcond=1e-13, hermitian=True) @ (held.T @ scaled))
+    root = _inverse_root(scaled.T @ scaled)
+    basis = scaled @ root
+    adjusted, degrees = _by_turns(basis, left, turn, root)
+    across = root @ (adjusted.T @ adjusted) @ root.T
+    independent = root @ root.T * float(np.mean(left**2))
+    untold = np.isnan(degrees)
+    covariance = np.where(untold | untold[:, None], independent, across)
+    quantile = np.where(untold, scipy.stats.norm.ppf(0.975), scipy.stats.t.ppf(0.975, degrees))
+    return Uncertainty(covariance / np.outer(size, size), quantile * np.sqrt(np.diag(covariance)) / size)
+
+
+def pseudo_residuals(residual: FloatArray) -> FloatArray:
+    """Residuals (n,) by whose least squares a fit with Huber's loss scatters (Huber 1981, section 7.6; Bickel 1976).
+
+    Those beyond the bound are cut to it, and all grow by the share of samples within it: each sample that is
+    cut no longer holds the estimate where it is.
+    """
+    bound = HUBER * robust_scale(residual)
+    within = float(np.mean(np.abs(residual) <= bound))
+    return np.asarray(np.clip(residual, -bound, bound) / max(within, 0.5))
+
+
+def estimates(fit: SettingsFit) -> dict[str, Estimate]:
+    """Every freed setting with its uncertainty."""
+    good = fit.good
+    if not fit.free:
+        return {}
+    known = uncertainty_by_turns(fit.jacobian[good], fit.residual[good], fit.turn[good])
+    return {name: known.estimate(k, getattr(fit.settings, name)) for k, name in enumerate(fit.free)}
+
+
+def _inverse_root(normal: FloatArray) -> FloatArray:
+    """R with R R' the inverse of a normal matrix (k, k); nothing along what it does not tell."""
+    size, axes = np.linalg.eigh(normal)
+    told = size > 1e-13 * size[-1]
+    return np.asarray(axes * np.where(told, 1.0 / np.sqrt(np.where(told, size, 1.0)), 0.0))
+
+
+def _by_turns(
+    basis: FloatArray, residual: FloatArray, turn: IntArray, root: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Scores of the turns (m, k), adjusted for what each turn's residuals lost to the fit; degrees of freedom (k,).
+
+    The latter nan where most of a parameter's variance comes from turns that alone tell it.
+    In an orthonormal basis of the slopes the hat matrix of a turn and its inverse root are k by k.
+    """
+    turns, place = np.unique(turn, return_inverse=True)
+    k = basis.shape[1]
+    scores = np.stack([np.bincount(place, weights=basis[:, c] * residual) for c in range(k)], axis=1)
+    hat = np.empty((turns.size, k, k))
+    for row in range(k):
+        for column in range(row, k):
+            hat[:, row, column] = np.bincount(place, weights=basis[:, row] * basis[:, column])
+            hat[:, column, row] = hat[:, row, column]
+    share, axes = np.linalg.eigh(hat)
+    lost = np.where(1.0 - share > _ALONE, 1.0 / np.sqrt(np.maximum(1.0 - share, _ALONE)), 0.0)
+    adjust = np.einsum("tik,tk,tjk->tij", axes, lost, axes)
+    # Of independent residuals: variances of a parameter's adjusted scores, less what the fit makes them share.
+    weighed = np.einsum("tij,cj->tci", adjust, root)
+    shared = np.einsum("tij,tcj->cti", hat, weighed)
+    own, common = np.einsum("tci,cti->ct", weighed, shared), np.sum(shared**2, axis=2)
+    trace = np.sum(own - common, axis=1)
+    squares = np.sum(own**2 - 2.0 * own * common, axis=1) + np.sum(
+        np.einsum("cti,ctj->cij", shared, shared) ** 2, axis=(1, 2)
+    )
+    degrees = np.maximum(trace**2 / np.maximum(squares, 1e-300), 1.0)
+    degrees[trace < _UNTOLD * np.sum(root**2, axis=1)] = np.nan
+    return np.einsum("tij,tj->ti", adjust, scores), degrees
