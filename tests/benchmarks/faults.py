@@ -1,6 +1,7 @@
 """Faults of every kind and size on many seeds: how often they are found, named rightly, and after how many turns.
 
-Run from the root of the repository: python -m tests.benchmarks.faults FIRST_SEED LAST_SEED
+Run from the root of the repository: python -m tests.benchmarks.faults FIRST_SEED LAST_SEED, or with `hours` before the
+seeds: false alarms in recordings of one hour each of a healthy machine.
 """
 
 from __future__ import annotations
@@ -18,6 +19,20 @@ from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.monitor import monitor_recording
 
 _TURN_NS = 2.0 * np.pi / SPEED["tufting"] * 1e9
+
+
+def hours(first: int, last: int) -> None:
+    """Print the alarms of an hour of a healthy machine for each seed."""
+    false = 0
+    for seed in range(first, last):
+        made = faulty("", 0.0, seed, duration_s=3600.0)
+        r = made.recording
+        readings = Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, r.torque)
+        watched = monitor_recording(readings, told_machine(made.case))
+        false += len(watched.alarms)
+        turns = len(watched.columns["turn"])
+        print(f"seed {seed}: {turns} turns, alarms: {[alarm.text for alarm in watched.alarms]}", flush=True)
+    print(f"{false} false alarms in {last - first} h")
 
 
 def main(first: int, last: int) -> None:
@@ -50,4 +65,7 @@ def main(first: int, last: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]))
+    if sys.argv[1] == "hours":
+        hours(int(sys.argv[2]), int(sys.argv[3]))
+    else:
+        main(int(sys.argv[1]), int(sys.argv[2]))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, WrenchStamped
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +14,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from tests.ros.suite import SECOND_NS
+from textile_twin_core.contact import ContactEvent
+from textile_twin_core.twin.predictor import StampedEvent
 from textile_twin_ros import messages
+from textile_twin_ros.contact_events import contact_events, contact_message
 
 numbers = st.floats(allow_nan=False)
 stamps = st.integers(0, 2**31 * SECOND_NS - 1)
@@ -97,3 +103,16 @@ def test_headers_are_known() -> None:
     assert not messages.has_header(messages.message_class("std_msgs/msg/Float64"))
     with pytest.raises(LookupError, match="nowhere_msgs/msg/None"):
         messages.message_class("nowhere_msgs/msg/None")
+
+
+def test_contact_events_come_back_as_they_went() -> None:
+    event = ContactEvent(0.25, "impact", "cone", ("element_1", "element_3"), 0.25, 1.2202, 6.22e-3, 1e-3, -2e-4)
+    sent = [StampedEvent(SECOND_NS + 7, event), StampedEvent(SECOND_NS + 9, replace(event, kind="touch"))]
+    message = deserialize_message(serialize_message(contact_message(sent, "needle_transfer")), DiagnosticArray)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 7)
+    heard = contact_events(message)
+    assert [(stamp, got.kind, got.name, got.bodies, got.impulse_Ns) for stamp, got in heard] == [
+        (stamp, got.kind, got.name, got.bodies, got.impulse_Ns) for stamp, got in sent
+    ]
+    message.status[0].values.clear()
+    assert len(contact_events(message)) == 1

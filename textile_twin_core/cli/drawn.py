@@ -17,6 +17,7 @@ from textile_twin_core.recordings.machine_topics import beside
 from textile_twin_core.recordings.predicted_topics import TORQUE
 from textile_twin_core.recordings.prediction import predictions
 from textile_twin_core.twin import Samples, compile_machine
+from textile_twin_core.twin.predictor import StampedEvent
 
 
 def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) -> None:
@@ -35,7 +36,7 @@ def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) 
 
     # The shaft's angle comes with any output.
     outputs = [TORQUE if machine.tells_torque else next(iter(machine.joint_outputs.values()))[0]]
-    stamps, blocks = _predicted(arguments, machine, outputs, arguments.shaft)
+    stamps, blocks, _ = _predicted(arguments, machine, outputs, arguments.shaft)
     theta = np.concatenate([block.theta_rad for block in blocks])
     torque = np.concatenate([block[TORQUE] for block in blocks]) if machine.tells_torque else None
     sigma = np.concatenate([block.torque_sigma_Nm for block in blocks]) if machine.tells_torque else None
@@ -54,19 +55,22 @@ def _write_elements(path: Path, arguments: argparse.Namespace, machine: ContactM
 
     names = list(zip(*machine.joint_outputs.values(), strict=True))
     # What it does follows from what it has done, as live.
-    stamps, blocks = _predicted(arguments, machine, [*names[0], *names[1]], "causal")
+    stamps, blocks, events = _predicted(arguments, machine, [*names[0], *names[1]], "causal")
     positions, velocities = (
         np.concatenate([np.stack([block[name] for name in which], axis=1) for block in blocks]) for which in names
     )
-    write_element_recording(path, machine, stamps, positions, velocities, title=arguments.bag.name)
+    write_element_recording(path, machine, stamps, positions, velocities, events, title=arguments.bag.name)
 
 
 def _predicted(
     arguments: argparse.Namespace, machine: AnyMachine, outputs: list[str], shaft: str
-) -> tuple[np.ndarray, list[Samples]]:
-    """Stamps [ns] and predictions of the recorded angles."""
+) -> tuple[np.ndarray, list[Samples], list[StampedEvent]]:
+    """Stamps [ns] and predictions of the recorded angles, and what happened meanwhile at stops and pads."""
     _, angles = read_angles(arguments, machine)
     session = compile_machine(machine, outputs).session(shaft, **shaft_settings(arguments))
     with progress(len(angles), "predicting") as done:
-        blocks = list(predictions(session, angles, done))
-    return np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks]), blocks
+        blocks, events = [], list[StampedEvent]()
+        for block in predictions(session, angles, done):
+            blocks.append(block)
+            events += session.take_events()
+    return np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks]), blocks, events

@@ -34,7 +34,7 @@ class ContactMotion:
     error.
     The first sample finds the machine as it would be after the shaft had turned smoothly from the declared start
     at theta = 0 to it. The same holds after a gap in which the shaft made more than half a turn: nothing says how.
-    `events` collects what happened, on the samples' clock.
+    `events` collects what happened, on the samples' clock, until somebody takes it.
     """
 
     def __init__(self, machine: ContactMachine, outputs: Sequence[str] | None = None, tolerance: float = 1e-13) -> None:
@@ -59,6 +59,11 @@ class ContactMotion:
         self._state = self._last = None
         self.events = []
         self.restarts = self._count = 0
+
+    def take_events(self) -> list[ContactEvent]:
+        """What has happened since the last time, on the samples' clock; it is not kept."""
+        events, self.events = self.events, []
+        return events
 
     def step(
         self, times_s: FloatArray, theta_rad: FloatArray, omega_rad_s: FloatArray, alpha_rad_s2: FloatArray

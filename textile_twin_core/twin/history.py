@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
@@ -17,7 +18,11 @@ from textile_twin_core.machine import ContactMachine
 from textile_twin_core.machine.contact_motion import ContactMotion, measured_error
 from textile_twin_core.shaft import ShaftStates
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
+from textile_twin_core.twin.predictor import StampedEvent
 from textile_twin_core.twin.session import Session
+
+_MOST_EVENTS = 100_000
+"""Impacts and touches that a session keeps for whoever takes them."""
 
 
 class HistoryTwin:
@@ -62,7 +67,7 @@ class HistoryTwin:
         times = _steady_time(*columns) if time is None else columns[3]
         machine_motion = self._motion()
         found = machine_motion.step(times, *columns[:3])
-        self.events = machine_motion.events
+        self.events = machine_motion.take_events()
         for name, values in found.items():
             result[name][...] = values.reshape(shape)
         return result if shape or out is not None else {name: float(values) for name, values in result.items()}
@@ -105,6 +110,7 @@ class HistoryPredictor:
     def __init__(self, motion: ContactMotion) -> None:
         self.motion = motion
         self._first: Any = None
+        self._events: deque[StampedEvent] = deque(maxlen=_MOST_EVENTS)
 
     def predict(self, states: ShaftStates) -> dict[str, FloatArray]:
         """Outputs at states, arrays (n,)."""
@@ -113,17 +119,29 @@ class HistoryPredictor:
         if self._first is None:
             self._first = states.stamps[0]
         elapsed: npt.NDArray[Any] = states.stamps - self._first
-        seconds = elapsed * 1e-9 if np.issubdtype(elapsed.dtype, np.integer) else elapsed
-        return self.motion.step(seconds, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
+        whole = np.issubdtype(elapsed.dtype, np.integer)
+        seconds = elapsed * 1e-9 if whole else elapsed
+        outputs = self.motion.step(seconds, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
+        for event in self.motion.take_events():
+            stamp = int(self._first) + round(event.time_s * 1e9) if whole else float(self._first) + event.time_s
+            self._events.append(StampedEvent(stamp, event))
+        return outputs
 
     def predict_one(self, states: ShaftStates) -> dict[str, float]:
         """Outputs at the one state there is."""
         return {name: values.item() for name, values in self.predict(states).items()}
 
+    def take_events(self) -> list[StampedEvent]:
+        """What has happened since the last time (the latest 100 000), with stamps as the states have them."""
+        taken = list(self._events)
+        self._events.clear()
+        return taken
+
     def reset(self) -> None:
         """Begin anew."""
         self.motion.reset()
         self._first = None
+        self._events.clear()
 
 
 def _steady_time(theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:

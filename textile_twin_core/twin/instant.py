@@ -87,6 +87,10 @@ class InstantPredictor:
         except MotionError:
             return dict.fromkeys(self._twin.outputs, math.nan)
 
+    def take_events(self) -> tuple[()]:
+        """Nothing happens between the samples."""
+        return ()
+
     def reset(self) -> None:
         """Nothing to forget."""
 

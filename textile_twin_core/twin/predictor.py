@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import ShaftStates
+
+
+class StampedEvent(NamedTuple):
+    """An impact or touch, and when it was as the samples are stamped: int [ns] or float [s]."""
+
+    stamp: int | float
+    event: ContactEvent
 
 
 class Predictor(Protocol):
@@ -26,6 +33,10 @@ class Predictor(Protocol):
 
     def predict_one(self, states: ShaftStates) -> dict[str, float]:
         """Outputs at the one state there is."""
+        ...
+
+    def take_events(self) -> Sequence[StampedEvent]:
+        """What has happened since the last time; nothing without a history."""
         ...
 
     def reset(self) -> None:

@@ -18,7 +18,7 @@ from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
-from textile_twin_core.twin.predictor import AnyTwin, Predictor
+from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent
 
 
 class Sample(NamedTuple):
@@ -172,6 +172,10 @@ class Session:
         theta = turns * TURN + (turns * TURN_TAIL + phase)  # as join_turns
         outputs = self._predictor.predict_one(states)
         return (Sample(states.stamps.item(), theta, omega, alpha, math.nan, outputs),)
+
+    def take_events(self) -> Sequence[StampedEvent]:
+        """Impacts and touches of a machine with a history since the last time; they are kept until they are taken."""
+        return self._predictor.take_events()
 
     def use(self, twin: AnyTwin) -> None:
         """Go on with another twin of the same machine: other outputs, the shaft's state is kept.

@@ -41,7 +41,7 @@ class Scribe:
 
     def motion(self, time_s: FloatArray, points: dict[str, FloatArray]) -> None:
         """The linkage at times (n,) from the positions (n, 2) of its points."""
-        times = _times(time_s)
+        times = at_times(time_s)
         for part in self.scene.moving:
             place, angle = poses(part, points)
             zero = np.zeros_like(angle)
@@ -54,7 +54,7 @@ class Scribe:
         for part in blocks(time_s.size):
             variance = np.where(np.isfinite(sigma_Nm[part]), sigma_Nm[part], 0.0) ** 2
             columns = rr.Measurements.columns(values=torque_Nm[part], variances=variance)
-            self.stream.send_columns("torque/predicted", _times(time_s[part]), columns)
+            self.stream.send_columns("torque/predicted", at_times(time_s[part]), columns)
 
     def measured(self, time_s: FloatArray, torque_Nm: FloatArray) -> None:
         """Measured torque over time."""
@@ -83,21 +83,21 @@ class Scribe:
                     ends.append(time_s[part][-1])
             if strips:
                 columns = rr.LineStrips2D.columns(strips=strips)
-                self.stream.send_columns(f"angle/{which}", _times(np.array(ends)), columns)
+                self.stream.send_columns(f"angle/{which}", at_times(np.array(ends)), columns)
 
     def point(
         self, entity: str, canvas: AngleCanvas, time_s: FloatArray, theta_rad: FloatArray, value: FloatArray
     ) -> None:
         """The present point of a plot over the shaft angle."""
         points = canvas.place(theta_rad, value).astype(np.float32)
-        self.stream.send_columns(entity, _times(time_s), rr.Points2D.columns(positions=points))
+        self.stream.send_columns(entity, at_times(time_s), rr.Points2D.columns(positions=points))
 
     def phases(self, changes: Sequence[StateChanges]) -> None:
         """Changes of phase, lane by lane."""
         for change in changes:
             if change.time_s.size:
                 columns = rr.StateChange.columns(state=list(change.states))
-                self.stream.send_columns(f"phase/{change.lane}", _times(change.time_s), columns)
+                self.stream.send_columns(f"phase/{change.lane}", at_times(change.time_s), columns)
 
     def say(self, time_s: float, level: str, text: str) -> None:
         """A line in the list of events."""
@@ -160,7 +160,7 @@ class Scribe:
     def scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
         """A series of numbers over time."""
         for part in blocks(time_s.size):
-            self.stream.send_columns(entity, _times(time_s[part]), rr.Scalars.columns(scalars=values[part]))
+            self.stream.send_columns(entity, at_times(time_s[part]), rr.Scalars.columns(scalars=values[part]))
 
 
 def blocks(count: int, size: int = _BLOCK) -> Iterator[slice]:
@@ -174,5 +174,6 @@ def say(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> Non
     stream.log("events", rr.TextLog(f"{time_s:7.2f} s  {text}", level=level))
 
 
-def _times(time_s: FloatArray) -> list[rr.TimeColumn]:
+def at_times(time_s: FloatArray) -> list[rr.TimeColumn]:
+    """Times (n,) [s] as the viewer takes them."""
     return [rr.TimeColumn(TIMELINE, duration=np.round(time_s * 1e9).astype("timedelta64[ns]"))]

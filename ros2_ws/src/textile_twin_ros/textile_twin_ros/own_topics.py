@@ -24,6 +24,7 @@ OUTPUTS = (
     "beater/position",
     "sley/position",
     "joint_states",
+    "contact_events",
     "robot_description",
     "markers",
 )

@@ -15,6 +15,7 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.message_types import WRENCH
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_core.twin.session import Sample
+from textile_twin_ros import contact_events
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
 from textile_twin_ros.health import judged, residual_findings, state_level
@@ -52,6 +53,7 @@ class TwinStream:
         joint_rate_hz: Callable[[], float],
     ) -> None:
         self._node = node
+        self._machine = machine.name
         self._compile = twins_of(machine)
         self._outputs = outputs_of(machine, joint_rate_hz)
         # A machine with a history goes through all of it, whoever listens.
@@ -74,6 +76,8 @@ class TwinStream:
         topics = {output.topic: output.msgtype for output in self._outputs}
         if self._has_torque:
             topics[RESIDUAL_TOPIC] = WRENCH
+        if self._has_history:
+            topics[contact_events.TOPIC] = contact_events.MSGTYPE
         self.publishers: dict[str, LifecyclePublisher] = {
             topic: node.create_lifecycle_publisher(
                 message_class(msgtype),
@@ -147,6 +151,8 @@ class TwinStream:
             measured = None if np.isnan(velocities).all() else velocities
             samples = self._session.step(np.array(stamps, dtype=np.int64), np.array(angles), measured)
             self._publish(samples.rows(self._wants_sigma))
+        if self._has_history:
+            self._publish_events()
 
     def take_torques(self, block: list[tuple[int, float]]) -> None:
         """Hold measured torques against the prediction: stamp [ns], torque [N m]."""
@@ -202,6 +208,12 @@ class TwinStream:
         if residuals and self.publishers[RESIDUAL_TOPIC].get_subscription_count():
             for message in self._residual_messages.messages(residuals):
                 self.publishers[RESIDUAL_TOPIC].publish(message)
+
+    def _publish_events(self) -> None:
+        """What has happened at stops and pads, taken whether anybody listens or not: it would pile up."""
+        events = self._session.take_events()
+        if events and self.publishers[contact_events.TOPIC].get_subscription_count():
+            self.publishers[contact_events.TOPIC].publish(contact_events.contact_message(events, self._machine))
 
     def _warm_up(self) -> None:
         """Run every path once, so that the first sample is not kept waiting for what is made at first use."""

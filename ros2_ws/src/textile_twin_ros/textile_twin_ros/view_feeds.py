@@ -6,8 +6,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 
 from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.twin.predictor import StampedEvent
+from textile_twin_ros.contact_events import contact_events
 from textile_twin_ros.messages import SECOND_NS
 from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Kind, Sample, SampleInput
 
@@ -98,7 +101,7 @@ class LinkageFeed:
 
 
 class ElementFeed:
-    """Positions and velocities of a machine's elements, which are the joints of its joint states.
+    """Positions and velocities of a machine's elements, which are the joints of its joint states, and their impacts.
 
     Args:
         view: what is fed.
@@ -114,6 +117,11 @@ class ElementFeed:
             listen("joint_states", ANGLE_READERS["joint_state"], element, samples.extend)
             for element, samples in zip(elements, self._samples, strict=True)
         ]
+
+    def hear(self, message: DiagnosticArray) -> None:
+        """Take what happened at stops and pads."""
+        events = contact_events(message)
+        self._view.add_events([StampedEvent(stamp + self._shift_ns, event) for stamp, event in events])
 
     def hand_over(self) -> None:
         """Give the view the messages that all elements have been read from."""

@@ -12,8 +12,9 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
 from textile_twin_core.machine import ContactMachine
+from textile_twin_ros.contact_events import TOPIC as CONTACT_EVENTS
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
-from textile_twin_ros.endpoints import depth_for
+from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.machine import load_linkage, load_machine
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Kind, Sample, SampleInput
@@ -67,7 +68,9 @@ class ViewNode(Node):
         self._feed: Feed
         if isinstance(machine, ContactMachine):
             elements = self._view = LiveElements(machine, **place)
-            self._feed = ElementFeed(elements, machine.elements, self._listen)
+            feed = self._feed = ElementFeed(elements, machine.elements, self._listen)
+            depth = depth_for(settings.rate_hz)
+            self.create_subscription(DiagnosticArray, CONTACT_EVENTS, feed.hear, samples_qos(depth))
         else:
             linkage = load_linkage(settings.machine)
             view = self._view = LiveView(linkage, limit_Nm=settings.limit_Nm or None, **place)

@@ -1,0 +1,53 @@
+"""Impacts and touches of a machine with a history: as messages, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from textile_twin_core.contact import ContactEvent
+from textile_twin_core.twin.predictor import StampedEvent
+from textile_twin_ros.messages import SECOND_NS
+
+TOPIC = "contact_events"
+MSGTYPE = "diagnostic_msgs/msg/DiagnosticArray"
+_AMOUNTS = ("approach_speed_m_s", "impulse_Ns", "energy_lost_J", "drive_work_J")
+
+
+def contact_message(events: Sequence[StampedEvent], machine: str) -> DiagnosticArray:
+    """What happened since the last message, its stamp that of the first: a status is an event.
+
+    Its name is the stop's or pad's, its message the kind (impact, rest, release, touch, leave, slack, push).
+    """
+    message = DiagnosticArray()
+    seconds, nanoseconds = divmod(int(events[0].stamp), SECOND_NS)
+    message.header.stamp.sec, message.header.stamp.nanosec = seconds, nanoseconds
+    for stamp, event in events:
+        values = {"stamp_ns": str(int(stamp)), "lower": event.bodies[0], "upper": event.bodies[1]}
+        values |= {name: repr(float(getattr(event, name))) for name in _AMOUNTS}
+        message.status.append(
+            DiagnosticStatus(
+                level=DiagnosticStatus.OK,
+                name=event.name,
+                message=event.kind,
+                hardware_id=machine,
+                values=[KeyValue(key=key, value=value) for key, value in values.items()],
+            )
+        )
+    return message
+
+
+def contact_events(message: DiagnosticArray) -> list[StampedEvent]:
+    """The events of a message; what is no event of a stop or pad is left out."""
+    found = []
+    for status in message.status:
+        values = {each.key: each.value for each in status.values}
+        try:
+            stamp, bodies = int(values["stamp_ns"]), (values["lower"], values["upper"])
+            amounts = {name: float(values[name]) for name in _AMOUNTS}
+        except (KeyError, ValueError):
+            continue
+        time_s = stamp / SECOND_NS
+        found.append(StampedEvent(stamp, ContactEvent(time_s, status.message, status.name, bodies, time_s, **amounts)))
+    return found
