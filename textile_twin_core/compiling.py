@@ -20,7 +20,7 @@ from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeVar, cast
 from uuid import uuid4
 
 import numpy as np
@@ -74,6 +74,17 @@ def compile_for(function: Any, examples: Sequence[Any]) -> None:
     """Compile what `compiled` gave, now, for arguments of the examples' types and what converts to them, alone."""
     function.compile(tuple(numba.typeof(example) for example in examples))
     function.disable_compile()
+
+
+def entry(function: _Function, *examples: Any) -> _Function:
+    """What `compiled` gave, for arguments of the very types of the examples, which it does not look at again.
+
+    Looking takes as long as a short loop where a program wakes seldom, with cold caches.
+    """
+    if numba is None:
+        return function
+    made: _Function = cast(Any, function).compile(tuple(numba.typeof(example) for example in examples))
+    return made
 
 
 def _aligned(_typing_context: Any) -> Any:

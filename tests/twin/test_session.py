@@ -33,10 +33,13 @@ def test_blocks_of_any_size_give_the_same_numbers() -> None:
         assert np.allclose(np.concatenate([p[name] for p in parts]), whole[name], rtol=0, atol=1e-11)
 
 
+@pytest.mark.parametrize("step_rad", [None, 1e-3])
 @pytest.mark.parametrize("shaft", ["causal", "lag"])
 @pytest.mark.parametrize("sigma", [False, True])
-def test_samples_one_by_one_are_those_of_a_block(shaft: str, sigma: bool) -> None:
-    twin = ttc.compile(ttc.machines.tufting(), OUTPUTS, method="exact")
+def test_samples_one_by_one_are_those_of_a_block(shaft: str, sigma: bool, step_rad: float | None) -> None:
+    encoder = Encoder(zero_rad=0.2, direction=-1, resolution_rad=step_rad)
+    machine = replace(ttc.machines.tufting(), sensors=Sensors(encoder=encoder))
+    twin = ttc.compile(machine, OUTPUTS, method="exact")
     stamps, theta = motion(120)
     session, live = twin.session(shaft=shaft), []
     for stamp, angle in zip(stamps.tolist(), theta.tolist(), strict=True):
@@ -135,3 +138,29 @@ def test_impacts_are_taken_once_whatever_the_blocks() -> None:
     assert [name for _, name in hits] == [name for _, name in given] and len(hits) > 4
     for (stamp, _), (time_s, _) in zip(hits, given, strict=True):
         assert abs((stamp - stamps[0]) * 1e-9 - time_s) < 1e-5
+
+
+def test_one_by_one_refuses_what_a_block_refuses_and_goes_on_after_a_reset_with_speeds_and_blocks_between() -> None:
+    machine = replace(ttc.machines.tufting(), sensors=Sensors(encoder=Encoder(resolution_rad=1e-3)))
+    twin = ttc.compile(machine, OUTPUTS, method="exact")
+    stamps, theta = motion(400)
+    speeds = np.where(np.arange(400) % 3 == 0, 16.755, math.nan)
+    theta[100], stamps[200], stamps[210] = math.nan, stamps[199], stamps[150]
+    whole = [*twin.session().step(stamps, theta, speeds).rows()]
+    session, live = twin.session(), []
+    for _ in range(2):
+        session.reset()
+        live = []
+        for i in range(400):
+            if 250 <= i < 260:
+                if i == 250:
+                    live += session.step(stamps[250:260], theta[250:260], speeds[250:260]).rows()
+                continue
+            known = None if math.isnan(speeds[i]) else float(speeds[i])
+            live += session.step_one(int(stamps[i]), float(theta[i]), known)
+    assert [sample.stamp for sample in live] == [sample.stamp for sample in whole]
+    assert len(live) == 400 - 2 - 3
+    for one, other in zip(live, whole, strict=True):
+        assert one[1:4] == pytest.approx(other[1:4], abs=1e-9)
+        assert one.outputs == pytest.approx(other.outputs, abs=1e-9)
+    assert session.report.rejected == {"not_finite": 1, "duplicate_stamp": 1, "older_stamp": 1}

@@ -31,11 +31,6 @@ class ShaftStates:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def one(self) -> tuple[float, float, float, float]:
-        """Phase [rad], speed, acceleration and turns of the one state there is, as plain numbers."""
-        phase, speed, acceleration, turns = self.rows[0].item()[:4]
-        return phase, speed, acceleration, turns
-
     @property
     def index(self) -> IntArray:
         """(n,) running number, from 0, of the input sample (accepted or not) that the state speaks of."""

@@ -17,6 +17,7 @@ from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machine import ContactMachine
 from textile_twin_core.machine.contact_motion import ContactMotion, measured_error
 from textile_twin_core.shaft import ShaftStates
+from textile_twin_core.shaft.single import OneState
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
 from textile_twin_core.twin.predictor import StampedEvent
 from textile_twin_core.twin.session import Session
@@ -116,20 +117,23 @@ class HistoryPredictor:
         """Outputs at states, arrays (n,)."""
         if len(states) == 0:
             return {name: np.empty(0) for name in self.motion.outputs}
+        return self._step(states.stamps, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
+
+    def predict_one(self, stamp: int | float, state: OneState) -> dict[str, float]:
+        """Outputs at one state."""
+        *motion, _ = (np.array((value,)) for value in (stamp, *state))
+        return {name: values.item() for name, values in self._step(*motion).items()}
+
+    def _step(self, stamps: npt.NDArray[Any], *motion: FloatArray) -> dict[str, FloatArray]:
         if self._first is None:
-            self._first = states.stamps[0]
-        elapsed: npt.NDArray[Any] = states.stamps - self._first
+            self._first = stamps[0]
+        elapsed: npt.NDArray[Any] = stamps - self._first
         whole = np.issubdtype(elapsed.dtype, np.integer)
-        seconds = elapsed * 1e-9 if whole else elapsed
-        outputs = self.motion.step(seconds, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
+        outputs = self.motion.step(elapsed * 1e-9 if whole else elapsed, *motion)
         for event in self.motion.take_events():
             stamp = int(self._first) + round(event.time_s * 1e9) if whole else float(self._first) + event.time_s
             self._events.append(StampedEvent(stamp, event))
         return outputs
-
-    def predict_one(self, states: ShaftStates) -> dict[str, float]:
-        """Outputs at the one state there is."""
-        return {name: values.item() for name, values in self.predict(states).items()}
 
     def take_events(self) -> list[StampedEvent]:
         """What has happened since the last time (the latest 100 000), with stamps as the states have them."""

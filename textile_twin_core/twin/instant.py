@@ -13,6 +13,7 @@ from textile_twin_core.errors import MotionError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import ShaftStates
+from textile_twin_core.shaft.single import OneState
 
 _FEW = 80
 """Samples up to which one by one is faster than as arrays."""
@@ -72,10 +73,10 @@ class InstantPredictor:
             outputs[name] += winding * states.turns
         return outputs
 
-    def predict_one(self, states: ShaftStates) -> dict[str, float]:
-        """Outputs at the one state there is."""
-        *state, turns = states.one()
-        values = self._single(state)
+    def predict_one(self, stamp: int | float, state: OneState) -> dict[str, float]:
+        """Outputs at one state."""
+        *motion, turns = state
+        values = self._single(motion)
         for name, winding in self._winding.items():
             values[name] += winding * turns
         return values

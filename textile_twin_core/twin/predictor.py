@@ -10,6 +10,7 @@ from textile_twin_core.contact import ContactEvent
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import ShaftStates
+from textile_twin_core.shaft.single import OneState
 
 
 class StampedEvent(NamedTuple):
@@ -31,8 +32,8 @@ class Predictor(Protocol):
         """Outputs at states, arrays (n,)."""
         ...
 
-    def predict_one(self, states: ShaftStates) -> dict[str, float]:
-        """Outputs at the one state there is."""
+    def predict_one(self, stamp: int | float, state: OneState) -> dict[str, float]:
+        """Outputs at one state."""
         ...
 
     def take_events(self) -> Sequence[StampedEvent]:

@@ -17,6 +17,7 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
+from textile_twin_core.shaft.single import SingleSamples
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
 from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent
 
@@ -131,7 +132,9 @@ class Session:
     def __init__(self, twin: AnyTwin, shaft: str, **settings: Any) -> None:
         self.twin = twin
         self._encoder = twin.machine.sensors.encoder
+        self._factor = self._encoder.direction * self._encoder.ratio
         self._estimator = create_estimator(shaft, **(encoder_settings(self._encoder) | settings))
+        self._single = SingleSamples(self._estimator)
         self._predictor: Predictor = twin.predictor()
 
     @property
@@ -146,10 +149,8 @@ class Session:
         velocities [rad/s] where the encoder gives them. From the third accepted sample on,
         each accepted sample gets one prediction (with estimators that look ahead: later, or from `finish`).
         """
-        e = self._encoder
-        factor = e.direction * e.ratio
-        angle = (np.asarray(angles, dtype=np.float64) - e.zero_rad) * factor
-        velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * factor
+        angle = (np.asarray(angles, dtype=np.float64) - self._encoder.zero_rad) * self._factor
+        velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * self._factor
         return self._predict(self._estimator.step(stamps, angle, velocity))
 
     def step_one(
@@ -160,18 +161,18 @@ class Session:
         stamp: [ns], or [s] as a float; angle [rad]; velocity [rad/s] where the encoder gives one; `sigma`: with that
         of the torque. The predictions that are known now, in their order.
         """
-        e = self._encoder
-        factor = e.direction * e.ratio
-        velocities = None if velocity is None else np.array((velocity * factor,))
-        states = self._estimator.step(np.array((stamp,)), np.array(((angle - e.zero_rad) * factor,)), velocities)
-        count = len(states)
-        if count != 1 or sigma:
-            return tuple(self._predict(states).rows(sigma)) if count else ()
-        # Plain numbers: the states' columns, which are arrays, take longer than all that follows.
-        phase, omega, alpha, turns = states.one()
+        angle = (angle - self._encoder.zero_rad) * self._factor
+        velocity = math.nan if velocity is None else velocity * self._factor
+        if sigma or not self._single.serves(stamp):
+            states = self._estimator.step(np.array((stamp,)), np.array((angle,)), np.array((velocity,)))
+            return tuple(self._predict(states).rows(sigma)) if len(states) else ()
+        state = self._single.step(int(stamp), angle, velocity)
+        if state is None:
+            return ()
+        phase, omega, alpha, turns = state
         theta = turns * TURN + (turns * TURN_TAIL + phase)  # as join_turns
-        outputs = self._predictor.predict_one(states)
-        return (Sample(states.stamps.item(), theta, omega, alpha, math.nan, outputs),)
+        outputs = self._predictor.predict_one(stamp, state)
+        return (Sample(stamp, theta, omega, alpha, math.nan, outputs),)
 
     def take_events(self) -> Sequence[StampedEvent]:
         """Impacts and touches of a machine with a history since the last time; they are kept until they are taken."""

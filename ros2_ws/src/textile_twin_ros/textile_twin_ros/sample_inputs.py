@@ -156,7 +156,8 @@ class SampleInput:
 
     def has_publishers(self) -> bool:
         """Whether anybody publishes there."""
-        return bool(self._node.count_publishers(self.name))
+        with self._node.handle:  # the name is known to be valid: checking it anew is most of the work
+            return bool(self._node.handle.get_count_publishers(self.name))
 
     def renew(self) -> None:
         """Subscribe anew where a best-effort publisher has appeared; not from within the subscription's own events."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -149,6 +150,10 @@ def _spin(node: SuiteNode, ending: _Ending) -> int:
             turn.set_result(None)
 
     call_every(cast(Node, node), _LOOK_S, look)  # with it Python hears of a signal, too
+    # What is loaded by now stays: looking through all of it for what is no longer used would keep samples waiting for a
+    # tenth of a second now and then.
+    gc.collect()
+    gc.freeze()
     while not ending.told and not node.finished.done():
         turn = Future()
         executor.spin_until_future_complete(turn, timeout_sec=_SPIN_S)

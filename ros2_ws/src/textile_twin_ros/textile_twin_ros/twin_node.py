@@ -167,7 +167,7 @@ class TwinNode(LifecycleNode):
         if stream is None:
             return
         torque = self._torque
-        stream.choose_outputs(measured=torque is not None and (torque.has_publishers() or torque.watch.received > 0))
+        stream.choose_outputs(measured=torque is not None and (torque.watch.received > 0 or torque.has_publishers()))
         if self._starting and all(
             stream.publishers[topic].get_subscription_count() for topic in self.settings.wait_for
         ):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Protocol, TypeAlias
 
 import textile_twin_core as ttc
@@ -63,12 +64,12 @@ class PointOutput:
 
     def __post_init__(self) -> None:
         self.needs: tuple[str, ...] = (f"point_{self.point}_x_m", f"point_{self.point}_y_m")
+        self._place = itemgetter(*self.needs)
         self._template = PointTemplate(BASE_FRAME)
 
     def message(self, sample: Sample) -> bytes:
         """A PointStamped."""
-        x, y = self.needs
-        return self._template.message(sample.stamp, sample.outputs[x], sample.outputs[y])
+        return self._template.message(sample.stamp, *self._place(sample.outputs))
 
 
 class Thinning:
@@ -100,18 +101,17 @@ class JointOutput:
 
     def __init__(self, machine: AnyMachine, rate_hz: Callable[[], float]) -> None:
         self._template = JointTemplate(tuple(machine.joint_outputs))
-        self._positions, self._velocities = zip(*machine.joint_outputs.values(), strict=True)
-        self.needs = (*self._positions, *self._velocities)
+        positions, velocities = zip(*machine.joint_outputs.values(), strict=True)
+        self.needs = (*positions, *velocities)
+        self._values, self._count = itemgetter(*self.needs), len(positions)
         self._thinning = Thinning(rate_hz)
 
     def message(self, sample: Sample) -> bytes | None:
         """A JointState."""
         if not self._thinning.keeps(sample.stamp):
             return None
-        positions, velocities = (
-            [sample.outputs[name] for name in names] for names in (self._positions, self._velocities)
-        )
-        return self._template.full_message(sample.stamp, positions, velocities)
+        values = self._values(sample.outputs)
+        return self._template.full_message(sample.stamp, values[: self._count], values[self._count :])
 
 
 class ResidualMessages:
