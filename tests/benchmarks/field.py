@@ -3,7 +3,7 @@
 Run from the root of the repository: python -m tests.benchmarks.field WHAT [NUMBER]
   side-by-side [SECONDS]   three suites on one computer, two of them in namespaces, started in the same second
   kills [TIMES]            a recorder killed at random moments at 1 kHz, and what is on the disk
-  restarts [TIMES]         nodes killed and started again in any order, and how long until predictions are back
+  restarts [TIMES]         nodes killed and started again in any order, and how long until all of them work again
   bridge [SECONDS]         a PLC at 100 Hz by OPC UA: from asyncua's own server to the predictions in it
 python -m tests.benchmarks.endurance [MINUTES] runs at 1 kHz for long.
 """
@@ -11,6 +11,7 @@ python -m tests.benchmarks.endurance [MINUTES] runs at 1 kHz for long.
 from __future__ import annotations
 
 import asyncio
+import math
 import random
 import re
 import signal
@@ -22,6 +23,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
@@ -107,28 +109,71 @@ def _messages_on_disk(bag: Path) -> int:
         return 0
 
 
-def restarts(suite: Suite, times: int) -> None:
-    """Any node killed and started again: predictions come back, and none of them is an old one."""
-    node, heard, choice = suite.node(), [], random.Random(2)
-    node.create_subscription(WrenchStamped, PREDICTED, lambda message: heard.append(_stamp(message)), RELIABLE)
-    nodes = {name: suite.start(name) for name in ("shaft_node", "twin_node")}
-    suite.spin_until(lambda: len(heard) > 10, "the first predictions")
-    healed, stale = [], 0
-    for _ in range(times):
-        name = choice.choice(list(nodes))
-        nodes[name].end(signal.SIGKILL)
-        suite.spin_for(choice.uniform(0.0, 0.5))
-        newest = max(heard)
-        nodes[name] = suite.start(name)
+class Watched:
+    """A suite whose nodes are killed and started again, and what tells whether all of it works: see `heals`."""
+
+    def __init__(self, suite: Suite) -> None:
+        self._suite = suite
+        self.heard: list[int] = []
+        self._view_s = math.inf
+        self.bags: list[Path] = []
+        node = suite.node()
+        node.create_subscription(WrenchStamped, PREDICTED, lambda message: self.heard.append(_stamp(message)), RELIABLE)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._hear, RELIABLE)
+        self.nodes = {name: self.start(name) for name in ("shaft_node", "twin_node", "view_node", "record_node")}
+
+    def start(self, name: str) -> Program:
+        """Start a node, each recorder with a recording of its own."""
+        words = ["port:=0", f"file:={self._suite.folder}/view.rrd"] if name == "view_node" else []
+        if name == "record_node":
+            self.bags.append(self._suite.folder / f"bag_{len(self.bags)}")
+            words = [f"bag:={self.bags[-1]}"]
+        return self._suite.start(name, *words)
+
+    def _hear(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == f"view_node: {PREDICTED}":
+                age = {item.key: item.value for item in status.values}["age_s"]
+                self._view_s = math.inf if age == "none" else float(age)
+
+    def heals(self, newest: int) -> float:
+        """Seconds until all three have predictions that are newer: a listener, the recording on the disk, the view."""
         began = time.monotonic()
-        heard.clear()
-        suite.spin_until(
-            lambda newest=newest: any(stamp > newest + SECOND_NS // 100 for stamp in heard), f"after {name}"
-        )
-        healed.append(time.monotonic() - began)
-        stale += sum(stamp < newest - SECOND_NS for stamp in heard)
-    print(f"{times} restarts: predictions back after {np.median(healed):.1f} s (median), {max(healed):.1f} s at most;"
-          f" {stale} old ones")  # fmt: skip
+        self._suite.spin_until(lambda: any(stamp > newest + SECOND_NS // 100 for stamp in self.heard), "predictions")
+        self._view_s = math.inf  # what it said before may have been of the old ones
+        self._suite.spin_until(lambda: self._view_s < 0.5 and _recorded(self.bags[-1])[-1:] > newest, "view, recorder")
+        return time.monotonic() - began
+
+
+def restarts(suite: Suite, times: int) -> None:
+    """Any node killed and started again: listener, view and recording have predictions again, none an old one."""
+    watched, choice = Watched(suite), random.Random(2)
+    watched.heals(0)
+    healed: dict[str, list[float]] = {name: [] for name in watched.nodes}
+    stale = 0
+    for _ in range(times):
+        name = choice.choice(list(watched.nodes))
+        watched.nodes[name].end(signal.SIGKILL)
+        suite.spin_for(choice.uniform(0.0, 0.5))
+        newest = time.time_ns()  # the machine's stamps are those of this computer's clock
+        watched.heard.clear()
+        watched.nodes[name] = watched.start(name)
+        healed[name].append(watched.heals(newest))
+        stale += sum(stamp < newest - SECOND_NS for stamp in watched.heard)
+    for name, seconds in healed.items():
+        if seconds:
+            print(f"{name}, {len(seconds)} times: all back after {np.median(seconds):.1f} s (median), {max(seconds):.1f} s"
+                  " at most")  # fmt: skip
+    twice = sum(int(np.sum(np.diff(_recorded(bag)) <= 0)) for bag in watched.bags)
+    print(f"{stale} old predictions heard, {twice} recorded that are not newer than the one before")
+
+
+def _recorded(bag: Path) -> np.ndarray:
+    """Stamps of the predictions on the disk."""
+    try:
+        return open_bag(bag).read_torques(f"/{PREDICTED}").stamps
+    except RecordingError:  # nothing is there yet
+        return np.zeros(0, np.int64)
 
 
 def bridge(suite: Suite, seconds: float) -> None:

@@ -24,7 +24,8 @@ def test_the_second_pass_is_predicted_like_the_first(shaft: str, block: int) -> 
     stream = TwinStream.__new__(TwinStream)
     stream._node, stream._residuals, stream._restarts = _Quiet(), _Quiet(), RestartWatch()
     stream._session = ttc.compile(ttc.machines.tufting(), ["needle_position_m"]).session(shaft)
-    stream._wants_sigma = False
+    stream._wants_sigma = stream._has_history = False
+    stream._at_once = shaft == "causal"
     stream._publish = lambda samples: given.extend(sample.stamp for sample in samples)
     stamps = (np.arange(1, 801) * 2_000_000).tolist()
     samples = [(stamp, stamp * 1.5e-8, float("nan")) for stamp in stamps * 2]

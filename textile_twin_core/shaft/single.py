@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,7 +41,8 @@ class SingleSamples:
         self._estimator = estimator
         self._at_once = type(estimator) is ShaftEstimator
         self._stamps, self._angles, self._velocities = np.zeros(1, np.int64), np.zeros(1), np.zeros(1)
-        self._heard, self._rows = np.zeros(1), records(ROW)
+        self._heard = np.zeros(1)
+        self._rows: Any = records(ROW)
         self._block = Block(np.zeros(0, np.int64), self._stamps, self._angles, self._velocities, self._heard)
         self._follow = follow
 
