@@ -141,7 +141,7 @@ class Watched:
         began = time.monotonic()
         self._suite.spin_until(lambda: any(stamp > newest + SECOND_NS // 100 for stamp in self.heard), "predictions")
         self._view_s = math.inf  # what it said before may have been of the old ones
-        self._suite.spin_until(lambda: self._view_s < 0.5 and _recorded(self.bags[-1])[-1:] > newest, "view, recorder")
+        self._suite.spin_until(lambda: self._view_s < 0.5 and _recorded(self.bags[-1]).max(initial=0) > newest, "all")
         return time.monotonic() - began
 
 
@@ -162,8 +162,8 @@ def restarts(suite: Suite, times: int) -> None:
         stale += sum(stamp < newest - SECOND_NS for stamp in watched.heard)
     for name, seconds in healed.items():
         if seconds:
-            print(f"{name}, {len(seconds)} times: all back after {np.median(seconds):.1f} s (median), {max(seconds):.1f} s"
-                  " at most")  # fmt: skip
+            worst = f"{np.median(seconds):.1f} s (median), {max(seconds):.1f} s at most"
+            print(f"{name}, {len(seconds)} times: all back after {worst}")
     twice = sum(int(np.sum(np.diff(_recorded(bag)) <= 0)) for bag in watched.bags)
     print(f"{stale} old predictions heard, {twice} recorded that are not newer than the one before")
 
