@@ -13,6 +13,10 @@ UNKNOWN_STEP_RAD = 0.012
 """Taken for the step until it is found: that of 9 bits."""
 FINEST_STEP_RAD = 1e-6
 ENOUGH_GAPS = 6
+MOST_TRIED = 16
+"""Stretches of readings, each with gaps enough, that are asked for their divisor: some are free of outliers."""
+MOST_FIT, FEWEST_FIT = 0.7, 0.3
+"""Part of all gaps that are multiples of the step, and of any where there is none; in between it stays unknown."""
 ONE_BY_ONE = 0.8
 """Part of the readings that are one step from the one before where edges are timed."""
 
@@ -51,41 +55,67 @@ class StepFinder:
 
 
 def encoder_step(angles: FloatArray, period_rad: float = TURN) -> float | None:
-    """The step that all angles are multiples of, but for an offset; 0 when there is none, None when too few differ.
+    """The step that angles are multiples of, but for an offset and outliers; 0 for none, None when it is not clear.
 
     Args:
         angles: (n,) readings [rad] in time order, wrapped or not.
         period_rad: after which the encoder's counts come again.
     """
-    step = _common_step(angles, angles)
-    if step:
-        return step
     within = split_turns(angles)[1] if period_rad == TURN else np.mod(angles, period_rad)
-    return _common_step(angles, within) or step
-
-
-def _common_step(angles: FloatArray, values: FloatArray) -> float | None:
     grain = 16.0 * np.finfo(np.float64).eps * max(float(np.abs(angles).max()), 1.0)
-    gaps = np.diff(np.unique(values))
-    gaps = gaps[gaps > max(10.0 * grain, FINEST_STEP_RAD)]
+    counting = _common_divisor(angles, grain)
+    if counting and _is_rounding(angles, counting):
+        return counting
+    wrapped = _common_divisor(within, grain)
+    if wrapped and _is_rounding(angles, wrapped):
+        return wrapped
+    return None if counting is None else 0.0
+
+
+def _common_divisor(values: FloatArray, grain: float) -> float | None:
+    """What the gaps between most values are multiples of; 0 for nothing, None when it is not clear."""
+    ordered, place = np.unique(values, return_index=True)
+    gaps = np.diff(ordered)
+    differs = gaps > max(10.0 * grain, FINEST_STEP_RAD)
+    gaps, first = gaps[differs], np.sort(np.append(place[0], place[1:][differs]))
     if gaps.size < ENOUGH_GAPS:
         return None
-    step = float(gaps.min())
-    while True:  # Euclid's algorithm on all gaps at once
-        rest = np.abs(gaps - np.rint(gaps / step) * step)
-        rest = rest[rest > 1e-3 * step + 8.0 * grain]
-        if rest.size <= 0.02 * gaps.size:
-            break
-        step = float(rest.min())
-        if step < FINEST_STEP_RAD:
-            return 0.0
-    multiples = np.rint(gaps / step)
-    step = float(np.sum(gaps) / np.sum(multiples))
+    share, step = 0.0, 0.0
+    for begin in np.unique(np.linspace(0, first.size - ENOUGH_GAPS - 1, MOST_TRIED, dtype=np.int64)):
+        tried = _divisor(np.diff(np.sort(values[first[begin : begin + ENOUGH_GAPS + 1]])), grain)
+        fits = float(np.mean(_off_multiples(gaps, tried) <= _tolerance(tried, grain))) if tried else 0.0
+        share, step = max((share, step), (fits, tried))
+    if share < MOST_FIT:
+        return None if share > FEWEST_FIT else 0.0
+    gaps = gaps[_off_multiples(gaps, step) <= _tolerance(step, grain)]
+    return float(np.sum(gaps) / np.sum(np.rint(gaps / step)))
+
+
+def _is_rounding(angles: FloatArray, step: float) -> bool:
+    """Whether a common divisor of the readings is an encoder's that rounds."""
     moves = np.diff(angles)
     moves -= TURN * np.rint(moves / TURN)
     if np.all(moves != 0.0) and np.mean(np.abs(np.abs(moves) - step) < 0.01 * step) > ONE_BY_ONE:
-        return 0.0  # edges that come one by one, with gaps of missing teeth: nothing is rounded
-    rounding = float(np.std(np.diff(moves)))
-    if float(np.median(np.abs(moves))) >= step and rounding < 0.3 * step:
-        return 0.0  # readings in step with the sampling: the common divisor is not the encoder's
-    return step
+        return False  # edges that come one by one, with gaps of missing teeth
+    in_step = float(np.median(np.abs(moves))) >= step and float(np.std(np.diff(moves))) < 0.3 * step
+    return not in_step  # with the sampling: then the divisor is that of the speed
+
+
+def _divisor(gaps: FloatArray, grain: float) -> float:
+    """What all gaps are multiples of (Euclid's algorithm on all at once); 0 for nothing."""
+    step = float(gaps.min())
+    while step >= FINEST_STEP_RAD:
+        rest = _off_multiples(gaps, step)
+        rest = rest[rest > _tolerance(step, grain)]
+        if not rest.size:
+            return step
+        step = float(rest.min())
+    return 0.0
+
+
+def _off_multiples(gaps: FloatArray, step: float) -> FloatArray:
+    return np.asarray(np.abs(gaps - np.rint(gaps / step) * step))
+
+
+def _tolerance(step: float, grain: float) -> float:
+    return 1e-3 * step + 8.0 * grain

@@ -207,6 +207,7 @@ def _is_motion(status: Record, off: float, step: float, noise: float, row: Recor
     for f in range(lanes.FAMILIES):
         open_motion(status, f, off, rate, math.sqrt(noise) + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
     row.cut = 1.0 if slipped else 2.0
+    row.unit += (RIPPLE_SIZE * off) ** 2
     status.jumps += row.cut == 1.0
     status.outliers -= status.aside
     return True

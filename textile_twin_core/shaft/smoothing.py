@@ -118,8 +118,7 @@ def _readmit(rows: Records) -> None:
             for j in range(i - 2, i + 1):
                 for f in range(lanes.FAMILIES):
                     rows[j].memory[f] = math.log(0.5)
-                if rows[j].noise == 0.0:
-                    rows[j].noise = rows[i].unit
+                rows[j].noise = max(rows[j].noise, rows[i].unit)
 
 
 @compiled
