@@ -99,10 +99,11 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
     judged = assess(readings_of(angles, measured), machine, predicted.track)
     notes, verdict, explained = judged.notes, judged.verdict, judged.explained
-    del judged  # it and the track hold the whole recording once more
+    angle_topic = angles.topic
+    del judged, angles  # these and the track hold the whole recording once more
     predicted = dataclasses.replace(predicted, track=None)
     if recorded:
-        predicted = recorded_torque(bag, predicted, angles.topic)
+        predicted = recorded_torque(bag, predicted, angle_topic)
     comparison = compare_torque(
         measured.stamps,
         measured.torque_Nm,

@@ -55,6 +55,7 @@ class McapFile:
         self._bytes: Bytes = np.frombuffer(self._map, np.uint8)
         self._scan()
         self.counts = self._count()
+        self._let_go()
 
     @property
     def topics(self) -> dict[int, TopicInfo]:
@@ -125,7 +126,7 @@ class McapFile:
                 first, last = struct.unpack_from("<QQ", self._map, start + 9)
                 self.parts.append(Part(start, end, first, last, chunked=True))
             elif opcode == Opcode.MESSAGE_INDEX and indexed is not None:
-                self._index(indexed, self._map[start + 9 : end])
+                self._index(indexed, start + 9, end)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.STATISTICS):
                 self._record(opcode, self._map[start + 9 : end])
             elif opcode == Opcode.FOOTER:
@@ -137,13 +138,13 @@ class McapFile:
             # The index of the last chunk may be cut off between two channels: find its messages by walking.
             self.parts[-1].index.clear()
 
-    @staticmethod
-    def _index(part: Part, body: bytes) -> None:
+    def _index(self, part: Part, start: int, end: int) -> None:
         """Take in the index of one channel; without it, as when it is damaged, messages are found by walking."""
-        if len(body) >= 6:
-            channel, length = struct.unpack_from("<HI", body)
-            if length == len(body) - 6 and length % 16 == 0:
-                part.index[channel] = np.frombuffer(body, "<u8", offset=6).astype(np.int64).reshape(-1, 2)
+        if end - start >= 6:
+            channel, length = struct.unpack_from("<HI", self._map, start)
+            if length == end - start - 6 and length % 16 == 0:
+                rows = np.frombuffer(self._map, "<i8", length // 8, start + 6)  # as it lies in the file
+                part.index[channel] = rows.reshape(-1, 2)
 
     @property
     def notices(self) -> list[str]:
@@ -233,3 +234,9 @@ class McapFile:
                 progress(len(which))
             if len(which):
                 yield messages.block(which)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Give back the memory that holds what was read; the system's own copy of the file serves the next time."""
+        if hasattr(self._map, "madvise"):
+            self._map.madvise(mmap.MADV_DONTNEED)

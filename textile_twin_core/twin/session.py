@@ -21,6 +21,9 @@ from textile_twin_core.shaft.single import SingleSamples
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
 from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent
 
+_PIECE = 65_536
+"""Samples whose covariances are copied at a time: those of an hour would take as much memory as all else."""
+
 
 class Sample(NamedTuple):
     """The prediction at one accepted sample, in plain numbers."""
@@ -106,10 +109,13 @@ class Samples:
         """
         if self._sensitivity is None:
             return np.full(len(self), math.nan)
-        s = self.states
-        gradient = self._sensitivity.gradient(s.phase_rad, s.omega_rad_s, s.alpha_rad_s2)
-        variance: FloatArray = s.variance_of(gradient)
-        return np.sqrt(np.maximum(variance, 0.0))
+        sigma, states = np.empty(len(self)), self.states
+        for first in range(0, len(self), _PIECE):
+            piece = slice(first, first + _PIECE)
+            part = ShaftStates(states.stamps[piece], states.rows[piece])
+            gradient = self._sensitivity.gradient(part.phase_rad, part.omega_rad_s, part.alpha_rad_s2)
+            sigma[piece] = np.sqrt(np.maximum(part.variance_of(gradient), 0.0))
+        return sigma
 
 
 def encoder_settings(encoder: Encoder) -> dict[str, Any]:
