@@ -17,6 +17,9 @@ from textile_twin_core.views.solids import Solid
 
 _MIN_MAX = rr.components.AggregationPolicy.MinMax  # or peaks of the torque are averaged away
 
+_CLOSE = 0.1
+"""A path this near to a fixed point, in the machine's size, passes where its name would stand."""
+
 
 def draw_machine(stream: rr.RecordingStream, scene: MachineScene) -> None:
     """The machine's solids, in the frame `world` (z up) that is `base` rolled by +90 degrees."""
@@ -37,7 +40,7 @@ def draw_machine(stream: rr.RecordingStream, scene: MachineScene) -> None:
     log(
         "world/base/pins",
         rr.Points3D(
-            [[x, y - 0.05 * scene.size_m, front] for x, y in scene.fixed_points.values()],
+            [[x, y - _label_drop_m(scene, x, y), front] for x, y in scene.fixed_points.values()],
             radii=[0.0],
             labels=list(scene.fixed_points),
             colors=[palette.TEXT],
@@ -55,6 +58,13 @@ def draw_machine(stream: rr.RecordingStream, scene: MachineScene) -> None:
     )
     if scene.backing is not None:
         log("world/base/backing", _backing_weave(scene, scene.backing), static=True)
+
+
+def _label_drop_m(scene: MachineScene, x: float, y: float) -> float:
+    """How far below a fixed point its name stands: below what turns closely around it, whose name goes with it."""
+    reaches = [float(np.max(np.hypot(path[:, 0] - x, path[:, 1] - y))) for path in scene.paths.values()]
+    closely = max((reach for reach in reaches if reach < _CLOSE * scene.size_m), default=0.0)
+    return closely + 0.05 * scene.size_m
 
 
 def style_series(stream: rr.RecordingStream) -> None:
