@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy
 
 import textile_twin_core as ttc
 from tests.generators.sley_camera import displacement, filmed
@@ -97,3 +98,22 @@ def test_speed_under_a_torque_gives_inertia_and_delay() -> None:
     assert found.delay_s == pytest.approx(0.0005, abs=1.5e-4)
     assert found.explained > 0.98
     assert "the inertia is 1.0" in found.verdict
+
+
+@pytest.mark.parametrize("phase", [0.5 * np.pi, -0.5 * np.pi])
+def test_where_in_a_strong_ripple_the_cycle_begins_does_not_matter(phase: float) -> None:
+    rotor, height, order, mean = 0.02, 0.16, 0.5, 300.0
+    # Of the energy: omega^2 = mean square (1 + height sin(order theta + phase)), so the torque is half its slope.
+    theta = np.linspace(0.0, 4.0 * np.pi * 9.3, 400_001)
+    omega = mean * np.sqrt(1.0 + height * np.sin(order * theta + phase))
+    time = scipy.integrate.cumulative_simpson(1.0 / omega, x=theta, initial=0.0)
+    taken = np.arange(0.0, time[-1], 4e-5)
+    angle = np.interp(taken, time, theta)
+    torque = 0.5 * rotor * mean**2 * height * order * np.cos(order * angle + phase)
+    stamps = 1_000_000_000 + np.rint(taken * 1e9).astype(np.int64)
+    wheel = (Body.flywheel(0.018),)
+    sensors = Sensors(Encoder(cycle_turns=2))
+    machine = Machine("rotor", {"O": (0.0, 0.0)}, (Crank("crank", "O", "A", 0.05),), wheel, sensors=sensors)
+    found = driven_speed(Readings(stamps, np.mod(angle, 2.0 * np.pi), stamps, torque), machine)
+    assert found.inertia_kgm2 == pytest.approx(rotor, rel=0.005)
+    assert abs(found.delay_s) < 5e-5

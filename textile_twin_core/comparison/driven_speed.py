@@ -25,7 +25,7 @@ _BINS = 720
 _SETTLED = 0.15
 _FEWEST_CYCLES = 3.0
 _NEAR = 0.2
-_TRIES = 3
+_TRIES, _STARTS = 3, 3
 _FOLLOWS, _LATE_S, _OTHER_INERTIA, _WHEEL = 0.8, 1e-3, 0.03, 0.03
 
 
@@ -104,10 +104,10 @@ def driven_speed(readings: Readings, machine: Machine) -> DrivenSpeed:
     )
     zero = encoder.zero_rad * encoder.direction * encoder.ratio
     cycle = TURN * encoder.cycle_turns
-    late = np.abs(track.theta_rad - track.theta_rad[0]) > _SETTLED * np.ptp(track.theta_rad)
+    late = _whole_cycles(track.theta_rad, track, cycle)
     theta = encoder.direction * track.theta_rad[late] - zero
     omega = encoder.direction * track.omega_rad_s[late]
-    speed = float(np.median(omega))
+    speed = _mean_over_angle(theta, omega)
     cycles = float(np.ptp(theta)) / cycle
     if not cycles > _FEWEST_CYCLES or float(np.mean(np.abs(omega / speed - 1.0) < _NEAR)) < 0.9:
         raise RecordingError(
@@ -152,6 +152,14 @@ def driven_speed(readings: Readings, machine: Machine) -> DrivenSpeed:
     )
 
 
+def _whole_cycles(theta: FloatArray, track: ShaftTrack, cycle: float) -> BoolArray:
+    """Which angles lie in the last whole cycles of a record, its beginning left out: each part of a cycle as often."""
+    gone = np.abs(theta - track.theta_rad[0])
+    end = float(np.abs(track.theta_rad[-1] - track.theta_rad[0]))
+    count = np.floor((1.0 - _SETTLED) * end / cycle)
+    return np.asarray((gone > end - max(count, 1.0) * cycle) & (gone <= end))
+
+
 def _pitch_errors(excess: np.ndarray, orders: FloatArray, speed: float, zero: float, encoder: Encoder) -> FloatArray:
     """(teeth,) pitch errors [rad] that read as this ripple of whole orders.
 
@@ -174,6 +182,10 @@ def amplitudes(theta: FloatArray, omega: FloatArray, orders: FloatArray) -> np.n
     return np.asarray(answer[4 : 4 + orders.size] - 1j * answer[4 + orders.size :])
 
 
+def _mean_over_angle(theta: FloatArray, omega: FloatArray) -> float:
+    return float(scipy.integrate.trapezoid(omega, theta) / (theta[-1] - theta[0]))
+
+
 def _mean_cycle(
     readings: Readings, track: ShaftTrack, machine: Machine, origin: int, cycle: float, speed: float
 ) -> FloatArray:
@@ -182,7 +194,7 @@ def _mean_cycle(
     time: FloatArray = np.asarray((readings.torque_stamps_ns - origin) * 1e-9 - sensor.delay_s, np.float64)
     theta, _, _, good = track.at(time)
     # Of the same cycles as the speed: no two burn alike.
-    good &= np.isfinite(readings.torque) & (np.abs(theta - track.theta_rad[0]) > _SETTLED * np.ptp(track.theta_rad))
+    good &= np.isfinite(readings.torque) & _whole_cycles(theta, track, cycle)
     theta = encoder.direction * theta[good] - encoder.zero_rad * encoder.direction * encoder.ratio
     torque = (readings.torque[good] - sensor.offset_Nm) / sensor.gain
     place = np.floor(np.mod(theta, cycle) / cycle * _BINS).astype(np.int64) % _BINS
@@ -200,7 +212,11 @@ def _mean_cycle(
 
 
 def _driven(machine: Machine, torque: FloatArray, speed: float, cycle: float, orders: FloatArray) -> np.ndarray:
-    """The orders of the machine's speed under a torque over the cycle (bins,), over three cycles."""
+    """The orders of the machine's speed under a torque over the cycle (bins,), over three cycles.
+
+    Its mean over the angle is to be the one that was seen: the faster the shaft, the less a torque changes its speed,
+    and where in its ripple the motion begins must not matter.
+    """
     around = np.append(torque, torque[0])
 
     def law(time: float, theta: float, omega: float) -> float:
@@ -208,8 +224,10 @@ def _driven(machine: Machine, torque: FloatArray, speed: float, cycle: float, or
         left = min(int(place), _BINS - 1)
         return float(around[left] + (place - left) * (around[left + 1] - around[left]))
 
-    times = np.linspace(0.0, 3.0 * cycle / abs(speed), 1000)
-    motion = drive(machine, law, 0.0, speed, times, tolerance=1e-7)
+    times, start = np.linspace(0.0, 3.0 * cycle / abs(speed), 1000), speed
+    for _ in range(_STARTS):
+        motion = drive(machine, law, 0.0, start, times, tolerance=1e-7)
+        start += speed - _mean_over_angle(motion.theta_rad, motion.omega_rad_s)
     return amplitudes(motion.theta_rad, motion.omega_rad_s, orders)
 
 
