@@ -8,10 +8,13 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 
-from textile_twin_core.compiling import align_stack, compiled
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import align_stack, by_reference, compiled
 
 _PROGRAM = """
 import sys
@@ -172,3 +175,39 @@ def test_threads_may_ask_for_a_part_and_its_program_at_once(tmp_path: Path, monk
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lambda function: function(1.5), [four_times, twice] * 4))
     assert found == [6.0, 3.0] * 4
+
+
+@by_reference
+class _Scale(NamedTuple):
+    factors: FloatArray
+    steps: FloatArray
+    upwards: bool
+    offset: float
+
+
+def test_named_tuples_are_handed_on_by_reference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
+
+    @compiled
+    def entry(scale: _Scale, row: int, column: int) -> float:
+        product = scale.factors[row] * scale.steps[row, column]
+        return scale.offset + (product if scale.upwards else -product)
+
+    @compiled
+    def fill(scale: _Scale, scale_of_others: _Scale, result: FloatArray) -> None:
+        for row in range(scale.factors.size):
+            for column in range(scale.steps.shape[1]):
+                result[row, column] = entry(scale, row, column) + entry(scale_of_others, 0, 0)
+            scale.factors[row] = -1.0
+
+    up = _Scale(np.array([2.0, 3.0]), np.arange(6.0).reshape(2, 3), True, 0.5)
+    down = _Scale(np.array([7.0, 0.0]), np.ones((1, 9))[:, ::3], False, 0.25)
+    expected = 0.5 + np.array([[2.0], [3.0]]) * up.steps - 6.75
+    held = [sys.getrefcount(field) for field in (*up, *down) if isinstance(field, np.ndarray)]
+    result = np.empty((2, 3))
+    fill(up, down, result)
+
+    np.testing.assert_array_equal(result, expected)
+    np.testing.assert_array_equal(up.factors, -1.0)  # its own array, not a copy
+    assert held == [sys.getrefcount(field) for field in (*up, *down) if isinstance(field, np.ndarray)]
+    assert [path.name.split("-")[0] for path in tmp_path.iterdir()] == ["fill"]

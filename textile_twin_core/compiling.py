@@ -34,10 +34,12 @@ try:
     from numba.extending import intrinsic
 
     from textile_twin_core.programs import Program
+    from textile_twin_core.references import pass_by_reference
 except ImportError:
     numba = None
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+_Tuple = TypeVar("_Tuple", bound=type[tuple[Any, ...]])
 
 _OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True}
 """Divisions by zero as in IEEE 754; a product and a sum may become one operation; threads may run beside the loop."""
@@ -68,6 +70,13 @@ def records(dtype: np.dtype[Any], count: int = 1) -> npt.NDArray[Any]:
     """So many records of zeros, whose fields loops find by name, compiled or not."""
     array = np.zeros(count, dtype)
     return array if numba is not None else array.view(np.recarray)
+
+
+def by_reference(kind: _Tuple) -> _Tuple:
+    """A kind of named tuple of arrays and numbers that compiled functions read the fields of, and make none of."""
+    if numba is not None:
+        pass_by_reference(kind)
+    return kind
 
 
 def compile_for(function: Any, examples: Sequence[Any]) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from textile_twin_core.contact import (
     ContactError,
     ContactIntegrator,
     ContactModel,
+    ContactRun,
     DrivePiece,
     Pad,
     SlidingBody,
@@ -63,21 +66,43 @@ def random_model(random: np.random.Generator) -> tuple[ContactModel, np.ndarray]
     return ContactModel("drive", bodies, tuple(springs), tuple(stops), (pad,)), start
 
 
-@pytest.mark.parametrize("seed", range(60))
-def test_no_stop_is_passed_and_energy_closes(seed: int) -> None:
+_END_S = 0.4
+
+
+def random_run(seed: int) -> Callable[[], ContactRun]:
+    """Runs of such a model that is thrown at its stops while the drive shakes, with one integrator."""
     random = np.random.default_rng(seed)
     model, start = random_model(random)
-    frequency, amplitude, end = 2 * math.pi * random.uniform(1, 30), 10 ** random.uniform(-4, -2), 0.4
-    pieces = [DrivePiece(0.0, end, Section((0.0,), amplitude, frequency), (0.0, 1.0))]
+    frequency, amplitude = 2 * math.pi * random.uniform(1, 30), 10 ** random.uniform(-4, -2)
+    pieces = [DrivePiece(0.0, _END_S, Section((0.0,), amplitude, frequency), (0.0, 1.0))]
     speeds = random.normal(size=start.size) * 0.3
+    integrator = ContactIntegrator(model, 1e-12, 3000)
+    return lambda: run_contact(integrator, start, pieces, velocities_m_s=speeds)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_stop_is_passed_and_energy_closes(seed: int) -> None:
     try:
-        run = run_contact(ContactIntegrator(model, 1e-12, 3000), start, pieces, velocities_m_s=speeds)
+        run = random_run(seed)()
     except ContactError as error:
         # a body between drive and frame can be jammed, or bounce faster and faster
         assert "jam a body" in str(error) or "no end" in str(error)
         return
     assert run.energies.imbalance < 1e-11
-    positions = np.vstack((sample(run.segments, np.linspace(0.0, end, 2001))[0], np.zeros(2001)))
-    for stop in model.stops:
-        gap = stop.limit_m - positions[model.index[stop.upper]] + positions[model.index[stop.lower]]
+    positions = np.vstack((sample(run.segments, np.linspace(0.0, _END_S, 2001))[0], np.zeros(2001)))
+    index = run.model.index
+    for stop in run.model.stops:
+        gap = stop.limit_m - positions[index[stop.upper]] + positions[index[stop.lower]]
         assert gap.min() > -1e-13
+
+
+def test_a_log_that_is_given_more_room_tells_the_same() -> None:
+    stretches, events = 0, 0
+    for seed in range(12):
+        again = random_run(seed)
+        with suppress(ContactError):
+            run, with_room = again(), again()
+            assert with_room.events == run.events
+            np.testing.assert_array_equal(with_room.positions, run.positions)
+            stretches, events = max(stretches, len(run.segments)), max(events, len(run.events))
+    assert stretches > 16 and events > 16  # more than there is room for at first

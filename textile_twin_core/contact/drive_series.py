@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import by_reference, compiled
 from textile_twin_core.contact.polynomials import moved
 
 _RADII = (10.0, 5.0, 20.0, 3.0)
@@ -16,6 +16,7 @@ _SHRINK = 0.8
 _NEGLIGIBLE = 1e-18
 
 
+@by_reference
 class DriveTerms(NamedTuple):
     """One piece of the drive: x(t) = p(s) + amplitude sin(frequency s + phase), with s = argument(t - start)."""
 

@@ -50,7 +50,7 @@ def step(
     h = reach(drive, time_s, min(1.0 / max(rate, 1.0), longest_s), order, drive_error)
     series = _series(plant, mode, state, taylor(drive, time_s, h, order), h)
     factor = _LONGER
-    for own in range(mode.mass.size):
+    for own in range(mode.clusters[0]):
         row = series[mode.first[own]]
         factor = min(factor, _holds(row, max(speed_scale * h, _TINY), order, tolerance))
     strongest = _TINY
@@ -79,7 +79,7 @@ def _holds(series: FloatArray, scale: float, order: int, tolerance: float) -> fl
 @compiled
 def _series(plant: Plant, mode: Mode, state: ContactState, drive: FloatArray, h: float) -> FloatArray:
     """Power series of every mover's position and of every pad's force, from the equations of the mode's clusters."""
-    bodies, pads, clusters, order = plant.masses.size, state.pads.size, mode.mass.size, drive.size - 1
+    bodies, pads, clusters, order = plant.masses.size, state.pads.size, mode.clusters[0], drive.size - 1
     series = np.zeros((bodies + 1 + pads, order + 1))
     powers = np.zeros((pads, plant.pad_stiffness.shape[1], order))
     for k in range(order + 1):
@@ -110,7 +110,7 @@ def _series(plant: Plant, mode: Mode, state: ContactState, drive: FloatArray, h:
 def _begin(plant: Plant, mode: Mode, state: ContactState, series: FloatArray, h: float) -> None:
     """Write the bodies' first two coefficients, mass-weighted over each cluster, so that momentum stays."""
     bodies = plant.masses.size
-    for own in range(mode.mass.size):
+    for own in range(mode.clusters[0]):
         position = speed = 0.0
         for body in range(bodies):
             if mode.cluster[body] == own:

@@ -16,20 +16,17 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.contact.balance import opening_accelerations
 from textile_twin_core.contact.complementarity import one_sided_forces, response_of
 from textile_twin_core.contact.linear import chosen
-from textile_twin_core.contact.log import IMPACT, REST, Log, add_event
+from textile_twin_core.contact.log import IMPACT, IMPACT_ROUNDS, REST, Log, add_event
 from textile_twin_core.contact.plant import Plant
 from textile_twin_core.contact.state import ContactState, opening_speed, quiet_speed
 
 _NEARLY_ELASTIC = 0.99
 _LOW_BOUNCE = 1e-9
 _UNCHANGED = 1e-6
-_ROUNDS = 500
 
 
 @compiled
-def collide(
-    plant: Plant, state: ContactState, drive_acceleration: float, touching: BoolArray, log: Log
-) -> tuple[bool, Log]:
+def collide(plant: Plant, state: ContactState, drive_acceleration: float, touching: BoolArray, log: Log) -> bool:
     """Impulses, in rounds, until no touching stop approaches; False where stops jam a body.
 
     What already opens takes no part in a round; an impact may make it approach, and the next round is its.
@@ -38,7 +35,7 @@ def collide(
     quiet = quiet_speed(plant, state)
     stops = touching.size
     speeds, taking_part, group = np.empty(stops), np.empty(stops, np.bool_), np.empty(stops, np.bool_)
-    for rounds_left in range(_ROUNDS, -1, -1):
+    for rounds_left in range(IMPACT_ROUNDS, -1, -1):
         for stop in range(stops):
             speeds[stop] = opening_speed(plant, state, stop)
             taking_part[stop] = touching[stop] and (speeds[stop] <= quiet or rounds_left == 0)
@@ -52,12 +49,11 @@ def collide(
             if approaching:
                 struck = True
                 members = chosen(group)
-                possible, log = _strike(plant, state, drive_acceleration, members, speeds, quiet, rounds_left == 0, log)
-                if not possible:
-                    return False, log
+                if not _strike(plant, state, drive_acceleration, members, speeds, quiet, rounds_left == 0, log):
+                    return False
         if not struck:
             break
-    return True, log
+    return True
 
 
 @compiled
@@ -95,7 +91,7 @@ def _strike(
     quiet: float,
     dead: bool,
     log: Log,
-) -> tuple[bool, Log]:
+) -> bool:
     """The impulses of one group of touching stops; one event for each stop that takes part."""
     approaching = np.empty(group.size, np.bool_)
     restitution = 0.0 if dead else 1.0
@@ -119,8 +115,8 @@ def _strike(
             stop = group[i]
             kind, end = (REST, now + waits) if waits > 0.0 else (IMPACT, now)
             work = -plant.stops[stop, drive] * impulses[i] * state.velocities[drive]
-            log = add_event(log, end, kind, stop, now, max(-before[stop], 0.0), impulses[i], losses[i], work)
-    return possible, log
+            add_event(log, end, kind, stop, now, max(-before[stop], 0.0), impulses[i], losses[i], work)
+    return possible
 
 
 @compiled

@@ -11,7 +11,8 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import stepping
 from textile_twin_core.contact.drive import IDENTITY, DrivePiece
-from textile_twin_core.contact.log import Log
+from textile_twin_core.contact.log import Log, empty_log, with_room, written
+from textile_twin_core.contact.mode import room_for_mode
 from textile_twin_core.contact.model import ContactModel
 from textile_twin_core.contact.plant import plant_of
 from textile_twin_core.contact.result import ContactEvent, Segment, events_of, segments_of
@@ -44,7 +45,8 @@ class ContactIntegrator:
     """Integrates one model, piece by piece of its driven element's motion.
 
     `tolerance` bounds the error of each step on a pad, relative to the way made in it; stretches without a pad do not
-    depend on it. `events_largest` bounds the events of one `advance`: beyond it ContactError names the contact.
+    depend on it. `events_largest` bounds the events of one `advance`: beyond it ContactError names the contact. What it
+    writes in as it goes it keeps for the next advance, so that each thread needs one of its own.
     """
 
     def __init__(self, model: ContactModel, tolerance: float = 1e-13, events_largest: int = 100_000) -> None:
@@ -54,6 +56,7 @@ class ContactIntegrator:
         self.plant = plant_of(model)
         self.tolerance = float(tolerance)
         self.events_largest = events_largest
+        self._mode, self._log = room_for_mode(self.plant), empty_log(self.plant)
 
     def check(self, positions_m: Sequence[float]) -> None:
         """Raise ContactError when bodies cannot start at these positions (bodies,), the driven element at 0."""
@@ -88,10 +91,11 @@ class ContactIntegrator:
             positions=places,
             velocities=speeds,
             closed=np.zeros(len(self.model.stops), dtype=bool),
+            released=np.zeros(len(self.model.stops), dtype=bool),
             pads=np.array(self._pad_states(places, speeds), dtype=np.int64),
         )
         here = DrivePiece(time_s, time_s, IDENTITY, (drive_m[0], drive_m[1], 0.5 * drive_m[2]))
-        self._advance(state, here, begins=True)
+        self._advance(state, here, stepping.BEGINS)
         return state
 
     def _check_stops(self, positions: FloatArray) -> None:
@@ -116,14 +120,21 @@ class ContactIntegrator:
 
     def advance(self, state: ContactState, piece: DrivePiece) -> Advance:
         """Carry the state, which it changes, to the end of one piece of the drive; pieces follow without a gap."""
-        return self._advance(state, piece, begins=False)
+        return self._advance(state, piece, stepping.FOLLOWS)
 
-    def _advance(self, state: ContactState, piece: DrivePiece, begins: bool) -> Advance:
-        motion = piece.motion
-        end, number, log = stepping.advance(self.plant, state, motion, begins, self.tolerance, self.events_largest)
+    def _advance(self, state: ContactState, piece: DrivePiece, begin: int) -> Advance:
+        state.released[:] = False
+        self._log.counts[:] = 0
+        end, number = stepping.FULL, 0
+        while end == stepping.FULL:
+            end, number = stepping.advance(
+                self.plant, self._mode, state, piece.motion, begin, self._log, self.tolerance, self.events_largest
+            )
+            if end == stepping.FULL:
+                self._log, begin = with_room(self._log), stepping.RESUMES
         if end != stepping.ARRIVED:
-            raise self._failure(end, number, state, piece, log)
-        return Advance(self.model, log)
+            raise self._failure(end, number, state, piece, self._log)
+        return Advance(self.model, written(self._log))
 
     def _failure(self, end: int, number: int, state: ContactState, piece: DrivePiece, log: Log) -> ContactError:
         """What went wrong, with its place and what to change."""

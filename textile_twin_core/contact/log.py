@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import by_reference, compiled
 from textile_twin_core.contact.plant import Plant
 from textile_twin_core.contact.state import ContactState
 
@@ -18,9 +18,12 @@ TIME, KIND, NUMBER, BOOKED, APPROACH, IMPULSE, LOST, WORK = range(8)
 """Columns of an event."""
 
 _COEFFICIENTS = 31
+IMPACT_ROUNDS = 500
+"""In one instant, until stops close without restitution."""
 _ROWS = 16
 
 
+@by_reference
 class Log(NamedTuple):
     """Rows written so far, in arrays with some room to spare."""
 
@@ -34,31 +37,41 @@ class Log(NamedTuple):
     """(rows, movers + pads + stops, 31): power series of positions and forces"""
 
 
-@compiled
 def empty_log(plant: Plant) -> Log:
     """Nothing yet."""
-    pads = plant.pad_places.size
-    rows = plant.constant.size + pads + plant.limits.size
+    pads, stops = plant.pad_places.size, plant.limits.size
     return Log(
         np.zeros(2, np.int64),
-        np.empty((_ROWS, 8)),
+        np.empty((_ROWS + (IMPACT_ROUNDS + 1) * stops, 8)),
         np.empty((_ROWS, 3 + pads)),
-        np.empty((_ROWS, rows, _COEFFICIENTS)),
+        np.empty((_ROWS, plant.constant.size + pads + stops, _COEFFICIENTS)),
     )
 
 
-@compiled
-def _with_room(rows: FloatArray) -> FloatArray:
-    """The rows, and room for as many again."""
-    return np.concatenate((rows, np.empty_like(rows)))
+def with_room(log: Log) -> Log:
+    """The same rows, and room for as many again."""
+    events, heads, series = (np.concatenate((rows, np.empty_like(rows))) for rows in log[1:])
+    return Log(log.counts, events, heads, series)
+
+
+def written(log: Log) -> Log:
+    """A copy of what is written, without room to spare."""
+    events, stretches = log.counts
+    rows = log.events[:events], log.heads[:stretches], log.series[:stretches]
+    return Log._make(each.copy() for each in (log.counts, *rows))
 
 
 @compiled
-def add_stretch(log: Log, state: ContactState, span_s: float, series: FloatArray, forces: FloatArray) -> Log:
+def is_full(plant: Plant, log: Log) -> bool:
+    """Whether one more stretch, with the instant at its end, may find no room."""
+    events, stretches = log.events.shape[0] - log.counts[0], log.heads.shape[0] - log.counts[1]
+    return stretches == 0 or events < 1 + (IMPACT_ROUNDS + 1) * plant.limits.size
+
+
+@compiled
+def add_stretch(log: Log, state: ContactState, span_s: float, series: FloatArray, forces: FloatArray) -> None:
     """Write down a stretch of motion that begins at the state."""
     at = log.counts[1]
-    if at == log.heads.shape[0]:
-        log = Log(log.counts, log.events, _with_room(log.heads), _with_room(log.series))
     head, table = log.heads[at], log.series[at]
     head[0], head[1], head[2] = state.clock[0], span_s, series.shape[1] - 1
     for pad in range(state.pads.size):
@@ -68,7 +81,6 @@ def add_stretch(log: Log, state: ContactState, span_s: float, series: FloatArray
         for k in range(table.shape[1]):
             table[row, k] = source[own, k] if k < source.shape[1] else 0.0
     log.counts[1] += 1
-    return log
 
 
 @compiled
@@ -82,16 +94,13 @@ def add_event(
     impulse: float,
     lost: float,
     work: float,
-) -> Log:
+) -> None:
     """Write down an event."""
     at = log.counts[0]
-    if at == log.events.shape[0]:
-        log = Log(log.counts, _with_room(log.events), log.heads, log.series)
     row = log.events[at]
     row[TIME], row[KIND], row[NUMBER], row[BOOKED] = time_s, kind, number, booked_s
     row[APPROACH], row[IMPULSE], row[LOST], row[WORK] = approach, impulse, lost, work
     log.counts[0] += 1
-    return log
 
 
 @compiled

@@ -6,28 +6,30 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.compiling import by_reference, compiled
 from textile_twin_core.contact.linear import chosen, solve
 from textile_twin_core.contact.plant import Plant
 
 DRIVEN, FIXED = -1, -2
 
 
+@by_reference
 class Mode(NamedTuple):
     """Bodies joined by closed stops move as one cluster, each at its own offset from the cluster's first body.
 
     A cluster has the equation q'' = -stiffness q - damping q' + by_position x_drive + by_velocity v_drive + constant
-    - by_pad (forces of the pads).
+    - by_pad (forces of the pads). There is room for as many clusters as there are bodies.
     """
 
-    cluster: npt.NDArray[np.int64]
+    clusters: IntArray
+    """(1,): how many clusters there are"""
+    cluster: IntArray
     """(bodies,): number of the body's cluster, DRIVEN with the driven element or FIXED to the frame"""
     offset: FloatArray
     """(bodies,) [m]"""
-    first: npt.NDArray[np.int64]
+    first: IntArray
     """(clusters,): first body of each"""
     mass: FloatArray
     """(clusters,) [kg]"""
@@ -42,13 +44,31 @@ class Mode(NamedTuple):
     """(clusters, pads) [1/kg]"""
 
 
+def room_for_mode(plant: Plant) -> Mode:
+    """A mode to be written."""
+    bodies, pads = plant.masses.size, plant.pad_places.size
+    numbers = [np.zeros(n, np.int64) for n in (1, bodies, bodies)]
+    return Mode(
+        numbers[0],
+        numbers[1],
+        np.zeros(bodies),
+        numbers[2],
+        np.zeros(bodies),
+        np.zeros((bodies, bodies)),
+        np.zeros((bodies, bodies)),
+        np.zeros(bodies),
+        np.zeros(bodies),
+        np.zeros(bodies),
+        np.zeros((bodies, pads)),
+    )
+
+
 @compiled
-def mode_of(plant: Plant, closed: BoolArray) -> tuple[bool, Mode]:
-    """The mode with these stops closed; False when they tie the driven element to the frame."""
+def set_mode(plant: Plant, closed: BoolArray, mode: Mode) -> bool:
+    """Write the mode with these stops closed; False when they tie the driven element to the frame."""
     bodies = plant.masses.size
     joined, offset = _join(plant, closed)
-    cluster, first = np.empty(bodies, np.int64), np.empty(bodies, np.int64)
-    count = 0
+    cluster, count = mode.cluster, 0
     for body in range(bodies):
         leader = joined[body]
         if leader == joined[bodies]:
@@ -59,28 +79,18 @@ def mode_of(plant: Plant, closed: BoolArray) -> tuple[bool, Mode]:
             offset[body] -= offset[bodies + 1]
         elif leader == body:
             cluster[body] = count
-            first[count] = body
+            mode.first[count] = body
             count += 1
         else:
             cluster[body] = cluster[leader]
-    mode = Mode(
-        cluster,
-        offset[:bodies].copy(),
-        first[:count].copy(),
-        np.zeros(count),
-        np.zeros((count, count)),
-        np.zeros((count, count)),
-        np.zeros(count),
-        np.zeros(count),
-        np.zeros(count),
-        np.zeros((count, plant.pad_places.size)),
-    )
+        mode.offset[body] = offset[body]
+    mode.clusters[0] = count
     _reduce(plant, mode)
-    return joined[bodies] != joined[bodies + 1], mode
+    return bool(joined[bodies] != joined[bodies + 1])
 
 
 @compiled
-def _join(plant: Plant, closed: BoolArray) -> tuple[npt.NDArray[np.int64], FloatArray]:
+def _join(plant: Plant, closed: BoolArray) -> tuple[IntArray, FloatArray]:
     """The first of the ends that each end (bodies, driven element, frame) is joined with, and its distance from it."""
     movers = plant.masses.size + 1
     joined, offset = np.empty(movers + 1, np.int64), np.zeros(movers + 1)
@@ -111,7 +121,13 @@ def _join(plant: Plant, closed: BoolArray) -> tuple[npt.NDArray[np.int64], Float
 @compiled
 def _reduce(plant: Plant, mode: Mode) -> None:
     """Write the clusters' masses and equations: the sums of those of their bodies."""
-    bodies = plant.masses.size
+    bodies, pads = plant.masses.size, plant.pad_places.size
+    for own in range(mode.clusters[0]):
+        mode.mass[own] = mode.constant[own] = mode.by_position[own] = mode.by_velocity[own] = 0.0
+        for other in range(mode.clusters[0]):
+            mode.stiffness[own, other] = mode.damping[own, other] = 0.0
+        for pad in range(pads):
+            mode.by_pad[own, pad] = 0.0
     for body in range(bodies):
         if mode.cluster[body] >= 0:
             mode.mass[mode.cluster[body]] += plant.masses[body]
@@ -132,23 +148,23 @@ def _reduce(plant: Plant, mode: Mode) -> None:
             elif mode.cluster[other] == DRIVEN:
                 mode.by_position[own] -= k
                 mode.by_velocity[own] -= b
-        for pad in range(plant.pad_places.size):
+        for pad in range(pads):
             mode.by_pad[own, pad] += plant.pads[pad, body] / mass
 
 
 @compiled
-def fastest_rate(plant: Plant, mode: Mode, pads: npt.NDArray[np.int64]) -> float:
+def fastest_rate(plant: Plant, mode: Mode, pads: IntArray) -> float:
     """Bound [1/s] on the rates of the mode's motion, with the pads that push; their stiffness as at first touch."""
     stiffness = damping = 0.0
-    for own in range(mode.mass.size):
+    for own in range(mode.clusters[0]):
         k = b = 0.0
-        for other in range(mode.mass.size):
+        for other in range(mode.clusters[0]):
             k += abs(mode.stiffness[own, other])
             b += abs(mode.damping[own, other])
         stiffness, damping = max(stiffness, k), max(damping, b)
     for pad in range(pads.size):
         strongest = 0.0
-        for own in range(mode.mass.size):
+        for own in range(mode.clusters[0]):
             strongest = max(strongest, abs(mode.by_pad[own, pad]))
         if pads[pad] == 1:
             stiffness += plant.pad_stiffness[pad, 0] * strongest
@@ -191,7 +207,7 @@ def stop_forces(plant: Plant, mode: Mode, closed: BoolArray, series: FloatArray,
 
 
 @compiled
-def _inverse_gram(plant: Plant, stops: npt.NDArray[np.int64]) -> FloatArray:
+def _inverse_gram(plant: Plant, stops: IntArray) -> FloatArray:
     """Inverse of the products of the stops' normals on the bodies, which do not depend on each other."""
     n = stops.size
     gram, unit, inverse = np.zeros((n, n)), np.zeros(n), np.zeros((n, n))

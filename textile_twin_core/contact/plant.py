@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import by_reference, compiled
 from textile_twin_core.contact.model import ContactModel
 
 
+@by_reference
 class Plant(NamedTuple):
     """Arrays of one model. Movers are the bodies, then the driven element.
 

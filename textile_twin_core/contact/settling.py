@@ -20,14 +20,11 @@ _FAINT = 1e-12
 
 
 @compiled
-def settle(
-    plant: Plant, state: ContactState, drive_acceleration: float, hit: int, released: BoolArray, log: Log
-) -> tuple[bool, Log]:
+def settle(plant: Plant, state: ContactState, drive_acceleration: float, hit: int, log: Log) -> bool:
     """Bring the state over an instant: impulses, then the set of stops that stay closed.
 
-    `hit` is the stop whose gap has just closed, or NONE; `released` (stops,) those whose force has come down to zero at
-    this instant. False where the stops that touch, which then all stand closed in the state, jam a body between driven
-    element and frame.
+    `hit` is the stop whose gap has just closed, or NONE. False where the stops that touch, which then all stand closed
+    in the state, jam a body between driven element and frame.
     """
     if hit != NONE:
         _shut(plant, state, hit)
@@ -37,11 +34,11 @@ def settle(
             touching[stop] = True
     quiet = quiet_speed(plant, state)
     gentle = hit if hit != NONE and opening_speed(plant, state, hit) >= -quiet else NONE
-    possible, log = collide(plant, state, drive_acceleration, touching, log)
-    possible = possible and _choose_closed(plant, state, drive_acceleration, touching, gentle, released)
+    possible = collide(plant, state, drive_acceleration, touching, log)
+    possible = possible and _choose_closed(plant, state, drive_acceleration, touching, gentle)
     for stop in range(touching.size):
         state.closed[stop] = state.closed[stop] if possible else touching[stop]
-    return possible, log
+    return possible
 
 
 @compiled
@@ -57,19 +54,14 @@ def _shut(plant: Plant, state: ContactState, stop: int) -> None:
 
 @compiled
 def _choose_closed(
-    plant: Plant,
-    state: ContactState,
-    drive_acceleration: float,
-    touching: BoolArray,
-    gentle: int,
-    released: BoolArray,
+    plant: Plant, state: ContactState, drive_acceleration: float, touching: BoolArray, gentle: int
 ) -> bool:
     """Close the stops that push, and those that neither push nor open; False where they jam a body."""
     quiet = quiet_speed(plant, state)
     resting = touching.copy()
     for stop in range(touching.size):
         still = abs(opening_speed(plant, state, stop)) <= quiet or stop == gentle
-        resting[stop] = touching[stop] and still and not released[stop]
+        resting[stop] = touching[stop] and still and not state.released[stop]
     candidates = chosen(resting)
     possible, forces, opening = opening_accelerations(plant, state, drive_acceleration, candidates)
     faint = _FAINT * max(largest(opening), abs(drive_acceleration))

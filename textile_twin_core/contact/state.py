@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import by_reference, compiled
 from textile_twin_core.contact.plant import Plant, elastic_force
 
 LENGTH_NOISE = 64 * 2.220446049250313e-16
@@ -29,6 +29,7 @@ class PadState(IntEnum):
 OFF, PUSHING, SLACK = (int(each) for each in PadState)
 
 
+@by_reference
 class ContactState(NamedTuple):
     """Where everything is, which stops are closed, what the pads do; changed in place as time goes on."""
 
@@ -40,6 +41,8 @@ class ContactState(NamedTuple):
     """(movers,) [m/s]"""
     closed: BoolArray
     """(stops,)"""
+    released: BoolArray
+    """(stops,): those whose force has come down to zero at this very instant"""
     pads: npt.NDArray[np.int64]
     """(pads,): `PadState` of each"""
 
@@ -50,9 +53,7 @@ class ContactState(NamedTuple):
 
     def copy(self) -> ContactState:
         """An independent copy."""
-        return ContactState(
-            self.clock.copy(), self.positions.copy(), self.velocities.copy(), self.closed.copy(), self.pads.copy()
-        )
+        return ContactState._make(each.copy() for each in self)
 
 
 @compiled

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.arrays import BoolArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.contact.drive_series import DriveTerms, taylor
 from textile_twin_core.contact.flow import arrive, step
@@ -21,17 +20,20 @@ from textile_twin_core.contact.log import (
     Log,
     add_event,
     add_stretch,
-    empty_log,
+    is_full,
     take_back_release,
 )
-from textile_twin_core.contact.mode import mode_of, stop_forces
+from textile_twin_core.contact.mode import Mode, set_mode, stop_forces
 from textile_twin_core.contact.monitors import CLOSES, RELEASES, TURNS_OFF, TURNS_SLACK, first_event
 from textile_twin_core.contact.plant import Plant
 from textile_twin_core.contact.polynomials import largest, stretch
 from textile_twin_core.contact.settling import settle
 from textile_twin_core.contact.state import EPSILON, OFF, PUSHING, SLACK, ContactState, pad_compression
 
-ARRIVED, JUMPS, JAMMED, TIED, ENDLESS_STOP, ENDLESS_PAD, DIVERGES = range(7)
+BEGINS, FOLLOWS, RESUMES = range(3)
+"""Where an advance finds the state: to be settled first, at the start of a piece, or inside it."""
+
+ARRIVED, FULL, JUMPS, JAMMED, TIED, ENDLESS_STOP, ENDLESS_PAD, DIVERGES = range(8)
 """How an advance ends."""
 
 _ACCELERATION: Any = np.int64(2)
@@ -41,56 +43,65 @@ _SAME_SPEED = 1e-12
 
 @compiled
 def advance(
-    plant: Plant, state: ContactState, drive: DriveTerms, begins: bool, tolerance: float, events_largest: int
-) -> tuple[int, int, Log]:
-    """Carry the state to the end of one piece of the drive; how it ended, the stop or pad that this is due to, a log.
+    plant: Plant,
+    mode: Mode,
+    state: ContactState,
+    drive: DriveTerms,
+    begin: int,
+    log: Log,
+    tolerance: float,
+    events_largest: int,
+) -> tuple[int, int]:
+    """Carry the state to the end of one piece of the drive; how it ended, and the stop or pad that this is due to.
 
-    Where the state `begins`, what touches in it is settled before it moves.
+    What happens is added to the log; where that is FULL the advance RESUMES with more room in it. `mode` is room to
+    write in.
     """
-    log = empty_log(plant)
-    released = np.zeros(state.closed.size, np.bool_)
+    unsettled = False
     x, v, a = drive_at(drive, state.clock[0])
-    if abs(x - state.positions[-1]) > _JUMP * plant.length_m + 8.0 * EPSILON * abs(state.clock[0] * v):
-        return JUMPS, NONE, log
-    unsettled = _take_over(state, x, v) or begins
+    if begin != RESUMES:
+        if abs(x - state.positions[-1]) > _JUMP * plant.length_m + 8.0 * EPSILON * abs(state.clock[0] * v):
+            return JUMPS, NONE
+        unsettled = _take_over(state, x, v) or begin == BEGINS
     hit, kind, which, stalled = NONE, CLOSES, NONE, 0
-    possible, mode = mode_of(plant, state.closed)
+    possible = set_mode(plant, state.closed, mode)
     while True:
         if unsettled:
-            possible, log = settle(plant, state, a, hit, released, log)
-            if not possible:
-                return JAMMED, NONE, log
+            if not settle(plant, state, a, hit, log):
+                return JAMMED, NONE
             if stalled > 20 + 10 * state.closed.size or log.counts[0] > events_largest:
-                return ENDLESS_STOP if kind <= RELEASES else ENDLESS_PAD, which, log
-            possible, mode = mode_of(plant, state.closed)
-        begin = state.clock[0]
-        longest = drive.end_s - begin
+                return ENDLESS_STOP if kind <= RELEASES else ENDLESS_PAD, which
+            possible = set_mode(plant, state.closed, mode)
+        now = state.clock[0]
+        longest = drive.end_s - now
         if longest <= 0.0:
-            return ARRIVED, NONE, log
+            return ARRIVED, NONE
         if not possible:
-            return TIED, NONE, log
+            return TIED, NONE
+        if is_full(plant, log):
+            return FULL, NONE
         span, series = step(plant, mode, state, drive, longest, tolerance)
         forces = stop_forces(plant, mode, state.closed, series, span)
         place, kind, which = first_event(plant, state, series, forces, span)
         unsettled = place < math.inf
-        end = drive.end_s if span >= longest else begin + span
+        end = drive.end_s if span >= longest else now + span
         if unsettled and place > 0.0:
             span *= place
             stretch(series, place)
             stretch(forces, place)
-            end = min(begin + span, drive.end_s)
+            end = min(now + span, drive.end_s)
         if place > 0.0:
-            log = add_stretch(log, state, span, series, forces)
+            add_stretch(log, state, span, series, forces)
             arrive(state, series, span, end)
             stalled = 0
-            released[:] = False
-            stands_still = end <= begin and not unsettled
+            state.released[:] = False
+            stands_still = end <= now and not unsettled
             if stands_still or not math.isfinite(largest(state.velocities)):
-                return DIVERGES, NONE, log
+                return DIVERGES, NONE
         if unsettled:
             stalled += 1
             _, _, a = drive_at(drive, state.clock[0])
-            hit, log = _happen(plant, state, kind, which, released, log)
+            hit = _happen(plant, state, kind, which, log)
 
 
 @compiled
@@ -110,21 +121,21 @@ def _take_over(state: ContactState, position: float, velocity: float) -> bool:
 
 
 @compiled
-def _happen(plant: Plant, state: ContactState, kind: int, which: int, released: BoolArray, log: Log) -> tuple[int, Log]:
+def _happen(plant: Plant, state: ContactState, kind: int, which: int, log: Log) -> int:
     """Let an event change the state, and write it down; the stop that is hit by it, or NONE."""
     now, written, speed = state.clock[0], RELEASE, 0.0
     if kind == CLOSES:
-        if released[which]:
+        if state.released[which]:
             # its force vanished within the tolerance only: it has not opened yet
-            released[which] = False
+            state.released[which] = False
             take_back_release(log, which)
-        return which, log
+        return which
     if kind == RELEASES:
         state.closed[which] = False
-        released[which] = True
+        state.released[which] = True
     else:
         before = state.pads[which]
-        released[:] = False
+        state.released[:] = False
         if kind == TURNS_OFF:
             state.pads[which], written = OFF, LEAVE
         elif kind == TURNS_SLACK:
@@ -134,4 +145,5 @@ def _happen(plant: Plant, state: ContactState, kind: int, which: int, released: 
             if before == OFF:
                 written = TOUCH
                 _, speed = pad_compression(plant, state, which)
-    return NONE, add_event(log, now, written, which, now, speed, 0.0, 0.0, 0.0)
+    add_event(log, now, written, which, now, speed, 0.0, 0.0, 0.0)
+    return NONE
