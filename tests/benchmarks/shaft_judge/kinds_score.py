@@ -19,7 +19,8 @@ class Score:
     Attributes:
         rms: RMS errors.
         book: those of the textbook on the record without outliers.
-        inside: share of states whose truth lies within one sigma, and within two: (2, 2).
+        inside: share of states whose truth lies within one sigma, and within two, and within one of the textbook's
+            (without outliers): (3, 2).
         diverged: a settled speed was off by more than half of itself (or of 0.3 of the record's top speed).
         bad: states with a negative or not finite variance, or a covariance that is not positive semidefinite.
         missing: share of the readings after the skipped part that got no state.
@@ -40,10 +41,10 @@ def score(factory: Factory, kind: str, seed: int, view: str) -> Score:
     book = tuned(clean.time_s, clean.angle_rad, kind, "causal" if view == "causal" else "smooth")
     made = track(factory, record.time_s, record.fed_rad, kind, view)
     late, errors = _errors(made, record)
-    _, reference = _errors(book, clean)
-    with np.errstate(invalid="ignore"):
-        sigma = np.sqrt(np.diagonal(made.covariance, axis1=1, axis2=2)[late, 1:])
-    inside = np.stack([np.mean(np.abs(errors) <= k * sigma, axis=0) for k in (1.0, 2.0)])
+    late_in_book, reference = _errors(book, clean)
+    sigma, book_sigma = _sigma(made)[late], _sigma(book)[late_in_book]
+    shares = [np.abs(errors) <= sigma, np.abs(errors) <= 2.0 * sigma, np.abs(reference) <= book_sigma]
+    inside = np.stack([np.mean(share, axis=0) for share in shares])
     wanted = int(record.time_s.size * (1.0 - SKIP))
     return Score(
         _rms(errors),
@@ -78,13 +79,19 @@ def _errors(made: Track, record: Record) -> tuple[np.ndarray, np.ndarray]:
     return late, np.stack([made.omega[late] - record.omega[i], made.alpha[late] - record.alpha[i]], axis=1)
 
 
+def _sigma(made: Track) -> np.ndarray:
+    """Of (omega, alpha); NaN where the variance is negative."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(np.diagonal(made.covariance, axis1=1, axis2=2)[:, 1:]))
+
+
 def _rms(errors: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt(np.mean(errors**2, axis=0))) if len(errors) else np.full(2, np.nan)
 
 
 HEADER = (
     f"{'kind':15} {'view':7} {'omega':>6} {'worst':>6} {'alpha':>6} {'worst':>6}   "
-    f"{'1s om':>5} {'1s al':>5} {'2s om':>5} {'2s al':>5}  diverged  bad cov  missing"
+    f"{'1s om':>5} {'1s al':>5} {'2s om':>5} {'2s al':>5}  {'book 1s':>9}  diverged  bad cov  missing"
 )
 
 
@@ -96,6 +103,7 @@ def row(kind: str, view: str, scores: list[Score]) -> str:
     return (
         f"{kind:15} {view:7} {middle[0]:6.2f} {worst[0]:6.2f} {middle[1]:6.2f} {worst[1]:6.2f}   "
         f"{inside[0, 0]:5.2f} {inside[0, 1]:5.2f} {inside[1, 0]:5.2f} {inside[1, 1]:5.2f}  "
+        f"{inside[2, 0]:4.2f} {inside[2, 1]:4.2f}  "
         f"{sum(one.diverged for one in scores):3d}/{len(scores):<3d}   "
         f"{sum(one.bad for one in scores):6d}  {max(one.missing for one in scores):6.2f}"
     )
