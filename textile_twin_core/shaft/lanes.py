@@ -20,15 +20,15 @@ MEMORIES: Final = np.concatenate(
 goes with the root of the memory; where there are many coefficients, fewer filters must do."""
 
 
-def _numbers(count: int) -> list[int]:
+def numbers(count: int) -> list[int]:
     """That compiled loops take for variables: functions are not compiled anew for each."""
     return [cast(int, np.int64(number)) for number in range(count)]
 
 
-PLAIN: Final = _numbers(1)[0]
+PLAIN: Final = numbers(1)[0]
 """The family without ripple."""
-CHAIN: Final = _numbers(COUNT)[-1]
+CHAIN: Final = numbers(COUNT)[-1]
 """The lane of the one filter that smooths, whatever its family."""
-ACCELERATION, RATE, ANGLE, L00, L10, L20, L11, L21, L22 = _numbers(9)
+ACCELERATION, RATE, ANGLE, L00, L10, L20, L11, L21, L22 = numbers(9)
 """Rows of a lane's clock: its state, and the lower triangular factor of the state's covariance, `L10` that of rate and
 acceleration."""
