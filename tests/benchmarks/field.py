@@ -20,6 +20,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
 from tests.ros.bridged import Bridged
-from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, running_suite
+from tests.ros.suite import PATIENCE_S, RELIABLE, SECOND_NS, Program, Suite, running_suite
 from tests.ros.test_opcua import RATE_HZ as PLC_HZ
 from tests.ros.test_opcua import VARIABLES, Plc
 from textile_twin_core.errors import RecordingError
@@ -140,14 +141,21 @@ class Watched:
                 self._view_s = math.inf if age == "none" else float(age)
 
     def heals(self, newest: int) -> float:
-        """Seconds until all three have predictions that are newer: a listener, the recording on the disk, the view."""
+        """Seconds until all three have predictions that are newer: a listener, the view, the recording on the disk.
+
+        Infinite where one of them has none within a minute.
+        """
         began = time.monotonic()
-        self._suite.spin_until(lambda: max(self.heard[-9:], default=0) > newest, "predictions")
+        self._until(began, lambda: max(self.heard[-9:], default=0) > newest)
         self._view_s = math.inf  # what it said before may have been of the old ones
-        self._suite.spin_until(lambda: self._view_s < 0.5, "view")
-        while not _recorded(self.bags[-1]).max(initial=0) > newest:
-            self._suite.spin_for(0.2)  # reading is not to keep this listener from hearing
-        return time.monotonic() - began
+        self._until(began, lambda: self._view_s < 0.5)
+        self._until(began, lambda: _recorded(self.bags[-1]).max(initial=0) > newest)
+        took = time.monotonic() - began
+        return took if took < PATIENCE_S else math.inf
+
+    def _until(self, began: float, holds: Callable[[], bool]) -> None:
+        while not holds() and time.monotonic() - began < PATIENCE_S:
+            self._suite.spin_for(0.1)
 
 
 def restarts(suite: Suite, times: int) -> None:
@@ -165,6 +173,7 @@ def restarts(suite: Suite, times: int) -> None:
         watched.nodes[name] = watched.start(name)
         healed[name].append(watched.heals(newest))
         stale += sum(stamp < newest - SECOND_NS for stamp in watched.heard)
+        print(f"{name}: all back after {healed[name][-1]:.1f} s", flush=True)
     for name, seconds in healed.items():
         if seconds:
             worst = f"{np.median(seconds):.1f} s (median), {max(seconds):.1f} s at most"
