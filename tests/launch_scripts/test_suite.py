@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -76,3 +78,33 @@ def test_a_mistake_is_one_line_and_starts_nothing(
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("suite.sh: ") and said in line
     assert not list(tmp_path.iterdir())
+
+
+_SOCKETS = """
+import os, socket, struct
+import rclpy
+rclpy.init()
+node = rclpy.create_node("looked_at")
+own = set()
+for number in os.listdir("/proc/self/fd"):
+    try:
+        own.add(os.readlink(f"/proc/self/fd/{number}"))
+    except OSError:  # the listing's own
+        pass
+for line in open("/proc/self/net/udp").readlines()[1:]:
+    fields = line.split()
+    if f"socket:[{fields[9]}]" in own:
+        print(socket.inet_ntoa(struct.pack("<I", int(fields[1].partition(":")[0], 16))))
+print(*(name for name in os.listdir("/proc/self/task") if "shm" in open(f"/proc/self/task/{name}/comm").read()))
+rclpy.shutdown()
+"""
+
+
+def test_nodes_keep_to_the_loopback_interface_and_use_no_shared_memory(suite: ModuleType, tmp_path: Path) -> None:
+    environment = {**os.environ, **suite.this_computer_alone(), "HOME": str(tmp_path), "ROS_DOMAIN_ID": "101"}
+    ended = subprocess.run(
+        [sys.executable, "-c", _SOCKETS], env=environment, capture_output=True, text=True, timeout=60, check=True
+    )
+    *addresses, shared = ended.stdout.splitlines()
+    assert "127.0.0.1" in addresses and not shared
+    assert all(address.startswith(("127.", "239.")) for address in addresses)
