@@ -20,7 +20,7 @@ def opening_accelerations(
     False where the candidates jam a body.
     """
     opening = _free_openings(plant, state, drive_acceleration)
-    free = np.empty(candidates.size)
+    free = np.zeros(candidates.size)
     for c in range(candidates.size):
         free[c] = opening[candidates[c]]
     possible, forces, kept = one_sided_forces(response_of(plant, candidates), free)
@@ -38,7 +38,7 @@ def opening_accelerations(
 def _free_openings(plant: Plant, state: ContactState, drive_acceleration: float) -> FloatArray:
     """Acceleration [m/s^2] with which every stop would open if no stop pushed."""
     bodies = plant.masses.size
-    accelerations = np.empty(bodies + 1)
+    accelerations = np.zeros(bodies + 1)
     for body in range(bodies):
         force = linear_force(plant, body, state.positions, state.velocities)
         for pad in range(state.pads.size):

@@ -40,7 +40,7 @@ def depends(response: FloatArray, others: IntArray, stop: int) -> bool:
 def _own_part(response: FloatArray, others: IntArray, stop: int) -> tuple[float, FloatArray]:
     """What is left of a stop's response when the others take up as much as they can, and with which forces."""
     n = others.size
-    matrix, right = np.empty((n, n)), np.empty(n)
+    matrix, right = np.zeros((n, n)), np.zeros(n)
     for i in range(n):
         right[i] = response[others[i], stop]
         for j in range(n):
@@ -108,7 +108,7 @@ def _take_in(response: FloatArray, opening: FloatArray, pushing: BoolArray, forc
     while True:
         active = chosen(pushing)
         n = active.size
-        matrix, right = np.empty((n, n)), np.empty(n)
+        matrix, right = np.zeros((n, n)), np.zeros(n)
         for i in range(n):
             right[i] = -opening[active[i]]
             for j in range(n):

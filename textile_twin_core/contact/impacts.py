@@ -34,7 +34,7 @@ def collide(plant: Plant, state: ContactState, drive_acceleration: float, touchi
     """
     quiet = quiet_speed(plant, state)
     stops = touching.size
-    speeds, taking_part, group = np.empty(stops), np.empty(stops, np.bool_), np.empty(stops, np.bool_)
+    speeds, taking_part, group = np.zeros(stops), np.zeros(stops, np.bool_), np.zeros(stops, np.bool_)
     for rounds_left in range(IMPACT_ROUNDS, -1, -1):
         for stop in range(stops):
             speeds[stop] = opening_speed(plant, state, stop)
@@ -63,7 +63,7 @@ def _groups(plant: Plant, taking_part: BoolArray) -> IntArray:
     Driven element and frame pass nothing on.
     """
     stops = taking_part.size
-    groups = np.empty(stops, np.int64)
+    groups = np.zeros(stops, np.int64)
     for stop in range(stops):
         groups[stop] = stop if taking_part[stop] else -1
         if not taking_part[stop]:
@@ -93,7 +93,7 @@ def _strike(
     log: Log,
 ) -> bool:
     """The impulses of one group of touching stops; one event for each stop that takes part."""
-    approaching = np.empty(group.size, np.bool_)
+    approaching = np.zeros(group.size, np.bool_)
     restitution = 0.0 if dead else 1.0
     for i in range(group.size):
         approaching[i] = before[group[i]] < -quiet
@@ -124,7 +124,7 @@ def _apply_impulses(
     plant: Plant, state: ContactState, group: IntArray, before: FloatArray, approaching: BoolArray, restitution: float
 ) -> tuple[bool, FloatArray]:
     """Impulses [N s] of one group of touching stops, given to the bodies' velocities; False where they cannot be."""
-    wanted = np.empty(group.size)
+    wanted = np.zeros(group.size)
     for i in range(group.size):
         wanted[i] = before[group[i]] * (1.0 + restitution if approaching[i] else 1.0)
     possible, impulses, _ = one_sided_forces(response_of(plant, group), wanted)
@@ -141,7 +141,7 @@ def _losses(plant: Plant, state: ContactState, group: IntArray, before: FloatArr
     Impulse times mean speed gives what a stop takes only when it acts alone: one that hands an impulse on while it
     opens comes out negative, at the cost of the others, which share it.
     """
-    losses = np.empty(group.size)
+    losses = np.zeros(group.size)
     whole = positive = 0.0
     for i in range(group.size):
         losses[i] = -0.5 * impulses[i] * (before[group[i]] + opening_speed(plant, state, group[i]))
@@ -170,7 +170,7 @@ def _dying_out(
     the model's length. False where closed stops jam a body.
     """
     quiet = quiet_speed(plant, state)
-    resting = np.empty(state.closed.size, np.bool_)
+    resting = np.zeros(state.closed.size, np.bool_)
     for stop in range(resting.size):
         resting[stop] = state.closed[stop] and abs(opening_speed(plant, state, stop)) <= quiet
     for i in range(group.size):

@@ -11,7 +11,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.contact.drive import DrivePiece
-from textile_twin_core.contact.polynomials import first_crossing, moved
+from textile_twin_core.contact.polynomials import first_crossing, move
 from textile_twin_core.mechanism.motion_law import TURN, MotionLaw
 
 _ANGLE_NOISE = 1e-14
@@ -30,10 +30,11 @@ def law_pieces(law: MotionLaw, start_s: float, end_s: float, theta: Sequence[flo
     time = start_s
     stalled = 0
     while time < end_s:
-        past = moved(np.array((angle - base, *theta[1:])), time - start_s)
-        width, speed = law.width(k), abs(float(past[1])) if past.size > 1 else 0.0
-        noise = _ANGLE_NOISE + 2.0 * (math.ulp(base) + math.ulp(time) * speed)
-        u, step = _leaves(past, end_s - time, width, noise) if stalled < 3 else (1.0, 0)
+        past, width = np.array((angle - base, *theta[1:])), law.width(k)
+        noise = _ANGLE_NOISE + 2.0 * math.ulp(base), 2.0 * math.ulp(time)
+        u, step = _leaves(past, time - start_s, end_s - time, width, noise)
+        if stalled >= 3:
+            u, step = 1.0, 0
         leave = end_s if step == 0 else min(time + u * (end_s - time), end_s)
         if leave > time:
             yield DrivePiece(time, leave, law.sections[k], tuple(past.tolist()))
@@ -49,12 +50,16 @@ def law_pieces(law: MotionLaw, start_s: float, end_s: float, theta: Sequence[flo
 
 
 @compiled
-def _leaves(angle: FloatArray, span_s: float, width: float, noise: float) -> tuple[float, int]:
+def _leaves(
+    angle: FloatArray, later_s: float, span_s: float, width: float, rounding: tuple[float, float]
+) -> tuple[float, int]:
     """Where within a span an angle, a polynomial in seconds, leaves [0, width], and to which side (0: it stays).
 
-    The place is a share of the span. At its start the angle may lie outside by `noise`, which the rounding of time and
-    angle make.
+    The span begins `later_s` after the polynomial's origin, which is moved there; the place is a share of the span. At
+    its start the angle may lie outside by what the rounding of angle [rad] and time [s] make.
     """
+    move(angle, later_s)
+    noise = rounding[0] + (rounding[1] * abs(angle[1]) if angle.size > 1 else 0.0)
     series = angle.copy()
     swing, factor = 0.0, 1.0
     for k in range(1, series.size):

@@ -23,7 +23,7 @@ def solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """
     n = right.size
     a, b, x = matrix.copy(), right.copy(), np.zeros(right.size)
-    order = np.empty(n, np.int64)
+    order = np.zeros(n, np.int64)
     for k in range(n):
         order[k] = k
     rank = 0
@@ -56,7 +56,7 @@ def solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
 @compiled
 def chosen(flags: BoolArray) -> IntArray:
     """Numbers of those whose flag is set, in order."""
-    numbers = np.empty(flags.size, np.int64)
+    numbers = np.zeros(flags.size, np.int64)
     count = 0
     for k in range(flags.size):
         if flags[k]:

@@ -93,7 +93,7 @@ def set_mode(plant: Plant, closed: BoolArray, mode: Mode) -> bool:
 def _join(plant: Plant, closed: BoolArray) -> tuple[IntArray, FloatArray]:
     """The first of the ends that each end (bodies, driven element, frame) is joined with, and its distance from it."""
     movers = plant.masses.size + 1
-    joined, offset = np.empty(movers + 1, np.int64), np.zeros(movers + 1)
+    joined, offset = np.zeros(movers + 1, np.int64), np.zeros(movers + 1)
     for end in range(movers + 1):
         joined[end] = end
     for stop in range(closed.size):

@@ -34,7 +34,7 @@ def value(coefficients: FloatArray, u: float) -> float:
 @compiled
 def derivative(coefficients: FloatArray) -> FloatArray:
     """Power series of d/du, one order shorter."""
-    result = np.empty(coefficients.size - 1)
+    result = np.zeros(coefficients.size - 1)
     for k in range(result.size):
         result[k] = (k + 1) * coefficients[k + 1]
     return result
@@ -61,12 +61,18 @@ def stretch(rows: FloatArray, factor: float) -> None:
 
 
 @compiled
+def move(polynomial: FloatArray, offset: float) -> None:
+    """Write coefficients of p(offset + t) in powers of t instead of those of p(t), by repeated synthetic division."""
+    for start in range(polynomial.size - 1):
+        for power in range(polynomial.size - 2, start - 1, -1):
+            polynomial[power] += offset * polynomial[power + 1]
+
+
+@compiled
 def moved(polynomial: FloatArray, offset: float) -> FloatArray:
-    """Coefficients of p(offset + t) in powers of t, by repeated synthetic division."""
+    """Coefficients of p(offset + t) in powers of t."""
     result = polynomial.copy()
-    for start in range(result.size - 1):
-        for power in range(result.size - 2, start - 1, -1):
-            result[power] += offset * result[power + 1]
+    move(result, offset)
     return result
 
 
@@ -110,7 +116,7 @@ def first_crossing(coefficients: FloatArray, noise: float) -> float:
         return math.inf
     rest = coefficients[order:].copy()
     degree = rest.size - 1
-    lows, highs, waiting = np.empty(_DEEPEST), np.empty(_DEEPEST), np.empty((_DEEPEST, degree + 1))
+    lows, highs, waiting = np.zeros(_DEEPEST), np.zeros(_DEEPEST), np.zeros((_DEEPEST, degree + 1))
     lows[0], highs[0] = 0.0, 1.0
     write_bernstein(rest, waiting[0])
     count = 1

@@ -66,7 +66,7 @@ def _choose_closed(
     possible, forces, opening = opening_accelerations(plant, state, drive_acceleration, candidates)
     faint = _FAINT * max(largest(opening), abs(drive_acceleration))
     response = response_of(plant, candidates)
-    shut = np.empty(candidates.size, np.bool_)
+    shut = np.zeros(candidates.size, np.bool_)
     for c in range(candidates.size):
         shut[c] = forces[c] > 0.0
     for c in range(candidates.size):
@@ -75,8 +75,8 @@ def _choose_closed(
         keeps = opening[candidates[c]] <= faint or candidates[c] == gentle
         if not shut[c] and keeps and not depends(response, chosen(shut), c):
             shut[c] = True
-    state.closed[:] = False
+    for stop in range(touching.size):
+        state.closed[stop] = False
     for c in range(candidates.size):
-        if shut[c]:
-            state.closed[candidates[c]] = True
+        state.closed[candidates[c]] = shut[c]
     return possible

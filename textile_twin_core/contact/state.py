@@ -57,6 +57,13 @@ class ContactState(NamedTuple):
 
 
 @compiled
+def forget_releases(state: ContactState) -> None:
+    """Go on to another instant."""
+    for stop in range(state.released.size):
+        state.released[stop] = False
+
+
+@compiled
 def gap(plant: Plant, state: ContactState, stop: int) -> float:
     """Gap of a stop [m]."""
     total = 0.0

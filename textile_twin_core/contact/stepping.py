@@ -28,7 +28,7 @@ from textile_twin_core.contact.monitors import CLOSES, RELEASES, TURNS_OFF, TURN
 from textile_twin_core.contact.plant import Plant
 from textile_twin_core.contact.polynomials import largest, stretch
 from textile_twin_core.contact.settling import settle
-from textile_twin_core.contact.state import EPSILON, OFF, PUSHING, SLACK, ContactState, pad_compression
+from textile_twin_core.contact.state import EPSILON, OFF, PUSHING, SLACK, ContactState, forget_releases, pad_compression
 
 BEGINS, FOLLOWS, RESUMES = range(3)
 """Where an advance finds the state: to be settled first, at the start of a piece, or inside it."""
@@ -94,7 +94,7 @@ def advance(
             add_stretch(log, state, span, series, forces)
             arrive(state, series, span, end)
             stalled = 0
-            state.released[:] = False
+            forget_releases(state)
             stands_still = end <= now and not unsettled
             if stands_still or not math.isfinite(largest(state.velocities)):
                 return DIVERGES, NONE
@@ -135,7 +135,7 @@ def _happen(plant: Plant, state: ContactState, kind: int, which: int, log: Log) 
         state.released[which] = True
     else:
         before = state.pads[which]
-        state.released[:] = False
+        forget_releases(state)
         if kind == TURNS_OFF:
             state.pads[which], written = OFF, LEAVE
         elif kind == TURNS_SLACK:
