@@ -23,6 +23,8 @@ UNSURE_ROWS, UNSURE_CYCLES = 16, 2.5
 """Beginning of a stretch in which the filter is still finding memory and ripple."""
 LEAST_LED = 0.05
 """Part of a stretch that a family must have led to be asked."""
+ASKED_PARTS, ASKED_ROWS = 16, 8192
+"""Of a stretch that is longer so many parts are asked for the family, of so many rows: they tell it as well as all."""
 FEWEST = 4
 """Rows below which a stretch keeps the filter's states."""
 
@@ -79,11 +81,22 @@ class SmoothEstimator(ShaftEstimator):
         tried = [f for f in range(lanes.FAMILIES) if led[f] and (f == 0 or seen[f])] or [0]
         family, unsure = tried[0], UNSURE_ROWS
         if len(tried) > 1:
-            cost = [lanes.WAVES[f] * np.log(len(rows)) - _foretold(smoother, record, rows, f) for f in tried]
+            asked = _asked(rows)
+            size = np.log(sum(map(len, asked)))
+            cost = [lanes.WAVES[f] * size - sum(_foretold(smoother, record, part, f) for part in asked) for f in tried]
             family = tried[int(np.argmin(cost))]
         if family > 0:
             unsure += int(np.argmax(np.abs(rows["theta"] - rows["theta"][0]) > UNSURE_CYCLES * cycle))
         _smooth_stretch(smoother, record, rows, family, unsure)
+
+
+def _asked(rows: Records) -> list[Records]:
+    """Of a long stretch parts all over it, each from a reading on that was not set aside."""
+    if len(rows) <= ASKED_PARTS * ASKED_ROWS:
+        return [rows]
+    starts = np.linspace(0, len(rows) - ASKED_ROWS, ASKED_PARTS).astype(np.int64)
+    parts = (rows[start : start + ASKED_ROWS] for start in starts)
+    return [part[int(np.argmax(part["noise"] > 0.0)) :] for part in parts]
 
 
 def _readmit(rows: Records, off: FloatArray) -> None:

@@ -11,9 +11,7 @@ import math
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-
-DWELL_SHARE = 0.05
-"""A dwell's nearness to the rear point, in parts of the stroke, where nobody says how near in metres."""
+from textile_twin_core.machine.events import DWELL_SHARE
 
 
 def smallest(values: FloatArray) -> FloatArray:

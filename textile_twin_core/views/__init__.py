@@ -1,17 +1,22 @@
-"""Views: recordings for the rerun viewer, live views, and plots for reports."""
+"""Views: recordings for the rerun viewer, live views, plots for reports. Each part is imported when first used."""
 
 from __future__ import annotations
 
-from textile_twin_core.views.element_views import LiveElements, write_element_recording
-from textile_twin_core.views.live import LiveView
-from textile_twin_core.views.live_recording import LiveRecording
-from textile_twin_core.views.machine_picture import plot_machine
-from textile_twin_core.views.motion_recording import write_motion_recording
-from textile_twin_core.views.picture_recording import write_picture
-from textile_twin_core.views.plot import plot_comparison
-from textile_twin_core.views.recording import write_comparison_recording
-from textile_twin_core.views.report import write_report
-from textile_twin_core.views.viewer import open_viewer, screenshot, screenshots
+from typing import TYPE_CHECKING
+
+from textile_twin_core.lazy import names_of
+
+if TYPE_CHECKING:
+    from textile_twin_core.views.element_views import LiveElements, write_element_recording
+    from textile_twin_core.views.live import LiveView
+    from textile_twin_core.views.live_recording import LiveRecording
+    from textile_twin_core.views.machine_picture import plot_machine
+    from textile_twin_core.views.motion_recording import write_motion_recording
+    from textile_twin_core.views.picture_recording import write_picture
+    from textile_twin_core.views.plot import plot_comparison
+    from textile_twin_core.views.recording import write_comparison_recording
+    from textile_twin_core.views.report import write_report
+    from textile_twin_core.views.viewer import open_viewer, screenshot, screenshots
 
 __all__ = [
     "LiveElements",
@@ -28,3 +33,22 @@ __all__ = [
     "write_picture",
     "write_report",
 ]
+
+__getattr__ = names_of(
+    __name__,
+    {
+        "LiveElements": "element_views",
+        "LiveRecording": "live_recording",
+        "LiveView": "live",
+        "open_viewer": "viewer",
+        "plot_comparison": "plot",
+        "plot_machine": "machine_picture",
+        "screenshot": "viewer",
+        "screenshots": "viewer",
+        "write_comparison_recording": "recording",
+        "write_element_recording": "element_views",
+        "write_motion_recording": "motion_recording",
+        "write_picture": "picture_recording",
+        "write_report": "report",
+    },
+)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.machine.events import DWELL_SHARE
 from textile_twin_core.mechanism import Arc
-from textile_twin_core.synthesis.numbers import DWELL_SHARE
 from textile_twin_core.twin import compile_machine
 from textile_twin_core.views import palette
 from textile_twin_core.views.angle_canvas import TORQUE_SIZE, TWO_PI, AngleCanvas
