@@ -16,7 +16,7 @@ from textile_twin_core.machine.model import MachineModel
 from textile_twin_core.mechanism.motion import FULL_TURN
 
 DWELL_SHARE = 0.05
-"""A dwell's nearness to the point where a measure turns back, in parts of the stroke, where nobody gives it in metres."""
+"""A dwell's nearness to the point where a measure turns back, in parts of the stroke, unless it is given in metres."""
 _TURN = 2.0 * math.pi
 _SAMPLES = 2880
 _START = 0.1234
