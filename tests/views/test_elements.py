@@ -52,7 +52,8 @@ def check_hits(path: Path) -> None:
     times, states = rows_of(path, "/pads/rubber_pad", "StateChange:state")
     np.testing.assert_allclose(times, [0.3, 0.304], atol=1e-9)
     assert [str(state) for state in np.ravel(states)] == ["pressed", "free"]
-    _, summaries = rows_of(path, "/summary", "TextDocument:text")
+    times, summaries = rows_of(path, "/summary", "TextDocument:text")
+    assert "| rubber pad: element 2 on frame | 2.50 m/s |  | 1 |" in str(summaries[np.flatnonzero(times <= 0.5)[-1]])
     assert "| collet contact: element 3 on element 2 | 0.80 m/s | 0.00 mN s | 1, 1 bounces |" in str(summaries[-1])
 
 

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 _LENGTH, _HEIGHT, _PITCH = 0.55, 0.12, 0.2
 """Of an element's block, and from one to the next across the line; in the longest stroke."""
-_SUMMARY_S = 0.5
+_SUMMARY_S = 0.1
+"""What happens within this time is summed up at once."""
 _KEPT = 1000
 """Samples of which an event may still come."""
 
@@ -44,7 +45,6 @@ class ElementDrawing:
         self._low, self._stroke = float(travel.min()), max(float(np.ptp(travel)), 1e-3)
         self._time, self._places = np.empty(0), np.empty((0, len(machine.elements)))
         self._waiting: list[tuple[float, ContactEvent]] = []
-        self._next_summary_s = -math.inf
         reach = 0.5 * _PITCH * self._stroke
         self._hits = HitDrawing(machine, stream, self._place, self._row, reach)
 
@@ -122,6 +122,7 @@ class ElementDrawing:
             label = rr.Points2D([line[0]], radii=[0.0], labels=[f"face of {pad.name}"], colors=[palette.TEXT])
             self._stream.log(f"elements/pads/{pad.name}/name", label, static=True)
         self._hits.prepare()
+        self._sum_up(0.0)
 
     def happened(self, events: Sequence[tuple[float, ContactEvent]]) -> None:
         """Take impacts and touches with their times [s], in order of time; motion may not have come so far yet."""
@@ -146,12 +147,16 @@ class ElementDrawing:
     def _draw_hits(self, now_s: float) -> None:
         ready = [each for each in self._waiting if each[0] <= now_s]
         self._waiting = self._waiting[len(ready) :]
-        self._hits.draw(ready)
-        if now_s >= self._next_summary_s:
-            self._next_summary_s = now_s + _SUMMARY_S
-            text = "\n".join([f"### {self._machine.name}", "", *self._hits.summary()])
-            self._stream.set_time(TIMELINE, duration=now_s)
-            self._stream.log("summary", rr.TextDocument(text, media_type="text/markdown"))
+        while ready:
+            together = [each for each in ready if each[0] <= ready[0][0] + _SUMMARY_S]
+            ready = ready[len(together) :]
+            self._hits.draw(together)
+            self._sum_up(together[-1][0])
+
+    def _sum_up(self, now_s: float) -> None:
+        text = "\n".join([f"### {self._machine.name}", "", *self._hits.summary()])
+        self._stream.set_time(TIMELINE, duration=now_s)
+        self._stream.log("summary", rr.TextDocument(text, media_type="text/markdown"))
 
     def _place(self, element: str, time_s: FloatArray) -> FloatArray:
         """Position [m] at times (n,) of late."""
