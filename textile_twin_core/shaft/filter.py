@@ -152,6 +152,13 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     if step > GAP_SAMPLES * status.interval:
         _bridge_gap(status, step, raw, row)
         return
+    if status.period > 0.0 and 2.0 * abs(status.speed) * status.interval > status.period:
+        # An angle that wraps tells no such speed: its readings would fit this one and any that is whole periods faster.
+        reading = unwrapped(status, raw, status.read)
+        status.speed = (reading - status.read) / step
+        _lose(status, reading, step, row)
+        row.reading = status.read = reading
+        return
     gain = max(1.0 / status.samples, 1.0 / PERIOD_SAMPLES)
     status.interval += (min(step, 3.0 * status.interval) - status.interval) * gain
     expected = status.angle + step * (status.speed + 0.5 * step * status.acceleration)

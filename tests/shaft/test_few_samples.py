@@ -1,0 +1,52 @@
+"""Few samples a turn in coarse steps, with wild readings: the step is found, the ripple is told, the sigmas hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.shaft.kinds import make
+from tests.shaft.textbook import textbook
+from textile_twin_core.shaft import ShaftStates, create_estimator
+from textile_twin_core.shaft.encoder import encoder_step
+
+LATE = 0.15
+"""Part of a record in which estimators learn."""
+
+
+@pytest.mark.parametrize("seed", [31, 35, 39])
+def test_the_step_is_found_beside_wild_readings(seed: int) -> None:
+    """One degree; of the first 24 readings up to two are half a radian off."""
+    step = encoder_step(make("coarse+3%", seed).fed_rad[:24])
+    assert step == pytest.approx(np.deg2rad(1.0), rel=1e-9)
+
+
+def test_no_step_where_readings_are_not_rounded() -> None:
+    rng = np.random.default_rng(1)
+    assert encoder_step(np.cumsum(rng.uniform(0.5, 1.0, 48))) == 0.0
+    assert encoder_step(np.zeros(48)) is None
+
+
+def test_ripple_is_told_at_seven_samples_a_turn() -> None:
+    """The textbook's smoother, its noises tuned on the record, takes ripple for noise. Half the records have little."""
+    ratios, inside = [], []
+    for seed in range(100, 132):
+        record = make("coarse", seed)
+        estimator = create_estimator("smooth")
+        states = ShaftStates.join([estimator.step(record.time_s, record.fed_rad), estimator.finish()])
+        late = states.index >= LATE * record.time_s.size
+        at = states.index[late]
+        error = states.omega_rad_s[late] - record.omega[at]
+        book = textbook(record.time_s, np.unwrap(record.fed_rad)).smooth[at, 1] - record.omega[at]
+        ratios.append(np.sqrt(np.mean(error**2) / np.mean(book**2)))
+        inside.append(np.mean(np.abs(error) <= states.sigma[late, 1]))
+    assert np.quantile(ratios, 0.25) < 0.6
+    assert 0.62 <= np.median(inside) <= 0.8
+
+
+def test_a_wrapped_angle_does_not_run_away() -> None:
+    """Of a record in which wild readings fall on a stop: a speed of more than half a period a sample is none."""
+    record = make("coarse+3%", 23)
+    states = create_estimator("causal").step(record.time_s, record.fed_rad)
+    error = np.abs(states.omega_rad_s - record.omega[states.index])
+    assert np.mean(error > 0.2 * np.abs(record.omega).max()) < 0.05
