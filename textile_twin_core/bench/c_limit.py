@@ -29,26 +29,20 @@ _SINCOS = """static inline __attribute__((always_inline)) void both(double x, do
     double r = __builtin_fma(-k, 1.570796251296997, x);
     r = __builtin_fma(-k, 7.549789415861596e-08, r);
     r = __builtin_fma(-k, 5.390302858158119e-15, r);
-    double z = r * r;
-    double p = 1.58962301576546568060e-10;
-    p = __builtin_fma(p, z, -2.50507477628578072866e-8);
-    p = __builtin_fma(p, z, 2.75573136213857245213e-6);
-    p = __builtin_fma(p, z, -1.98412698295895385996e-4);
-    p = __builtin_fma(p, z, 8.33333333332211858878e-3);
-    p = __builtin_fma(p, z, -1.66666666666666307295e-1);
-    double sine = __builtin_fma(p * z, r, r);
-    double q = -1.13585365213876817300e-11;
-    q = __builtin_fma(q, z, 2.08757008419747316778e-9);
-    q = __builtin_fma(q, z, -2.75573141792967388112e-7);
-    q = __builtin_fma(q, z, 2.48015872888517045348e-5);
-    q = __builtin_fma(q, z, -1.38888888888730564116e-3);
-    q = __builtin_fma(q, z, 4.16666666666665929218e-2);
-    double cosine = 1.0 - __builtin_fma(-q * z, z, 0.5 * z);
+    double z = r * r, w = z * z;
+    double p = __builtin_fma(1.58962301576546568060e-10, z, -2.50507477628578072866e-8);
+    p = __builtin_fma(p, w, __builtin_fma(2.75573136213857245213e-6, z, -1.98412698295895385996e-4));
+    p = __builtin_fma(p, w, __builtin_fma(8.33333333332211858878e-3, z, -1.66666666666666307295e-1));
+    double sine = __builtin_fma(p, z * r, r);
+    double q = __builtin_fma(-1.13585365213876817300e-11, z, 2.08757008419747316778e-9);
+    q = __builtin_fma(q, w, __builtin_fma(-2.75573141792967388112e-7, z, 2.48015872888517045348e-5));
+    q = __builtin_fma(q, w, __builtin_fma(-1.38888888888730564116e-3, z, 4.16666666666665929218e-2));
+    double cosine = 1.0 - __builtin_fma(-q, w, 0.5 * z);
     union { double d; long long i; } bits = { shifted };
     long long n = bits.i;
-    double a = (n & 1) ? cosine : sine, b = (n & 1) ? sine : cosine;
+    double a = (n & 1) ? cosine : sine, b = (n & 1) ? -sine : cosine;
     *s = (n & 2) ? -a : a;
-    *c = ((n + 1) & 2) ? -b : b;
+    *c = (n & 2) ? -b : b;
 }
 """
 _PLAIN = """static inline void both(double x, double *s, double *c) { *s = sin(x); *c = cos(x); }

@@ -30,22 +30,27 @@ _QUARTER_3: Final = 5.390302858158119e-15
 def sincos(x: Any) -> Any:
     """Sine and cosine of an angle up to FARTHEST: minimax polynomials in the rest from the nearest quarter turn.
 
-    Coefficients of fdlibm (Sun Microsystems 1993), as in Muller (2016), Elementary Functions, ch. 11.
+    Coefficients of fdlibm (Sun Microsystems 1993), as in Muller (2016), Elementary Functions, ch. 11; their terms in
+    pairs (Estrin 1960), since what a loop waits for is one result after the other, not the number of operations. Turns
+    by a quarter and by a half, not the integer `quarter + 1`: LLVM makes the 1 from a register's old content, so that
+    each turn of the loop would wait for the one before it.
     """
     shifted = x * _PER_QUARTER + _ROUNDER
     quarter = np.float64(shifted).view(np.int64)
     k = shifted - _ROUNDER
     r = ((x - k * _QUARTER_1) - k * _QUARTER_2) - k * _QUARTER_3
     z = r * r
-    p = (1.58962301576546568060e-10 * z - 2.50507477628578072866e-8) * z + 2.75573136213857245213e-6
-    p = ((p * z - 1.98412698295895385996e-4) * z + 8.33333333332211858878e-3) * z - 1.66666666666666307295e-1
-    sine = p * z * r + r
-    q = (2.08757008419747316778e-9 - 1.13585365213876817300e-11 * z) * z - 2.75573141792967388112e-7
-    q = ((q * z + 2.48015872888517045348e-5) * z - 1.38888888888730564116e-3) * z + 4.16666666666665929218e-2
-    cosine = 1.0 - (0.5 * z - q * z * z)
-    s = cosine if quarter & 1 else sine
-    c = sine if quarter & 1 else cosine
-    return (-s if quarter & 2 else s), (-c if (quarter + 1) & 2 else c)
+    w = z * z
+    p = (1.58962301576546568060e-10 * z - 2.50507477628578072866e-8) * w
+    p = (p + (2.75573136213857245213e-6 * z - 1.98412698295895385996e-4)) * w
+    p = p + (8.33333333332211858878e-3 * z - 1.66666666666666307295e-1)
+    sine = p * (z * r) + r
+    q = (2.08757008419747316778e-9 - 1.13585365213876817300e-11 * z) * w
+    q = (q + (2.48015872888517045348e-5 - 2.75573141792967388112e-7 * z)) * w
+    q = q + (4.16666666666665929218e-2 - 1.38888888888730564116e-3 * z)
+    cosine = 1.0 - (0.5 * z - q * w)
+    s, c = (cosine, -sine) if quarter & 1 else (sine, cosine)
+    return (-s, -c) if quarter & 2 else (s, c)
 
 
 @partial(compiled, inlined=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
@@ -16,6 +17,7 @@ _SHORT = 16_384
 _LINE = 8
 """Doubles of one cache line."""
 _APART = 5 * _LINE
+_Nothing = ctypes.c_char * 0
 
 
 def flat_columns(motion: Mapping[str, npt.ArrayLike]) -> tuple[tuple[int, ...], list[FloatArray]]:
@@ -66,13 +68,29 @@ def arrays_for(
         if not (isinstance(a, np.ndarray) and a.shape == shape and a.dtype == np.float64 and a.flags.carray):
             raise MotionError(f"out['{name}'] must be a writeable, contiguous float64 array of shape {shape}")
         chosen[name] = a
-        if any(np.shares_memory(a, column) for column in columns):
-            raise MotionError(f"out['{name}'] shares memory with the motion; give it an array of its own")
-    spans = sorted((a.__array_interface__["data"][0], name) for name, a in chosen.items())
-    for (begin, one), (following, other) in pairwise(spans):
-        if following < begin + chosen[one].nbytes:
-            raise MotionError(f"out['{one}'] and out['{other}'] share memory; give each output an array of its own")
+    _check_apart(chosen, columns)
     return chosen
+
+
+def _check_apart(outputs: Mapping[str, FloatArray], columns: Iterable[FloatArray]) -> None:
+    """Raises MotionError where outputs share memory, with each other or with the motion."""
+    places = [(_address(a), name) for name, a in outputs.items()]
+    for column in columns:
+        if column.flags.carray:
+            places.append((_address(column), ""))
+        else:
+            places += [(_address(a), "") for a in outputs.values() if np.shares_memory(a, column)]
+    nbytes = max((a.nbytes for a in outputs.values()), default=0)
+    for (begin, one), (following, other) in pairwise(sorted(places)):  # of one size: who overlaps meets a neighbour
+        if following < begin + nbytes and one != other:
+            if one and other:
+                raise MotionError(f"out['{one}'] and out['{other}'] share memory; give each output an array of its own")
+            raise MotionError(f"out['{one or other}'] shares memory with the motion; give it an array of its own")
+
+
+def _address(array: FloatArray) -> int:
+    """Where a writeable array begins, in a tenth of the time that numpy takes to tell it."""
+    return ctypes.addressof(_Nothing.from_buffer(array.data))
 
 
 def _new_arrays(names: list[str], shape: tuple[int, ...]) -> dict[str, FloatArray]:
