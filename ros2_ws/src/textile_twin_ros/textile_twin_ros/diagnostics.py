@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -14,7 +15,10 @@ from rclpy.qos import QoSProfile
 from textile_twin_ros.spinning import call_every
 
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+_LOOK_S = 0.2
+_PERIOD_S = 1.0
 _REPEAT_S = 10.0
+_RATE_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,8 @@ class Status:
 
 
 class DiagnosticsPublisher:
-    """Publishes on /diagnostics once a second what a function tells; the log says once what is wrong.
+    """Publishes on /diagnostics what a function tells, once a second and when a level changes; the log says once what
+    is wrong.
 
     Args:
         node: the node that the statuses speak of; its full name stands before each of theirs.
@@ -44,11 +49,20 @@ class DiagnosticsPublisher:
         self._node, self._hardware, self._collect = node, hardware, collect
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._told: dict[str, set[str]] = {}
-        call_every(node, 1.0, self.publish)
+        self._levels: dict[str, bytes] = {}
+        self._published = -math.inf
+        call_every(node, _LOOK_S, self._look)
 
-    def publish(self) -> None:
-        """Publish the statuses of this moment."""
+    def _look(self) -> None:
         statuses = self._collect()
+        levels = {status.name: status.level for status in statuses}
+        now = time.monotonic()
+        # Looks do not come to the moment: one that is a little early serves.
+        if levels != self._levels or now - self._published > _PERIOD_S - 0.5 * _LOOK_S:
+            self._levels, self._published = levels, now
+            self._publish(statuses)
+
+    def _publish(self, statuses: list[Status]) -> None:
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         own_name = self._node.get_fully_qualified_name().lstrip("/")
@@ -106,7 +120,7 @@ class InputWatch:
         self.received = self.refused = 0
         self.refusal = ""
         self._since = self._last = time.monotonic()
-        self._counted, self._counted_at = 0, self._since
+        self._past = deque([(self._since, 0)])
         self._warned_at: float | None = None
 
     def took(self, count: int = 1) -> None:
@@ -129,8 +143,11 @@ class InputWatch:
     def status(self, name: str, values: Mapping[str, object]) -> Status:
         """The input's status of this moment; logs a warning when the input has been silent for long."""
         now = time.monotonic()
-        rate = (self.received - self._counted) / max(now - self._counted_at, 1e-9)
-        self._counted, self._counted_at = self.received, now
+        self._past.append((now, self.received))
+        while self._past[1][0] <= now - _RATE_S:
+            self._past.popleft()
+        since, before = self._past[0]
+        rate = (self.received - before) / max(now - since, 1e-9)
         told = {
             "topic": self._topic,
             "rate_hz": rate,

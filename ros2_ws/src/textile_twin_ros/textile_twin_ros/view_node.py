@@ -49,10 +49,11 @@ class ViewNode(Node):
     """Collects samples of the twin's topics and hands them in blocks to a live view, which draws in its own thread."""
 
     def __init__(self) -> None:
-        # Optional packages are imported where they are used, so that a missing one is told in one line.
+        super().__init__("view_node")
+        # Optional packages are imported where they are used, so that a missing one is told in one line; and after the
+        # node, which finds the others meanwhile.
         from textile_twin_core.views import LiveElements, LiveRecording, LiveView
 
-        super().__init__("view_node")
         self.settings = settings = declare(self, ViewParameters)
         self.executor_name = settings.executor
         self.finished = Future()
