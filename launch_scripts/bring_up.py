@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
+from this_computer import this_computer_alone
+
 PATIENCE_S = 10.0
 """How long a program may take to end by itself before it is killed."""
 
@@ -144,8 +146,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the programs named on the command line; see `--help`."""
     parser = argparse.ArgumentParser(
         description=__doc__,
-        usage="bring_up.py [--logs DIR] [--until NAME] [--essential NAME] -- COMMAND ARGS ... --- COMMAND ARGS ...",
+        usage="bring_up.py [--alone] [--logs DIR] [--until NAME] [--essential NAME] -- COMMAND ARGS ... --- ...",
     )
+    parser.add_argument("--alone", action="store_true", help="nodes hear those on this computer, and no others")
     parser.add_argument("--logs", type=Path, help="folder for what the programs print; otherwise it is shown")
     parser.add_argument("--until", help="end all when this program has ended; without it, run until Ctrl-C")
     parser.add_argument("--essential", help="only the end of this program is the end of all")
@@ -154,7 +157,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = split_commands(options.words[1:] if options.words[:1] == ["--"] else options.words)
     if not commands:
         parser.error("name at least one command after --")
-
+    if options.alone:
+        os.environ.update(this_computer_alone())
     return bring_up(commands, logs=options.logs, until=options.until, essential=options.essential)
 
 

@@ -16,7 +16,7 @@ played=bags/tufting_160rpm_synthetic # also in demo.yaml
 rm -rf out/demo
 mkdir -p out/demo
 # Nobody else's nodes join in: this computer only, and a domain of our own.
-export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID="$((1 + $$ % 100))" ROS_LOG_DIR="$root/out/demo/log/ros"
+export ROS_DOMAIN_ID="$((1 + $$ % 100))" ROS_LOG_DIR="$root/out/demo/log/ros"
 
 echo "Playing $played at $rate times its speed through replay_node, twin_node and record_node ..."
 echo "(the twin's loops are compiled first, about a minute once on a computer; log: out/demo/log)"
@@ -24,7 +24,7 @@ programs=()
 for node in record_node twin_node replay_node; do
     programs+=(--- "$venv/bin/$node" --ros-args --params-file launch_scripts/demo.yaml)
 done
-"$venv/bin/python" launch_scripts/bring_up.py --logs out/demo/log --until record_node -- "${programs[@]}" -p "rate:=$rate"
+"$venv/bin/python" launch_scripts/bring_up.py --alone --logs out/demo/log --until record_node -- "${programs[@]}" -p "rate:=$rate"
 
 # The check and the comparison read the same recording, each on a processor of its own.
 "$venv/bin/textile-twin" compare out/demo/bag --machine tufting --predicted recorded --json out/demo/comparison.json \

@@ -14,15 +14,13 @@ from pathlib import Path
 
 signal.signal(signal.SIGINT, signal.SIG_DFL)  # until something runs, Ctrl-C is an end without words
 from bring_up import bring_up  # noqa: E402
+from this_computer import RANGE, asked_for, this_computer_alone  # noqa: E402
 
 from textile_twin_core.errors import TwinError  # noqa: E402
 from textile_twin_ros.machine import load_machine  # noqa: E402
 
 NODES = ("twin_node", "record_node", "view_node", "shaft_node")
 PROGRAM = "suite.sh"
-_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Where Fast DDS 2 and 3 find their settings."""
 DESCRIPTION = """\
 Starts twin_node, record_node and view_node for MACHINE (a name or the path of a machine file; tufting when not
 given), until Ctrl-C. They listen on main_shaft/angle and balancing_torque/measured; recordings go to out/recordings.
@@ -117,15 +115,6 @@ def commands(arguments: Sequence[str]) -> list[list[str]]:
     return [] if options.check else [[str(folder / node), *told.of(node, **defaults[node])] for node in nodes]
 
 
-def this_computer_alone() -> dict[str, str]:
-    """The environment in which nodes hear each other on this computer, and what a killed one leaves disturbs none.
-
-    The discovery range LOCALHOST would have Fast DDS use shared memory, whatever its settings say.
-    """
-    settings = str(Path(__file__).with_name("this_computer.xml"))
-    return {_RANGE: "SUBNET", **dict.fromkeys(_PROFILES, settings)}
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Start all; the exit code tells how it ended."""
     try:
@@ -135,13 +124,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     if not programs:
         return 0
-    if not os.environ.keys() & {_RANGE, *_PROFILES}:
+    if asked_for(os.environ):
         os.environ.update(this_computer_alone())
-        alone = True
-    else:
-        alone = os.environ.setdefault(_RANGE, "LOCALHOST") == "LOCALHOST"
-    if alone:
-        print(f"{PROGRAM}: nodes on this computer hear each other; {_RANGE}=SUBNET lets other computers in")
+        print(f"{PROGRAM}: nodes on this computer hear each other; {RANGE}=SUBNET lets other computers in", flush=True)
     return bring_up(programs, essential="twin_node")
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import os
 import random
 import re
 import signal
@@ -240,12 +239,7 @@ def main() -> None:
         sys.exit(__doc__)
     run, usual = runs[sys.argv[1]]
     number = type(usual)(float(sys.argv[2])) if len(sys.argv) > 2 else usual
-    sys.path.insert(0, str(ROOT / "launch_scripts"))
-    from suite import this_computer_alone  # nodes hear each other as those of suite.sh do
-
-    os.environ.update(this_computer_alone())
     with tempfile.TemporaryDirectory() as folder, running_suite(Path(folder), "events") as suite:
-        suite.environment.update(this_computer_alone())
         run(suite, number)
 
 

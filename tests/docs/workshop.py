@@ -14,6 +14,7 @@ from shutil import copyfile
 
 import numpy as np
 
+from launch_scripts.this_computer import this_computer_alone
 from tests.docs.pages import ROOT, Block
 from textile_twin_core.recordings import BagWriter, open_bag
 
@@ -83,7 +84,7 @@ def run(block: Block, folder: Path, ros_domain: int) -> str:
         "MPLBACKEND": "agg",
         "PYTHONUNBUFFERED": "1",
         "ROS_DOMAIN_ID": str(ros_domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        **this_computer_alone(),
         "ROS_LOG_DIR": str(home / "log"),
     }
     commands = {"bash": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}

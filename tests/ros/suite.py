@@ -20,6 +20,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from launch_scripts.this_computer import this_computer_alone
 from textile_twin_core.recordings import BagWriter
 from textile_twin_ros.spinning import create_executor
 
@@ -44,14 +45,13 @@ def free_domain() -> tuple[int, socket.socket]:
 
 
 def node_environment(folder: Path, domain: int) -> dict[str, str]:
-    """Environment of nodes that find each other on this computer alone, quickly, and leave nothing elsewhere."""
+    """Environment of nodes that hear each other as those of suite.sh do, and leave nothing elsewhere."""
     return {
         "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        **this_computer_alone(),
         "ROS_PYTHON_CHECK_FIELDS": "1",
         "ROS_LOG_DIR": str(folder / "log"),
         "HOME": str(folder),
-        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
     }
 
 
@@ -80,7 +80,7 @@ class Suite:
     def node(self) -> Node:
         """A node inside the test."""
         if self._context is None:
-            for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOG_DIR", "FASTDDS_BUILTIN_TRANSPORTS"):
+            for name in (*this_computer_alone(), "ROS_LOG_DIR"):
                 os.environ[name] = self.environment[name]
             self._context = Context()
             rclpy.init(context=self._context, domain_id=self.domain)

@@ -15,6 +15,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from launch_scripts.this_computer import this_computer_alone
 from tests.ros.suite import Program, node_environment
 from textile_twin_core.recordings import open_bag
 
@@ -33,7 +34,9 @@ class Host:
     def __init__(self, name: str, address: str, folder: Path) -> None:
         self.name, self._folder = name, folder
         self._programs: list[Program] = []
-        self.environment = os.environ | node_environment(folder, 1)
+        self.environment = os.environ | node_environment(folder, 1) | {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+        for setting in this_computer_alone():
+            del self.environment[setting]
         ip(f"netns add {name}")
         self._address = address
 

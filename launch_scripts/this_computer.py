@@ -1,0 +1,24 @@
+"""Keeps nodes to this computer: the environment in which they hear each other over its loopback interface alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Where Fast DDS 2 and 3 find their settings."""
+
+
+def this_computer_alone() -> dict[str, str]:
+    """The environment in which nodes hear each other on this computer, and what a killed one leaves disturbs none.
+
+    The discovery range LOCALHOST itself would have Fast DDS use shared memory, whatever its settings say.
+    """
+    settings = str(Path(__file__).with_name("this_computer.xml"))
+    return {RANGE: "SUBNET", **dict.fromkeys(_PROFILES, settings)}
+
+
+def asked_for(environment: Mapping[str, str]) -> bool:
+    """Whether nodes are to keep to this computer: unless a range or settings of Fast DDS say otherwise."""
+    return environment.get(RANGE, "LOCALHOST") == "LOCALHOST" and not environment.keys() & set(_PROFILES)
