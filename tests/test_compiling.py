@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -141,6 +143,24 @@ def test_a_loop_keeps_its_vectors_in_whole_cache_lines(tmp_path: Path, monkeypat
     assert one_more(1.0) == 2.0
     (code,) = one_more.inspect_llvm().values()  # type: ignore[attr-defined]
     assert "alignstack=64" in code
+
+
+def test_a_loop_computes_vectors_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
+
+    def roots(x: FloatArray, y: FloatArray) -> None:
+        for i in range(x.shape[0]):
+            y[i] = math.sqrt(x[i] + x[i] * x[i])
+
+    def vectors(abreast: int) -> int:
+        loop = compiled(roots, apart=True, abreast=abreast)
+        x, y = np.arange(100.0), np.empty(100)
+        loop(x, y)
+        assert np.allclose(y, np.sqrt(x + x * x))
+        (code,) = loop.inspect_llvm().values()  # type: ignore[attr-defined]
+        return len(re.findall(r"<\d+ x double> @llvm\.sqrt", code))
+
+    assert vectors(1) < 8 <= vectors(8)
 
 
 def _program_and_part() -> tuple[Callable[[float], float], Callable[[float], float]]:

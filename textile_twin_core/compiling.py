@@ -45,18 +45,19 @@ _OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "fastmath": {"contrac
 """Divisions by zero as in IEEE 754; a product and a sum may become one operation; threads may run beside the loop."""
 
 
-def compiled(function: _Function, *, inlined: bool = False, apart: bool = False) -> _Function:
+def compiled(function: _Function, *, inlined: bool = False, apart: bool = False, abreast: int = 1) -> _Function:
     """The function compiled when first called, for the types it is called with; it may call other compiled ones.
 
     `inlined` puts it into the functions that call it; `apart` promises that no two of its arrays share memory, which
-    lets loops over many of them run on several samples at once. Values of module-level names are read once. Do not
-    hand functions over as arguments: such calls are not kept.
+    lets loops over many of them run on several samples at once, on `abreast` vectors of samples (a power of two) side
+    by side. Values of module-level names are read once. Do not hand functions over as arguments: such calls are not
+    kept.
     """
     if numba is None:
         say_once("numba is missing: loops run uncompiled, some hundred times slower; install numba")
         return function
-    dispatcher = Program(function, apart, forceinline=inlined, **_OPTIONS)
-    dispatcher._cache = _ContentCache(function, inlined, apart)
+    dispatcher = Program(function, apart, abreast, forceinline=inlined, **_OPTIONS)
+    dispatcher._cache = _ContentCache(function, inlined, apart, abreast)
     result: _Function = dispatcher
     return result
 
@@ -131,7 +132,7 @@ def cache_directory() -> Path:
 class _ContentCache:
     """One file for each function and signature, written whole or not at all (the interface of numba's own caches)."""
 
-    def __init__(self, function: Callable[..., Any], *options: bool) -> None:
+    def __init__(self, function: Callable[..., Any], *options: int) -> None:
         self._function, self._options = function, options
 
     @property

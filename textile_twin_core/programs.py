@@ -9,10 +9,12 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 from numba.core.caching import NullCache
-from numba.core.codegen import CPUCodeLibrary
+from numba.core.cgutils import ir
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
@@ -42,12 +44,46 @@ class _Part(CPUCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
 
+class _Abreast(JITCodeLibrary):  # type: ignore[misc]
+    """A function whose loops take several vectors of samples side by side: while one waits for a root, others go on.
+
+    LLVM by itself does so for short loops alone, though a processor does not see far enough ahead in long ones.
+    """
+
+    def __init__(self, codegen: Any, vectors: int) -> None:
+        super().__init__(codegen, "abreast")
+        self._vectors = vectors
+        self.enable_object_caching()
+
+    def add_ir_module(self, module: Any) -> None:
+        """What numba hands over; its loops are told how many (LLVM Language Reference, llvm.loop.interleave.count)."""
+        count = ir.Constant(ir.IntType(32), self._vectors)
+        told = module.add_metadata([ir.MetaDataString(module, "llvm.loop.interleave.count"), count])
+        for end in _ends_of_loops(module):
+            loop = module.add_metadata([told])
+            loop.operands = (loop, told)
+            end.set_metadata("llvm.loop", loop)
+        super().add_ir_module(module)
+
+
+def _ends_of_loops(module: Any) -> Iterator[Any]:
+    """Jumps back, to a block that stands before."""
+    for function in module.functions:
+        met = set()
+        for block in function.blocks:
+            met.add(block.name)
+            if isinstance(block.terminator, ir.Branch) and block.terminator.operands[0].name in met:
+                yield block.terminator
+
+
 class _Pipeline(Compiler):  # type: ignore[misc]
     def __init__(
-        self, typing_context: Any, context: Any, _library: Any, args: Any, result: Any, flags: Any, *more: Any
+        self, abreast: int, types: Any, context: Any, _library: Any, args: Any, result: Any, flags: Any, *more: Any
     ):
-        library = _Part(context.codegen(), "part") if flags.no_compile else None
-        super().__init__(typing_context, context, library, args, result, flags, *more)
+        library: Any = _Part(context.codegen(), "part") if flags.no_compile else None
+        if abreast > 1 and library is None:
+            library = _Abreast(context.codegen(), abreast)
+        super().__init__(types, context, library, args, result, flags, *more)
 
 
 class Program(CPUDispatcher):  # type: ignore[misc]
@@ -55,10 +91,9 @@ class Program(CPUDispatcher):  # type: ignore[misc]
 
     _cache: Any
 
-    def __init__(self, function: Any, apart: bool, **options: Any) -> None:
-        super().__init__(
-            function, targetoptions={"nopython": True, "boundscheck": None} | options, pipeline_class=_Pipeline
-        )
+    def __init__(self, function: Any, apart: bool, abreast: int, **options: Any) -> None:
+        options = {"nopython": True, "boundscheck": None} | options
+        super().__init__(function, targetoptions=options, pipeline_class=partial(_Pipeline, abreast))
         self._compiler._customize_flags = self._set
         self._apart, self._is_part = apart, False
 

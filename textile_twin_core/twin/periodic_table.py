@@ -26,7 +26,7 @@ _FEWEST_NODES = 32
 _DEGREES = (1, 2, 3, 4, 5, 7)
 _CACHED_BYTES = 500_000
 """A table of this size stays in a processor core's cache."""
-_REDUCTION, _NEAR, _FAR = 10.0, 10.0, 15.0
+_REDUCTION, _NEAR, _FAR = 10.0, 20.0, 30.0
 """Times of the angle's reduction and of a gather from the cache and from beyond it, as multiples of an addition's."""
 _ROUNDING = 4e-16
 _MARGIN = 2.0
