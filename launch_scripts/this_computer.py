@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Where Fast DDS 2 and 3 find their settings."""
+"""Where Fast DDS 2 and 3 find their settings; each node of ROS with Fast DDS 3 complains of the first."""
 
 
 def this_computer_alone() -> dict[str, str]:
@@ -16,7 +17,8 @@ def this_computer_alone() -> dict[str, str]:
     The discovery range LOCALHOST itself would have Fast DDS use shared memory, whatever its settings say.
     """
     settings = str(Path(__file__).with_name("this_computer.xml"))
-    return {RANGE: "SUBNET", **dict.fromkeys(_PROFILES, settings)}
+    has_second = any((Path(sys.prefix) / "lib").glob("libfastrtps.so*"))  # the third is libfastdds
+    return {RANGE: "SUBNET", _PROFILES[0 if has_second else 1]: settings}
 
 
 def asked_for(environment: Mapping[str, str]) -> bool:

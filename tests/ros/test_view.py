@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite, shaft_angles, write_bag
@@ -41,6 +42,43 @@ def test_live_view_is_written(suite: Suite) -> None:
     assert drawn["/torque/predicted"] == len(stamps) - 2
     assert sum(count for path, count in drawn.items() if path.startswith("/residual")) > 900
     assert any(path.startswith("/world") for path in drawn)
+
+
+@pytest.mark.slow
+def test_a_torque_sensor_that_is_not_there_is_no_alarm(suite: Suite) -> None:
+    view = suite.start("view_node", f"file:={suite.folder / 'live.rrd'}", "port:=0", "no_data_timeout_s:=0.5")
+    node = suite.node()
+    joints = node.create_publisher(JointState, "joint_states", RELIABLE)
+    torques = {
+        name: node.create_publisher(WrenchStamped, f"balancing_torque/{name}", RELIABLE)
+        for name in ("predicted", "predicted_sigma", "residual")
+    }
+    levels: dict[str, bytes] = {}
+    node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: levels.update({status.name: status.level for status in message.status}),
+        RELIABLE,
+    )
+
+    def run(seconds: float) -> None:
+        for _ in range(round(seconds / 0.02)):
+            state, wrench = JointState(name=["main_shaft"], position=[0.1]), WrenchStamped()
+            state.header.stamp = wrench.header.stamp = node.get_clock().now().to_msg()
+            joints.publish(state)
+            for name, publisher in torques.items():
+                if name != "residual":
+                    publisher.publish(wrench)
+            suite.spin_for(0.02)
+
+    suite.spin_until(lambda: joints.get_subscription_count() == 1, "the view")
+    run(2.5)
+    assert levels and set(levels.values()) == {DiagnosticStatus.OK}, levels
+    assert "no data" not in view.words()
+    sensor = node.create_publisher(WrenchStamped, "balancing_torque/measured", RELIABLE)
+    suite.spin_until(lambda: sensor.get_subscription_count() == 1, "the view")
+    run(2.0)
+    assert levels["view_node: balancing_torque/measured"] == levels["view_node: balancing_torque/residual"] != b"\0"
 
 
 @pytest.mark.slow

@@ -14,6 +14,8 @@ from textile_twin_core.recordings import OfferedQos
 _STARTED = time.monotonic()
 _DISCOVERY_S = 5.0
 """How long after its start a node may not know yet who is there."""
+_NAMED = 3
+"""How many other topics of a type are named."""
 
 RELIABILITY = {"reliable": ReliabilityPolicy.RELIABLE, "best_effort": ReliabilityPolicy.BEST_EFFORT}
 
@@ -58,7 +60,10 @@ def describe_publishers(node: Node, topic: str, msgtype: str) -> str:
         for name, types in node.get_topic_names_and_types()
         if msgtype in types and any(not _is_own(node, info) for info in node.get_publishers_info_by_topic(name))
     ]
-    seen = f"; {msgtype} is published on {', '.join(sorted(elsewhere))}" if elsewhere else ""
+    ending = resolved.rpartition("/")[2]
+    elsewhere.sort(key=lambda name: (name.rpartition("/")[2] != ending, name))  # perhaps another namespace is meant
+    more = f" and {len(elsewhere) - _NAMED} more" if len(elsewhere) > _NAMED else ""
+    seen = f"; {msgtype} is published on {', '.join(elsewhere[:_NAMED])}{more}" if elsewhere else ""
     nobody = "nobody publishes there" if time.monotonic() - _STARTED > _DISCOVERY_S else "no publisher found there yet"
     return f"{nobody}{seen}"
 

@@ -68,7 +68,9 @@ class ShaftNode(Node):
         self._torque = WrenchTemplate("main_shaft")
         qos = samples_qos(depth_for(parameters.rate_hz))
         self._publish_angle = self._create_angle(encoder, qos)
-        self._send_torque = patient(self.create_publisher(WrenchStamped, "balancing_torque/measured", qos).publish)
+        self._send_torque: Send | None = None
+        if self._twin is not None:
+            self._send_torque = patient(self.create_publisher(WrenchStamped, "balancing_torque/measured", qos).publish)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=finish_with, args=(self.finished, self._work), name="shaft")
         self._thread.start()
@@ -131,7 +133,7 @@ class ShaftNode(Node):
         return 0
 
     def _publish_torque(self, stamp_ns: int, time_s: float) -> None:
-        if self._twin is not None and time_s >= self._delay_s:
+        if self._twin is not None and self._send_torque is not None and time_s >= self._delay_s:
             torque = float(self._twin.evaluate(*self._motion.at(time_s - self._delay_s))[TORQUE])
             self._send_torque(self._torque.message(stamp_ns, self._sensor.read(torque)))
 

@@ -26,6 +26,9 @@ class Feed(Protocol):
 
     inputs: list[SampleInput]
 
+    def expected(self) -> list[SampleInput]:
+        """Those whose silence is worth a word."""
+
     def hand_over(self) -> None:
         """Give the view what has come since the last time."""
 
@@ -43,19 +46,27 @@ class LinkageFeed:
         self._samples: dict[str, list[Sample]] = {}
         self._shift_ns = 0
         wrench, joints = TORQUE_READERS["wrench"], ANGLE_READERS["joint_state"]
-        names = ("predicted", "predicted_sigma", "measured", "residual")
+        names = ("predicted", "predicted_sigma", "measured", "residual") if view.tells_torque else ()
         kinds = {f"balancing_torque/{name}": wrench for name in names} | {"joint_states": joints}
-        self.inputs = []
+        self._inputs: dict[str, SampleInput] = {}
         for topic, kind in kinds.items():
             self._samples[topic] = []
-            self.inputs.append(listen(topic, kind, "main_shaft", self._samples[topic].extend))
+            self._inputs[topic] = listen(topic, kind, "main_shaft", self._samples[topic].extend)
+        self.inputs = list(self._inputs.values())
+
+    def expected(self) -> list[SampleInput]:
+        """Without a torque sensor nothing is measured, and there is no residual: these are expected with one alone."""
+        measured = self._inputs.get("balancing_torque/measured")
+        if measured is None or measured.watch.received or measured.has_publishers():
+            return self.inputs
+        return [source for source in self.inputs if not source.name.endswith(("/measured", "/residual"))]
 
     def hand_over(self) -> None:
         """Give the view what has come since the last time."""
         self._follow_restart()
         self._hand_over_predictions()
         for name, add in (("measured", self._view.add_measured), ("residual", self._view.add_residual)):
-            samples = self._samples[f"balancing_torque/{name}"]
+            samples = self._samples.get(f"balancing_torque/{name}")
             if samples:
                 stamps, values = _columns(samples)
                 add(stamps + self._shift_ns, values)
@@ -73,15 +84,17 @@ class LinkageFeed:
 
     def _hand_over_predictions(self) -> None:
         """Predictions go with the shaft's angle, which joint_states tells for the same stamps or, thinned, for some."""
-        predicted = self._samples["balancing_torque/predicted"]
-        sigmas = self._samples["balancing_torque/predicted_sigma"]
         joints = self._samples["joint_states"]
-        if not joints or (self._view.tells_torque and not predicted):
+        if not joints:
             return
         joint_stamps, theta = _columns(joints)
         if not self._view.tells_torque:
             self._view.add_motion(joint_stamps + self._shift_ns, theta)
             joints.clear()
+            return
+        predicted = self._samples["balancing_torque/predicted"]
+        sigmas = self._samples["balancing_torque/predicted_sigma"]
+        if not predicted:
             return
         stamps, torque = _columns(predicted)
         count = int(np.searchsorted(stamps, joint_stamps[-1], side="right"))
@@ -117,6 +130,10 @@ class ElementFeed:
             listen("joint_states", ANGLE_READERS["joint_state"], element, samples.extend)
             for element, samples in zip(elements, self._samples, strict=True)
         ]
+
+    def expected(self) -> list[SampleInput]:
+        """All of them."""
+        return self.inputs
 
     def hear(self, message: DiagnosticArray) -> None:
         """Take what happened at stops and pads."""

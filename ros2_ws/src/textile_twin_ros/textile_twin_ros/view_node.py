@@ -117,7 +117,7 @@ class ViewNode(Node):
             self.finished.set_result(1)
 
     def _statuses(self) -> list[Status]:
-        inputs = [source.status() for source in self._feed.inputs]
+        inputs = [source.status() for source in self._feed.expected()]
         if self._view.error is not None:
             return [*inputs, Status("view", ERROR, str(self._view.error))]
         dropped = self._view.dropped
