@@ -9,15 +9,16 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
-from numba.core.caching import NullCache
-from numba.core.cgutils import ir
-from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, Flags
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
+from numba.core.types import Function
+from numba.core.typing import make_concrete_template
+
+from textile_twin_core.linking import ProgramAbreast, ProgramPart, WholeProgram
 
 _COLLECT_AFTER = 200_000
 """Objects until Python looks for what is no longer used: a compiler makes millions that stay."""
@@ -34,56 +35,52 @@ def _few_collections() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
-class _Part(CPUCodeLibrary):  # type: ignore[misc]
-    """A function that others call, for them to link: they optimise it, and make machine code of it, with their own."""
+class _Flags(Flags):  # type: ignore[misc]
+    """Options of a program or part. numba looks by them for what it has compiled of itself, which is one for all."""
 
-    def _optimize_final_module(self) -> None:
-        pass
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Flags)
 
-    def _finalize_final_module(self) -> None:
-        self._finalized = True
-
-
-class _Abreast(JITCodeLibrary):  # type: ignore[misc]
-    """A function whose loops take several vectors of samples side by side: while one waits for a root, others go on.
-
-    LLVM by itself does so for short loops alone, though a processor does not see far enough ahead in long ones.
-    """
-
-    def __init__(self, codegen: Any, vectors: int) -> None:
-        super().__init__(codegen, "abreast")
-        self._vectors = vectors
-        self.enable_object_caching()
-
-    def add_ir_module(self, module: Any) -> None:
-        """What numba hands over; its loops are told how many (LLVM Language Reference, llvm.loop.interleave.count)."""
-        count = ir.Constant(ir.IntType(32), self._vectors)
-        told = module.add_metadata([ir.MetaDataString(module, "llvm.loop.interleave.count"), count])
-        for end in _ends_of_loops(module):
-            loop = module.add_metadata([told])
-            loop.operands = (loop, told)
-            end.set_metadata("llvm.loop", loop)
-        super().add_ir_module(module)
+    def __hash__(self) -> int:
+        return id(_Flags)
 
 
-def _ends_of_loops(module: Any) -> Iterator[Any]:
-    """Jumps back, to a block that stands before."""
-    for function in module.functions:
-        met = set()
-        for block in function.blocks:
-            met.add(block.name)
-            if isinstance(block.terminator, ir.Branch) and block.terminator.operands[0].name in met:
-                yield block.terminator
+class _Typing:
+    """numba's typing context, which finds out once what a function of numba's own makes of arguments of some types."""
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+        self._known: dict[tuple[Any, Any], Any] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._context, name)
+
+    def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
+        """The signature of a call."""
+        found = self._known.get((function, args)) if not kws else None
+        if found is None:
+            found = self._context.resolve_function_type(function, args, kws)
+            if found is not None and type(function) is Function and not kws:
+                self._known[function, args] = found
+        return found
+
+
+_typing = cache(_Typing)
 
 
 class _Pipeline(Compiler):  # type: ignore[misc]
     def __init__(
         self, abreast: int, types: Any, context: Any, _library: Any, args: Any, result: Any, flags: Any, *more: Any
     ):
-        library: Any = _Part(context.codegen(), "part") if flags.no_compile else None
-        if abreast > 1 and library is None:
-            library = _Abreast(context.codegen(), abreast)
-        super().__init__(types, context, library, args, result, flags, *more)
+        code = context.codegen()
+        library = (
+            ProgramPart(code, "part")
+            if flags.no_compile
+            else ProgramAbreast(code, abreast)
+            if abreast > 1
+            else WholeProgram(code)
+        )
+        super().__init__(_typing(types), context, library, args, result, flags, *more)
 
 
 class Program(CPUDispatcher):  # type: ignore[misc]
@@ -98,6 +95,7 @@ class Program(CPUDispatcher):  # type: ignore[misc]
         self._apart, self._is_part = apart, False
 
     def _set(self, flags: Any) -> Any:
+        flags = _Flags(flags)
         flags.noalias = self._apart
         flags.no_cfunc_wrapper = True
         flags.no_cpython_wrapper = flags.no_compile = self._is_part
@@ -105,25 +103,28 @@ class Program(CPUDispatcher):  # type: ignore[misc]
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """What numba asks of a function that another one calls."""
-        with global_compiler_lock:
-            before = self._is_part, self._cache
-            self._is_part, self._cache = True, NullCache()  # a part is kept with its program
-            try:
-                return super().get_call_template(args, kws)
-            finally:
-                self._is_part, self._cache = before
+        signature, folded = self._compiler.fold_argument_types(args, kws)
+        args = tuple(folded)
+        with global_compiler_lock, self._compiling_counter:
+            if args not in self.overloads and self._can_compile:
+                before, self._is_part = self._is_part, True
+                try:
+                    self.add_overload(self._compiler.compile(args, None))
+                finally:
+                    self._is_part = before
+        name = self.py_func.__name__
+        return make_concrete_template(name, key=name, signatures=self.nopython_signatures), signature, args, {}
 
     def compile(self, sig: Any) -> Any:
         """Compile for a signature: for Python anew what is there as a part only."""
         with global_compiler_lock, _few_collections():  # another thread may be at it as a part
-            if not self._is_part:
-                for args in [args for args, made in self.overloads.items() if isinstance(made.library, _Part)]:
-                    del self.overloads[args]
+            for args in [args for args, made in self.overloads.items() if isinstance(made.library, ProgramPart)]:
+                del self.overloads[args]
             return super().compile(sig)
 
     def add_overload(self, made: Any) -> None:
         """Keep what was compiled; a part where functions that call it find it, and Python does not."""
-        if isinstance(made.library, _Part):
+        if isinstance(made.library, ProgramPart):
             made = made._replace(entry_point=object())  # what it is known by
             self.targetctx.insert_user_function(made.entry_point, made.fndesc, [made.library])
             self.overloads[tuple(made.signature.args)] = made

@@ -6,7 +6,7 @@ hand on forty arrays most of what is compiled is that, and most of the time that
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from itertools import accumulate
 from typing import Any
 
 from numba.core import cgutils
@@ -28,6 +28,7 @@ class _Reference(Type):
 
     def __init__(self, kind: Any, fields: tuple[Any, ...]) -> None:
         self.fields = dict(zip(kind._fields, fields, strict=True))
+        self.places: tuple[int, ...] = ()
         super().__init__(f"&{kind.__module__}.{kind.__qualname__}({', '.join(map(str, fields))})")
 
 
@@ -41,13 +42,12 @@ class _Model(models.PrimitiveModel):  # type: ignore[misc]
         super().__init__(manager, kind, cgutils.voidptr_t)
 
 
-def _places(context: Any, kind: _Reference) -> Iterator[int]:
+def _places(context: Any, kind: _Reference) -> tuple[int, ...]:
     """Where the fields lie [bytes], then where they end."""
-    place = 0
-    for field in kind.fields.values():
-        yield place
-        place += -(-context.get_abi_sizeof(context.get_value_type(field)) // _WORD) * _WORD
-    yield place
+    if not kind.places:
+        sizes = [context.get_abi_sizeof(context.get_value_type(field)) for field in kind.fields.values()]
+        kind.places = tuple(accumulate([-(-size // _WORD) * _WORD for size in sizes], initial=0))
+    return kind.places
 
 
 def _from_python(kind: _Reference, value: Any, c: Any) -> Any:

@@ -1,0 +1,71 @@
+"""Code of compiled functions on its way to a program: parts, linked and optimised once, and the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from numba.core.cgutils import ir
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, ll
+
+
+class ProgramPart(CPUCodeLibrary):  # type: ignore[misc]
+    """A function that others call: their program optimises it, and makes machine code of it, with all the others."""
+
+    def add_llvm_module(self, module: Any) -> None:
+        """Take the function's code as it is."""
+        self._final_module.link_in(module)
+
+    def finalize(self) -> None:
+        """Let a program link it, and drop it where all calls of it are inlined."""
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == ll.Linkage.external:
+                function.linkage = ll.Linkage.linkonce_odr
+        self._shared_module = self._final_module
+        self._finalized = True
+
+
+class WholeProgram(JITCodeLibrary):  # type: ignore[misc]
+    """A program: each of its parts is linked once, however many others call it."""
+
+    def __init__(self, codegen: Any) -> None:
+        super().__init__(codegen, "program")
+        self.enable_object_caching()
+
+    def add_linking_library(self, library: CPUCodeLibrary) -> None:
+        """Link what is called, and all that it calls."""
+        if library not in self._linking_libraries:
+            super().add_linking_library(library)
+            for called in library._linking_libraries if isinstance(library, ProgramPart) else ():
+                self.add_linking_library(called)
+
+
+class ProgramAbreast(WholeProgram):
+    """A program whose loops take several vectors of samples side by side: while one waits for a root, others go on.
+
+    LLVM by itself does so for short loops alone, though a processor does not see far enough ahead in long ones.
+    """
+
+    def __init__(self, codegen: Any, vectors: int) -> None:
+        super().__init__(codegen)
+        self._vectors = vectors
+
+    def add_ir_module(self, module: Any) -> None:
+        """What numba hands over; its loops are told how many (LLVM Language Reference, llvm.loop.interleave.count)."""
+        count = ir.Constant(ir.IntType(32), self._vectors)
+        told = module.add_metadata([ir.MetaDataString(module, "llvm.loop.interleave.count"), count])
+        for end in _ends_of_loops(module):
+            loop = module.add_metadata([told])
+            loop.operands = (loop, told)
+            end.set_metadata("llvm.loop", loop)
+        super().add_ir_module(module)
+
+
+def _ends_of_loops(module: Any) -> Iterator[Any]:
+    """Jumps back, to a block that stands before."""
+    for function in module.functions:
+        met = set()
+        for block in function.blocks:
+            met.add(block.name)
+            if isinstance(block.terminator, ir.Branch) and block.terminator.operands[0].name in met:
+                yield block.terminator
