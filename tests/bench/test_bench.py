@@ -19,6 +19,8 @@ from textile_twin_core.bench.run import Row
 from textile_twin_core.bench.scenes import scenes
 from textile_twin_core.bench.text import ratio_lines, speed_table
 from textile_twin_core.bench.timing import PINS, bench_core
+from textile_twin_core.bench.yardsticks import YARDSTICK, plain_operations
+from textile_twin_core.expression.traversal import operation_counts
 
 KEYS = {"method", "peer", "outputs", "machine", "batch", "error_over_peak", "ns_per_sample", "us_per_call"}
 SCENES = ("torque", "position", "torque and position", "everything")
@@ -42,7 +44,7 @@ def test_rows_are_what_is_promised(rows: list[Row]) -> None:
     for row in json.loads(json.dumps([row.to_json() for row in rows])):
         assert row.keys() >= KEYS
         assert row["machine"] == "tufting" and row["batch"] == 2000
-        assert row["ns_per_sample"] > 0.0 and row["us_per_call"] > 0.0
+        assert row["ns_per_sample"] > 0.0 and (row["peer"] == YARDSTICK or row["us_per_call"] > 0.0)
     assert tuple(dict.fromkeys(row.outputs for row in rows)) == SCENES
 
 
@@ -97,7 +99,7 @@ def test_a_peer_that_is_not_installed_or_fails_costs_one_line(monkeypatch: pytes
     said: list[str] = []
     machine = ttc.machines.tufting()
     rows = run_bench(machine, with_peers=True, rounds=1, samples=100, scene_names=["position"], say=said.append)
-    assert {row.peer for row in rows} <= {None, "C"}
+    assert {row.peer for row in rows} <= {None, "C", YARDSTICK}
     assert said[0] == "no_such_library is left out: not installed (pip install -r requirements-peers.lock)"
     assert len(said) == 2 and said[1].startswith("numpy is left out of 'position': No module named")
 
@@ -111,6 +113,15 @@ def test_the_bench_keeps_to_one_core() -> None:
     )  # fmt: skip
     assert seen == [{bench_core()}] * 3
     assert os.sched_getaffinity(0) == before
+
+
+def test_the_yardstick_has_as_many_operations() -> None:
+    outputs = [ttc.machines.tufting().model.output("balancing_torque_Nm")]
+    asked, found = operation_counts(outputs), operation_counts([plain_operations(outputs)])
+    assert (found["div"], found["sqrt"]) == (asked["div"], asked["sqrt"]) == (3, 2)
+    plain = sum(asked[op] for op in ("add", "sub", "mul", "square"))
+    assert abs(found["add"] + found["mul"] - plain) <= 1 and plain > 100
+    assert found.keys() == {"add", "mul", "div", "sqrt"}
 
 
 def test_errors_are_relative_to_the_peak() -> None:

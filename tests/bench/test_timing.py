@@ -46,7 +46,7 @@ def test_every_round_is_kept_and_candidates_take_turns() -> None:
     ways = [Candidate(name, None, lambda name=name: calls.append(name), samples=2) for name in "ab"]  # type: ignore[misc]
     heard: list[int] = []
     take_turns(ways, 3, heard.append)
-    assert calls == ["a", "b"] * 4  # once before the rounds
+    assert calls == ["a", "b"] + ["a", "a", "b", "b"] * 3  # once before the rounds, once before it is timed
     assert heard == [1, 1, 1]
     assert [len(way.batch_times) for way in ways] == [3, 3]
     ways[0].batch_times[:] = [4.0, 1.0, 2.0]

@@ -9,13 +9,15 @@ import numpy as np
 
 from textile_twin_core.bench.impact_table import EVENT_DRIVEN, ImpactRow
 from textile_twin_core.bench.run import Row
+from textile_twin_core.bench.yardsticks import YARDSTICK
 
 COMPILED = ("casadi", "jax", "numba")
 """Peers that compile the same closed form."""
 RIGID_BODIES = ("pinocchio", "mujoco", "drake", "exudyn")
 """Peers that are engines for any system of rigid bodies."""
 _EXACT, _TABLE = "exact", "table 1e-13"
-_TORQUE, _POSITION = "torque", "position"
+_C = "C, vectorised"
+_TORQUE, _POSITION, _EVERYTHING = "torque", "position", "everything"
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ def quartiles(values: Sequence[float]) -> tuple[float, float, float]:
 
 
 def ratios(rows: Sequence[Row]) -> list[Ratio]:
-    """Of batches, torque: ours over what is compiled, engines over ours; and the position alone over the torque."""
+    """Of batches, torque: ours over what is compiled and yardsticks, engines over ours; then of other outputs."""
     return [
         ratio(row_name(above), row_name(below), above.ns_per_round, below.ns_per_round)
         for above, below in _pairs(rows)
@@ -78,11 +80,13 @@ def _pairs(rows: Sequence[Row]) -> Iterator[tuple[Row, Row]]:
     for row in torque:
         if row.peer == "C":
             yield from ((ours, row) for ours in (exact, table) if ours is not None)
-        elif row.peer in COMPILED:
+        elif row.peer in (*COMPILED, YARDSTICK):
             yield exact, row
     for row in torque:
         if row.peer in RIGID_BODIES:
             yield row, exact
-    position = by_name.get((_POSITION, _EXACT))
+    position, everything = by_name.get((_POSITION, _EXACT)), by_name.get((_EVERYTHING, _EXACT))
     if position is not None:
         yield position, exact
+    if everything is not None and (_EVERYTHING, _C) in by_name:
+        yield everything, by_name[_EVERYTHING, _C]

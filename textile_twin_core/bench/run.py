@@ -9,6 +9,7 @@ from textile_twin_core.bench.c_limit import c_candidates
 from textile_twin_core.bench.own_methods import own_candidates
 from textile_twin_core.bench.scenes import Workload, scenes
 from textile_twin_core.bench.timing import Candidate, one_core, take_turns
+from textile_twin_core.bench.yardsticks import yardsticks
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine import Machine
 
@@ -74,7 +75,7 @@ def run_bench(
 
     candidates: list[tuple[Workload, Candidate]] = []
     for scene in chosen:
-        found = [*c_candidates(scene), *own_candidates(scene)]
+        found = [*c_candidates(scene), *own_candidates(scene), *yardsticks(scene)]
         if with_peers:
             found += _peers(scene, say_once)
         candidates += [(scene, candidate) for candidate in found]

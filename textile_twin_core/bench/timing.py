@@ -77,15 +77,19 @@ def one_core() -> Iterator[None]:
 def take_turns(
     candidates: Iterable[Candidate], rounds: int, progress: Callable[[int], object] = lambda _: None
 ) -> None:
-    """Time every candidate once a round, so that whatever slows the machine meets all alike."""
+    """Time every candidate once a round, so that whatever slows the machine meets all alike.
+
+    Just before, each runs once untimed: what the others left in the caches is no part of its time.
+    """
     candidates = list(candidates)
-    for candidate in candidates:  # warm caches, compile what compiles late
+    for candidate in candidates:  # compile what compiles late
         for function in (candidate.batch, candidate.single):
             if function is not None:
                 function()
     for _ in range(rounds):
         for candidate in candidates:
             if candidate.batch is not None:
+                candidate.batch()
                 begin = clock()
                 candidate.batch()
                 candidate.batch_times.append(clock() - begin)

@@ -123,7 +123,8 @@ class Twin:
         evaluator = self._evaluator
         if self.method == "auto" and size >= _TABLE_PAYS_FROM:
             evaluator = self._table_or_exact
-        evaluator.fill(columns, {name: a.reshape(-1) for name, a in result.items()}, cores)
+        flat = result if len(shape) == 1 else {name: a.reshape(-1) for name, a in result.items()}
+        evaluator.fill(columns, flat, cores)
         return result
 
     def _cannot_close(self, theta: float) -> MotionError:
