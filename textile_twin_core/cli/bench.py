@@ -16,6 +16,7 @@ from textile_twin_core.bench.run import run_bench
 from textile_twin_core.bench.shaft_table import shaft_table
 from textile_twin_core.bench.text import growth_table, heading, impact_lines, ratio_lines, shaft_lines, speed_table
 from textile_twin_core.bench.timing import bench_core
+from textile_twin_core.bench.yardsticks import YARDSTICK
 from textile_twin_core.cli.arguments import Parser, add_machine, count
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
@@ -100,7 +101,8 @@ def _speed(machine: Machine, peers: bool, rounds: int, picture: Path | None) -> 
         from textile_twin_core.bench.plots.speed import plot_work_precision
 
         plot_work_precision(rows, picture)
-    return {"rows": [row.to_json() for row in rows], "ratios": [ratio.to_json() for ratio in compared]}
+    methods = [row.to_json() for row in rows if row.peer != YARDSTICK]
+    return {"rows": methods, "ratios": [ratio.to_json() for ratio in compared]}
 
 
 def _growth(machine: Machine) -> Rows:
