@@ -140,8 +140,11 @@ class InputWatch:
         """Seconds since the last message, or since the watch began."""
         return time.monotonic() - self._last
 
-    def status(self, name: str, values: Mapping[str, object]) -> Status:
-        """The input's status of this moment; logs a warning when the input has been silent for long."""
+    def status(self, name: str, values: Mapping[str, object], refusing: bool = False) -> Status:
+        """The input's status of this moment; logs a warning when the input has been silent for long.
+
+        refusing: whether messages were refused lately.
+        """
         now = time.monotonic()
         self._past.append((now, self.received))
         while self._past[1][0] <= now - _RATE_S:
@@ -162,7 +165,7 @@ class InputWatch:
                 self._warned_at = None
             if not self.received:
                 return Status(name, WARN, f"waiting for the first message: {self._describe()}", told)
-            return Status(name, OK, f"{rate:.1f} Hz" + (f"; some messages: {self.refusal}" * bool(self.refusal)), told)
+            return Status(name, OK, f"{rate:.1f} Hz" + (f"; some messages: {self.refusal}" * refusing), told)
         text = f"no data on {self._topic} for {self.silent_s:.1f} s: {self._describe()}"
         if self._warned_at is None or now - self._warned_at >= _REPEAT_S:
             self._warned_at = now

@@ -21,8 +21,8 @@ _UNFIT = ("unreadable", "rejected_", "outliers", "older")
 _INTERRUPTIONS = {
     "gaps": "pauses in the stamps",
     "jumps": "leaps of the angle that no shaft makes",
-    "miscounts": "times that a gap of teeth or an index pulse was elsewhere than counted",
-    "set_back": "times that the stamps went back",
+    "miscounts": "gaps of teeth or index pulses elsewhere than counted",
+    "set_back": "stamps that went back",
 }
 
 
@@ -102,7 +102,7 @@ def sample_findings(growth: Mapping[str, float], what: str) -> list[Finding]:
             Finding("unfit", level, f"{share:.0%} of the last {received:.0f} {what} do not serve: {causes}")
         )
     findings += [
-        Finding(name, WARN, f"{growth[name]:.0f} {text} in the last {WINDOW_S:g} s")
+        Finding(name, WARN, f"{text}: {growth[name]:.0f} in the last {WINDOW_S:g} s")
         for name, text in _INTERRUPTIONS.items()
         if growth.get(name, 0.0) > 0
     ]

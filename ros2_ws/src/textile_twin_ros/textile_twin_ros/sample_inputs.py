@@ -138,8 +138,8 @@ class SampleInput:
             counts: what became of its samples, as `health.sample_findings` knows it.
         """
         counts = dict(counts or {})
-        status = self.watch.status(self._topic, counts)
         growth = self._recent.growth({"received": self.watch.received, "unreadable": self.watch.refused, **counts})
+        status = self.watch.status(self._topic, counts, refusing=growth["unreadable"] > 0)
         publishers = self._node.get_publishers_info_by_topic(self.name)
         names = [f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in publishers]
         findings = [

@@ -31,6 +31,9 @@ from textile_twin_ros.twin_outputs import (
     twins_of,
 )
 
+_REPEAT_S = 10.0
+"""Stamps that leap to and fro are told of so often at most."""
+
 
 class TwinStream:
     """Angle samples and measured torques in, messages out, by one session of the engine.
@@ -133,7 +136,8 @@ class TwinStream:
         for number, (stamp, _, _) in enumerate(block):
             if self._restarts.restarted(stamp):
                 self._node.get_logger().warning(
-                    "the stamps of the shaft angle went back and go on from there: all begins anew"
+                    "the stamps of the shaft angle went back and go on from there: all begins anew",
+                    throttle_duration_sec=_REPEAT_S,
                 )
                 self._predict(block[begin:number])
                 self.flush()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -81,7 +83,8 @@ class ViewNode(Node):
         self.create_subscription(DiagnosticArray, "/diagnostics", self._hear, QoSProfile(depth=10))
         call_every(self, _HAND_OVER_S, self._hand_over)
         self._diagnostics = DiagnosticsPublisher(self, lambda: settings.machine, self._statuses)
-        shown = [f"rerun {self._view.url}"] if self._view.url else []
+        beside = Path(sys.executable).with_name("rerun")
+        shown = [f"{beside if beside.exists() else 'rerun'} {self._view.url}"] if self._view.url else []
         self.get_logger().info(f"look at it with: {' or '.join(shown + ([settings.file] if settings.file else []))}")
 
     def close(self) -> None:
