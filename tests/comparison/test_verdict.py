@@ -12,8 +12,8 @@ from tests.generators.mill_recordings import Case, MillRecording, healthy, mista
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Assessment, Readings, assess
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.recordings.bag import AngleSamples
 from textile_twin_core.recordings.prediction import recompute
+from textile_twin_core.recordings.samples import AngleSamples
 
 
 def judged(case: Case, made: MillRecording | None = None) -> Assessment:

@@ -8,8 +8,9 @@ import sys
 from textile_twin_core.comparison import Readings
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import open_bag
-from textile_twin_core.recordings.bag import AngleSamples, Bag, TorqueSamples
+from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.machine_topics import beside, usable_angles
+from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 
 def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples]:

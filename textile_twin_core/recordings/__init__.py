@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 from textile_twin_core.lazy import names_of
 
 if TYPE_CHECKING:
-    from textile_twin_core.recordings.bag import AngleSamples, Bag, PointSamples, TorqueSamples, open_bag
+    from textile_twin_core.recordings.bag import Bag, open_bag
     from textile_twin_core.recordings.bag_write import BagWriter
     from textile_twin_core.recordings.rosbag2_metadata import LATCHED, OfferedQos, TopicInfo
+    from textile_twin_core.recordings.samples import AngleSamples, PointSamples, TorqueSamples
 
 __all__ = [
     "LATCHED",
@@ -26,14 +27,14 @@ __all__ = [
 __getattr__ = names_of(
     __name__,
     {
-        "AngleSamples": "bag",
+        "AngleSamples": "samples",
         "Bag": "bag",
         "BagWriter": "bag_write",
         "LATCHED": "rosbag2_metadata",
         "OfferedQos": "rosbag2_metadata",
-        "PointSamples": "bag",
+        "PointSamples": "samples",
         "TopicInfo": "rosbag2_metadata",
-        "TorqueSamples": "bag",
+        "TorqueSamples": "samples",
         "open_bag": "bag",
     },
 )

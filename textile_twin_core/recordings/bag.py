@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -18,52 +17,10 @@ from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_ST
 from textile_twin_core.recordings.other_storage import OtherFile
 from textile_twin_core.recordings.recording import Progress, Recording
 from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
+from textile_twin_core.recordings.samples import AngleSamples, PointSamples, TorqueSamples
 
 _Take = Callable[[str, int], FloatArray]
 """Element k of a field of all messages of one layout: (field, k) -> (n,), NaN where there is none."""
-
-
-@dataclass(frozen=True)
-class AngleSamples:
-    """Angles of one joint in the order recorded; arrays of shape (n,).
-
-    stamps: ns, from the message headers; for Float64, which has none, when recorded (`stamped` is False).
-    velocities: rad/s, NaN where a message has none; None when no message has one.
-    """
-
-    topic: str
-    stamps: IntArray
-    angles_rad: FloatArray
-    velocities: FloatArray | None
-    stamped: bool
-
-    def __len__(self) -> int:
-        return len(self.stamps)
-
-
-@dataclass(frozen=True)
-class TorqueSamples:
-    """Torques about the shaft in the order recorded; arrays of shape (n,). Stamps as in AngleSamples."""
-
-    topic: str
-    stamps: IntArray
-    torque_Nm: FloatArray
-    stamped: bool
-
-    def __len__(self) -> int:
-        return len(self.stamps)
-
-
-@dataclass(frozen=True)
-class PointSamples:
-    """Points in the order recorded: stamps (n,) in ns, points_m (n, 3)."""
-
-    topic: str
-    stamps: IntArray
-    points_m: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.stamps)
 
 
 class Bag(Recording):

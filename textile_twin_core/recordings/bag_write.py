@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -17,22 +16,14 @@ from textile_twin_core.files.atomic import check_folder, partial_path, put_in_pl
 from textile_twin_core.recordings import rosbag2_metadata
 from textile_twin_core.recordings.bag_arrays import ArrayWriter
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
+from textile_twin_core.recordings.complete_files import CompleteFile, CompleteFiles, information
 from textile_twin_core.recordings.mcap_write import McapFileWriter
 from textile_twin_core.recordings.output_place import check_replaceable, is_empty_folder
 from textile_twin_core.recordings.recording import Progress, Recording
-from textile_twin_core.recordings.rosbag2_metadata import FileInfo, OfferedQos, TopicInfo
+from textile_twin_core.recordings.rosbag2_metadata import OfferedQos, TopicInfo
 from textile_twin_core.recordings.schemas import MessageSchema, message_schema
 
 _FLUSH_SECONDS = 1.0
-
-
-@dataclass(frozen=True)
-class _CompleteFile:
-    """A file of the recording that is complete."""
-
-    info: FileInfo
-    counts: dict[str, int]
-    bytes: int
 
 
 class BagWriter(ArrayWriter):
@@ -72,7 +63,7 @@ class BagWriter(ArrayWriter):
         if not self._single:
             self._place.mkdir(exist_ok=live)
         self._split_bytes, self._split_ns = split_bytes, round(split_s * 1e9)
-        self._complete: list[_CompleteFile] = []
+        self._complete = CompleteFiles()
         self._started = 0
         self._topics: dict[str, TopicInfo] = {}
         self._channels: dict[str, int] = {}
@@ -166,15 +157,12 @@ class BagWriter(ArrayWriter):
     def counts(self) -> dict[str, int]:
         """Messages written so far and kept, by absolute topic name."""
         counts = {name: self._file.counts[channel] for name, channel in self._channels.items()}
-        for file in self._complete:
-            for name, count in file.counts.items():
-                counts[name] += count
-        return counts
+        return counts | {name: counts.get(name, 0) + count for name, count in self._complete.counts.items()}
 
     @property
     def bytes_kept(self) -> int:
         """Bytes of the files that are kept, without what waits for the next flush."""
-        return self._file.bytes_written + sum(file.bytes for file in self._complete)
+        return self._file.bytes_written + self._complete.bytes
 
     def _is_full(self, log_time_ns: int) -> bool:
         if not self._split_bytes and not self._split_ns:
@@ -193,36 +181,23 @@ class BagWriter(ArrayWriter):
 
     def drop_oldest_file(self) -> bool:
         """Remove the oldest complete file; False when there is none."""
-        if not self._complete:
-            return False
-        (self._place / self._complete.pop(0).info.name).unlink(missing_ok=True)
-        return True
+        return self._complete.drop_oldest(self._place)
 
     def _end_file(self) -> None:
         """Complete the current file, with a copy of its own metadata in it."""
         self._file.flush()
         counts = {name: self._file.counts[channel] for name, channel in self._channels.items()}
-        info = FileInfo(self._file_name, self._file.span_ns, sum(counts.values()))
-        topics = [replace(self._topics[name], count=count) for name, count in counts.items()]
-        own = rosbag2_metadata.information([info], topics, self._custom_data)
+        written = CompleteFile(self._file_name, self._file.span_ns, counts)
+        own = information([written], self._topics, self._custom_data)
         self._file.add_metadata("rosbag2", {"serialized_metadata": rosbag2_metadata.dump(own)})
         self._file.close()
-        self._complete.append(_CompleteFile(info, counts, self._file.bytes_written))
-
-    def _information(self) -> dict[str, Any]:
-        """The rosbag2 information of all complete files."""
-        totals = dict.fromkeys(self._topics, 0)
-        for file in self._complete:
-            for name, count in file.counts.items():
-                totals[name] += count
-        topics = [replace(self._topics[name], count=count) for name, count in totals.items()]
-        return rosbag2_metadata.information([file.info for file in self._complete], topics, self._custom_data)
+        self._complete.append(written, self._file.bytes_written)
 
     def close(self) -> None:
         """Complete the recording and give it its name."""
         self._end_file()
         if not self._single:
-            rosbag2_metadata.write(self._place, self._information())
+            rosbag2_metadata.write(self._place, information(self._complete.files, self._topics, self._custom_data))
         if not self._live:
             put_in_place(self._place, self.path)
 

@@ -8,8 +8,8 @@ from scipy.signal import butter, sosfiltfilt
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
-from textile_twin_core.recordings.bag import AngleSamples
 from textile_twin_core.recordings.machine_topics import referred
+from textile_twin_core.recordings.samples import AngleSamples
 from textile_twin_core.twin import compile_machine
 from textile_twin_core.twin.references import reference_of
 

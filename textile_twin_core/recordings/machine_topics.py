@@ -9,8 +9,9 @@ import numpy as np
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Encoder
-from textile_twin_core.recordings.bag import AngleSamples, Bag
+from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.message_types import HEADER
+from textile_twin_core.recordings.samples import AngleSamples
 from textile_twin_core.twin.references import Reading, Reference, reference_of
 
 ANGLE_TOPIC = "main_shaft/angle"

@@ -10,13 +10,12 @@ from pathlib import Path
 
 import mcap.records as records
 import zstandard
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
 
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.recordings.cdr_decode import Bytes
 from textile_twin_core.recordings.mcap_chunk import MESSAGE_HEAD_BYTES, PendingChunk
-from textile_twin_core.recordings.mcap_read import MAGIC
+from textile_twin_core.recordings.mcap_contents import MAGIC
+from textile_twin_core.recordings.mcap_summary import Summary, bytes_of
 from textile_twin_core.recordings.schemas import MessageSchema
 
 _CHUNK_BYTES = 1 << 20
@@ -35,14 +34,8 @@ class McapFileWriter:
         self._named = named or path
         self.bytes_written = 0
         self._file = path.open("xb")
-        self._builder = RecordBuilder()
-        self._schemas: dict[str, records.Schema] = {}
-        self._channels: list[records.Channel] = []
+        self._summary = Summary()
         self.counts: dict[int, int] = {}
-        self._chunk_count = 0
-        self._chunk_indices = bytearray()
-        """Of all chunks, as the summary takes them: a recording that goes on for long has very many."""
-        self._metadata: list[records.MetadataIndex] = []
         self._compressor = zstandard.ZstdCompressor()
         self._chunk = PendingChunk()
         self.span_ns: tuple[int, int] | None = None
@@ -51,15 +44,10 @@ class McapFileWriter:
 
     def _emit(self, record: records.McapRecord) -> tuple[int, int]:
         """Write a record to the file: its position and length."""
-        data = self._bytes_of(record)
+        data = bytes_of(record)
         start = self._file.tell()
         self._put(data)
         return start, len(data)
-
-    def _bytes_of(self, record: records.McapRecord) -> bytes:
-        record.write(self._builder)
-        data: bytes = self._builder.end()  # type: ignore[no-untyped-call]
-        return data
 
     def _put(self, data: bytes | bytearray) -> None:
         with self._naming():
@@ -77,21 +65,11 @@ class McapFileWriter:
     def add_channel(self, topic: str, msgtype: str, definition: MessageSchema, metadata: dict[str, str]) -> int:
         """Declare a topic; its channel number."""
         self._end_chunk()
-        schema = self._schemas.get(msgtype)
+        schema = self._summary.schemas.get(msgtype)
         if schema is None:
-            schema = records.Schema(
-                id=len(self._schemas) + 1, name=msgtype, encoding=definition.encoding, data=definition.text.encode()
-            )
-            self._schemas[msgtype] = schema
+            schema = self._summary.add_schema(msgtype, definition)
             self._emit(schema)
-        channel = records.Channel(
-            id=len(self._channels) + 1,
-            topic=topic,
-            message_encoding="cdr",
-            metadata=metadata,
-            schema_id=schema.id,
-        )
-        self._channels.append(channel)
+        channel = self._summary.add_channel(topic, schema, metadata)
         self.counts[channel.id] = 0
         self._emit(channel)
         return channel.id
@@ -147,8 +125,7 @@ class McapFileWriter:
             compressed_size=len(packed),
             uncompressed_size=len(data),
         )
-        self._chunk_count += 1
-        self._chunk_indices += self._bytes_of(chunk_index)
+        self._summary.add_chunk(chunk_index)
         whole = self.span_ns or chunk.span_ns
         self.span_ns = (min(first, whole[0]), max(last, whole[1]))
         self._chunk = PendingChunk()
@@ -167,38 +144,18 @@ class McapFileWriter:
         """Write a metadata record."""
         self._end_chunk()
         start, length = self._emit(records.Metadata(name=name, metadata=entries))
-        self._metadata.append(records.MetadataIndex(offset=start, length=length, name=name))
+        self._summary.metadata.append(records.MetadataIndex(offset=start, length=length, name=name))
 
     def close(self) -> None:
         """Write the summary and the footer."""
         self._end_chunk()
         self._emit(records.DataEnd(data_section_crc=0))
         summary_start = self._file.tell()
-        first, last = self.span_ns or (0, 0)
-        statistics = records.Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts=dict(self.counts),
-            chunk_count=self._chunk_count,
-            message_count=sum(self.counts.values()),
-            message_end_time=last,
-            message_start_time=first,
-            metadata_count=len(self._metadata),
-            schema_count=len(self._schemas),
-        )
-        groups: dict[Opcode, bytes | bytearray] = {
-            Opcode.SCHEMA: b"".join(map(self._bytes_of, self._schemas.values())),
-            Opcode.CHANNEL: b"".join(map(self._bytes_of, self._channels)),
-            Opcode.STATISTICS: self._bytes_of(statistics),
-            Opcode.CHUNK_INDEX: self._chunk_indices,
-            Opcode.METADATA_INDEX: b"".join(map(self._bytes_of, self._metadata)),
-        }
         offsets = []
-        for opcode, group in groups.items():
-            if group:
-                start = self._file.tell()
-                offsets.append(records.SummaryOffset(group_opcode=opcode, group_start=start, group_length=len(group)))
-                self._put(group)
+        for opcode, group in self._summary.groups(self.counts, self.span_ns):
+            start = self._file.tell()
+            offsets.append(records.SummaryOffset(group_opcode=opcode, group_start=start, group_length=len(group)))
+            self._put(group)
         offset_start = self._file.tell()
         for offset in offsets:
             self._emit(offset)

@@ -11,10 +11,11 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.shaft_track import ShaftTrack, track_of
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
-from textile_twin_core.recordings.bag import AngleSamples, Bag
+from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.machine_topics import beside
 from textile_twin_core.recordings.predicted_topics import TORQUE
 from textile_twin_core.recordings.recording import Progress
+from textile_twin_core.recordings.samples import AngleSamples
 from textile_twin_core.twin import Samples, Session, compile_machine
 
 _BLOCK = 8192

@@ -9,7 +9,7 @@ import numpy as np
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.comparison.residual import ResidualStream, load_jumps
 from textile_twin_core.machine import AnyMachine
-from textile_twin_core.recordings.bag import Bag, TorqueSamples
+from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.bag_write import BagWriter
 from textile_twin_core.recordings.cdr_encode import encode_string
 from textile_twin_core.recordings.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, beside, namespace_of, usable_angles
@@ -17,6 +17,7 @@ from textile_twin_core.recordings.predicted_topics import TORQUE, PredictedTopic
 from textile_twin_core.recordings.prediction import predictions
 from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.recordings.rosbag2_metadata import LATCHED
+from textile_twin_core.recordings.samples import TorqueSamples
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin import Samples, compile_machine
 

@@ -1,0 +1,98 @@
+"""How a text table is written: its separator, its decimal sign, its header, found out from its beginning."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from textile_twin_core.errors import RecordingError
+
+EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
+"""What a cell without a number has in it."""
+_HEAD_BYTES = 65536
+_SEPARATORS = (";", "\t", ",", "|")
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?$")
+_LOOKED_AT = 40
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a text table is written. decimal: point or comma. skipped: lines before the first row of data.
+
+    names: of the columns, with their units where the file has them; made up (column_1 ..) when it has none.
+    """
+
+    separator: str
+    decimal: str
+    skipped: int
+    names: tuple[str, ...]
+
+
+def sniff(path: Path, separator: str | None = None, decimal: str | None = None) -> Dialect:
+    """The dialect under which most of the file's beginning is rows of as many numbers. Raises RecordingError."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    text = head.decode("utf-8-sig", errors="replace")
+    lines = text.splitlines()
+    if len(head) == _HEAD_BYTES:
+        lines = lines[:-1]  # it may be cut
+    best: tuple[int, int, Dialect] | None = None
+    for point in (decimal,) if decimal else (".", ","):
+        for mark in (separator,) if separator else (*_SEPARATORS, " "):
+            if mark == point:
+                continue
+            found = _try(lines, mark, point)
+            if found is not None and (best is None or found[:2] > best[:2]):
+                best = found
+    if best is None:
+        raise RecordingError(
+            f"{path}: no table of numbers found at its beginning; tell --separator and --decimal, or convert it to CSV"
+        )
+    return best[2]
+
+
+def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dialect] | None:
+    """Rows and columns that a dialect finds, and the dialect with the header that goes with it."""
+    rows = [_cells(line, separator) for line in lines]
+    width = max((len(row) for row in rows[-_LOOKED_AT:] if _is_data(row, decimal)), default=0)
+    data = [k for k, row in enumerate(rows) if len(row) == width and _is_data(row, decimal)]
+    if width == 0 or not data:
+        return None
+    first = data[0]
+    above = [row for row in rows[:first] if len(row) == width and any(cell for cell in row)]
+    names = [f"column_{k + 1}" for k in range(width)]
+    if above:
+        names = [cell or name for cell, name in zip(above[-1], names, strict=True)]
+        if len(above) > 1 and _are_units(above[-1]):
+            names = [f"{name} [{unit}]" if unit else name for name, unit in zip(above[-2], above[-1], strict=True)]
+    return len(data), width, Dialect(separator, decimal, first, tuple(_distinct(names)))
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    parts = line.split() if separator == " " else line.split(separator)
+    if separator != " " and parts and not parts[-1].strip() and len(parts) > 1:
+        parts = parts[:-1]  # a separator at the line's end
+    return [part.strip().strip('"').strip() for part in parts]
+
+
+def _is_data(row: list[str], decimal: str) -> bool:
+    """Whether every cell is a number of this decimal sign, a date or empty, and at least one is a number."""
+    other = "," if decimal == "." else "."
+    numbers = [cell for cell in row if _NUMBER.match(cell) and other not in cell]
+    rest = [cell for cell in row if cell not in EMPTY and not _DATE.match(cell)]
+    return bool(numbers) and len(numbers) == len(rest)
+
+
+def _are_units(row: list[str]) -> bool:
+    return all(len(cell) <= 8 for cell in row)
+
+
+def _distinct(names: list[str]) -> list[str]:
+    seen: dict[str, int] = {}
+    out = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        out.append(name if seen[name] == 1 else f"{name}_{seen[name]}")
+    return out

@@ -1,0 +1,50 @@
+"""What is read of a recording's topics: angles, torques and points as arrays, each with its stamps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from textile_twin_core.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class AngleSamples:
+    """Angles of one joint in the order recorded; arrays of shape (n,).
+
+    stamps: ns, from the message headers; for Float64, which has none, when recorded (`stamped` is False).
+    velocities: rad/s, NaN where a message has none; None when no message has one.
+    """
+
+    topic: str
+    stamps: IntArray
+    angles_rad: FloatArray
+    velocities: FloatArray | None
+    stamped: bool
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+
+@dataclass(frozen=True)
+class TorqueSamples:
+    """Torques about the shaft in the order recorded; arrays of shape (n,). Stamps as in AngleSamples."""
+
+    topic: str
+    stamps: IntArray
+    torque_Nm: FloatArray
+    stamped: bool
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+
+@dataclass(frozen=True)
+class PointSamples:
+    """Points in the order recorded: stamps (n,) in ns, points_m (n, 3)."""
+
+    topic: str
+    stamps: IntArray
+    points_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.stamps)
