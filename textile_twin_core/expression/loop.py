@@ -28,8 +28,8 @@ _NODES: Final = 500
 """Larger graphs take longer to compile, and so many more samples until that pays."""
 _CHUNK: Final = 8192
 """Samples that are interpreted at a time, so that their intermediate results stay in the cache."""
-_MANY: Final = 12
-"""Outputs beyond which two vectors of samples are computed side by side, not four: their results fill the cache."""
+_ABREAST: Final = {12: 4, 24: 2}
+"""Vectors of samples side by side, by the most outputs: results of more reach memory no sooner than those of one."""
 _MET: Final[Counter[bytes]] = Counter()
 """Samples in long blocks so far, by code."""
 _COMPILED: Final[dict[bytes, tuple[Any, Any]]] = {}
@@ -99,7 +99,7 @@ class Loop:
             return _COMPILED[self._code]
         one, run = self.functions()
         one = run.__globals__["one"] = compiled(one, inlined=True)
-        run = compiled(run, apart=True, abreast=2 if len(self._outputs) > _MANY else 4)
+        run = compiled(run, apart=True, abreast=next((k for n, k in _ABREAST.items() if len(self._outputs) <= n), 1))
         read, written = np.empty(1), np.empty(1)
         read.flags.writeable = False
         compile_for(run, [read] * len(self._inputs) + [*self._tables.values()] + [written] * len(self._outputs))

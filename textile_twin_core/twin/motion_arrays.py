@@ -18,7 +18,7 @@ _SHORT = 16_384
 _LINE = 8
 """Doubles of one cache line."""
 _APART = 5 * _LINE
-_DOUBLE = 8
+_DOUBLE = np.dtype(np.float64)
 _beginning = (c_char * 0).from_buffer
 
 
@@ -28,6 +28,9 @@ def flat_columns(motion: Mapping[str, npt.ArrayLike]) -> tuple[tuple[int, ...], 
     Raises MotionError for what is no real number and for shapes that do not fit each other.
     """
     arrays = [_floats(name, value) for name, value in motion.items()]
+    shape, *others = {a.shape for a in arrays}
+    if not others and len(shape) == 1:
+        return shape, arrays
     different = {a.shape for a in arrays if a.ndim}
     try:
         shape = different.pop() if len(different) == 1 else np.broadcast_shapes(*different)
@@ -67,10 +70,10 @@ def arrays_for(
     chosen: dict[str, FloatArray] = {}
     for name in outputs:
         a = out.get(name)
-        if not (isinstance(a, np.ndarray) and a.shape == shape and a.dtype == np.float64 and a.flags.carray):
+        if not (isinstance(a, np.ndarray) and a.shape == shape and a.dtype == _DOUBLE and a.flags.carray):
             raise MotionError(f"out['{name}'] must be a writeable, contiguous float64 array of shape {shape}")
         chosen[name] = a
-    _check_apart(chosen, columns, math.prod(shape) * _DOUBLE)
+    _check_apart(chosen, columns, math.prod(shape) * _DOUBLE.itemsize)
     return chosen
 
 
