@@ -21,3 +21,21 @@ def test_the_stop_does_not_choose_the_ripple_of_the_whole(duration_s: float) -> 
     _, omega, alpha = made.plan.at(time)
     assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha)[steady] ** 2)) < 0.3
     assert np.sqrt(np.mean((states.omega_rad_s - omega)[steady] ** 2)) < 0.003
+
+
+@pytest.mark.parametrize("view", ["causal", "lag"])
+@pytest.mark.parametrize("seed", [2003, 2007])
+def test_a_start_from_rest_does_not_hide_the_ripple(view: str, seed: int) -> None:
+    """What a slow start tells of the stamps' error must not last: readings would be thought too bad to tell ripple.
+
+    The steady acceleration was off by 2 to 10 rad/s^2 then, of ripple that has up to 8.
+    """
+    made = record(healthy("tufting", seed, duration_s=30.0))
+    estimator = create_estimator(view)
+    states = estimator.step(made.angle_stamps_ns, made.angle)
+    time = (states.stamps - START_NS) * 1e-9
+    steady = (time > 15.0) & (time < 20.0)
+    _, omega, alpha = made.plan.at(time)
+    assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha)[steady] ** 2)) < 1.0
+    assert np.sqrt(np.mean((states.omega_rad_s - omega)[steady] ** 2)) < 0.01
+    assert estimator.report.stamp_jitter_s < 1e-4

@@ -15,7 +15,7 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import known_part, set_basis
 from textile_twin_core.shaft.kinematics import correct, move_on
-from textile_twin_core.shaft.ripple import absorb, along, feel, foretell, learn, set_sensitivity
+from textile_twin_core.shaft.ripple import absorb, feel, foretell, learn, set_sensitivity
 from textile_twin_core.shaft.status import Record
 
 FREEDOM = 8.0
@@ -117,7 +117,8 @@ def _foresee(
         told[m] = common[m] = 0.0
     for m in range(first, end if width > 0 else first):
         feel(status.sensitivity[m], step, row, regressor, status.felt[m], width)
-        told[m], common[m] = foretell(status.ripple[m], status.factor[m], regressor, status.felt[m], width)
+        ripple, factor, felt = status.ripple[m], status.factor[m], status.felt[m]
+        told[m], common[m] = foretell(ripple, factor, regressor, felt, status.shown[m], width)
     for m in range(first, end):
         if row == lanes.ANGLE:
             p0, p1, p2 = clock[lanes.L20, m], clock[lanes.L21, m], clock[lanes.L22, m]
@@ -150,12 +151,16 @@ def _correct(status: Record, f: int) -> None:
     first, end, width = lanes.FIRST[f], lanes.END[f], 2 * lanes.WAVES[f]
     correct(status, first, end)
     for m in range(first, end if width > 0 else first):
-        sensitivity, felt, change = status.sensitivity[m], status.felt[m], status.change
-        absorb(sensitivity, felt, status.gain[0, m], status.gain[1, m], status.gain[2, m], width)
+        sensitivity, gain, clock = status.sensitivity[m], status.gain, status.clock
+        absorb(sensitivity, status.felt[m], gain[0, m], gain[1, m], gain[2, m], width)
         rest = status.own_noise[m] + status.spread[m] - status.common[m]
-        learn(status.ripple[m], status.factor[m], felt, status.innovation[m], rest, change, width)
-        for row in range(3):
-            status.clock[row, m] += along(sensitivity[row], change, width)
+        by0, by1, by2 = learn(
+            status.ripple[m], status.factor[m], status.shown[m], status.innovation[m], rest, sensitivity, status.part,
+            status.change, width,
+        )  # fmt: skip
+        clock[lanes.ACCELERATION, m] += by0
+        clock[lanes.RATE, m] += by1
+        clock[lanes.ANGLE, m] += by2
 
 
 @compiled

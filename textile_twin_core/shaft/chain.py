@@ -18,7 +18,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import WIDE, stand_at
-from textile_twin_core.shaft.clock import add_spread, shaft_state, wave
+from textile_twin_core.shaft.clock import add_spread, set_second, shaft_state, wave
 from textile_twin_core.shaft.kinematics import HALF_JERK, LAST_JERK, correct, move_on
 from textile_twin_core.shaft.mixture import owe
 from textile_twin_core.shaft.ripple import absorb, along, feel, set_sensitivity
@@ -54,18 +54,16 @@ BACK: Final = np.dtype(
 
 
 @compiled
-def know_ripple(filters: Record, status: Record) -> None:
-    """Let the chain know the ripple of its family as the filter knows it by now; its state follows the change."""
-    family, change = filters.lead, filters.change
-    best, width = status.best[family], 2 * lanes.WAVES[family]
-    root = math.sqrt(status.scale[best])
+def know_ripple(filters: Record, status: Record, lane: int) -> None:
+    """Let the chain know its family's ripple as it stands in a lane of the filter's; its state follows the change."""
+    family, change, root = filters.lead, filters.change, math.sqrt(status.scale[lane])
+    width = 2 * lanes.WAVES[family]
     for i in range(width):
-        change[i] = status.ripple[best, i] - filters.ripple[lanes.CHAIN, i]
-        filters.ripple[lanes.CHAIN, i] = status.ripple[best, i]
+        change[i] = status.ripple[lane, i] - filters.ripple[lanes.CHAIN, i]
+        filters.ripple[lanes.CHAIN, i] = status.ripple[lane, i]
         for j in range(i + 1):
-            filters.factor[lanes.CHAIN, j, i] = status.factor[best, j, i] * root
-    for i in range(2 * width):
-        filters.second[family, i] = status.second[family, i]
+            filters.factor[lanes.CHAIN, j, i] = status.factor[lane, j, i] * root
+    set_second(filters.ripple[lanes.CHAIN], lanes.WAVES[family], filters.lowest, filters.second[family])
     for row in range(3):
         filters.clock[row, lanes.CHAIN] += along(filters.sensitivity[lanes.CHAIN, row], change, width)
 

@@ -28,6 +28,8 @@ SAMPLES_A_WAVE = 2.5
 """Samples a turn that the highest order of a family needs, per order: 2 (Nyquist), and some for speeds that change."""
 UNBIASED = 1
 """Lane of the plain filter that ripple biases least, that of a short memory."""
+CALM = math.log(4.0)
+"""A ripple is noted where the memory is at most so much shorter than it was where it was longest."""
 SECOND_EVERY = 8.0
 """Samples between two looks at what the ripple's square adds: it changes slowly."""
 
@@ -71,9 +73,8 @@ def is_at_work(status: Record, f: int, turned: float) -> bool:
 
 
 @compiled
-def weigh(status: Record, noise: float) -> None:
+def weigh(status: Record, noise: float, turning: bool) -> None:
     """Take the reading in, and weigh the families by their likelihoods while the shaft turns."""
-    turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(noise)
     least = least_scale(status, noise)
     plain, total, count = 0.0, 0.0, 0
     weight = status.weight
@@ -99,3 +100,24 @@ def weigh(status: Record, noise: float) -> None:
     for f in range(lanes.FAMILIES):
         if weight[f] > 0.0:
             weight[f] = weight[f] / total * (1.0 - BANK_SHARE) + BANK_SHARE / count
+
+
+@compiled
+def note_ripples(status: Record) -> None:
+    """Note each family's ripple where the motion is calm, for `smooth`: what follows, a stop, may spoil it."""
+    for f in range(1, lanes.FAMILIES):
+        memory, best, noted = status.log_memory[f], status.best[f], lanes.NOTED + f
+        if status.weight[f] > NO_WEIGHT and has_seen(status, f) and memory > status.calmest[f] - CALM:
+            status.calmest[f] = max(status.calmest[f], memory)
+            status.scale[noted] = status.scale[best]
+            for i in range(2 * lanes.WAVES[f]):
+                status.ripple[noted, i] = status.ripple[best, i]
+                for j in range(i + 1):
+                    status.factor[noted, j, i] = status.factor[best, j, i]
+
+
+@compiled
+def memory_for(status: Record, f: int) -> float:
+    """Log memory for a family: its own, but that of one of fewer orders where that leads and its own has no weight."""
+    weak = status.weight[f] <= NO_WEIGHT or status.calmest[f] == 0.0
+    return status.log_memory[status.lead if weak and status.lead < f else f]  # type: ignore[no-any-return]

@@ -19,7 +19,7 @@ from textile_twin_core.shaft.bank import (
     take_angle,
     take_speed,
 )  # fmt: skip
-from textile_twin_core.shaft.families import can_tell, has_seen, is_at_work, weigh
+from textile_twin_core.shaft.families import can_tell, has_seen, is_at_work, memory_for, note_ripples, weigh
 from textile_twin_core.shaft.gate import Block, admit
 from textile_twin_core.shaft.mixture import mix
 from textile_twin_core.shaft.readings import FINEST_RAD2, FIRST_JITTER, noise_in_step, noise_of, recalibrate, unwrapped
@@ -38,6 +38,10 @@ GAP_SAMPLES = 50.0
 """A pause of so many intervals is a gap: the motion is found anew."""
 SETTLING = 25.0
 """Samples until a state is called settled, and at rest until it is called standstill."""
+UNSURE, SLOW = 0.25, 0.3
+"""Standard deviation of the speed, in parts of it and of this part of full speed at least, above which a state is not
+called settled: so it is for some samples where the motion changed at once.
+"""
 RECALIBRATE_EVERY = 32.0
 """Samples between two lessons about the noise."""
 PERIOD_SAMPLES, SPEED_SAMPLES = 500.0, 100.0
@@ -101,13 +105,15 @@ def _tell(status: Record, row: Record) -> None:
     mix(status, row)
     if abs(status.speed) * status.interval < status.rounding:
         row.covariance[0] += status.rounding**2 / 12.0
-    _watch(status, math.sqrt(max(row.covariance[4], 0.0)))
+    sigma = math.sqrt(max(row.covariance[4], 0.0))
+    _watch(status, sigma)
     if status.samples > 2.0:
-        row.settled = 1.0 if status.since >= SETTLING else 0.0
+        sure = status.fastest == 0.0 or sigma <= UNSURE * max(abs(status.speed), SLOW * status.fastest)
+        row.settled = 1.0 if sure and status.since >= SETTLING else 0.0
     row.theta, row.origin, row.lead = status.angle, status.origin, float(status.lead)
     put_angle(row, status.angle)
     for f in range(lanes.FAMILIES):
-        row.memory[f] = status.log_memory[f]
+        row.memory[f] = memory_for(status, f)
 
 
 @compiled
@@ -190,10 +196,11 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
         for f in range(lanes.FAMILIES):
             expect_angle(status, f, 0.0, reading, reading, noise)
     status.aside = status.off_before = status.off_last = 0.0
-    weigh(status, noise)
-    turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(noise)
+    turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(row.noise)
+    weigh(status, noise, turning)
     if status.samples % RECALIBRATE_EVERY == 0.0 and turning and status.since > RECALIBRATE_EVERY / 2.0:
         recalibrate(status, noise)
+        note_ripples(status)
 
 
 @compiled

@@ -130,7 +130,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     if status.active[filters.lead] == 0.0 or status.lead != filters.lead:
         _stand(status, filters, window.rows[0])
     else:
-        know_ripple(filters, status)
+        know_ripple(filters, status, status.best[filters.lead])
     smooth_rows(smoother, status, window.rows[: held.rows], UNSURE, due)
     stand_as(filters, smoother.steps[due - 1])
     for k in range(1, due + 1):
@@ -152,7 +152,7 @@ def _let_go(window: Window, k: int, ready: Stamps, table: Records) -> None:
 def _stand(status: Record, filters: Record, row: Record) -> None:
     """Put the chain where the filter told that the shaft was at a row, with the ripple that leads now."""
     filters.lead = status.lead
-    know_ripple(filters, status)
+    know_ripple(filters, status, status.best[filters.lead])
     start, by = filters.start, row.covariance
     start[lanes.ANGLE], start[lanes.RATE], start[lanes.ACCELERATION] = row.theta, row.speed, row.acceleration
     start[lanes.L00] = math.sqrt(by[8])

@@ -10,11 +10,19 @@ WAVES: Final = (0, 2, 6, 12)
 """Orders of ripple of the families."""
 FAMILIES: Final = len(WAVES)
 WIDEST: Final = 2 * WAVES[-1]
-FIRST: Final = (0, 16, 32, 40)
-END: Final = (16, 32, 40, 44)
-COUNT: Final = END[-1]
+FIRST: Final = (0, 16, 26, 36)
+END: Final = (16, 26, 36, 39)
+NOTED: Final = END[-1]
+"""From here on lie ripples that were noted, one of each family (see `families`)."""
+COUNT: Final = NOTED + FAMILIES
 MEMORIES: Final = np.concatenate(
-    [0.5 * 2.0 ** np.arange(16.0), 0.5 * 2.0 ** np.arange(16.0), 4.0 ** np.arange(8.0), 4.0 * 8.0 ** np.arange(4.0)]
+    [
+        0.5 * 2.0 ** np.arange(16.0),
+        0.5 * 2.8 ** np.arange(10.0),
+        2.4 ** np.arange(10.0),
+        4.0 * 10.0 ** np.arange(3.0),
+        np.ones(FAMILIES),
+    ]
 )
 """In samples, up to longer than any record is steady. Twice too long or too short costs little: the error of the speed
 goes with the root of the memory; where there are many coefficients, fewer filters must do."""

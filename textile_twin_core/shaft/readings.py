@@ -19,7 +19,9 @@ MOST_IN_STEP = 10.0
 SHARP_LESSONS = 3.0
 """Lessons in a row that readings are better than their rounding, after which they are not rounded."""
 LEARN_JITTER = 0.5
-"""Part of the jitter that each lesson about it gives."""
+"""Part of the jitter that each lesson about it gives at full speed; a slow shaft hardly shows it."""
+FORGET_SPEED = 0.99
+"""Part of the full speed that is left after each lesson at a lower one."""
 AT_REST = 0.3
 """Least scale of the noise at rest, where all readings may be equal: none the less they are rounded."""
 
@@ -69,9 +71,10 @@ def recalibrate(status: Record, noise: float) -> None:
     status.sharp = status.sharp + 1.0 if sharp else 0.0
     if status.sharp >= SHARP_LESSONS:
         status.rounding = rounding = 0.0
+    status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
         learnt = max(found - rounding, 0.01 * found) / status.speed**2
-        status.jitter += LEARN_JITTER * (learnt - status.jitter)
+        status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (learnt - status.jitter)
     _rescale(status, noise / noise_of(status, status.speed))
 
 

@@ -40,19 +40,20 @@ def feel(sensitivity: FloatArray, step: float, row: int, regressor: FloatArray, 
 
 @partial(compiled, apart=True)
 def foretell(
-    ripple: FloatArray, factor: FloatArray, regressor: FloatArray, felt: FloatArray, width: int
+    ripple: FloatArray, factor: FloatArray, regressor: FloatArray, felt: FloatArray, seen: FloatArray, width: int
 ) -> tuple[float, float]:
     """The ripple in a reading, and the variance that its uncertainty gives the innovation.
 
-    `factor` (., .) has rows j of columns j of L.
+    `factor` (., .) has rows j of columns j of L; `seen` (.) becomes what the innovation sees of each.
     """
     told = spread = 0.0
     for j in range(width):
         told += regressor[j] * ripple[j]
-        seen = 0.0
+        total = 0.0
         for i in range(j, width):
-            seen += factor[j, i] * felt[i]
-        spread += seen * seen
+            total += factor[j, i] * felt[i]
+        seen[j] = total
+        spread += total * total
     return told, spread
 
 
@@ -67,29 +68,38 @@ def absorb(sensitivity: FloatArray, felt: FloatArray, gain0: float, gain1: float
 
 @partial(compiled, apart=True)
 def learn(
-    ripple: FloatArray, factor: FloatArray, felt: FloatArray, innovation: float, noise: float, change: FloatArray,
-    width: int,
-) -> None:  # fmt: skip
-    """Correct the coefficients by an innovation of variance `noise`; `change` (.) becomes by how much."""
+    ripple: FloatArray, factor: FloatArray, seen: FloatArray, innovation: float, noise: float, sensitivity: FloatArray,
+    part: FloatArray, change: FloatArray, width: int,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Correct the coefficients by an innovation of variance `noise` beside `seen`; by how much the state changes along.
+
+    `part` (2, .) and `change` (.) are room to work in.
+    """
     total = noise
-    for i in range(width):
-        change[i] = 0.0
     for back in range(width):
         j = width - 1 - back
-        seen = 0.0
-        for i in range(j, width):
-            seen += factor[j, i] * felt[i]
-        more = total + seen * seen
-        part = 1.0 / math.sqrt(total * more)
-        keep, mix = total * part, seen * part
-        total = more
+        part[0, j] = total
+        total += seen[j] * seen[j]
+        part[1, j] = total
+    for j in range(width):
+        inverse = 1.0 / math.sqrt(part[0, j] * part[1, j])
+        part[0, j], part[1, j] = part[0, j] * inverse, seen[j] * inverse
+        change[j] = 0.0
+    for back in range(width):
+        j = width - 1 - back
+        keep, mix, by = part[0, j], part[1, j], seen[j]
         for i in range(j, width):
             old = factor[j, i]
             factor[j, i] = keep * old - mix * change[i]
-            change[i] += old * seen
+            change[i] += old * by
+    by0 = by1 = by2 = 0.0
     for i in range(width):
         change[i] *= -innovation / total
         ripple[i] += change[i]
+        by0 += sensitivity[0, i] * change[i]
+        by1 += sensitivity[1, i] * change[i]
+        by2 += sensitivity[2, i] * change[i]
+    return by0, by1, by2
 
 
 @compiled

@@ -19,12 +19,14 @@ from textile_twin_core.shaft.turns import TURN
 
 LESSONS = 4
 """Times that the teeth's pitch errors are made what the smoothed motion says."""
-UNSURE_ROWS, UNSURE_CYCLES = 16, 2.5
-"""Beginning of a stretch in which the filter is still finding memory and ripple."""
+UNSURE = lanes.numbers(17)[-1]
+"""Rows at the beginning of a stretch in which the filter is still finding the memory."""
 LEAST_LED = 0.05
 """Part of a stretch that a family must have led to be asked."""
 ASKED_PARTS, ASKED_ROWS = 16, 8192
 """Of a stretch that is longer so many parts are asked for the family, of so many rows: they tell it as well as all."""
+DECISIVE = 10.0
+"""Logarithm of a likelihood ratio from which a ripple that was noted on the way is preferred to the latest."""
 FEWEST = 4
 """Rows below which a stretch keeps the filter's states."""
 
@@ -77,17 +79,21 @@ class SmoothEstimator(ShaftEstimator):
         record, cycle = self._status, self._settings.cycle_turns * TURN
         smoother = new_smoother(self._settings, len(rows))
         led = np.bincount(rows["lead"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
-        seen = record["travelled"][0] >= SEEN_CYCLES * cycle
-        tried = [f for f in range(lanes.FAMILIES) if led[f] and (f == 0 or seen[f])] or [0]
-        family, unsure = tried[0], UNSURE_ROWS
+        now, seen = record[0], record["travelled"][0] >= SEEN_CYCLES * cycle
+        tried = [(f, int(now["best"][f])) for f in range(lanes.FAMILIES) if led[f] and (f == 0 or seen[f])]
+        tried += [(f, lanes.NOTED + f) for f in range(lanes.FAMILIES) if led[f] and now["calmest"][f] > 0.0]
+        family, lane = (tried or [(0, 0)])[0]
         if len(tried) > 1:
             asked = _asked(rows)
             size = np.log(sum(map(len, asked)))
-            cost = [lanes.WAVES[f] * size - sum(_foretold(smoother, record, part, f) for part in asked) for f in tried]
-            family = tried[int(np.argmin(cost))]
-        if family > 0:
-            unsure += int(np.argmax(np.abs(rows["theta"] - rows["theta"][0]) > UNSURE_CYCLES * cycle))
-        _smooth_stretch(smoother, record, rows, family, unsure)
+            cost = [
+                lanes.WAVES[f] * size
+                - sum(_foretold(smoother, record, part, f, lane) for part in asked)
+                + (DECISIVE if lane >= lanes.NOTED else 0.0)
+                for f, lane in tried
+            ]
+            family, lane = tried[int(np.argmin(cost))]
+        _smooth_stretch(smoother, record, rows, family, lane)
 
 
 def _asked(rows: Records) -> list[Records]:
@@ -122,23 +128,23 @@ def _compact(rows: Records) -> Records:
 
 
 @compiled
-def _begin(smoother: Smoother, record: Records, rows: Records, family: int) -> None:
+def _begin(smoother: Smoother, record: Records, rows: Records, family: int, lane: int) -> None:
     """The chain of a family begins at the first row with its reading and the filter's speed."""
     filters, first = smoother.filters[0], rows[0]
     filters.lead = family
-    know_ripple(filters, record[0])
+    know_ripple(filters, record[0], lane)
     set_start(filters.start, first.reading, first.speed, first.noise, rows[1].step)
     stand(filters)
 
 
 @compiled
-def _foretold(smoother: Smoother, record: Records, rows: Records, family: int) -> float:
-    """Logarithm of the readings' likelihood under a family."""
-    _begin(smoother, record, rows, family)
+def _foretold(smoother: Smoother, record: Records, rows: Records, family: int, lane: int) -> float:
+    """Logarithm of the readings' likelihood under a family, whose ripple stands in a lane of the filter's."""
+    _begin(smoother, record, rows, family, lane)
     return evidence(smoother, record[0], rows)
 
 
 @compiled
-def _smooth_stretch(smoother: Smoother, record: Records, rows: Records, family: int, unsure: int) -> None:
-    _begin(smoother, record, rows, family)
-    smooth_rows(smoother, record[0], rows, unsure, rows.size - 1)
+def _smooth_stretch(smoother: Smoother, record: Records, rows: Records, family: int, lane: int) -> None:
+    _begin(smoother, record, rows, family, lane)
+    smooth_rows(smoother, record[0], rows, UNSURE, rows.size - 1)

@@ -63,8 +63,8 @@ def evidence(smoother: Smoother, status: Record, rows: Records) -> float:
     """Logarithm of the readings' likelihood under the chain, which stands on the first row."""
     filters, at, total = smoother.filters[0], smoother.steps[0], 0.0
     memory, intensity = np.empty(rows.size), np.empty(rows.size)
-    for i in range(rows.size):
-        memory[i] = rows[i].memory[filters.lead]
+    for i in range(rows.size):  # what a family says that was at rest then may be long out of date
+        memory[i] = min(rows[i].memory[filters.lead], rows[i].memory[int(rows[i].lead)])
     _set_clock(filters, rows)
     _set_intensities(rows, memory, status.interval, intensity)
     for i in range(1, rows.size):

@@ -28,14 +28,14 @@ _FIELDS = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "unit", "samples", "since", "time", "interval", "longest",
     "angle", "speed", "acceleration", "first", "origin", "period", "slips", "auto", "low", "high", "rounding", "jitter",
     "jitter_told", "speed_noise", "aside", "off_before", "off_last", "step_last", "motion", "sense", "still", "judged",
-    "lowest", "basis_at", "basis_waves", "sharp", "read",
+    "lowest", "basis_at", "basis_waves", "sharp", "read", "fastest",
 )  # fmt: skip
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
     "motion", "speed", "lead", "best", "ripple",
 )  # fmt: skip
 """Counts, and what outlasts the end of a motion."""
-_BY_FAMILY = ("weight", "active", "travelled", "rest", "log_memory")
+_BY_FAMILY = ("weight", "active", "travelled", "rest", "log_memory", "calmest")
 _BY_LANE = (
     "logarithm", "weakness", "scale", "learnt", "probability", "standing", "innovation", "spread", "common", "told",
     "likelihood", "own_noise",
@@ -51,12 +51,14 @@ STATUS = np.dtype(
         ("gain", np.float64, (3, lanes.COUNT)),
         ("sensitivity", np.float64, (lanes.COUNT, 3, lanes.WIDEST)),
         ("felt", np.float64, (lanes.COUNT, lanes.WIDEST)),
+        ("shown", np.float64, (lanes.COUNT, lanes.WIDEST)),
         ("ripple", np.float64, (lanes.COUNT, lanes.WIDEST)),
         ("factor", np.float64, (lanes.COUNT, lanes.WIDEST, lanes.WIDEST)),
         ("second", np.float64, (lanes.FAMILIES, 2 * lanes.WIDEST)),
         ("basis", np.float64, (2 * lanes.WIDEST,)),
         ("regressor", np.float64, (lanes.WIDEST,)),
         ("change", np.float64, (lanes.WIDEST,)),
+        ("part", np.float64, (2, lanes.WIDEST)),
         ("owed", np.float64, (3, lanes.WIDEST)),
         ("slopes", np.float64, (6,)),
         ("start", np.float64, (9,)),
@@ -68,7 +70,8 @@ STATUS = np.dtype(
 counts its turns; `rounding` the encoder's step; `jitter` the variance of the stamps; `lowest` order of the ripple.
 
 Of each family: its weight; 1 while it works; angle [rad] since it began; angle to turn until it wakes or, below 0,
-turned since it had weight; mean logarithm of its memory; its best lane, and the coefficients of g2 that follow from
+turned since it had weight; mean logarithm of its memory, and the longest at which
+its ripple was noted; its best lane, and the coefficients of g2 that follow from
 that one's ripple (see `clock`).
 
 Of each lane: logarithm of the samples that the filter looks back; strength of its jerk; variance of the readings
