@@ -197,6 +197,20 @@ def test_threads_may_ask_for_a_part_and_its_program_at_once(tmp_path: Path, monk
     assert found == [6.0, 3.0] * 4
 
 
+def test_functions_of_numba_that_call_each_other_are_parts_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a product of matrices is compiled from wants np.empty, which the program has asked for before."""
+    monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
+
+    @compiled
+    def gram(rows: int) -> FloatArray:
+        matrix = np.zeros((rows, rows))
+        for k in range(rows):
+            matrix[k, k] = max(k + 1.0, 2.0)
+        return matrix @ matrix
+
+    assert np.array_equal(gram(3), np.diag([4.0, 4.0, 9.0]))
+
+
 @by_reference
 class _Scale(NamedTuple):
     factors: FloatArray

@@ -25,11 +25,27 @@ class ProgramPart(CPUCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
 
-class WholeProgram(JITCodeLibrary):  # type: ignore[misc]
-    """A program: each of its parts is linked once, however many others call it."""
+class BorrowedPart(ProgramPart):
+    """A function of numba's own, with all that it calls: other functions of numba's may want it beside a program."""
 
-    def __init__(self, codegen: Any) -> None:
+    def finalize(self) -> None:
+        """Take in what it calls."""
+        for library in self._linking_libraries:
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._linking_libraries.clear()
+        super().finalize()
+
+
+class WholeProgram(JITCodeLibrary):  # type: ignore[misc]
+    """A program: each of its parts is linked once, however many others call it.
+
+    Its own loops take several vectors of samples side by side: while one waits for a root, others go on. LLVM by
+    itself does so for short loops alone, though a processor does not see far enough ahead in long ones.
+    """
+
+    def __init__(self, codegen: Any, vectors: int) -> None:
         super().__init__(codegen, "program")
+        self._vectors = vectors
         self.enable_object_caching()
 
     def add_linking_library(self, library: CPUCodeLibrary) -> None:
@@ -39,26 +55,24 @@ class WholeProgram(JITCodeLibrary):  # type: ignore[misc]
             for called in library._linking_libraries if isinstance(library, ProgramPart) else ():
                 self.add_linking_library(called)
 
-
-class ProgramAbreast(WholeProgram):
-    """A program whose loops take several vectors of samples side by side: while one waits for a root, others go on.
-
-    LLVM by itself does so for short loops alone, though a processor does not see far enough ahead in long ones.
-    """
-
-    def __init__(self, codegen: Any, vectors: int) -> None:
-        super().__init__(codegen)
-        self._vectors = vectors
-
     def add_ir_module(self, module: Any) -> None:
         """What numba hands over; its loops are told how many (LLVM Language Reference, llvm.loop.interleave.count)."""
-        count = ir.Constant(ir.IntType(32), self._vectors)
-        told = module.add_metadata([ir.MetaDataString(module, "llvm.loop.interleave.count"), count])
-        for end in _ends_of_loops(module):
-            loop = module.add_metadata([told])
-            loop.operands = (loop, told)
-            end.set_metadata("llvm.loop", loop)
+        if self._vectors > 1:
+            count = ir.Constant(ir.IntType(32), self._vectors)
+            told = module.add_metadata([ir.MetaDataString(module, "llvm.loop.interleave.count"), count])
+            for end in _ends_of_loops(module):
+                loop = module.add_metadata([told])
+                loop.operands = (loop, told)
+                end.set_metadata("llvm.loop", loop)
         super().add_ir_module(module)
+
+    def _optimize_final_module(self) -> None:
+        """Once: numba inlines cheaply before, which of many parts takes long, and makes none of them faster."""
+        if not self._linking_libraries:
+            super()._optimize_final_module()
+            return
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
 
 
 def _ends_of_loops(module: Any) -> Iterator[Any]:

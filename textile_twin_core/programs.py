@@ -14,13 +14,32 @@ from typing import Any
 
 from numba.core.compiler import Compiler, Flags
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import PassManager
 from numba.core.registry import CPUDispatcher
+from numba.core.target_extension import CPU, dispatcher_registry, jit_registry
+from numba.core.typed_passes import (
+    AnnotateTypes,
+    IRLegalization,
+    NativeLowering,
+    NoPythonBackend,
+    NopythonTypeInference,
+    PreLowerStripPhis,
+)
 from numba.core.types import Function
 from numba.core.typing import make_concrete_template
+from numba.core.untyped_passes import (
+    DeadBranchPrune,
+    FixupArgs,
+    GenericRewrites,
+    IRProcessing,
+    ReconstructSSA,
+    RewriteSemanticConstants,
+    TranslateByteCode,
+)
 
-from textile_twin_core.linking import ProgramAbreast, ProgramPart, WholeProgram
+from textile_twin_core.linking import BorrowedPart, ProgramPart, WholeProgram
 
-_COLLECT_AFTER = 200_000
+_COLLECT_AFTER = 1_000_000
 """Objects until Python looks for what is no longer used: a compiler makes millions that stay."""
 
 
@@ -68,19 +87,38 @@ class _Typing:
 _typing = cache(_Typing)
 
 
+class _Target(CPU):  # type: ignore[misc]
+    """What programs are compiled for. On it numba's own functions in them are parts, too."""
+
+
 class _Pipeline(Compiler):  # type: ignore[misc]
+    _PART: type[ProgramPart] = BorrowedPart
+
     def __init__(
         self, abreast: int, types: Any, context: Any, _library: Any, args: Any, result: Any, flags: Any, *more: Any
     ):
         code = context.codegen()
-        library = (
-            ProgramPart(code, "part")
-            if flags.no_compile
-            else ProgramAbreast(code, abreast)
-            if abreast > 1
-            else WholeProgram(code)
-        )
-        super().__init__(_typing(types), context, library, args, result, flags, *more)
+        library = self._PART(code, "part") if flags.no_compile else WholeProgram(code, abreast)
+        super().__init__(_typing(types), context.subtarget(target=_Target), library, args, result, flags, *more)
+
+
+class _PlainLoops(_Pipeline):
+    """What functions without closures and array expressions need of numba's passes, in numba's order."""
+
+    _PART = ProgramPart
+    _PASSES = (
+        *(TranslateByteCode, FixupArgs, IRProcessing, RewriteSemanticConstants, DeadBranchPrune, GenericRewrites),
+        *(ReconstructSSA, DeadBranchPrune, NopythonTypeInference, PreLowerStripPhis, IRLegalization, AnnotateTypes),
+        *(NativeLowering, NoPythonBackend),
+    )
+
+    def define_pipelines(self) -> list[PassManager]:
+        """The passes, as numba asks for them."""
+        passes = PassManager("plain loops")
+        for each in self._PASSES:
+            passes.add_pass(each, each.__name__)
+        passes.finalize()
+        return [passes]
 
 
 class Program(CPUDispatcher):  # type: ignore[misc]
@@ -88,9 +126,11 @@ class Program(CPUDispatcher):  # type: ignore[misc]
 
     _cache: Any
 
-    def __init__(self, function: Any, apart: bool, abreast: int, **options: Any) -> None:
+    def __init__(
+        self, function: Any, apart: bool = False, abreast: int = 1, passes: type = _PlainLoops, **options: Any
+    ) -> None:
         options = {"nopython": True, "boundscheck": None} | options
-        super().__init__(function, targetoptions=options, pipeline_class=partial(_Pipeline, abreast))
+        super().__init__(function, targetoptions=options, pipeline_class=partial(passes, abreast))
         self._compiler._customize_flags = self._set
         self._apart, self._is_part = apart, False
 
@@ -130,3 +170,7 @@ class Program(CPUDispatcher):  # type: ignore[misc]
             self.overloads[tuple(made.signature.args)] = made
         else:
             super().add_overload(made)
+
+
+dispatcher_registry[_Target] = CPUDispatcher
+jit_registry[_Target] = partial(partial, Program, passes=_Pipeline)
