@@ -15,6 +15,7 @@ from textile_twin_core.shaft.gate import Block, Stamps, as_samples
 from textile_twin_core.shaft.readings import set_rounding
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
+from textile_twin_core.shaft.single import OneSample, OneState
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import COUNTS, KEPT, MOTIONS, ROW, Records, new_status, ripple_amplitudes
 from textile_twin_core.shaft.teeth import ToothWheel
@@ -40,6 +41,9 @@ class ShaftEstimator:
         TypeError: a setting that does not exist.
     """
 
+    at_once = True
+    """Whether a sample's state is ready with the sample."""
+
     def __init__(self, **settings: Any) -> None:
         self._settings = ShaftSettings(**settings)
         self.reset()
@@ -50,7 +54,7 @@ class ShaftEstimator:
         self._finder = StepFinder(told.period_rad, told.step_rad)
         self._status = new_status(told, UNKNOWN_STEP_RAD if told.step_rad is None else told.step_rad)
         self._last: Stamps = np.zeros(1, np.int64)
-        self._kind = ""
+        self._kind, self._one = "", OneSample()
         self._wheel = ToothWheel(told.teeth, told.tooth_zero_rad, told.pitch_errors_rad) if told.teeth else None
 
     def step(
@@ -67,6 +71,15 @@ class ShaftEstimator:
             MotionError: arrays of different lengths, or stamps of another kind than before.
         """
         return states_of(self._walk(stamps, angles, velocities))
+
+    def serves_one(self, stamp: int | float) -> bool:
+        """Whether `step_one` may be called: stamps are integers, and nothing is learnt between the samples."""
+        ready = self.at_once and self._kind == "l" and self._wheel is None
+        return ready and type(stamp) is int and not self._finder.wanted
+
+    def step_one(self, stamp: int, angle: float, velocity: float) -> OneState | None:
+        """Take a sample: stamp [ns], angle [rad], speed [rad/s] or NaN; its state, None where it has none."""
+        return self._one.take(self._status, self._last, stamp, angle, velocity)
 
     def finish(self) -> ShaftStates:
         """The states that are still held; the estimator is then as after `reset`, but for report and newest stamp."""

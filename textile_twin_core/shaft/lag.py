@@ -49,6 +49,8 @@ class LagEstimator(ShaftEstimator):
         TypeError: a setting that does not exist.
     """
 
+    at_once = False
+
     def __init__(self, *, shaft_lag_s: float = 0.04, **settings: Any) -> None:
         require_positive("shaft_lag_s", shaft_lag_s)
         self._lag = float(shaft_lag_s)

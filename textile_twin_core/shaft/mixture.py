@@ -26,17 +26,17 @@ def mix(status: Record, row: Record) -> None:
     clock, ripple, second = status.clock[lanes.ANGLE, best], status.ripple[best], status.second[lead]
     about = angle_of(clock, ripple, second, lanes.WAVES[lead], status.lowest, status.angle, status.basis)
     status.basis_waves = 0.0
-    for place in range(10):
-        moments[place] = 0.0
+    moments[:] = 0.0
+    status.products[:] = 0.0
     for f in range(lanes.FAMILIES):
         if status.weight[f] >= MINOR * top:
             _blend(status, f, about, top)
     for p in range(3):
         moments[1 + p] /= moments[0]
-    place = 4
+    place = 0
     for p in range(3):
         for q in range(p, 3):
-            value = moments[place] / moments[0] - moments[1 + p] * moments[1 + q]
+            value = status.products[place] / moments[0] - moments[1 + p] * moments[1 + q]
             row.covariance[3 * p + q] = row.covariance[3 * q + p] = value
             place += 1
     status.angle = about + moments[1]
@@ -46,9 +46,9 @@ def mix(status: Record, row: Record) -> None:
 
 @compiled
 def _blend(status: Record, f: int, about: float, top: float) -> None:
-    """Add a family's filters to moments (10,) about an angle and the speed and acceleration of before.
+    """Add a family's filters to the moments about an angle and the speed and acceleration of before.
 
-    They are the weight; the weighted sums of the three; and of 00, 01, 02, 11, 12, 22 of their products.
+    They are the weight and the weighted sums of the three (4,), and those of 00, 01, 02, 11, 12, 22 of their products.
     """
     waves, moments, slopes = lanes.WAVES[f], status.moments, status.slopes
     stand_at(status, about, waves)
@@ -60,7 +60,7 @@ def _blend(status: Record, f: int, about: float, top: float) -> None:
         clock = status.clock[:, m]
         angle, rate, acceleration = clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION]
         theta, omega, alpha = shaft_state(angle, rate, acceleration, about, g, slopes)
-        scale, spread = weight * status.scale[m], moments[4:]
+        scale, spread = weight * status.scale[m], status.products
         add_spread(clock[lanes.L20], clock[lanes.L10], clock[lanes.L00], slopes, scale, spread)
         add_spread(clock[lanes.L21], clock[lanes.L11], 0.0, slopes, scale, spread)
         add_spread(clock[lanes.L22], 0.0, 0.0, slopes, scale, spread)

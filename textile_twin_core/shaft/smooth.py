@@ -34,6 +34,8 @@ FEWEST = 4
 class SmoothEstimator(ShaftEstimator):
     """Filters while samples come in and smooths at `finish` (see `smoothing`)."""
 
+    at_once = False
+
     def reset(self) -> None:
         """Forget everything, the report included."""
         super().reset()

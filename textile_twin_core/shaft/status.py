@@ -56,13 +56,14 @@ STATUS = np.dtype(
         ("factor", np.float64, (lanes.COUNT, lanes.WIDEST, lanes.WIDEST)),
         ("second", np.float64, (lanes.FAMILIES, 2 * lanes.WIDEST)),
         ("basis", np.float64, (2 * lanes.WIDEST,)),
-        ("regressor", np.float64, (lanes.WIDEST,)),
+        ("regressor", np.float64, (2 * lanes.WIDEST,)),
         ("change", np.float64, (lanes.WIDEST,)),
         ("part", np.float64, (2, lanes.WIDEST)),
         ("owed", np.float64, (3, lanes.WIDEST)),
         ("slopes", np.float64, (6,)),
         ("start", np.float64, (9,)),
-        ("moments", np.float64, (10,)),
+        ("moments", np.float64, (4,)),
+        ("products", np.float64, (6,)),
         ("common_part", np.float64, (6,)),
     ]
 )

@@ -17,7 +17,6 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
-from textile_twin_core.shaft.single import SingleSamples
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
 from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent
 
@@ -140,7 +139,6 @@ class Session:
         self._encoder = twin.machine.sensors.encoder
         self._factor = self._encoder.direction * self._encoder.ratio
         self._estimator = create_estimator(shaft, **(encoder_settings(self._encoder) | settings))
-        self._single = SingleSamples(self._estimator)
         self._predictor: Predictor = twin.predictor()
 
     @property
@@ -169,10 +167,10 @@ class Session:
         """
         angle = (angle - self._encoder.zero_rad) * self._factor
         velocity = math.nan if velocity is None else velocity * self._factor
-        if sigma or not self._single.serves(stamp):
+        if sigma or not self._estimator.serves_one(stamp):
             states = self._estimator.step(np.array((stamp,)), np.array((angle,)), np.array((velocity,)))
             return tuple(self._predict(states).rows(sigma)) if len(states) else ()
-        state = self._single.step(int(stamp), angle, velocity)
+        state = self._estimator.step_one(int(stamp), angle, velocity)
         if state is None:
             return ()
         phase, omega, alpha, turns = state
