@@ -108,7 +108,7 @@ def note_ripples(status: Record) -> None:
     for f in range(1, lanes.FAMILIES):
         memory, best, noted = status.log_memory[f], status.best[f], lanes.NOTED + f
         if status.weight[f] > NO_WEIGHT and has_seen(status, f) and memory > status.calmest[f] - CALM:
-            status.calmest[f] = max(status.calmest[f], memory)
+            status.calmest[f], status.noted_at[f] = max(status.calmest[f], memory), status.samples
             status.scale[noted] = status.scale[best]
             for i in range(2 * lanes.WAVES[f]):
                 status.ripple[noted, i] = status.ripple[best, i]

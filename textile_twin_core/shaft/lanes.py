@@ -11,7 +11,7 @@ WAVES: Final = (0, 2, 6, 12)
 FAMILIES: Final = len(WAVES)
 WIDEST: Final = 2 * WAVES[-1]
 FIRST: Final = (0, 16, 26, 36)
-END: Final = (16, 26, 36, 39)
+END: Final = (16, 26, 36, 40)
 NOTED: Final = END[-1]
 """From here on lie ripples that were noted, one of each family (see `families`)."""
 COUNT: Final = NOTED + FAMILIES
@@ -20,7 +20,7 @@ MEMORIES: Final = np.concatenate(
         0.5 * 2.0 ** np.arange(16.0),
         0.5 * 2.8 ** np.arange(10.0),
         2.4 ** np.arange(10.0),
-        4.0 * 10.0 ** np.arange(3.0),
+        4.0 * 8.0 ** np.arange(4.0),
         np.ones(FAMILIES),
     ]
 )

@@ -25,6 +25,8 @@ LEAST_LED = 0.05
 """Part of a stretch that a family must have led to be asked."""
 ASKED_PARTS, ASKED_ROWS = 16, 8192
 """Of a stretch that is longer so many parts are asked for the family, of so many rows: they tell it as well as all."""
+RECENT = 64.0
+"""Samples within which a ripple that was noted is the latest."""
 DECISIVE = 10.0
 """Logarithm of a likelihood ratio from which a ripple that was noted on the way is preferred to the latest."""
 FEWEST = 4
@@ -83,7 +85,8 @@ class SmoothEstimator(ShaftEstimator):
         led = np.bincount(rows["lead"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
         now, seen = record[0], record["travelled"][0] >= SEEN_CYCLES * cycle
         tried = [(f, int(now["best"][f])) for f in range(lanes.FAMILIES) if led[f] and (f == 0 or seen[f])]
-        tried += [(f, lanes.NOTED + f) for f in range(lanes.FAMILIES) if led[f] and now["calmest"][f] > 0.0]
+        earlier = (now["noted_at"] > 0.0) & (now["noted_at"] < now["samples"] - RECENT)
+        tried += [(f, lanes.NOTED + f) for f in range(lanes.FAMILIES) if led[f] and earlier[f]]
         family, lane = (tried or [(0, 0)])[0]
         if len(tried) > 1:
             asked = _asked(rows)

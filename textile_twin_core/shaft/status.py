@@ -35,7 +35,7 @@ KEPT = (
     "motion", "speed", "lead", "best", "ripple",
 )  # fmt: skip
 """Counts, and what outlasts the end of a motion."""
-_BY_FAMILY = ("weight", "active", "travelled", "rest", "log_memory", "calmest")
+_BY_FAMILY = ("weight", "active", "travelled", "rest", "log_memory", "calmest", "noted_at")
 _BY_LANE = (
     "logarithm", "weakness", "scale", "learnt", "probability", "standing", "innovation", "spread", "common", "told",
     "likelihood", "own_noise",
@@ -72,7 +72,7 @@ counts its turns; `rounding` the encoder's step; `jitter` the variance of the st
 
 Of each family: its weight; 1 while it works; angle [rad] since it began; angle to turn until it wakes or, below 0,
 turned since it had weight; mean logarithm of its memory, and the longest at which
-its ripple was noted; its best lane, and the coefficients of g2 that follow from
+its ripple was noted, last at this sample; its best lane, and the coefficients of g2 that follow from
 that one's ripple (see `clock`).
 
 Of each lane: logarithm of the samples that the filter looks back; strength of its jerk; variance of the readings
