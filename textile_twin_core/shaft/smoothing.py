@@ -62,11 +62,9 @@ def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
 def evidence(smoother: Smoother, status: Record, rows: Records) -> float:
     """Logarithm of the readings' likelihood under the chain, which stands on the first row."""
     filters, at, total = smoother.filters[0], smoother.steps[0], 0.0
-    memory, intensity = np.empty(rows.size), np.empty(rows.size)
-    for i in range(rows.size):  # what a family says that was at rest then may be long out of date
-        memory[i] = min(rows[i].memory[filters.lead], rows[i].memory[int(rows[i].lead)])
+    intensity = np.empty(rows.size)
     _set_clock(filters, rows)
-    _set_intensities(rows, memory, status.interval, intensity)
+    _find_intensities(smoother, rows, status.interval, 0, intensity)
     for i in range(1, rows.size):
         step_there(filters, at, rows[i], intensity[i], False)
         if at.trust > 0.0:
@@ -80,10 +78,25 @@ def smooth_rows(smoother: Smoother, status: Record, rows: Records, unsure: int, 
 
     The filter's memory counts from row `unsure` on.
     """
-    filters, start, interval, count = smoother.filters[0], smoother.steps[MARK], status.interval, rows.size
-    memory, intensity, jerk = np.empty(count), np.empty(count), np.zeros((count, 2))
+    intensity, jerk = np.empty(rows.size), np.zeros((rows.size, 2))
     _readmit(rows)
-    _set_clock(filters, rows)
+    _set_clock(smoother.filters[0], rows)
+    _find_intensities(smoother, rows, status.interval, unsure, intensity)
+    for again in range(ROUNDS + 1):
+        if again > 0:
+            _sharpen(rows, jerk, status.interval, intensity)
+            stand_as(smoother.filters[0], smoother.steps[MARK])
+        _there_and_back(smoother, rows, intensity, jerk, told if again == ROUNDS else 0)
+
+
+@compiled
+def _find_intensities(smoother: Smoother, rows: Records, interval: float, unsure: int, intensity: FloatArray) -> None:
+    """Intensities (n,) of the white jerk by the memory seen from both sides; the chain stands on the first row again.
+
+    Where it stood is kept in the last of the steps.
+    """
+    filters, start, count = smoother.filters[0], smoother.steps[MARK], rows.size
+    memory = np.empty(count)
     shortest = longest = rows[0].memory[filters.lead]
     for i in range(count):
         memory[i] = rows[i].memory[filters.lead]
@@ -96,11 +109,7 @@ def smooth_rows(smoother: Smoother, status: Record, rows: Records, unsure: int, 
         _look_back(filters, rows, interval, memory)
         _take_shorter(rows, filters.lead, unsure, memory)
         _set_intensities(rows, memory, interval, intensity)
-    for again in range(ROUNDS + 1):
-        if again > 0:
-            _sharpen(rows, jerk, interval, intensity)
         stand_as(filters, start)
-        _there_and_back(smoother, rows, intensity, jerk, told if again == ROUNDS else 0)
 
 
 @compiled
