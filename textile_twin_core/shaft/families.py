@@ -118,6 +118,5 @@ def note_ripples(status: Record) -> None:
 
 @compiled
 def memory_for(status: Record, f: int) -> float:
-    """Log memory for a family: its own, but that of one of fewer orders where that leads and its own has no weight."""
-    weak = status.weight[f] <= NO_WEIGHT or status.calmest[f] == 0.0
-    return status.log_memory[status.lead if weak and status.lead < f else f]  # type: ignore[no-any-return]
+    """Log memory for a family: its own, or that of the leading one where it has no weight and may be at rest."""
+    return status.log_memory[f if status.weight[f] > NO_WEIGHT else status.lead]  # type: ignore[no-any-return]
