@@ -19,7 +19,7 @@ from textile_twin_core.shaft.turns import TURN
 BANK_SHARE = 1e-5
 """Weight that passes between families at each sample: ripple comes and goes with the work done, not with the sample."""
 SEEN_CYCLES = 1.25
-RESTLESS_CYCLES, REST_CYCLES = 2.0, 16.0
+RESTLESS_CYCLES, REST_CYCLES = 2.0, 32.0
 """Cycles that a family of no weight works until it rests, and rests until it tries again."""
 NO_WEIGHT = 0.05
 NEWCOMER = 1e-5
