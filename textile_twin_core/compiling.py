@@ -35,8 +35,8 @@ try:
 
     from textile_twin_core.programs import Program
     from textile_twin_core.references import pass_by_reference
-except ImportError:
-    numba = None
+except ImportError as error:
+    numba, _LACKING = None, str(error)
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Tuple = TypeVar("_Tuple", bound=type[tuple[Any, ...]])
@@ -54,7 +54,7 @@ def compiled(function: _Function, *, inlined: bool = False, apart: bool = False,
     kept.
     """
     if numba is None:
-        say_once("numba is missing: loops run uncompiled, some hundred times slower; install numba")
+        say_once(f"loops run uncompiled, some hundred times slower: {_LACKING}; install numba 0.68")
         return function
     dispatcher = Program(function, apart, abreast, forceinline=inlined, **_OPTIONS)
     dispatcher._cache = _ContentCache(function, inlined, apart, abreast)
