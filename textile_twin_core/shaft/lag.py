@@ -9,9 +9,9 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled, records
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.chain import know_ripple, stand, stand_as
+from textile_twin_core.shaft.chain import know_ripple, stand, stand_as, wave_at
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
-from textile_twin_core.shaft.filter import take
+from textile_twin_core.shaft.filter import GATE, take
 from textile_twin_core.shaft.gate import Block, Stamps
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.smoothing import MARK, Smoother, new_smoother, smooth_rows
@@ -129,7 +129,7 @@ def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, t
 def _release(record: Records, due: int, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> None:
     """Smooth the window and let go of the `due` rows after the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
-    if status.active[filters.lead] == 0.0 or status.lead != filters.lead:
+    if status.active[filters.lead] == 0.0 or status.lead != filters.lead or _is_lost(filters, window.rows[0]):
         _stand(status, filters, window.rows[0])
     else:
         know_ripple(filters, status, status.best[filters.lead])
@@ -148,6 +148,13 @@ def _let_go(window: Window, k: int, ready: Stamps, table: Records) -> None:
     held = window.held[0]
     table[held.ready], ready[held.ready] = window.rows[k], window.stamps[k]
     held.ready += 1
+
+
+@compiled
+def _is_lost(filters: Record, row: Record) -> bool:
+    """Whether the chain stands far from the row's reading, which it took and the filter believed."""
+    off = row.reading + wave_at(filters, row.theta)[0] - filters.clock[lanes.ANGLE, lanes.CHAIN]
+    return row.noise > 0.0 and off * off > GATE * row.noise  # type: ignore[no-any-return]
 
 
 @compiled
