@@ -14,7 +14,7 @@ from textile_twin_ros.twin_stream import TwinStream
 
 class _Quiet:
     def __getattr__(self, name: str) -> Any:
-        return lambda *_: self
+        return lambda *_, **__: self
 
 
 @pytest.mark.parametrize("shaft", ["causal", "lag"])
