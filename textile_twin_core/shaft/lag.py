@@ -25,8 +25,11 @@ UNSURE = lanes.numbers(1)[0]
 BATCH = 3
 """Samples within a lag that become ready at once, one part in so many: the way back is shared by them."""
 
-HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("ready", np.int64)])
-"""Lag [s]; rows held, of which the first is where the chain stands; rows that became ready."""
+HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("ready", np.int64), ("far", np.int64)])
+"""Lag [s]; rows held, of which the first is where the chain stands; rows that became ready; times in a row that the
+chain stood far from a reading."""
+LOST = 2
+"""Such times after which the chain is lost, not the reading."""
 
 
 class Window(NamedTuple):
@@ -129,7 +132,8 @@ def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, t
 def _release(record: Records, due: int, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> None:
     """Smooth the window and let go of the `due` rows after the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
-    if status.active[filters.lead] == 0.0 or status.lead != filters.lead or _is_lost(filters, window.rows[0]):
+    held.far = held.far + 1 if _is_far(filters, window.rows[0]) else 0
+    if status.active[filters.lead] == 0.0 or status.lead != filters.lead or held.far >= LOST:
         _stand(status, filters, window.rows[0])
     else:
         know_ripple(filters, status, status.best[filters.lead])
@@ -151,7 +155,7 @@ def _let_go(window: Window, k: int, ready: Stamps, table: Records) -> None:
 
 
 @compiled
-def _is_lost(filters: Record, row: Record) -> bool:
+def _is_far(filters: Record, row: Record) -> bool:
     """Whether the chain stands far from the row's reading, which it took and the filter believed."""
     off = row.reading + wave_at(filters, row.theta)[0] - filters.clock[lanes.ANGLE, lanes.CHAIN]
     return row.noise > 0.0 and off * off > GATE * row.noise  # type: ignore[no-any-return]
