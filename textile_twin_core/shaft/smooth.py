@@ -23,7 +23,7 @@ UNSURE = lanes.numbers(17)[-1]
 """Rows at the beginning of a stretch in which the filter is still finding the memory."""
 LEAST_LED = 0.05
 """Part of a stretch that a family must have led to be asked."""
-ASKED_PARTS, ASKED_ROWS = 16, 512
+ASKED_PARTS, ASKED_ROWS = 16, 256
 """Of a stretch that is longer so many parts are asked for the family, of so many rows: they tell it as well as all."""
 RECENT = 64.0
 """Samples within which a ripple that was noted is the latest."""
