@@ -16,7 +16,7 @@ def test_a_level_that_changes_is_published_with_the_next_look(suite: Suite) -> N
     node = suite.node()
     heard: list[int] = []
     looks: list[int] = []
-    changed_at = 8  # no multiple of the five looks in a second
+    changed_at = 9  # no multiple of the two looks in a second
 
     def collect() -> list[Status]:
         if not node.count_subscribers("/diagnostics"):

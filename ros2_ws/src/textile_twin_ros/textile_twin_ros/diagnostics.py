@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile
 from textile_twin_ros.spinning import call_every
 
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
-_LOOK_S = 0.2
+_LOOK_S = 0.5
 _PERIOD_S = 1.0
 _REPEAT_S = 10.0
 _RATE_S = 1.0

@@ -39,7 +39,8 @@ class AngleInput(SampleInput):
         self._create = lambda: reference_of(machine.sensors.encoder, settings.angle_type == "edges", settings.index)
         self._reference = self._create()
         common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
-        super().__init__(node, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, self._on_samples)
+        hear = take if self._reference is None else self._on_samples
+        super().__init__(node, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, hear)
         self._index = SampleInput(node, "main_shaft/index", EDGES, *common, self._on_pulses) if settings.index else None
 
     def statuses(self, counts: Mapping[str, float] | None = None) -> list[Status]:
@@ -68,7 +69,8 @@ class AngleInput(SampleInput):
             self._index.destroy()
 
     def _on_samples(self, block: list[Sample]) -> None:
-        self._pass_on(block if self._reference is None else self._reference.take(block))
+        assert self._reference is not None
+        self._pass_on(self._reference.take(block))
 
     def _on_pulses(self, block: list[Sample]) -> None:
         assert self._reference is not None

@@ -112,7 +112,7 @@ class TwinNode(LifecycleNode):
         stream.reset()
         self._measured = MeasuredTorque()
         depth = settings.qos_depth or depth_for(settings.rate_hz)
-        self._angle = AngleInput(self, settings, self._machine, depth, self._on_angles)
+        self._angle = AngleInput(self, settings, self._machine, depth, stream.take_angles)
         self._torque = TorqueInput(self, settings, depth, self._on_torques)
         self._active = True
         result = super().on_activate(state)
@@ -152,10 +152,6 @@ class TwinNode(LifecycleNode):
                 source.destroy()
         self._angle = self._torque = None
 
-    def _on_angles(self, block: list[Sample]) -> None:
-        if self._stream is not None and self._active:
-            self._stream.take_angles(block)
-
     def _on_torques(self, block: list[Sample]) -> None:
         if self._stream is not None and self._active:
             self._measured.take(torque for _, torque, _ in block)
@@ -186,7 +182,8 @@ class TwinNode(LifecycleNode):
         if stream is None or angle is None or torque is None:
             text = "waiting for subscribers" if self._starting else "not active: activate it by its lifecycle services"
             return [Status("twin", WARN, text)]
-        statuses = [*angle.statuses(stream.sample_counts()), stream.estimator_status(self.settings.shaft)]
+        report = stream.report
+        statuses = [*angle.statuses(stream.sample_counts(report)), stream.estimator_status(self.settings.shaft, report)]
         if torque.watch.received or torque.has_publishers():
             statuses.append(torque.status())
             statuses.append(stream.residual_status(self._measured.rms_Nm(), self.settings.residual_limit_Nm))

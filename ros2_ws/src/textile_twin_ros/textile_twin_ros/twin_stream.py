@@ -13,6 +13,7 @@ import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_jumps
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.message_types import WRENCH
+from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_core.twin.session import Sample
 from textile_twin_ros import contact_events
@@ -170,17 +171,21 @@ class TwinStream:
         """Publish what an estimator that looks ahead still holds."""
         self._publish(self._session.finish().rows(self._wants_sigma))
 
-    def sample_counts(self) -> dict[str, float]:
+    @property
+    def report(self) -> SampleReport:
+        """What became of the angle samples, and how the estimator stands."""
+        return self._session.report
+
+    def sample_counts(self, report: SampleReport) -> dict[str, float]:
         """What became of the angle samples."""
-        report = self._session.report
         counts: dict[str, float] = {"accepted": report.accepted}
         counts |= {f"rejected_{cause}": count for cause, count in report.rejected.items()}
         counts |= {name: getattr(report, name) for name in ("outliers", "jumps", "gaps", "reversals", "longest_gap_s")}
         return counts | {"set_back": self._restarts.count}
 
-    def estimator_status(self, shaft: str) -> Status:
+    @staticmethod
+    def estimator_status(shaft: str, report: SampleReport) -> Status:
         """How the estimator stands."""
-        report = self._session.report
         level = state_level(report.state)
         values = {key: value for key, value in report.to_json().items() if not isinstance(value, dict | list)}
         return Status("shaft estimator", level, f"{shaft}: {report.text()}", values)
