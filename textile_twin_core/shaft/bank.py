@@ -135,14 +135,12 @@ def _foresee(
 
 
 @compiled
-def nearest(status: Record, f: int, noise: float, least_probability: float) -> float:
-    """The least normalised innovation squared of the filters whose probability counts."""
-    least = math.inf
+def density(status: Record, f: int) -> float:
+    """The probability density that the family gives to what was foreseen last, but for the constant of Student's t."""
+    total = 0.0
     for m in range(lanes.FIRST[f], lanes.END[f]):
-        if status.probability[m] > least_probability:
-            variance = status.scale[m] * (noise + status.spread[m])
-            least = min(least, status.innovation[m] ** 2 / variance)
-    return least
+        total += status.probability[m] * status.likelihood[m]
+    return total
 
 
 @compiled
@@ -172,9 +170,7 @@ def take_angle(status: Record, f: int, noise: float, least_scale: float) -> floa
     first, end = lanes.FIRST[f], lanes.END[f]
     likelihood, probability, standing = status.likelihood, status.probability, status.standing
     innovation, spread, scale, learnt = status.innovation, status.spread, status.scale, status.learnt
-    together = 0.0
-    for m in range(first, end):
-        together += probability[m] * likelihood[m]
+    together = density(status, f)
     _correct(status, f)
     share, kept = SHARE / (end - first), 1.0 / together
     for m in range(first, end):

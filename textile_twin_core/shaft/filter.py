@@ -12,8 +12,8 @@ from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import (
     RIPPLE_SIZE,
     begin,
+    density,
     expect_angle,
-    nearest,
     open_motion,
     predict,
     take_angle,
@@ -26,10 +26,8 @@ from textile_twin_core.shaft.readings import FINEST_RAD2, FIRST_JITTER, noise_in
 from textile_twin_core.shaft.status import RUNNING, STANDSTILL, STARTING, Record, Records
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
 
-GATE = 49.0
-"""Normalised innovation squared (7 sigma) from which a reading is set aside."""
-LIKELY = 0.03
-"""Weight of a filter that is asked about a reading's place."""
+OUTLYING = 0.02
+"""Density [1/rad] of outliers, one reading in 50 anywhere within a radian: what filters give less is set aside."""
 SET_ASIDE = 2
 """Readings in a row that may be set aside as outliers before the motion is believed to have changed."""
 LOST = 9
@@ -109,7 +107,9 @@ def _tell(status: Record, row: Record) -> None:
     _watch(status, sigma)
     if status.samples > 2.0:
         sure = status.fastest == 0.0 or sigma <= UNSURE * max(abs(status.speed), SLOW * status.fastest)
-        row.settled = 1.0 if sure and status.since >= SETTLING else 0.0
+        row.settled = 1.0 if sure and status.doubt == 0.0 and status.since >= SETTLING else 0.0
+    if row.noise > 0.0:
+        status.doubt = max(status.doubt - 1.0, 0.0)
     row.theta, row.origin, row.lead = status.angle, status.origin, float(status.lead)
     put_angle(row, status.angle)
     for f in range(lanes.FAMILIES):
@@ -148,7 +148,7 @@ def _begin_motion(status: Record, step: float, angle: float) -> None:
         status.weight[f] = status.travelled[f] = status.rest[f] = 0.0
     status.weight[0] = 1.0
     status.lead = 0
-    status.since = status.aside = status.off_before = status.off_last = status.judged = 0.0
+    status.since = status.aside = status.doubt = status.off_before = status.off_last = status.judged = 0.0
 
 
 @compiled
@@ -175,7 +175,7 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     status.angle = expected
     row.reading, row.unit = reading, noise
     row.noise = status.scale[status.best[status.lead]] * noise
-    least, turned = math.inf, abs(status.speed) * step
+    foretold, turned = 0.0, abs(status.speed) * step
     for back in range(lanes.FAMILIES):
         f = lanes.FAMILIES - 1 - back
         if is_at_work(status, f, turned):
@@ -183,12 +183,12 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
             status.travelled[f] += turned
             # While the ripple is not known, no filter says where it should be taken better than the reading does.
             expect_angle(status, f, step, reading, expected if has_seen(status, f) else reading, noise)
-            if status.weight[f] > LIKELY:
-                least = min(least, nearest(status, f, noise, LIKELY / status.weight[f]))
-    if least > GATE and status.since > 5.0:
+            foretold += status.weight[f] * density(status, f)
+    if foretold < OUTLYING and status.since > 5.0:
         if not _is_motion(status, off, step, row.noise, row):
             row.noise = 0.0
             status.aside += 1.0
+            status.doubt += 1.0
             status.outliers += 1.0
             if status.aside > LOST:
                 _lose(status, reading, step, row)
@@ -207,11 +207,14 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
 def _is_motion(status: Record, off: float, step: float, noise: float, row: Record) -> bool:
     """Whether readings far off are the shaft's motion and not outliers: the third of three that follow a line.
 
-    Then the motion is opened: where they are equally far off (an encoder that slipped) the angle alone, else speed and
-    acceleration too.
+    Outliers on both sides of the motion follow one, too: all three must lie on one side. Then the motion is opened:
+    where they are equally far off (an encoder that slipped) the angle alone, else speed and acceleration too.
     """
     bend = off - 2.0 * status.off_last + status.off_before
-    if status.aside < SET_ASIDE or abs(bend) > 0.5 * max(abs(off), abs(status.off_before)):
+    ahead = min(off, status.off_last, status.off_before) > 0.0
+    behind = max(off, status.off_last, status.off_before) < 0.0
+    straight = abs(bend) <= 0.5 * max(abs(off), abs(status.off_before))
+    if status.aside < SET_ASIDE or not (ahead or behind) or not straight:
         status.off_before, status.off_last, status.step_last = status.off_last, off, step
         return False
     span, grown = step + status.step_last, off - status.off_before

@@ -9,9 +9,9 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled, records
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.chain import know_ripple, stand, stand_as, wave_at
+from textile_twin_core.shaft.chain import FAR, know_ripple, stand, stand_as, wave_at
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
-from textile_twin_core.shaft.filter import GATE, take
+from textile_twin_core.shaft.filter import take
 from textile_twin_core.shaft.gate import Block, Stamps
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.smoothing import MARK, Smoother, new_smoother, smooth_rows
@@ -158,7 +158,7 @@ def _let_go(window: Window, k: int, ready: Stamps, table: Records) -> None:
 def _is_far(filters: Record, row: Record) -> bool:
     """Whether the chain stands far from the row's reading, which it took and the filter believed."""
     off = row.reading + wave_at(filters, row.theta)[0] - filters.clock[lanes.ANGLE, lanes.CHAIN]
-    return row.noise > 0.0 and off * off > GATE * row.noise  # type: ignore[no-any-return]
+    return row.noise > 0.0 and off * off > FAR * row.noise  # type: ignore[no-any-return]
 
 
 @compiled

@@ -8,10 +8,10 @@ import numpy.typing as npt
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.chain import know_ripple, stand
+from textile_twin_core.shaft.chain import FAR, know_ripple, stand
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
-from textile_twin_core.shaft.filter import GATE, set_start
+from textile_twin_core.shaft.filter import set_start
 from textile_twin_core.shaft.smoothing import Smoother, evidence, new_smoother, smooth_rows
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, Records
@@ -114,7 +114,7 @@ def _readmit(rows: Records, off: FloatArray) -> None:
     """Readings set aside that are off by no more than others, now that their tooth's error is known, are used."""
     used = rows["noise"] > 0.0
     scale = np.median(rows["noise"][used] / rows["unit"][used])
-    back = ~used & (off * off < GATE * scale * rows["unit"])
+    back = ~used & (off * off < FAR * scale * rows["unit"])
     rows["noise"][back] = scale * rows["unit"][back]
 
 

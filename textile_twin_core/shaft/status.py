@@ -27,8 +27,8 @@ COUNTS = ("accepted", "gaps", "jumps", "outliers", "reversals", "standstills", "
 _FIELDS = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "unit", "samples", "since", "time", "interval", "longest",
     "angle", "speed", "acceleration", "first", "origin", "period", "slips", "auto", "low", "high", "rounding", "jitter",
-    "jitter_told", "speed_noise", "aside", "off_before", "off_last", "step_last", "motion", "sense", "still", "judged",
-    "lowest", "basis_at", "basis_waves", "sharp", "read", "fastest",
+    "jitter_told", "speed_noise", "aside", "doubt", "off_before", "off_last", "step_last", "motion", "sense", "still",
+    "judged", "lowest", "basis_at", "basis_waves", "sharp", "read", "fastest",
 )  # fmt: skip
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
