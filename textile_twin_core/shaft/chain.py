@@ -92,6 +92,19 @@ def stand(filters: Record) -> None:
 
 
 @compiled
+def stand_on(filters: Record, row: Record) -> None:
+    """Put the chain where the filter told that the shaft was at a row."""
+    start, by = filters.start, row.covariance
+    start[lanes.ANGLE], start[lanes.RATE], start[lanes.ACCELERATION] = row.theta, row.speed, row.acceleration
+    start[lanes.L00] = math.sqrt(by[8])
+    start[lanes.L10], start[lanes.L20] = by[5] / start[lanes.L00], by[2] / start[lanes.L00]
+    start[lanes.L11] = math.sqrt(max(by[4] - start[lanes.L10] ** 2, 1e-9 * by[4]))
+    start[lanes.L21] = (by[1] - start[lanes.L10] * start[lanes.L20]) / start[lanes.L11]
+    start[lanes.L22] = math.sqrt(max(by[0] - start[lanes.L20] ** 2 - start[lanes.L21] ** 2, 1e-9 * by[0]))
+    stand(filters)
+
+
+@compiled
 def write_down(filters: Record, at: Record) -> None:
     """Write down where the chain stands."""
     for row in range(9):

@@ -9,7 +9,7 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled, records
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.chain import FAR, know_ripple, stand, stand_as, wave_at
+from textile_twin_core.shaft.chain import FAR, know_ripple, stand_as, stand_on, wave_at
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
 from textile_twin_core.shaft.filter import take
 from textile_twin_core.shaft.gate import Block, Stamps
@@ -166,11 +166,4 @@ def _stand(status: Record, filters: Record, row: Record) -> None:
     """Put the chain where the filter told that the shaft was at a row, with the ripple that leads now."""
     filters.lead = status.lead
     know_ripple(filters, status, status.best[filters.lead])
-    start, by = filters.start, row.covariance
-    start[lanes.ANGLE], start[lanes.RATE], start[lanes.ACCELERATION] = row.theta, row.speed, row.acceleration
-    start[lanes.L00] = math.sqrt(by[8])
-    start[lanes.L10], start[lanes.L20] = by[5] / start[lanes.L00], by[2] / start[lanes.L00]
-    start[lanes.L11] = math.sqrt(max(by[4] - start[lanes.L10] ** 2, 1e-9 * by[4]))
-    start[lanes.L21] = (by[1] - start[lanes.L10] * start[lanes.L20]) / start[lanes.L11]
-    start[lanes.L22] = math.sqrt(max(by[0] - start[lanes.L20] ** 2 - start[lanes.L21] ** 2, 1e-9 * by[0]))
-    stand(filters)
+    stand_on(filters, row)

@@ -11,7 +11,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled, records
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import expect_angle, log_memory, predict, take_angle
-from textile_twin_core.shaft.chain import BACK, stand_as, step_back, step_there, tell, turn_round, wave_at, write_down
+from textile_twin_core.shaft.chain import BACK, stand_as, stand_on, step_back, step_there, tell, turn_round, wave_at, write_down
 from textile_twin_core.shaft.chain import STEP as ONE_STEP
 from textile_twin_core.shaft.filter import put_angle
 from textile_twin_core.shaft.settings import ShaftSettings
@@ -102,14 +102,12 @@ def _find_intensities(smoother: Smoother, rows: Records, interval: float, unsure
         memory[i] = rows[i].memory[filters.lead]
         shortest, longest = min(shortest, memory[i]), max(longest, memory[i])
     write_down(filters, start)
-    _set_intensities(rows, memory, interval, intensity)
     if shortest < longest - CHANGED:
-        for i in range(1, count):
-            step_there(filters, smoother.steps[0], rows[i], intensity[i], False)
+        stand_on(filters, rows[count - 1])
         _look_back(filters, rows, interval, memory)
         _take_shorter(rows, filters.lead, unsure, memory)
-        _set_intensities(rows, memory, interval, intensity)
         stand_as(filters, start)
+    _set_intensities(rows, memory, interval, intensity)
 
 
 @compiled
@@ -134,7 +132,7 @@ def _readmit(rows: Records) -> None:
 def _look_back(filters: Record, rows: Records, interval: float, memory: FloatArray) -> None:
     """Log memory (n,) at each row as plain filters find it that run back over the readings of the clock.
 
-    They start from where the chain arrived at the last row. Coming from behind they are forewarned of what the filter
+    They start from where the chain stands, on the last row. Coming from behind they are forewarned of what the filter
     noticed late.
     """
     last, known, m, total = rows[rows.size - 1], memory[rows.size - 1], lanes.CHAIN, 0.0
