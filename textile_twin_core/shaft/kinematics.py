@@ -1,12 +1,15 @@
 """Square-root Kalman filters of angle, speed and acceleration, side by side in lanes: a covariance stays positive.
 
 Each lane of `filters` (see `status`) holds acceleration, rate and angle of its clock, and the lower triangular factor L
-of their covariance P = L L' in that order, in which moving on in time keeps the triangle.
+of their covariance P = L L' in that order, in which moving on in time keeps the triangle. Lanes are counted without a
+sign: a place that might be negative would be looked at in each lane, and none of them would go side by side in vectors.
 """
 
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
@@ -32,7 +35,7 @@ def move_on(filters: Record, strength: float, step: float, first: int, end: int)
     l11, l21, l22 = x[lanes.L11], x[lanes.L21], x[lanes.L22]
     weakness = filters.weakness
     half = 0.5 * step * step
-    for m in range(first, end):
+    for m in range(np.uint64(first), np.uint64(end)):
         angle[m] += step * rate[m] + half * acceleration[m]
         rate[m] += step * acceleration[m]
         f00, f11 = l00[m], l11[m]
@@ -70,7 +73,7 @@ def correct(filters: Record, first: int, end: int) -> None:
     l00, l10, l20 = x[lanes.L00], x[lanes.L10], x[lanes.L20]
     l11, l21, l22 = x[lanes.L11], x[lanes.L21], x[lanes.L22]
     seen, gain, own_noise, innovation = filters.seen, filters.gain, filters.own_noise, filters.innovation
-    for m in range(first, end):
+    for m in range(np.uint64(first), np.uint64(end)):
         p0, p1, p2 = seen[0, m], seen[1, m], seen[2, m]
         before = own_noise[m]
         total = before + p2 * p2

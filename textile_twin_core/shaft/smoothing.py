@@ -11,7 +11,17 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled, records
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import expect_angle, log_memory, predict, take_angle
-from textile_twin_core.shaft.chain import BACK, stand_as, stand_on, step_back, step_there, tell, turn_round, wave_at, write_down
+from textile_twin_core.shaft.chain import (
+    BACK,
+    stand_as,
+    stand_on,
+    step_back,
+    step_there,
+    tell,
+    turn_round,
+    wave_at,
+    write_down,
+)
 from textile_twin_core.shaft.chain import STEP as ONE_STEP
 from textile_twin_core.shaft.filter import put_angle
 from textile_twin_core.shaft.settings import ShaftSettings
