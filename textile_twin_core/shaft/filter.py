@@ -227,6 +227,7 @@ def _is_motion(status: Record, off: float, step: float, noise: float, row: Recor
     row.unit += (RIPPLE_SIZE * off) ** 2
     status.jumps += row.cut == 1.0
     status.outliers -= status.aside
+    status.doubt += status.aside
     return True
 
 

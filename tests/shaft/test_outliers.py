@@ -1,0 +1,33 @@
+"""Readings that are wrong by half a radian, against known truth: the estimate is told to be in doubt, or is right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.shaft.kinds import make
+from textile_twin_core.shaft import ESTIMATORS, ShaftStates, create_estimator
+
+HARD = (12, 17, 23, 43, 46, 187, 218, 237, 290, 317)
+"""Records of few samples a turn in which two or three outliers meet a start, a stop or each other."""
+
+
+@pytest.mark.parametrize("view", ESTIMATORS)
+@pytest.mark.parametrize("seed", [*HARD, *range(2000, 2010)])
+def test_a_settled_speed_is_never_off_by_half(view: str, seed: int) -> None:
+    record = make("coarse+3%", seed)
+    estimator = create_estimator(view)
+    parts = [estimator.step(record.time_s, record.fed_rad), estimator.finish()]
+    states = ShaftStates.join([part for part in parts if len(part)])
+    late = states.settled & (states.index > 0.15 * record.time_s.size)
+    truth = record.omega[states.index]
+    least = np.maximum(np.abs(truth), 0.3 * np.abs(record.omega).max())
+    assert np.all(np.abs(states.omega_rad_s - truth)[late] < 0.5 * least[late])
+    assert np.mean(late) > 0.7
+
+
+def test_as_many_readings_must_fit_as_did_not() -> None:
+    stamps, angles = np.arange(400) * 2_000_000, np.arange(400) * 0.03
+    angles[200] += 0.5
+    states = create_estimator("causal").step(stamps, angles)
+    assert states.index[~states.settled & (states.index > 100)].tolist() == [200, 201]
