@@ -69,7 +69,8 @@ STATUS = np.dtype(
 )
 """All in samples, seconds and radians. `unit` is that of the stamps [s]; `period` what the angle wraps by, 0 when it
 counts its turns; `rounding` the encoder's step; `jitter` the variance of the stamps; `fastest` the full speed
-that is known; `lowest` order of the ripple.
+that is known; `aside` the readings set aside in a row, `doubt` those that must fit until a state is settled again;
+`lowest` order of the ripple.
 
 Of each family: its weight; 1 while it works; angle [rad] since it began; angle to turn until it wakes or, below 0,
 turned since it had weight; mean logarithm of its memory, and the longest at which its ripple was noted, last at this
@@ -79,8 +80,7 @@ Of each lane: logarithm of the samples that the filter looks back; strength of i
 relative to what is expected, and the innovations it was learnt from; probability; likelihood ratio to the family since
 it was best; state and factor of the clock, what a reading sees of the factor's columns, gains (see `kinematics`);
 sensitivity of the state to the coefficients of ripple; those and their factor, and what an innovation is shown of its
-columns (see `ripple`). Factors are in units of
-the root of the scale. The rest is room to work in."""
+columns (see `ripple`). Factors are in units of the root of the scale. The rest is room to work in."""
 
 STATE = np.dtype(
     [(name, np.float64) for name in ("phase", "speed", "acceleration", "turns", "settled", "index")]
