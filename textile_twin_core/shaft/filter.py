@@ -6,30 +6,19 @@ import math
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import (
-    RIPPLE_SIZE,
-    begin,
-    density,
-    expect_angle,
-    open_motion,
-    predict,
-    take_angle,
-    take_speed,
-)  # fmt: skip
-from textile_twin_core.shaft.families import can_tell, has_seen, is_at_work, memory_for, note_ripples, weigh
+from textile_twin_core.shaft.bank import density, expect_angle, predict, take_speed
+from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_motion, lose
+from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, note_ripples, weigh
 from textile_twin_core.shaft.gate import Block, admit
 from textile_twin_core.shaft.mixture import mix
-from textile_twin_core.shaft.readings import FINEST_RAD2, FIRST_JITTER, noise_in_step, noise_of, recalibrate, unwrapped
+from textile_twin_core.shaft.readings import FINEST_RAD2, noise_in_step, noise_of, recalibrate, unwrapped
 from textile_twin_core.shaft.status import RUNNING, STANDSTILL, STARTING, Record, Records
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
 
 OUTLYING = 0.02
 """Density [1/rad] of outliers, one reading in 50 anywhere within a radian: what filters give less is set aside."""
-SET_ASIDE = 2
-"""Readings in a row that may be set aside as outliers before the motion is believed to have changed."""
 LOST = 9
 """Readings in a row that follow no motion before everything begins anew."""
 GAP_SAMPLES = 50.0
@@ -90,7 +79,7 @@ def _take(status: Record, step: float, angle: float, row: Record) -> None:
     status.longest = max(status.longest, step)
     row.step, row.time = step, status.time
     if status.samples == 2.0:
-        _begin_motion(status, step, unwrapped(status, raw, status.first))
+        begin_motion(status, step, unwrapped(status, raw, status.first))
         row.reading, row.cut = status.angle, 1.0
         row.noise = row.unit = noise_of(status, status.speed)
     else:
@@ -125,44 +114,17 @@ def put_angle(row: Record, angle: float) -> None:
 
 
 @compiled
-def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: float) -> None:
-    """State and factor (9,) after two readings: what their noise leaves open, and a tenth more speed in a step."""
-    root = math.sqrt(noise)
-    start[lanes.ACCELERATION], start[lanes.RATE], start[lanes.ANGLE] = 0.0, rate, angle
-    start[lanes.L00], start[lanes.L10], start[lanes.L20] = 0.1 * abs(rate) / step + root / step**2, 0.0, 0.0
-    start[lanes.L11], start[lanes.L21], start[lanes.L22] = 1.5 * root / step, 0.7 * root, 0.7 * root
-
-
-@compiled
-def _begin_motion(status: Record, step: float, angle: float) -> None:
-    """Begin with two readings: what a straight line through them leaves open is the filters' uncertainty."""
-    rate = (angle - status.first) / step
-    status.interval = step
-    if status.jitter_told == 0.0:
-        status.jitter = (FIRST_JITTER * step) ** 2
-    status.angle, status.speed, status.acceleration = angle, rate, 0.0
-    set_start(status.start, angle, rate, noise_of(status, rate), step)
-    for f in range(lanes.FAMILIES):
-        begin(status, f, 1.0)
-        status.active[f] = 1.0 if can_tell(status, f, 1.0) else 0.0
-        status.weight[f] = status.travelled[f] = status.rest[f] = 0.0
-    status.weight[0] = 1.0
-    status.lead = 0
-    status.since = status.aside = status.doubt = status.off_before = status.off_last = status.judged = 0.0
-
-
-@compiled
 def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     """One reading from the third on."""
     status.since += 1.0
     if step > GAP_SAMPLES * status.interval:
-        _bridge_gap(status, step, raw, row)
+        bridge_gap(status, step, raw, row)
         return
     if status.period > 0.0 and 2.0 * abs(status.speed) * status.interval > status.period:
         # An angle that wraps tells no such speed: its readings would fit this one and any that is whole periods faster.
         reading = unwrapped(status, raw, status.read)
         status.speed = (reading - status.read) / step
-        _lose(status, reading, step, row)
+        lose(status, reading, step, row)
         row.reading = status.read = reading
         return
     gain = max(1.0 / status.samples, 1.0 / PERIOD_SAMPLES)
@@ -185,13 +147,13 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
             expect_angle(status, f, step, reading, expected if has_seen(status, f) else reading, noise)
             foretold += status.weight[f] * density(status, f)
     if foretold < OUTLYING and status.since > 5.0:
-        if not _is_motion(status, off, step, row.noise, row):
+        if not is_motion(status, off, step, row.noise, row):
             row.noise = 0.0
             status.aside += 1.0
             status.doubt += 1.0
             status.outliers += 1.0
             if status.aside > LOST:
-                _lose(status, reading, step, row)
+                lose(status, reading, step, row)
             return
         for f in range(lanes.FAMILIES):
             expect_angle(status, f, 0.0, reading, reading, noise)
@@ -201,62 +163,6 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     if status.samples % RECALIBRATE_EVERY == 0.0 and turning and status.since > RECALIBRATE_EVERY / 2.0:
         recalibrate(status, noise)
         note_ripples(status)
-
-
-@compiled
-def _is_motion(status: Record, off: float, step: float, noise: float, row: Record) -> bool:
-    """Whether readings far off are the shaft's motion and not outliers: the third of three that follow a line.
-
-    Outliers on both sides of the motion follow one, too: all three must lie on one side. Then the motion is opened:
-    where they are equally far off (an encoder that slipped) the angle alone, else speed and acceleration too.
-    """
-    bend = off - 2.0 * status.off_last + status.off_before
-    ahead = min(off, status.off_last, status.off_before) > 0.0
-    behind = max(off, status.off_last, status.off_before) < 0.0
-    straight = abs(bend) <= 0.5 * max(abs(off), abs(status.off_before))
-    if status.aside < SET_ASIDE or not (ahead or behind) or not straight:
-        status.off_before, status.off_last, status.step_last = status.off_last, off, step
-        return False
-    span, grown = step + status.step_last, off - status.off_before
-    slipped = abs(grown) < 0.25 * abs(off)
-    rate = 0.0 if slipped else grown / span
-    by_rate = 0.0 if slipped else (math.sqrt(noise) + abs(grown)) / span
-    for f in range(lanes.FAMILIES):
-        open_motion(status, f, off, rate, math.sqrt(noise) + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
-    row.cut = 1.0 if slipped else 2.0
-    row.unit += (RIPPLE_SIZE * off) ** 2
-    status.jumps += row.cut == 1.0
-    status.outliers -= status.aside
-    status.doubt += status.aside
-    return True
-
-
-@compiled
-def _bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
-    """After a pause the ripple is still known, the motion is not."""
-    status.gaps += 1.0
-    reading = unwrapped(status, raw, status.angle + status.speed * step)
-    row.unit = noise_of(status, status.speed)
-    row.reading, row.cut, row.noise = reading, 1.0, row.unit * status.scale[status.best[status.lead]]
-    root = math.sqrt(row.noise)
-    by_rate = 0.5 * abs(status.speed) + root / status.interval
-    for f in range(lanes.FAMILIES):
-        open_motion(status, f, reading - status.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))
-        if status.active[f] > 0.0:
-            expect_angle(status, f, 0.0, reading, reading, row.unit)
-            take_angle(status, f, row.unit, 0.0)
-    status.angle = reading
-    status.since = 0.0
-
-
-@compiled
-def _lose(status: Record, reading: float, step: float, row: Record) -> None:
-    """Readings that follow no motion: begin anew."""
-    status.losses += 1.0
-    status.first = reading - status.speed * step
-    _begin_motion(status, step, reading)
-    row.cut = 1.0
-    row.noise = row.unit = noise_of(status, status.speed)
 
 
 @compiled

@@ -8,10 +8,10 @@ import numpy.typing as npt
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft.breaks import set_start
 from textile_twin_core.shaft.chain import FAR, know_ripple, stand
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
-from textile_twin_core.shaft.filter import set_start
 from textile_twin_core.shaft.smoothing import Smoother, evidence, new_smoother, smooth_rows
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, Records

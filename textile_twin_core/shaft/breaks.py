@@ -1,0 +1,99 @@
+"""Where a motion begins or breaks: the first two readings, leaps and changes, gaps, readings that follow nothing."""
+
+from __future__ import annotations
+
+import math
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft.bank import RIPPLE_SIZE, begin, expect_angle, open_motion, take_angle
+from textile_twin_core.shaft.families import can_tell
+from textile_twin_core.shaft.readings import FIRST_JITTER, noise_of, unwrapped
+from textile_twin_core.shaft.status import Record
+
+SET_ASIDE = 2
+"""Readings in a row that may be set aside as outliers before the motion is believed to have changed."""
+
+
+@compiled
+def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: float) -> None:
+    """State and factor (9,) after two readings: what their noise leaves open, and a tenth more speed in a step."""
+    root = math.sqrt(noise)
+    start[lanes.ACCELERATION], start[lanes.RATE], start[lanes.ANGLE] = 0.0, rate, angle
+    start[lanes.L00], start[lanes.L10], start[lanes.L20] = 0.1 * abs(rate) / step + root / step**2, 0.0, 0.0
+    start[lanes.L11], start[lanes.L21], start[lanes.L22] = 1.5 * root / step, 0.7 * root, 0.7 * root
+
+
+@compiled
+def begin_motion(status: Record, step: float, angle: float) -> None:
+    """Begin with two readings: what a straight line through them leaves open is the filters' uncertainty."""
+    rate = (angle - status.first) / step
+    status.interval = step
+    if status.jitter_told == 0.0:
+        status.jitter = (FIRST_JITTER * step) ** 2
+    status.angle, status.speed, status.acceleration = angle, rate, 0.0
+    set_start(status.start, angle, rate, noise_of(status, rate), step)
+    for f in range(lanes.FAMILIES):
+        begin(status, f, 1.0)
+        status.active[f] = 1.0 if can_tell(status, f, 1.0) else 0.0
+        status.weight[f] = status.travelled[f] = status.rest[f] = 0.0
+    status.weight[0] = 1.0
+    status.lead = 0
+    status.since = status.aside = status.doubt = status.off_before = status.off_last = status.judged = 0.0
+
+
+@compiled
+def is_motion(status: Record, off: float, step: float, noise: float, row: Record) -> bool:
+    """Whether readings far off are the shaft's motion and not outliers: the third of three that follow a line.
+
+    Outliers on both sides of the motion follow one, too: all three must lie on one side. Then the motion is opened:
+    where they are equally far off (an encoder that slipped) the angle alone, else speed and acceleration too.
+    """
+    bend = off - 2.0 * status.off_last + status.off_before
+    ahead = min(off, status.off_last, status.off_before) > 0.0
+    behind = max(off, status.off_last, status.off_before) < 0.0
+    straight = abs(bend) <= 0.5 * max(abs(off), abs(status.off_before))
+    if status.aside < SET_ASIDE or not (ahead or behind) or not straight:
+        status.off_before, status.off_last, status.step_last = status.off_last, off, step
+        return False
+    span, grown = step + status.step_last, off - status.off_before
+    slipped = abs(grown) < 0.25 * abs(off)
+    rate = 0.0 if slipped else grown / span
+    by_rate = 0.0 if slipped else (math.sqrt(noise) + abs(grown)) / span
+    for f in range(lanes.FAMILIES):
+        open_motion(status, f, off, rate, math.sqrt(noise) + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
+    row.cut = 1.0 if slipped else 2.0
+    row.unit += (RIPPLE_SIZE * off) ** 2
+    status.jumps += row.cut == 1.0
+    status.outliers -= status.aside
+    status.doubt += status.aside
+    return True
+
+
+@compiled
+def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
+    """After a pause the ripple is still known, the motion is not."""
+    status.gaps += 1.0
+    reading = unwrapped(status, raw, status.angle + status.speed * step)
+    row.unit = noise_of(status, status.speed)
+    row.reading, row.cut, row.noise = reading, 1.0, row.unit * status.scale[status.best[status.lead]]
+    root = math.sqrt(row.noise)
+    by_rate = 0.5 * abs(status.speed) + root / status.interval
+    for f in range(lanes.FAMILIES):
+        open_motion(status, f, reading - status.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))
+        if status.active[f] > 0.0:
+            expect_angle(status, f, 0.0, reading, reading, row.unit)
+            take_angle(status, f, row.unit, 0.0)
+    status.angle = reading
+    status.since = 0.0
+
+
+@compiled
+def lose(status: Record, reading: float, step: float, row: Record) -> None:
+    """Readings that follow no motion: begin anew."""
+    status.losses += 1.0
+    status.first = reading - status.speed * step
+    begin_motion(status, step, reading)
+    row.cut = 1.0
+    row.noise = row.unit = noise_of(status, status.speed)
