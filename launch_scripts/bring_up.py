@@ -8,9 +8,9 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
@@ -18,15 +18,41 @@ from this_computer import this_computer_alone
 
 PATIENCE_S = 10.0
 """How long a program may take to end by itself before it is killed."""
+REVIVAL_S, SHORT_LIFE_S = 1.0, 10.0
+"""Pause before a program is started again, and how long it must have lived: what dies at once would do so again."""
 
 
-@dataclass
 class Program:
-    """One running program: its name, its process, and the file that takes what it prints, if any."""
+    """One running program: its name, its process, and the file that takes what it prints, if any.
 
-    name: str
-    process: subprocess.Popen[bytes]
-    log: Path | None
+    It runs in a session of its own, so that Ctrl-C reaches it only through us.
+    """
+
+    def __init__(self, command: Sequence[str], log_folder: Path | None, taken: set[str]) -> None:
+        name = Path(command[0]).name
+        self.name = next(n for n in (name, *(f"{name}_{i}" for i in range(2, 100))) if n not in taken)
+        self.log = None if log_folder is None else log_folder / f"{self.name}.log"
+        if self.log is not None:
+            self.log.unlink(missing_ok=True)
+        self._command = command
+        self.start()
+
+    def start(self) -> None:
+        """Start it, also once more."""
+        self._started_s = time.monotonic()
+        with ExitStack() as opened:
+            self.process = subprocess.Popen(
+                self._command,
+                stdin=subprocess.DEVNULL,
+                stdout=None if self.log is None else opened.enter_context(self.log.open("ab")),
+                stderr=None if self.log is None else subprocess.STDOUT,
+                start_new_session=True,
+                preexec_fn=follow_parent_to_the_end,
+            )
+
+    def was_struck_down(self) -> bool:
+        """Whether a signal ended it, which none of our nodes lets happen, and not as soon as it had started."""
+        return self.process.returncode < 0 and time.monotonic() - self._started_s > SHORT_LIFE_S
 
     def obituary(self, lines: int = 15) -> str:
         """How the program ended, and the last lines that it printed."""
@@ -42,23 +68,6 @@ def follow_parent_to_the_end() -> None:
     """Asks Linux to end this process when the one that started it dies, even when that one is killed."""
     pr_set_pdeathsig = 1
     ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGTERM)
-
-
-def start(command: Sequence[str], log_folder: Path | None, taken: set[str]) -> Program:
-    """Starts a command in a session of its own, so that Ctrl-C reaches it only through us."""
-    name = Path(command[0]).name
-    name = next(n for n in (name, *(f"{name}_{i}" for i in range(2, 100))) if n not in taken)
-    log = None if log_folder is None else log_folder / f"{name}.log"
-    with ExitStack() as opened:
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=None if log is None else opened.enter_context(log.open("wb")),
-            stderr=None if log is None else subprocess.STDOUT,
-            start_new_session=True,
-            preexec_fn=follow_parent_to_the_end,
-        )
-    return Program(name, process, log)
 
 
 def stop(programs: Sequence[Program]) -> None:
@@ -86,7 +95,10 @@ def split_commands(words: Sequence[str]) -> list[list[str]]:
 
 
 def watch(programs: Sequence[Program], until: str | None, essential: str | None) -> int:
-    """Waits until the program `until` or `essential` ends; without either, until any does. The exit code that tells."""
+    """Waits until the program `until` or `essential` ends; without either, until any does. The exit code that tells.
+
+    Beside an essential one, a program that a signal ended is started again: out of memory, a crash of a library.
+    """
     running = list(programs)
     while running:
         os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOWAIT)
@@ -100,6 +112,11 @@ def watch(programs: Sequence[Program], until: str | None, essential: str | None)
             # With exit code 2 a program has said itself, in a line for people, what is wrong.
             if code != 2 or program.log is not None:
                 print(program.obituary(), file=sys.stderr)
+            if essential not in (None, program.name) and program.was_struck_down():
+                print(f"{program.name} is started again", file=sys.stderr)
+                time.sleep(REVIVAL_S)
+                program.start()
+                running.append(program)
             if essential in (None, program.name):
                 return code if code > 0 else 1
     return 0
@@ -131,7 +148,7 @@ def bring_up(
         if logs is not None:
             logs.mkdir(parents=True, exist_ok=True)
         for command in commands:
-            programs.append(start(command, logs, {program.name for program in programs}))
+            programs.append(Program(command, logs, {program.name for program in programs}))
         return watch(programs, until, essential)
     except OSError as error:
         print(f"{error.filename}: cannot be started: {error.strerror}", file=sys.stderr)

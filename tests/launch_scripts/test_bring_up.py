@@ -78,6 +78,27 @@ def test_only_the_essential_one_takes_the_others_with_it(tmp_path: Path) -> None
     assert done.stderr.splitlines() == ["view: no port", "sh ended with exit code 3"]
 
 
+@pytest.mark.parametrize(("short_life_s", "lives"), [(0.0, 2), (1e9, 1)])
+def test_what_a_signal_struck_down_is_started_again_but_not_at_once(
+    tmp_path: Path, short_life_s: float, lives: int
+) -> None:
+    settings = f"bring_up.REVIVAL_S, bring_up.SHORT_LIFE_S = 0.0, {short_life_s}"
+    words = ["--essential", "cat", "--", "cat", f"{tmp_path}/end", "---", *sleeper(tmp_path, "a")]
+    command = [sys.executable, "-c", f"import bring_up; {settings}; bring_up.sys.exit(bring_up.main({words}))"]
+    os.mkfifo(tmp_path / "end")
+    running = subprocess.Popen(command, cwd=BRING_UP.parent, stderr=subprocess.PIPE, text=True)
+    first = pid_in(tmp_path / "a")
+    (tmp_path / "a").unlink()
+    os.kill(first, signal.SIGKILL)
+    assert running.stderr is not None
+    told = [running.stderr.readline().strip() for _ in range(lives)]
+    assert told == ["sh ended on signal SIGKILL", "sh is started again"][:lives]
+    if lives > 1:
+        assert pid_in(tmp_path / "a") != first
+    (tmp_path / "end").write_bytes(b"")  # the essential one has read all, and ends
+    assert running.communicate()[1].strip() == "cat ended with exit code 0"
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_all(tmp_path: Path, number: signal.Signals) -> None:
     running = bring_up(tmp_path, "--", *sleeper(tmp_path, "a"), "---", *sleeper(tmp_path, "b"))

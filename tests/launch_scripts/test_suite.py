@@ -73,7 +73,7 @@ def test_a_mistake_is_one_line_and_starts_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys.modules["bring_up"], "start", None)
+    monkeypatch.setattr(sys.modules["bring_up"], "Program", None)
     assert suite.main(words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("suite.sh: ") and said in line
