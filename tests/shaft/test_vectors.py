@@ -1,0 +1,30 @@
+"""The filters' lanes go side by side through the processor: what keeps a loop from vectors is seen in no result."""
+
+from __future__ import annotations
+
+import platform
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft import kinematics
+from textile_twin_core.shaft.settings import ShaftSettings
+from textile_twin_core.shaft.status import new_status
+
+numba = pytest.importorskip("numba")
+LANES = (np.int64(0), np.int64(16))
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="names the instructions of x86-64")
+@pytest.mark.parametrize(("function", "numbers"), [(kinematics.move_on, (1.0, 0.1)), (kinematics.correct, ())])
+def test_roots_are_taken_of_several_lanes_at_once(
+    function: Any, numbers: tuple[float, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))  # what comes from the disk cannot be looked into
+    anew: Any = compiled(function.py_func)
+    anew.compile(tuple(numba.typeof(each) for each in (new_status(ShaftSettings(), 0.0)[0], *numbers, *LANES)))
+    (assembly,) = anew.inspect_asm().values()
+    assert "sqrtpd" in assembly
