@@ -31,3 +31,12 @@ def test_as_many_readings_must_fit_as_did_not() -> None:
     angles[200] += 0.5
     states = create_estimator("causal").step(stamps, angles)
     assert states.index[~states.settled & (states.index > 100)].tolist() == [200, 201]
+
+
+def test_outliers_on_both_sides_of_the_motion_are_no_motion() -> None:
+    stamps, angles = np.arange(400) * 2_000_000, np.arange(400) * 0.03
+    angles[200:203] += 0.5, 0.02, -0.46  # on a line, as a shaft that turned back at once would show
+    estimator = create_estimator("causal")
+    states = estimator.step(stamps, angles)
+    assert estimator.report.outliers == 3
+    assert np.allclose(states.omega_rad_s[states.index > 100], 15.0, rtol=1e-3)
