@@ -244,7 +244,7 @@ def test_unknown_names(load: Load, message: str) -> None:
         dataclasses.replace(MACHINE, loads=(load,))
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, 2.5, -1.9])
+@pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, 2.5, -1.9, *np.radians([1, 2, 5, 118, -30])])
 def test_friction_of_a_slider_on_any_guide(angle: float) -> None:
     """The friction force works along the slider's way: the torque is its speed per shaft speed times the force."""
     guide = (math.cos(angle), math.sin(angle))

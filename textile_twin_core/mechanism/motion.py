@@ -54,7 +54,7 @@ class PointMotion:
     """A point: position [m] and its derivatives with respect to theta [m, m].
 
     `speed_squared` is |h'|^2 and `speed_product` h'.h'' in the shortest form that the group knows;
-    `circle` is set where the point rides on a crank.
+    `circle` is set where the point rides on a crank, `along`, a unit vector, where it moves on a line.
     """
 
     position: Vector
@@ -63,6 +63,7 @@ class PointMotion:
     speed_squared: Expr
     speed_product: Expr
     circle: Circle | None = None
+    along: Vector | None = None
 
     @classmethod
     def fixed(cls, x: float, y: float) -> PointMotion:
@@ -72,7 +73,7 @@ class PointMotion:
     @classmethod
     def sliding(cls, position: Vector, along: Vector, first: Expr, second: Expr) -> PointMotion:
         """A point that moves on a line, by the derivatives of its way along the line's unit vector."""
-        return cls(position, first * along, second * along, first * first, first * second)
+        return cls(position, first * along, second * along, first * first, first * second, along=along)
 
     @property
     def is_fixed(self) -> bool:

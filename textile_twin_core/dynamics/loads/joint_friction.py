@@ -71,11 +71,6 @@ class SliderFriction(Uneventful):
     def _guided(self, motion: Motion) -> LinkMotion:
         """The slider. Raises MachineError for a link that does not slide along its own direction."""
         link = link_of_load(motion, self.slider)
-        across = motion.points[link.end].first.dot(link.direction.turned_left())
-        if not (_is_zero(link.first) and _is_zero(across)):
+        if motion.points[link.end].along != link.direction:
             raise MachineError(f"friction of '{self.slider}': this link is no slider; name one, or use joint_friction")
         return link
-
-
-def _is_zero(e: Expr) -> bool:
-    return e.is_constant and e.value == 0.0
