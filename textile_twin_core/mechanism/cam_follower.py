@@ -317,7 +317,7 @@ class CamFollower(PlainGroup):
             pressed += size * contact.normal
             torque = torque - size * contact.point.cross(contact.normal)
         if not self._is_flat:
-            wrenches.add_reaction(self.end, needed[0] * contacts[0].normal)
+            wrenches.reactions[self.end] = needed[0] * contacts[0].normal  # what hangs there too does not change it
         if self.pivot is not None:
             wrenches.add_reaction(self.pivot, -pressed - force)
         else:

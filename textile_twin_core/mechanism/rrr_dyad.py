@@ -185,7 +185,8 @@ class RRRDyad(PlainGroup):
         ) * coupler.direction
         start = joint - coupler_force
         ground = -joint - rocker_force
-        wrenches.add_reaction(self.end, joint)
+        # what the coupler exerts on all others; forces between the rocker and what later groups hang there are others
+        wrenches.reactions[self.end] = joint
         wrenches.add_reaction(self.from_point, start)
         wrenches.add_reaction(self.ground, ground)
         wrenches.pull_on_point(self.from_point, -start)

@@ -56,5 +56,5 @@ class Wrenches:
         self.torque_on[shaft] = self.torque_on.get(shaft, const(0.0)) + torque
 
     def add_reaction(self, pin: str, force: Vector) -> None:
-        """Book the force in a pin; several links on one ground pin add up."""
+        """Book what the ground or the first link at a pin exerts there; the links that hang on it add up."""
         self.reactions[pin] = self.reactions.get(pin, ZERO) + force
