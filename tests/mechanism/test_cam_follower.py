@@ -146,6 +146,19 @@ def test_both_routes_to_the_torque(kind: str) -> None:
     np.testing.assert_allclose(*both.values(), rtol=0.0, atol=1e-13 * np.abs(both[names[0]]).max())
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_both_routes_with_a_spring_and_a_dyad_on_the_end_of_the_follower(kind: str) -> None:
+    """A sliding follower starts at that point, a swinging one ends there."""
+    group, points = KINDS[kind], POINTS | {"G": (0.35, 0.2)}
+    rod = RRRDyad("rod", "lever", "B", "G", "E", (0.35, 0.3))
+    bodies = (Body("f", 1.3, 2e-3, (0.4, 0.1)), Body("rod", 0.8, 1e-3), Body("lever", 0.5, 1e-3))
+    hung = ttc.Machine("cam", points, (group, rod), bodies, (Spring("B", "G", 400.0, 0.1),))
+    names = ["balancing_torque_Nm", "balancing_torque_newton_euler_Nm"]
+    one, two = ttc.compile(hung, names, method="exact").evaluate(THETA, 30.0, 200.0).values()
+    assert np.abs(one - two).max() < 1e-12 * np.abs(one).max()
+    assert '<joint name="rod"' in hung.urdf()
+
+
 @pytest.mark.parametrize("kind", CONJUGATE)
 def test_conjugate_cams_move_the_follower_both_ways(kind: str) -> None:
     """One of them presses, never both; and the torque is that of one cam which could pull."""

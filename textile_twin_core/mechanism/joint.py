@@ -31,11 +31,10 @@ class Joint:
 
 def pivot(motion: Motion, link: str, point: str) -> Joint:
     """The joint by which a link turns about a point of the ground, or about the end of an earlier link."""
-    held = motion.points[point]
-    if held.is_fixed:
-        return Joint(link, "continuous", BASE, link, held.fixed_position())
-    carrier = [k for k in motion.links.values() if k.end == point][-1]
-    return Joint(link, "continuous", carrier.name, link, (carrier.length, 0.0))
+    carrier = motion.carrier(point)
+    if carrier is None:
+        return Joint(link, "continuous", BASE, link, motion.points[point].fixed_position())
+    return Joint(link, "continuous", carrier[0].name, link, (carrier[1], 0.0))
 
 
 def guide(link: str, point_m: tuple[float, float], axis: tuple[float, float]) -> Joint:

@@ -175,6 +175,22 @@ class Motion:
             raise MachineError(f"group '{asked_by}': point '{name}' must be fixed to the ground")
         return point.fixed_position()
 
+    def carrier(self, point: str) -> tuple[LinkMotion, float] | None:
+        """The link on which a point lies, and how far along it [m]; None for a point of the ground.
+
+        The last one made that ends there, as the rocker after its coupler; else the first that starts there. Raises
+        MachineError for a point that moves along no link, as that where gears touch.
+        """
+        if self.points[point].is_fixed:
+            return None
+        ending = [link for link in self.links.values() if link.end == point]
+        if ending:
+            return ending[-1], ending[-1].length
+        for link in self.links.values():
+            if link.start == point:
+                return link, 0.0
+        raise MachineError(f"point '{point}' is fixed to no link: no force can act there, and nothing be hung on it")
+
     def add_link(self, link: LinkMotion, made_by: str) -> None:
         """Add a new link. Raises MachineError when the name is taken."""
         if link.name in self.links:

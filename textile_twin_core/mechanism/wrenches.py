@@ -42,14 +42,10 @@ class Wrenches:
 
     def pull_on_point(self, point: str, force: Vector) -> None:
         """Put a force on the link that carries a joint; what acts on the ground is dropped."""
-        carrier = self.carrier(point)
+        carrier = self.motion.carrier(point)
         if carrier is not None:
-            self.add_at(carrier, carrier.length * carrier.direction, force)
-
-    def carrier(self, point: str) -> LinkMotion | None:
-        """The link on whose end a point lies: the last one made, as the rocker after its coupler."""
-        found = [link for link in self.motion.links.values() if link.end == point]
-        return found[-1] if found else None
+            link, along = carrier
+            self.add_at(link, along * link.direction, force)
 
     def add_torque(self, shaft: str, torque: Expr) -> None:
         """Add a moment on a turning shaft."""
