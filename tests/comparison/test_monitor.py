@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -38,10 +39,18 @@ def test_nothing_is_said_of_a_healthy_machine() -> None:
     assert len(trend.columns["turn"]) > 95
 
 
-def test_live_in_small_blocks_finds_the_same_fault() -> None:
+@pytest.mark.parametrize("encoder", ["as the machine", "against it", "against it, geared 1:2"])
+def test_live_in_small_blocks_finds_the_same_fault(encoder: str) -> None:
     made = faulty("needle_force", 0.2, 983, duration_s=38.0, onset_s=28.0, rate=250.0)
-    r = made.recording
-    monitor = Monitor(told_machine(made.case), _SETTINGS)
+    r, machine = made.recording, told_machine(made.case)
+    if encoder != "as the machine":
+        factor = -2.0 if "geared" in encoder else -1.0
+        old, sensors = machine.sensors.encoder, machine.sensors
+        assert old.direction == 1 and old.ratio == 1.0
+        told = replace(old, direction=-1, ratio=-1.0 / factor, zero_rad=factor * old.zero_rad)
+        machine = replace(machine, sensors=replace(sensors, encoder=told))
+        r = replace(r, angle=factor * np.unwrap(r.angle))
+    monitor = Monitor(machine, _SETTINGS)
     alarms = []
     edges = np.arange(r.angle_stamps_ns[0], r.angle_stamps_ns[-1], 500_000_000)
     for begin, end in pairwise(edges.tolist()):
@@ -53,3 +62,18 @@ def test_live_in_small_blocks_finds_the_same_fault() -> None:
     assert [alarm.kind for alarm in alarms] == ["load_force"]
     assert monitor.turns > 90
     assert monitor.watch.active == ("load_force",)
+
+
+def test_a_shaft_that_turns_backwards_is_watched_in_the_order_of_time() -> None:
+    made = faulty("", 0.0, 984, duration_s=20.0, onset_s=19.0, rate=250.0)
+    r, machine = made.recording, told_machine(made.case)
+    backwards = Readings(r.angle_stamps_ns, -r.angle, r.torque_stamps_ns, r.torque)
+    for live in (False, True):
+        monitor = Monitor(machine, _SETTINGS)
+        monitor.add_torques(backwards.torque_stamps_ns, backwards.torque)
+        monitor.add_angles(backwards.angle_stamps_ns, backwards.angle)
+        columns = (monitor.advance() if live else monitor.finish()).columns
+        assert len(columns["turn"]) > 45
+        assert set(np.diff(columns["turn"])) == {-1}
+        assert np.all(np.diff(columns["stamp_ns"]) > 0.3e9)
+        assert np.all(columns["speed_rad_s"] < 0.0)

@@ -73,7 +73,11 @@ def turn_features(
     good &= np.abs(omega) > rest
     columns = settings.gain * np.stack([parts.load, parts.direction, torque, slope], axis=1)
     residual = torque_Nm - settings.gain * torque - settings.offset_Nm
-    turns, place = np.unique(np.floor(theta[good] / TURN).astype(np.int64), return_inverse=True)
+    turns, first, place = np.unique(
+        np.floor(theta[good] / TURN).astype(np.int64), return_index=True, return_inverse=True
+    )
+    in_time = np.argsort(first)  # a shaft that turns backwards counts its turns down
+    turns, first, place = turns[in_time], first[in_time], np.argsort(in_time)[place]
     columns, left = columns[good], residual[good]
     count = np.bincount(place)
     normal, right = _normal_by_turn(columns, left, place, count)
@@ -84,7 +88,6 @@ def turn_features(
     filled = np.bincount(cell, minlength=turns.size * BINS)
     profile = np.bincount(cell, weights=rest_of, minlength=turns.size * BINS) / np.where(filled > 0, filled, np.nan)
     same = np.concatenate([[False], np.diff(torque_Nm) == 0.0])[good]
-    first = np.searchsorted(place, np.arange(turns.size))
     return TurnFeatures(
         number=turns,
         start_ns=stamps_ns[good][first],

@@ -85,8 +85,11 @@ class Monitor:
         theta, omega, alpha, good = track.at(time)
         s = self._settings
         states = s.direction * theta - s.zero_rad, s.direction * omega, s.direction * alpha
-        end = math.inf if last else float(np.floor((s.direction * rows[-1, 1] - s.zero_rad) / TURN))
-        ready = good & (np.floor(states[0] / TURN) < end if s.direction > 0 else np.floor(states[0] / TURN) > end)
+        ready = good
+        if not last:  # turns are complete that the shaft has left behind, whichever way it and its encoder count
+            sense = s.direction * math.copysign(1.0, rows[-1, 1] - rows[0, 1])
+            present = float(np.floor((s.direction * rows[-1, 1] - s.zero_rad) / TURN))
+            ready = good & (sense * np.floor(states[0] / TURN) < sense * present)
         if np.count_nonzero(ready) < FEWEST_TORQUES_PER_TURN:
             return _trend(None, np.zeros((0, len(SERIES))), [])
         found = turn_features(
