@@ -62,6 +62,10 @@ DIALECTS = {
 }
 
 
+_PLAIN = text(TIME, ANGLE, TORQUE, head="time,angle_rad,torque\n")
+_WITH_SPEED = text(TIME, ANGLE, TORQUE, np.full(N, 16.0), head="time,angle_rad,torque,speed\n")
+
+
 def check(bag: Path) -> None:
     angles, torques = open_bag(bag).read_angles(), open_bag(bag).read_torques()
     assert len(angles) == len(torques) == N
@@ -115,6 +119,15 @@ def test_dates_keep_the_time_of_day_and_empty_cells_are_left_out(tmp_path: Path)
         (text(TIME, ANGLE, head="time,angle\n"), ["--torque", "moment"], "no column 'moment'"),
         (text(TIME, ANGLE, TORQUE, head="time,angle,torque [V]\n"), [], "--torque-scale"),
         (text(ANGLE, TORQUE, head="angle,torque\n"), [], "--rate"),
+        (_WITH_SPEED, ["--speed", "speed", "--speed-unit", "furlong"], "tell --speed-unit: rad/s, rpm"),
+        (_WITH_SPEED, ["--speed", "speed"], "tell --speed-unit: rad/s, rpm"),
+        (_WITH_SPEED, ["--speed", "speed", "--speed-unit", "rpm"], "the angle turns 9.55 times as fast"),
+        (_PLAIN, ["--speed-unit", "rpm"], "tell it with --speed:"),
+        (_PLAIN, ["--rate", "500", "--time", "time"], "--rate and --time cannot both be told"),
+        (_PLAIN, ["--torque-scale", "5", "--torque-unit", "Nm"], "--torque-scale and --torque-unit cannot both"),
+        (_PLAIN, ["--quantity-unit", "mm"], "--quantity-unit goes with --quantity"),
+        (_PLAIN, ["--drive-force-zero", "0"], "--drive-force-zero goes with --drive-force"),
+        (_PLAIN, ["--pickup", "angle", "--torque", "torque"], "--pickup and --torque cannot both be told"),
     ],
 )
 def test_what_cannot_be_told_is_asked_for_in_one_line(
@@ -126,3 +139,45 @@ def test_what_cannot_be_told_is_asked_for_in_one_line(
     error = capsys.readouterr().err
     assert says in error and error.count("\n") == 1
     assert not (tmp_path / "bag").exists()
+
+
+def test_dates_with_the_day_first_and_a_decimal_comma(tmp_path: Path) -> None:
+    rows = [f"22.11.2026 23:59:5{8 + k // 10},{k % 10}00;{0.1 * k:.3f}" for k in range(20)]
+    iso = [row.replace("22.11.2026", "2026-11-22") for row in rows]
+    for name, kind in (("day", rows), ("iso", iso)):
+        log = tmp_path / name
+        log.write_text("Uhrzeit;Winkel [°]\n" + "\n".join(kind) + "\n", encoding="cp1252")
+        options = ["--angle", "Winkel [°]", "--decimal", "."] if name == "iso" else []
+        assert main(["import", str(log), "--out", str(tmp_path / f"{name}_bag"), *options]) == 0
+        angles = open_bag(tmp_path / f"{name}_bag").read_angles()
+        np.testing.assert_allclose(angles.angles_rad, np.radians(0.1 * np.arange(20)), atol=1e-12)
+        since = angles.stamps - np.datetime64("2026-11-22T23:59:58", "ns").astype(np.int64)
+        np.testing.assert_allclose(since * 1e-9, 0.1 * np.arange(20), atol=1e-6)
+
+
+def test_what_is_left_out_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = _PLAIN.splitlines()
+    torn = [row.rpartition(",")[0] if k % 10 == 5 else row for k, row in enumerate(rows)]
+    (tmp_path / "torn.csv").write_text("\n".join(torn) + "\n")
+    assert main(["import", str(tmp_path / "torn.csv"), "--out", str(tmp_path / "torn")]) == 0
+    assert "200 of 2000 rows have other than 3 cells" in capsys.readouterr().out
+    assert len(open_bag(tmp_path / "torn").read_angles()) == 1800
+    log = text(np.mod(TIME, 1.0), ANGLE, TORQUE, head="time,angle_rad,torque\n")
+    (tmp_path / "back.csv").write_text(log)
+    assert main(["import", str(tmp_path / "back.csv"), "--out", str(tmp_path / "back"), "--time", "time"]) == 0
+    assert "goes back at 3 rows, first at row 501" in capsys.readouterr().out
+    log = text(np.round(TIME, 2), ANGLE, TORQUE, head="time,angle_rad,torque\n")
+    (tmp_path / "coarse.csv").write_text(log)
+    assert main(["import", str(tmp_path / "coarse.csv"), "--out", str(tmp_path / "coarse"), "--time", "time"]) == 0
+    assert "rows have the time of the row before" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("factor", "taken"), [(1.0, True), (-1.0, False), (0.5, False), (1.04, True)])
+def test_a_speed_is_taken_that_is_the_angles(
+    factor: float, taken: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = text(TIME, ANGLE, np.full(N, factor * 16.0), head="time,angle_rad,speed [rad/s]\n")
+    (tmp_path / "log.csv").write_text(log)
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
+    assert ("left out: the angle turns" in capsys.readouterr().out) is not taken
+    assert (open_bag(tmp_path / "bag").read_angles().velocities is not None) is taken

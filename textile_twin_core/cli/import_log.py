@@ -49,7 +49,7 @@ def parser() -> Parser:
     raw.add_argument("--machine", help="a machine: its encoder's teeth, and how the force's point moves")
     raw.add_argument("--pickup", metavar="COLUMN", help="voltage of a pickup on a toothed wheel, instead of an angle")
     raw.add_argument("--drive-force", metavar="MEASURE=COLUMN", help="a force along a measure, which drives the shaft")
-    raw.add_argument("--drive-force-scale", type=_scale, default=1.0, metavar="X", help="N per unit")
+    raw.add_argument("--drive-force-scale", type=_scale, metavar="X", help="N per unit; default 1")
     raw.add_argument(
         "--drive-force-zero",
         type=number,
@@ -67,9 +67,10 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, choose, write, tell."""
+    _refuse_what_does_nothing(arguments)
     quantities = dict(_pair("quantity", text) for text in arguments.quantity)
     separator = "\t" if arguments.separator == "tab" else arguments.separator
-    columns = read_log(arguments.log, separator, arguments.decimal, arguments.table)
+    columns = read_log(arguments.log, separator, arguments.decimal, arguments.table, _note)
     wishes = Wishes(
         columns={kind: name for kind in _KINDS if (name := getattr(arguments, kind)) is not None},
         units={kind: unit for kind in (*_KINDS, "quantity") if (unit := getattr(arguments, f"{kind}_unit"))},
@@ -88,6 +89,28 @@ def run(arguments: argparse.Namespace) -> None:
         print("torque  none in this log; name its column with --torque if there is one")
     for topic, count in counts.items():
         print(f"{topic}  {count} messages")
+
+
+def _note(text: str) -> None:
+    print(f"note    {text}")
+
+
+def _refuse_what_does_nothing(arguments: argparse.Namespace) -> None:
+    """Raises UsageError when options are told together of which one would be ignored."""
+    together = [
+        ("rate", ["time", "time_unit"]),
+        ("torque_scale", ["torque_unit"]),
+        ("pickup", [name for kind in ("angle", "torque", "speed") for name in (kind, f"{kind}_unit")]),
+        ("pickup", ["torque_scale", "quantity"]),
+    ]
+    for option, others in together:
+        for other in others:
+            if getattr(arguments, option) and getattr(arguments, other):
+                raise UsageError(f"--{option} and --{other} cannot both be told: leave one out".replace("_", "-"))
+    alone = [("quantity_unit", "quantity"), ("drive_force_scale", "drive_force"), ("drive_force_zero", "drive_force")]
+    for option, what in alone:
+        if getattr(arguments, option) is not None and not getattr(arguments, what):
+            raise UsageError(f"--{option} goes with --{what}".replace("_", "-"))
 
 
 def _ask(kind: str, names: list[str]) -> str:
@@ -114,7 +137,7 @@ def _raw(arguments: argparse.Namespace) -> RawChannels | None:
     measure, force = ("", "") if arguments.drive_force is None else _pair("drive-force", arguments.drive_force)
     zero = None if arguments.drive_force_zero is None else math.radians(arguments.drive_force_zero)
     machine = load_linkage(arguments.machine, [])
-    return RawChannels(machine, arguments.pickup, measure, force, arguments.drive_force_scale, zero)
+    return RawChannels(machine, arguments.pickup, measure, force, arguments.drive_force_scale or 1.0, zero)
 
 
 def _pair(option: str, text: str) -> tuple[str, str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.readings import angle_unit
 from textile_twin_core.comparison.torque_units import UNITS_PER_NM
 from textile_twin_core.errors import RecordingError
@@ -32,7 +32,7 @@ QUANTITY_UNITS = {
 """SI units per unit of other quantities."""
 
 _WORDS = {
-    "time": r"\b(time|zeit|t|stamp|timestamp|temps|seconds|date)\b",
+    "time": r"\b(time|zeit|uhrzeit|t|stamp|timestamp|temps|seconds|date)\b",
     "angle": r"(angle|winkel|theta|encoder|position|phi|angolo|\bpos\b|drehgeber)",
     "torque": r"(torque|moment|drehmoment|couple|\bmd\b|\btq\b|coppia)",
     "speed": r"(speed|velocity|drehzahl|omega|rpm|\bn\b)",
@@ -116,6 +116,22 @@ def angle_radians(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
             f"{', '.join(ANGLE_TURNS)} or the counts of a turn"
         )
     return values * seen.to_radians, f"{seen.name}, as seen: {seen.turn:g} a turn"
+
+
+def times_as_fast(stamps: IntArray, theta: FloatArray, omega: FloatArray) -> float:
+    """How many times as fast an angle turns as a speed (n,) says, by least squares; 1 where it cannot be told.
+
+    stamps [ns], theta [rad], wrapped or not, omega [rad/s].
+    """
+    told = 0.5 * (omega[1:] + omega[:-1]) * np.diff(stamps) * 1e-9
+    turned = np.diff(theta)
+    turned -= 2.0 * math.pi * np.rint(turned / (2.0 * math.pi))
+    good = np.isfinite(told) & np.isfinite(turned) & (told != 0.0)
+    told, turned = told[good], turned[good]
+    # Too few samples a turn leave the way between two of them open.
+    if not told.size or np.percentile(np.abs(turned), 95.0) > 0.5 * math.pi or np.abs(turned).sum() < 2.0 * math.pi:
+        return 1.0
+    return float(told @ turned / (told @ told))
 
 
 def torque_newton_metres(column: Column, values: FloatArray, scale: float | None) -> tuple[FloatArray, str]:

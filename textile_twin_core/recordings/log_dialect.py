@@ -13,7 +13,7 @@ EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
 _HEAD_BYTES = 65536
 _SEPARATORS = (";", "\t", ",", "|")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
-_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?$")
+_DATE = re.compile(r"(\d{4}-\d\d-\d\d|\d\d\.\d\d\.\d{4})[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?$")
 _LOOKED_AT = 40
 
 
@@ -35,6 +35,8 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     text = head.decode("utf-8-sig", errors="replace")
+    if "\ufffd" in text.rstrip("\ufffd"):  # the last character may be cut
+        text = head.decode("cp1252", errors="replace")
     lines = text.splitlines()
     if len(head) == _HEAD_BYTES:
         lines = lines[:-1]  # it may be cut

@@ -21,6 +21,7 @@ from textile_twin_core.recordings.log_columns import (
     quantity_si,
     spelled,
     time_seconds,
+    times_as_fast,
     torque_newton_metres,
     unit_in_name,
 )
@@ -29,6 +30,8 @@ from textile_twin_core.recordings.log_shaft import edge_angles, force_torque, to
 _FIRST_NS = 1_000_000_000
 """Stamp of the first row of a log whose time is none of the day: 0 means in ROS that there is no stamp."""
 _EPOCH_S = 1e8
+_NOT_ITS_SPEED = 0.1
+"""Relative difference from which a speed is that of another shaft, or counts the other way."""
 MEASURED = "measured"
 """Above the topics of quantities other than torque: JointState, position of the joint named as the output."""
 Ask = Callable[[str, list[str]], str]
@@ -85,11 +88,7 @@ def import_log(
     assert angle is not None
     theta, unit = angle_radians(angle, columns[angle.name])
     taken["angle"] = f"column '{angle.name}', {unit}"
-    speed = _column("speed", columns, wishes, None, needed=False)
-    omega = None
-    if speed is not None and speed.unit in SPEED_UNITS:
-        omega = columns[speed.name] * SPEED_UNITS[speed.unit]
-        taken["speed"] = f"column '{speed.name}', {speed.unit}"
+    omega = _speed(columns, stamps, theta, wishes, taken)
     here = np.isfinite(theta)
     out.write_joint_states(
         "main_shaft/angle", stamps[here], ["main_shaft"], theta[here], None if omega is None else omega[here]
@@ -109,6 +108,27 @@ def import_log(
         out.write_joint_states(f"{MEASURED}/{output}", stamps[here], [output], values[here])
         taken[output] = f"column '{name}', {unit}"
     return taken
+
+
+def _speed(
+    columns: Mapping[str, FloatArray], stamps: IntArray, theta: FloatArray, wishes: Wishes, taken: dict[str, str]
+) -> FloatArray | None:
+    """The encoder's speed [rad/s] where a column holds it; a column that holds another is left out, in words."""
+    column = _column("speed", columns, wishes, None, needed=False)
+    if column is None:
+        return None
+    omega, amiss = None, ""
+    if column.unit not in SPEED_UNITS:
+        amiss = f"speed in '{column.unit}'? tell --speed-unit: {', '.join(SPEED_UNITS)}"
+    else:
+        omega = columns[column.name] * SPEED_UNITS[column.unit]
+        times = times_as_fast(stamps, theta, omega)
+        if abs(times - 1.0) > _NOT_ITS_SPEED:
+            amiss = f"the angle turns {times:.3g} times as fast: no speed of this encoder"
+    if amiss and "speed" in {**wishes.columns, **wishes.units}:
+        raise RecordingError(f"column '{column.name}': {amiss}")
+    taken["speed"] = f"column '{column.name}' left out: {amiss}" if amiss else f"column '{column.name}', {column.unit}"
+    return None if amiss else omega
 
 
 def _write_raw(
@@ -148,7 +168,16 @@ def _stamps(columns: Mapping[str, FloatArray], wishes: Wishes, ask: Ask | None, 
     taken["time"] = f"column '{column.name}', {unit}"
     first = _FIRST_NS if abs(float(seconds[0])) < _EPOCH_S else round(float(seconds[0]) * 1e9)
     since_first = np.rint((seconds - seconds[0]) * 1e9).astype(np.int64)
+    taken["time"] += _amiss(np.diff(since_first))
     return np.asarray(first + since_first, dtype=np.int64)
+
+
+def _amiss(steps: IntArray) -> str:
+    """What is wrong with times that stand or go back from row to row, in words; empty when they rise."""
+    back, stands = np.flatnonzero(steps < 0), int(np.count_nonzero(steps == 0))
+    told = f"; goes back at {back.size} rows, first at row {back[0] + 2}" if back.size else ""
+    told += f"; {stands} rows have the time of the row before" if stands else ""
+    return f"{told}: such rows are not used; where rows are evenly spaced give --rate" if told else ""
 
 
 def _column(
@@ -168,6 +197,10 @@ def _column(
         found = [answer] if answer else []
     if len(found) == 1:
         return Column(found[0], unit or unit_in_name(found[0]), "by its name")
+    if unit and not found:
+        raise RecordingError(
+            f"--{kind}-unit, but which column is the {kind}? tell it with --{kind}: {describe(columns)}"
+        )
     if found or needed:
         raise RecordingError(f"which column is the {kind}? tell it with --{kind}. Columns: {describe(columns)}")
     return None

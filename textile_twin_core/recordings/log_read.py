@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,11 @@ from textile_twin_core.recordings.log_dialect import EMPTY, Dialect, sniff
 
 
 def read_log(
-    path: Path, separator: str | None = None, decimal: str | None = None, table: str | None = None
+    path: Path,
+    separator: str | None = None,
+    decimal: str | None = None,
+    table: str | None = None,
+    note: Callable[[str], object] | None = None,
 ) -> dict[str, FloatArray]:
     """Columns of a log by name, float64 (n,), NaN where a cell is empty; dates become seconds since 1970.
 
@@ -24,6 +28,7 @@ def read_log(
         path: .parquet, .mat, or text of any other name.
         separator, decimal: of a text table, where they are not to be found out.
         table: variable of a .mat file that holds the matrix, when it has several.
+        note: is told what of a text table was left out.
 
     Raises RecordingError, one line, for a file that is missing, empty, or no table.
     """
@@ -36,31 +41,43 @@ def read_log(
     elif path.suffix.lower() == ".mat":
         columns = _matlab(path, table)
     else:
-        columns = _text(path, separator, decimal)
+        columns = _text(path, separator, decimal, note)
     if not columns:
         raise RecordingError(f"{path}: no column of numbers in it")
     return columns
 
 
-def _text(path: Path, separator: str | None, decimal: str | None) -> dict[str, FloatArray]:
+def _text(
+    path: Path, separator: str | None, decimal: str | None, note: Callable[[str], object] | None
+) -> dict[str, FloatArray]:
     dialect = sniff(path, separator, decimal)
     from pyarrow import ArrowInvalid, csv
 
     if dialect.separator == " ":
         return _spaced(path, dialect)
+    torn = 0
+
+    def leave_out(_: object) -> str:
+        nonlocal torn
+        torn += 1
+        return "skip"
+
     try:
         table = csv.read_csv(
             path,
             read_options=csv.ReadOptions(
                 skip_rows=dialect.skipped, autogenerate_column_names=True, encoding="utf-8", block_size=1 << 24
             ),
-            parse_options=csv.ParseOptions(delimiter=dialect.separator, invalid_row_handler=lambda _: "skip"),
+            parse_options=csv.ParseOptions(delimiter=dialect.separator, invalid_row_handler=leave_out),
             convert_options=csv.ConvertOptions(
                 decimal_point=dialect.decimal, null_values=sorted(EMPTY), strings_can_be_null=True
             ),
         )
     except ArrowInvalid as error:
         raise RecordingError(f"{path}: {str(error).splitlines()[0]}") from error
+    if torn and note is not None:
+        width = table.num_columns
+        note(f"{torn} of {torn + table.num_rows} rows have other than {width} cells and are left out")
     names = [*dialect.names, *(f"column_{k + 1}" for k in range(len(dialect.names), table.num_columns))]
     return _numeric(dict(zip(names, table.columns, strict=False)))
 
@@ -93,7 +110,8 @@ def _numeric(columns: Mapping[str, Any]) -> dict[str, FloatArray]:
     import pyarrow
 
     out: dict[str, FloatArray] = {}
-    for name, column in columns.items():
+    for name, written in columns.items():
+        column = _dates(written) if pyarrow.types.is_string(written.type) else written
         kind = column.type
         if pyarrow.types.is_timestamp(kind):
             stamps = column.cast(pyarrow.timestamp("ns")).combine_chunks().cast(pyarrow.int64())
@@ -101,6 +119,18 @@ def _numeric(columns: Mapping[str, Any]) -> dict[str, FloatArray]:
         elif pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind):
             out[name] = np.asarray(column.cast(pyarrow.float64()).to_numpy(), dtype=np.float64)
     return out
+
+
+def _dates(column: Any) -> Any:
+    """Text as stamps where all of it is dates with a decimal comma or with the day first; else as it is."""
+    import pyarrow
+    from pyarrow import compute
+
+    iso = compute.replace_substring_regex(column, r"^(\d\d)\.(\d\d)\.(\d{4})[T ]", r"\3-\2-\1 ")
+    try:
+        return compute.replace_substring(iso, ",", ".").cast(pyarrow.timestamp("ns"))
+    except pyarrow.ArrowInvalid:
+        return column
 
 
 def _matlab(path: Path, table: str | None) -> dict[str, FloatArray]:
