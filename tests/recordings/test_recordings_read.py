@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
@@ -256,6 +257,95 @@ def test_nan_is_kept(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "b") as out:
         out.write_joint_states("main_shaft/angle", np.arange(1, 4), ["main_shaft"], np.array([1.0, np.nan, np.inf]))
     np.testing.assert_array_equal(open_bag(tmp_path / "b").read_angles().angles_rad, [1.0, np.nan, np.inf])
+
+
+def test_a_speed_that_is_infinite_is_none(tmp_path: Path) -> None:
+    speeds = np.array([2.0, np.inf, -np.inf, 3.0])
+    with BagWriter(tmp_path / "b") as out:
+        out.write_joint_states("main_shaft/angle", np.arange(1, 5), ["main_shaft"], np.arange(4.0), speeds)
+    np.testing.assert_array_equal(open_bag(tmp_path / "b").read_angles().velocities, [2.0, np.nan, np.nan, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("custom_data", [1]),
+        ("custom_data", "mine"),
+        ("relative_file_paths", 5),
+        ("relative_file_paths", "b.mcap"),
+        ("files", "b.db3"),
+        ("message_count", None),
+        ("duration", {"nanoseconds": "long"}),
+    ],
+)
+@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_metadata_of_other_shape(tmp_path: Path, plugin: StoragePlugin, key: str, value: object) -> None:
+    """Read all the same, or refused in one line."""
+    metadata = _bag_of_rosbags(tmp_path / "b", plugin) / "metadata.yaml"
+    information = yaml.safe_load(metadata.read_text())
+    information["rosbag2_bagfile_information"][key] = value
+    metadata.write_text(yaml.dump(information))
+    try:
+        count = sum(1 for _ in open_bag(tmp_path / "b").raw_messages())
+        assert count == 20
+    except RecordingError as error:
+        assert str(tmp_path / "b") in str(error) and "\n" not in str(error)
+
+
+def test_metadata_that_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "b" / "metadata.yaml").mkdir(parents=True)
+    with pytest.raises(RecordingError, match=r"metadata.yaml: cannot be read \(Is a directory\)"):
+        open_bag(tmp_path / "b")
+
+
+@pytest.mark.parametrize(
+    ("plugin", "compression"),
+    [
+        (StoragePlugin.SQLITE3, None),
+        (StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, CompressionMode.FILE),
+        (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+    ],
+)
+def test_damage_in_other_storage_is_one_line(
+    tmp_path: Path, plugin: StoragePlugin, compression: CompressionMode | None
+) -> None:
+    (file,) = _bag_of_rosbags(tmp_path / "b", plugin, compression, count=200).glob("b.*")
+    whole, random = file.read_bytes(), np.random.default_rng(7)
+    refused = 0
+    for _ in range(30):
+        spoilt = bytearray(whole)
+        for place in random.integers(0, len(whole), 20):
+            spoilt[place] = random.integers(0, 256)
+        file.write_bytes(spoilt)
+        try:
+            assert sum(1 for _ in open_bag(tmp_path / "b").raw_messages()) <= 400
+        except RecordingError as error:
+            refused += 1
+            assert str(error).startswith(f"{tmp_path / 'b'}: ")
+    assert refused
+
+
+def test_an_sqlite_recording_whose_path_means_something_in_a_uri(tmp_path: Path) -> None:
+    _bag_of_rosbags(tmp_path / "b", StoragePlugin.SQLITE3)
+    folder = (tmp_path / "b").rename(tmp_path / "loom #3")
+    with pytest.raises(RecordingError, match="where its path has #: rename"):
+        open_bag(folder)
+
+
+def _bag_of_rosbags(
+    path: Path, plugin: StoragePlugin, compression: CompressionMode | None = None, count: int = 10
+) -> Path:
+    writer = RosbagsWriter(path, version=9, storage_plugin=plugin)
+    if compression is not None:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
+        types = {"/main_shaft/angle": JOINT_STATE, "/balancing_torque/measured": WRENCH}
+        topics = {topic: writer.add_connection(topic, name, typestore=STORE) for topic, name in types.items()}
+        for topic, stamp, raw in _messages(count, mixed=False):
+            writer.write(topics[topic], stamp, raw)
+    return path
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,7 @@ class Bag(Recording):
             return None if place is None else [take("position", place), take("velocity", place)]
 
         stamps, (angles, velocities) = self._columns(info, fields, progress, joint)
+        velocities[np.isinf(velocities)] = np.nan  # what a sensor divides by no time at all is no speed
         has_velocities = not np.isnan(velocities).all()
         return AngleSamples(info.name, stamps, angles, velocities if has_velocities else None, stamped=True)
 
@@ -165,16 +166,16 @@ def open_bag(path: str | Path) -> Bag:
     if path.is_file():
         file = McapFile(path)
         embedded = file.metadata.get("rosbag2", {}).get("serialized_metadata", "")
-        return Bag(path, [file], rosbag2_metadata.custom_data(rosbag2_metadata.read_embedded(embedded, path)))
+        return Bag(path, [file], rosbag2_metadata.custom_data(rosbag2_metadata.read_embedded(embedded, path), path))
     info = rosbag2_metadata.read(path)
-    names = info.get("relative_file_paths") or _files_by_number(path)
+    names = rosbag2_metadata.file_names(info, path) or _files_by_number(path)
     if not names:
         raise RecordingError(f"{path}: not a bag, neither metadata.yaml nor an .mcap file is in this folder")
-    files = [path / Path(str(name)).name for name in names]
+    files = [path / Path(name).name for name in names]
     missing = [file.name for file in files if not file.exists()]
     if missing:
         raise RecordingError(f"{path}: metadata.yaml names {missing[0]}, which is not in the folder; copy it there")
-    custom_data = rosbag2_metadata.custom_data(info)
+    custom_data = rosbag2_metadata.custom_data(info, path)
     if info.get("compression_mode") or any(file.suffix != ".mcap" for file in files):
         return Bag(path, [OtherFile(path)], custom_data)
     return Bag(path, [McapFile(file) for file in files], custom_data)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
     from rosbags.rosbag2 import Reader
 
+_OF_A_URI = frozenset("#?%")
 _BLOCK = 20_000
 """Messages gathered before a block is handed on."""
 
@@ -53,7 +54,16 @@ class OtherFile:
             with Reader(self.path) as reader:
                 yield reader
         except (ReaderError, OSError) as error:
-            raise RecordingError(f"{self.path}: cannot be read: {error}") from error
+            raise RecordingError(f"{self.path}: cannot be read: {error}{self._hint()}") from error
+        except Exception as error:  # SQLite and zstd have error classes of their own; a spoilt size fits no memory
+            raise RecordingError(f"{self.path}: damaged: {str(error) or type(error).__name__}") from error
+
+    def _hint(self) -> str:
+        """rosbags opens SQLite files by a URI, in which some characters mean something."""
+        found = _OF_A_URI & set(str(self.path)) if any(self.path.glob("*.db3")) else ()
+        return (
+            f"; an SQLite recording is not found where its path has {' '.join(sorted(found))}: rename" if found else ""
+        )
 
     def blocks(self, channels: set[int], progress: Callable[[int], object] | None = None) -> Iterator[MessageBlock]:
         """Messages of the given channels in blocks, in log-time order."""

@@ -150,7 +150,11 @@ def read(folder: Path) -> dict[str, Any]:
     file = folder / "metadata.yaml"
     if not file.exists():
         return {}
-    loaded = _load(file.read_bytes(), file)
+    try:
+        text = file.read_bytes()
+    except OSError as error:
+        raise RecordingError(f"{file}: cannot be read ({error.strerror})") from error
+    loaded = _load(text, file)
     return _mapping(loaded.get(_KEY), file)
 
 
@@ -159,9 +163,17 @@ def read_embedded(text: str, file: Path) -> dict[str, Any]:
     return _load(text, file) if text else {}
 
 
-def custom_data(info: dict[str, Any]) -> dict[str, str]:
+def custom_data(info: dict[str, Any], path: Path) -> dict[str, str]:
     """The user's own entries."""
-    return {str(key): str(value) for key, value in (info.get("custom_data") or {}).items()}
+    return {str(key): str(value) for key, value in _mapping(info.get("custom_data") or {}, path).items()}
+
+
+def file_names(info: dict[str, Any], path: Path) -> list[str]:
+    """The files of the recording, as they are named."""
+    names = info.get("relative_file_paths") or []
+    if not isinstance(names, list):
+        raise _unknown(path)
+    return [str(name) for name in names]
 
 
 def _load(text: str | bytes, file: Path) -> dict[str, Any]:
@@ -174,5 +186,9 @@ def _load(text: str | bytes, file: Path) -> dict[str, Any]:
 
 def _mapping(value: object, file: Path) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise RecordingError(f"{file}: no metadata of rosbag2 in it; remove the file to read the .mcap alone")
+        raise _unknown(file)
     return value
+
+
+def _unknown(file: Path) -> RecordingError:
+    return RecordingError(f"{file}: no metadata of rosbag2 in it; remove metadata.yaml to read the .mcap alone")
