@@ -13,6 +13,7 @@ from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.comparison.monitor import Monitor, Trend, monitor_recording
 from textile_twin_core.comparison.readings import Readings
+from textile_twin_core.machines import tufting
 
 _SETTINGS = WatchSettings(learn_turns=60)
 
@@ -77,3 +78,34 @@ def test_a_shaft_that_turns_backwards_is_watched_in_the_order_of_time() -> None:
         assert set(np.diff(columns["turn"])) == {-1}
         assert np.all(np.diff(columns["stamp_ns"]) > 0.3e9)
         assert np.all(columns["speed_rad_s"] < 0.0)
+
+
+def test_a_shaft_that_stands_or_a_silent_sensor_fills_no_memory() -> None:
+    """Three minutes at 50 Hz; what no turn ends is held for one."""
+    stamps = 1_700_000_000_000_000_000 + np.arange(180 * 50) * 20_000_000
+    for angle, torque in ((True, True), (True, False), (False, True)):
+        monitor = Monitor(tufting())
+        for second in np.split(stamps, 180):
+            if angle:
+                monitor.add_angles(second, np.full(50, 0.7))
+            if torque:
+                monitor.add_torques(second, np.full(50, 3.0))
+            monitor.advance()
+        states, torques = sum(map(len, monitor._states)), sum(len(piece) for piece, _ in monitor._torque)
+        assert angle * 55 * 50 <= states <= 60 * 50 + 1
+        assert torque * 55 * 50 <= torques <= 60 * 50 + 1
+
+
+def test_time_set_back_is_watched_on() -> None:
+    """The healthy part is learnt; then the clock goes back, and the needles' force has changed."""
+    monitor = Monitor(told_machine(faulty("", 0.0, 983, duration_s=1.0, onset_s=0.5, rate=250.0).case), _SETTINGS)
+    alarms = []
+    for kind, size in (("", 0.0), ("needle_force", 0.2)):
+        made = faulty(kind, size, 983, duration_s=30.0, onset_s=1.0, rate=250.0).recording
+        back = 0 if not kind else 3600 * 10**9
+        monitor.restart()
+        monitor.add_angles(made.angle_stamps_ns - back, made.angle)
+        monitor.add_torques(made.torque_stamps_ns - back, made.torque)
+        alarms += monitor.advance().alarms
+        assert monitor.report.accepted == len(made.angle)
+    assert [alarm.kind for alarm in alarms] == ["load_force"]

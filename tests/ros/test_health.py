@@ -69,8 +69,9 @@ def test_publishers_stamps_and_states() -> None:
     assert not publisher_findings(["/drive"], "/main_shaft/angle")
     (finding,) = publisher_findings(["/replay_node", "/drive"], "/main_shaft/angle")
     assert finding.level == WARN and "2 publishers" in finding.text and "/drive, /replay_node" in finding.text
-    assert not stamp_findings(None) and not stamp_findings(1)
-    assert stamp_findings(0)[0].level == ERROR
+    for stamped, words in ((True, "header.stamp"), (False, "use_sim_time")):
+        assert not stamp_findings(None, stamped) and not stamp_findings(1, stamped)
+        assert stamp_findings(0, stamped)[0].level == ERROR and words in stamp_findings(0, stamped)[0].text
     levels = [state_level(state) for state in ("running", "standstill", "settling", "starting", "lost")]
     assert levels == [OK, OK, WARN, WARN, ERROR]
 

@@ -18,7 +18,7 @@ from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.machine import Machine
-from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft import SampleReport, create_estimator
 from textile_twin_core.twin.session import encoder_settings
 
 _KEPT_S = 60.0
@@ -71,8 +71,25 @@ class Monitor:
         self._take_states(self._estimator.finish())
         return self.advance(last=True)
 
+    @property
+    def report(self) -> SampleReport:
+        """What became of the angles since the start or the last restart."""
+        return self._estimator.report
+
+    def restart(self) -> None:
+        """Go on where time was set back: what is learnt stays, samples that wait for the end of their turn go."""
+        self._estimator.reset()
+        self._states.clear()
+        self._torque.clear()
+        self._origin_ns = None
+
     def advance(self, last: bool = False) -> Trend:
         """Watch the turns that are complete by now: their trend and their alarms."""
+        trend = self._advance(last)
+        self._let_go()
+        return trend
+
+    def _advance(self, last: bool) -> Trend:
         if self._origin_ns is None or not self._torque or sum(map(len, self._states)) < 2:
             return _trend(None, np.zeros((0, len(SERIES))), [])
         rows = np.concatenate(self._states)
@@ -122,6 +139,18 @@ class Monitor:
         self._states = [rows[keep]] if keep.any() else [rows[-1:]]
         late = (stamps - self._origin_ns) * 1e-9 - self._settings.delay_s > until_s
         self._torque = [(stamps[late], torque[late])]
+
+    def _let_go(self) -> None:
+        """Hold a minute at most where no turn ends: the shaft stands, or one of the sensors is silent."""
+        newest_ns: int | None = None
+        if self._states and self._origin_ns is not None:
+            rows = np.concatenate(self._states)
+            self._states = [rows[rows[:, 0] >= rows[-1, 0] - _KEPT_S]]
+            newest_ns = self._origin_ns + round(rows[-1, 0] * 1e9)
+        if self._torque:
+            stamps, torque = (np.concatenate(column) for column in zip(*self._torque, strict=True))
+            kept = np.abs(stamps - (stamps[-1:] if newest_ns is None else newest_ns)) <= round(_KEPT_S * 1e9)
+            self._torque = [(stamps[kept], torque[kept])]
 
     def _torque_size(self, machine: Machine) -> float:
         theta = TURN * np.arange(_PEAK_SAMPLES) / _PEAK_SAMPLES

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from textile_twin_core.shaft import SampleReport
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, Status
 
 WINDOW_S = 5.0
@@ -81,6 +82,14 @@ class MeasuredTorque:
         return math.sqrt(math.fsum(torque * torque for torque in finite) / len(finite)) if finite else math.nan
 
 
+def sample_counts(report: SampleReport, set_back: int) -> dict[str, float]:
+    """What became of angle samples: counts of the shaft's report, and how often their stamps were set back."""
+    counts: dict[str, float] = {"accepted": report.accepted}
+    counts |= {f"rejected_{cause}": count for cause, count in report.rejected.items()}
+    counts |= {name: getattr(report, name) for name in ("outliers", "jumps", "gaps", "reversals", "longest_gap_s")}
+    return counts | {"set_back": set_back}
+
+
 def sample_findings(growth: Mapping[str, float], what: str) -> list[Finding]:
     """What is wrong with a stream of samples.
 
@@ -117,11 +126,18 @@ def publisher_findings(publishers: Iterable[str], what: str) -> list[Finding]:
     return [Finding("publishers", WARN, f"{len(names)} publishers give {what}: {', '.join(names)}; stop all but one")]
 
 
-def stamp_findings(newest_ns: int | None) -> list[Finding]:
-    """A header that nobody fills carries no time."""
+def stamp_findings(newest_ns: int | None, stamped: bool) -> list[Finding]:
+    """A header that nobody fills carries no time, and without one a simulated clock that stands tells none.
+
+    Args:
+        newest_ns: stamp of the newest sample; None without any.
+        stamped: whether the messages bring it; otherwise it is the time of arrival.
+    """
     if newest_ns != 0:
         return []
-    return [Finding("no stamp", ERROR, "the stamps are 0: the publisher does not fill in header.stamp")]
+    if stamped:
+        return [Finding("no stamp", ERROR, "the stamps are 0: the publisher does not fill in header.stamp")]
+    return [Finding("no clock", ERROR, "the time is 0: use_sim_time is set, and nobody publishes /clock")]
 
 
 def residual_findings(rms_Nm: float, measured_rms_Nm: float, limit_Nm: float) -> list[Finding]:

@@ -12,9 +12,12 @@ from std_srvs.srv import Trigger
 
 from textile_twin_core.comparison.fault_watch import SERIES, Alarm, WatchSettings
 from textile_twin_core.comparison.monitor import Monitor, Trend
-from textile_twin_core.errors import TwinError
+from textile_twin_core.errors import SceneError, TwinError
+from textile_twin_core.files import check_folder
+from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
+from textile_twin_ros.health import sample_counts
 from textile_twin_ros.machine import load_linkage
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Sample
@@ -46,14 +49,19 @@ class MonitorNode(Node):
         self.settings = settings = declare(self, MonitorParameters)
         self.executor_name = settings.executor
         self.finished = Future()
+        if settings.clear_sigmas > settings.raise_sigmas:
+            raise SceneError("parameter 'clear_sigmas' is larger than 'raise_sigmas': an alarm would go as it comes")
         self._machine = load_linkage(settings.machine, settings.encoder())
+        if settings.parquet:
+            self._trend_folder()
+        self._restarts = RestartWatch()
         self._trends: list[Trend] = []
         self._alarms: list[Alarm] = []
         self._begin()
         depth = depth_for(settings.rate_hz)
         self._angles: list[Sample] = []
         self._torques: list[Sample] = []
-        self._angle = AngleInput(self, settings, self._machine, depth, self._angles.extend)
+        self._angle = AngleInput(self, settings, self._machine, depth, self._take_angles)
         self._torque = TorqueInput(self, settings, depth, self._torques.extend)
         self.create_service(Trigger, "~/learn_again", self._learn_again)
         call_every(self, _RENEW_S, self._renew)
@@ -82,6 +90,14 @@ class MonitorNode(Node):
         self._angle.renew()
         self._torque.renew()
 
+    def _take_angles(self, block: list[Sample]) -> None:
+        for sample in block:
+            if self._restarts.restarted(sample[0]):
+                self.get_logger().warning("the stamps of the shaft angle went back and go on from there: watching anew")
+                self._look()
+                self._monitor.restart()
+            self._angles.append(sample)
+
     def _look(self) -> None:
         angles, torques = _columns(self._angles), _columns(self._torques)
         self._angles.clear()
@@ -100,7 +116,8 @@ class MonitorNode(Node):
 
     def _statuses(self) -> list[Status]:
         watch = self._monitor.watch
-        inputs = [*self._angle.statuses(), self._torque.status()]
+        counts = sample_counts(self._monitor.report, self._restarts.count)
+        inputs = [*self._angle.statuses(counts), self._torque.status()]
         if not watch.learnt:
             text = f"learning: {watch.turns_learnt} of {self.settings.learn_turns} turns"
             return [*inputs, Status("faults", OK, text, {"turns": self._monitor.turns})]
@@ -119,12 +136,25 @@ class MonitorNode(Node):
         from pyarrow import parquet
 
         columns = {name: np.concatenate([t.columns[name] for t in self._trends]) for name in self._trends[0].columns}
-        folder = Path(self.settings.parquet)
+        folder = self._trend_folder()
         try:
-            folder.mkdir(parents=True, exist_ok=True)
             parquet.write_table(pyarrow.table(columns), folder / f"trend_{int(columns['stamp_ns'][0])}.parquet")
         except OSError as error:
             raise TwinError(f"parameter 'parquet': {folder}: {error.strerror or error}") from error
+
+    def _trend_folder(self) -> Path:
+        """The folder of the trends, made if need be.
+
+        Raises:
+            TwinError: nothing can be written there.
+        """
+        folder = Path(self.settings.parquet)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise TwinError(f"parameter 'parquet': {folder}: {error.strerror or error}") from error
+        check_folder(folder / "trend.parquet")
+        return folder
 
 
 def _columns(samples: list[Sample]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:

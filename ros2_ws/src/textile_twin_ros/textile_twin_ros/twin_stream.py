@@ -19,7 +19,7 @@ from textile_twin_core.twin.session import Sample
 from textile_twin_ros import contact_events
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
-from textile_twin_ros.health import judged, residual_findings, state_level
+from textile_twin_ros.health import judged, residual_findings, sample_counts, state_level
 from textile_twin_ros.messages import message_class
 from textile_twin_ros.sending import Send, patient
 from textile_twin_ros.twin_outputs import (
@@ -178,10 +178,7 @@ class TwinStream:
 
     def sample_counts(self, report: SampleReport) -> dict[str, float]:
         """What became of the angle samples."""
-        counts: dict[str, float] = {"accepted": report.accepted}
-        counts |= {f"rejected_{cause}": count for cause, count in report.rejected.items()}
-        counts |= {name: getattr(report, name) for name in ("outliers", "jumps", "gaps", "reversals", "longest_gap_s")}
-        return counts | {"set_back": self._restarts.count}
+        return sample_counts(report, self._restarts.count)
 
     @staticmethod
     def estimator_status(shaft: str, report: SampleReport) -> Status:
