@@ -86,6 +86,11 @@ MISTAKES = [
     ("twin_node", ["rate_hz:=fast"], ["rate_hz", "number"]),
     ("twin_node", ["rate_hz:=-3"], ["rate_hz", "-3"]),
     ("twin_node", ["wait_for:=[needle]"], ["wait_for", "needle", "needle/position"]),
+    # What rclpy refuses only when a topic is made, in a transition of the node's life.
+    ("twin_node", ["qos_overrides./joint_states.publisher.reliability:=sure"], ["reliability", "sure"]),
+    ("twin_node", ["qos_overrides./main_shaft/angle.subscription.depth:=deep"], ["subscription.depth", "deep"]),
+    ("monitor_node", ["parquet:=/proc/trends"], ["parquet", "/proc/trends"]),
+    ("monitor_node", ["raise_sigmas:=3", "clear_sigmas:=4"], ["clear_sigmas", "raise_sigmas"]),
     ("replay_node", [], ["'bag' is not set"]),
     ("replay_node", ["bag:=nowhere"], ["nowhere"]),
     ("replay_node", ["bag:={bag}", "topics:=[shaft]"], ["shaft", "/main_shaft/angle"]),
@@ -117,12 +122,20 @@ def test_a_mistake_is_one_line_and_code_2(
     main = importlib.import_module(f"textile_twin_ros.{node}").main
     with keep_signals():
         assert main([node, "--ros-args", *options]) == 2
-    lines = [line for line in capfd.readouterr().err.splitlines() if "warming up" not in line]
+    lines = [line for line in capfd.readouterr().err.splitlines() if "[INFO]" not in line]
     assert len(lines) == 1, lines
     assert lines[0].startswith(f"{node}: ")
     for word in words:
         assert word in lines[0]
     assert not (tmp_path / "played2").exists()
+
+
+def test_a_parameter_without_its_option_is_told(capfd: pytest.CaptureFixture[str]) -> None:
+    with keep_signals():
+        twin = importlib.import_module("textile_twin_ros.twin_node")
+        assert twin.main(["twin_node", "--ros-args", "machine:=tufting"]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "machine:=tufting" in line and "-p NAME:=VALUE" in line
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,13 @@ def test_bad_samples_are_rejected_and_counted(suite: Suite) -> None:
     }.items():
         bad_stamps.insert(place, stamp)
         bad_angles.insert(place, angle)
-    bench.send(bad_stamps, bad_angles)
+    bench.send(bad_stamps[:250], bad_angles[:250])
+    # A speed divided by no time, and a stamp that is none.
+    bench.angle.publish(joint_state(bad_stamps[250], bad_angles[250], velocity=math.inf))
+    no_stamp = joint_state(0, 1.0)
+    no_stamp.header.stamp.sec, no_stamp.header.stamp.nanosec = 2**31 - 1, 2**32 - 1
+    bench.angle.publish(no_stamp)
+    bench.send(bad_stamps[251:], bad_angles[251:])
     other = JointState(name=["brake"], position=[1.0])
     bench.angle.publish(other)
     suite.spin_until(lambda: len(bench.torques) >= 298 and len(bench.points) >= 298, "predictions")
@@ -122,14 +128,14 @@ def test_bad_samples_are_rejected_and_counted(suite: Suite) -> None:
         if "main_shaft/angle" not in bench.diagnostics:
             return False
         values = bench.values("main_shaft/angle")
-        return values["accepted"] == "300" and values["unreadable"] != "0"  # the other joint's came last
+        return values["accepted"] == "300" and values["unreadable"] == "2"  # the other joint's came last
 
     suite.spin_until(told, "diagnostics")
     values = bench.values("main_shaft/angle")
     assert (values["rejected_not_finite"], values["rejected_duplicate_stamp"], values["rejected_older_stamp"]) == (
         "2", "1", "1",
     )  # fmt: skip
-    assert values["unreadable"] == "1"
+    assert "a stamp with 4294967295 nanoseconds" in suite.words()
     assert "has no joint 'main_shaft', only: brake" in suite.words()
 
 

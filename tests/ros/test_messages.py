@@ -79,6 +79,10 @@ def test_damaged_bytes_are_no_message() -> None:
     for raw in (b"", whole[:3], whole[:20], whole[:-12], b"\0\7" + whole[2:]):
         with pytest.raises(messages.MessageError):
             messages.JointReader("b", ("position",)).read(raw)
+    whole = bytearray(whole)
+    whole[8:12] = (SECOND_NS).to_bytes(4, "little")  # of the last second that a header can tell, it would make another
+    with pytest.raises(messages.MessageError, match="a stamp with 1000000000 nanoseconds"):
+        messages.JointReader("b", ("position",)).read(bytes(whole))
 
 
 @given(stamp=stamps, torque=numbers)

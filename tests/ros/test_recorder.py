@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -19,6 +20,7 @@ from std_srvs.srv import Trigger
 from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, shaft_angles, write_bag
 from tests.ros.test_live_topics import joint_state, stamp_of
 from textile_twin_core.recordings import open_bag
+from textile_twin_ros.endpoints import latched_qos
 
 
 def test_a_kill_loses_a_second_at_most(suite: Suite) -> None:
@@ -160,3 +162,30 @@ def test_nothing_is_kept_where_nothing_came(suite: Suite) -> None:
     assert recorder.end() == 0
     assert recorder.words().splitlines()[-1] == "nothing came: no recording is kept"
     assert not list(folder.iterdir())
+
+
+def test_publishers_that_come_later_are_heard_however_they_offer(suite: Suite) -> None:
+    """A driver that is started again with the quality of service of a sensor, and a latched topic that no longer is."""
+    reliable, latched, sensor = QoSProfile(depth=100), latched_qos(), qos_profile_sensor_data
+    recorder = suite.start("record_node", f"bag:={suite.folder / 'all'}", "types:=[told=std_msgs/msg/String]")
+    recorder.wait_for_words("recording to")
+    node = suite.node()
+    for topic, first, second in (
+        ("driver", reliable, sensor),
+        ("words", latched, reliable),
+        ("told", sensor, reliable),
+    ):
+        for qos in (first, second):
+            publisher = node.create_publisher(String, topic, qos)
+            suite.spin_until(publisher.get_subscription_count, f"recorder on {topic}")
+            for _ in range(10 if qos is not latched else 1):
+                publisher.publish(String(data="x"))
+                suite.spin_for(0.01)
+            suite.spin_for(0.2)
+            node.destroy_publisher(publisher)
+    other = node.create_publisher(Clock, "driver", reliable)
+    recorder.wait_for_words("/driver now carries rosgraph_msgs/msg/Clock, too, which is not recorded")
+    node.destroy_publisher(other)
+    assert recorder.end() == 0
+    counts = {name: info.count for name, info in open_bag(suite.folder / "all").topics.items()}
+    assert (counts["/driver"], counts["/words"], counts["/told"]) == (20, 11, 20)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite, shaft_angles, write_bag
+from textile_twin_ros.view_feeds import ElementFeed
 
 rerun_chunk = pytest.importorskip("rerun.chunk")
 
@@ -100,3 +103,18 @@ def test_the_elements_of_needle_transfer(suite: Suite) -> None:
         if not chunk.is_static:
             drawn[chunk.entity_path] += chunk.to_record_batch().num_rows
     assert drawn["/position/element_1"] == drawn["/velocity/element_3"] == 500
+
+
+def test_elements_are_drawn_together_whichever_was_heard_first() -> None:
+    """The first element's subscription has heard two messages before the third's; the second's lost one."""
+    takers, drawn = [], []
+    view = SimpleNamespace(add_motion=lambda *motion: drawn.append(motion))
+    feed = ElementFeed(view, ("a", "b", "c"), lambda *told: takers.append(told[-1]))  # type: ignore[arg-type]
+    messages = [(stamp * SECOND_NS // 1000, float(stamp), 0.0) for stamp in range(6)]
+    heard = (messages, [message for message in messages if message[1] != 3.0], messages[2:])
+    for half in (slice(0, 4), slice(4, None)):
+        for take, block in zip(takers, heard, strict=True):
+            take(block[half])
+        feed.hand_over()
+    np.testing.assert_array_equal(np.concatenate([stamps for stamps, *_ in drawn]), [2_000_000, 4_000_000, 5_000_000])
+    np.testing.assert_array_equal(np.concatenate([places for _, places, _ in drawn]).T, [[2.0, 4.0, 5.0]] * 3)

@@ -70,6 +70,8 @@ class FieldReader:
                 self._learn(raw)
                 break
         seconds, nanoseconds, *values = self._values.unpack_from(raw)
+        if nanoseconds >= SECOND_NS:
+            raise MessageError(f"has a stamp with {nanoseconds} nanoseconds, a second or more")
         if self._filled:
             found = iter(values)
             values = [next(found) if filled else None for filled in self._filled]

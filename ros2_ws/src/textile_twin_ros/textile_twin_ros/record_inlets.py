@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
@@ -52,6 +54,9 @@ class Inlets:
         self.wanted = {node.resolve_topic_name(topic) for topic in wanted}
         self._open: dict[str, Subscription] = {}
         self._refused: set[str] = set()
+        self._other_types: defaultdict[str, set[str]] = defaultdict(set)
+        self._unheard: dict[str, str] = {}
+        """Topics with a publisher that is not heard, and by which policy."""
         self._own = OwnTopics(node.get_namespace())
         self._writer: BagWriter | None = None
         for topic in self.wanted & set(self._types):
@@ -69,12 +74,15 @@ class Inlets:
             self._declare(topic, subscription)
 
     def discover(self) -> None:
-        """Subscribe to wanted topics whose type is known by now."""
+        """Subscribe to wanted topics whose type is known by now, and anew where a publisher is not heard."""
+        self._renew()
         if self.wanted and self.wanted <= self._open.keys():
             return
         there = self._node.get_topic_names_and_types()
         self._own.learn(topic for topic, _ in there)
         for topic, types in there:
+            if topic in self._open:
+                self._tell_of_other_types(topic, types)
             if topic in self._open or topic in self._refused:
                 continue
             wanted = topic in self.wanted if self.wanted else topic not in _OWN_BUSINESS and self._own.has(topic)
@@ -109,10 +117,49 @@ class Inlets:
             return
         qos: QoSProfile = recording_qos(self._node.get_publishers_info_by_topic(topic), self._depth)
         self._types[topic] = msgtype
-        take = partial(self._take, topic)
-        self._open[topic] = self._node.create_subscription(message_type, topic, take, qos, raw=True)
+        take, events = partial(self._take, topic), partial(self._on_incompatible, topic)
+        self._open[topic] = self._node.create_subscription(
+            message_type,
+            topic,
+            take,
+            qos,
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=events),
+            raw=True,
+        )
         self._declare(topic, self._open[topic])
+
+    def _tell_of_other_types(self, topic: str, types: list[str]) -> None:
+        """A topic of a recording has one type: messages of another one are not in it."""
+        for other in set(types) - {self._types[topic], *self._other_types[topic]}:
+            self._other_types[topic].add(other)
+            self._node.get_logger().warning(
+                f"{topic} now carries {other}, too, which is not recorded: it is recorded as {self._types[topic]};"
+                " record it anew, into another recording"
+            )
+
+    def _on_incompatible(self, topic: str, event: QoSRequestedIncompatibleQoSInfo) -> None:
+        self._unheard[topic] = QoSPolicyKind(int(event.last_policy_kind)).name.lower()
+
+    def _renew(self) -> None:
+        """Subscribe anew as all publishers of a topic can be heard; not from within the subscription's own events."""
+        for topic, policy in self._unheard.items():
+            seen = describe_publishers(self._node, topic, self._types[topic])
+            self._node.get_logger().info(f"{topic}: listening anew, for its publishers' {policy}: {seen}")
+            before = self._open.pop(topic)
+            for raw in _waiting(before, message_class(self._types[topic])):
+                self._take(topic, raw)
+            self._node.destroy_subscription(before)
+            self._subscribe(topic, self._types[topic])
+        self._unheard.clear()
 
     def _declare(self, topic: str, subscription: Subscription) -> None:
         if self._writer is not None:
             self._writer.add_topic(topic, self._types[topic], offered_qos(subscription.qos_profile))
+
+
+def _waiting(subscription: Subscription, message_type: type) -> Iterator[bytes]:
+    """The messages that a subscription still holds."""
+    handle = subscription.handle
+    with handle:
+        while (taken := handle.take_message(message_type, True)) is not None:
+            yield taken[0]

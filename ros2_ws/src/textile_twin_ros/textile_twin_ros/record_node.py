@@ -81,7 +81,7 @@ class RecordNode(Node):
         self._writer: BagWriter | None = None
         self._open_files = ExitStack()
         self._retained = time.monotonic()
-        self._told_silent = False
+        self._told_silent = self._told_stuck = False
         depth = depth_for(self.settings.rate_hz, self.settings.queue_s)
         self._inlets = Inlets(self, self.settings.topics, self.settings.types, depth, self._take)
         if self.settings.start:
@@ -151,7 +151,10 @@ class RecordNode(Node):
         now = time.monotonic()
         if self.settings.keep_GB and now - self._retained > _RETENTION_S:
             self._retained = now
-            self._place.retain(self._writer, round(self.settings.keep_GB * 1e9))
+            stuck = self._place.retain(self._writer, round(self.settings.keep_GB * 1e9))
+            if stuck and not self._told_stuck:
+                self.get_logger().warning(f"keep_GB: {stuck[0]}, {len(stuck)} such: more is kept than asked for")
+            self._told_stuck = bool(stuck)
         if self._progress.is_complete() and not self.finished.done():
             self.finished.set_result(0)
         silent = self._progress.is_silent(self.settings.no_data_timeout_s)

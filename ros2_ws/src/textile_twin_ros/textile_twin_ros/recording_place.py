@@ -60,22 +60,24 @@ class RecordingPlace:
             raise RecordingError(f"{path}: cannot be made ({error.strerror}); choose another place") from error
         raise AssertionError("there is always a free number")
 
-    def retain(self, writer: BagWriter, most_bytes: int) -> None:
+    def retain(self, writer: BagWriter, most_bytes: int) -> list[str]:
         """Keep at most so many bytes: the oldest recordings of the folder go first, then this one's oldest files.
 
         Recordings of other machines in the folder count for themselves; what has no metadata.yaml is being written.
+        What could not be removed, one line each, as where somebody else's recordings are.
         """
-        kept = writer.bytes_kept
+        kept, stuck = writer.bytes_kept, []
         for path in self._earlier(writer.path) if self.by_time else []:
-            size = sum(entry.stat().st_size for entry in path.iterdir())
-            if kept + size > most_bytes:
-                for entry in (*path.glob("*.mcap"), path / "metadata.yaml"):
-                    entry.unlink(missing_ok=True)
-                with suppress(OSError):  # what somebody else has put there stays
-                    path.rmdir()
-            kept += size
+            try:
+                size = sum(entry.lstat().st_size for entry in path.iterdir())
+                kept += size
+                if kept > most_bytes:
+                    _remove_recording(path)
+            except OSError as error:
+                stuck.append(f"{path}: cannot be removed ({error.strerror})")
         while writer.bytes_kept > most_bytes and writer.drop_oldest_file():
             pass
+        return stuck
 
     def _earlier(self, current: Path) -> list[Path]:
         """Complete recordings of this machine in the folder, the newest first."""
@@ -86,6 +88,14 @@ class RecordingPlace:
     def _named_by_time(self) -> Path:
         name = time.strftime("%Y-%m-%d_%H-%M-%S")
         return self._folder / (f"{name}_{self._machine}" if self._machine else name)
+
+
+def _remove_recording(path: Path) -> None:
+    """Remove the files of a recording; metadata.yaml goes last, as it tells that there is one."""
+    for entry in (*path.glob("*.mcap"), path / "metadata.yaml"):
+        entry.unlink(missing_ok=True)
+    with suppress(OSError):  # what somebody else has put there stays
+        path.rmdir()
 
 
 def _numbered(path: Path, number: int) -> Path:

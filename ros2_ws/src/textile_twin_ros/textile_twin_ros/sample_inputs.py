@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import isfinite
 from time import perf_counter_ns
 from typing import Any, TypeAlias
 
@@ -38,7 +39,8 @@ def _joint_angle(joint: str) -> Reader:
         stamp, (angle, velocity) = joints.read(raw)
         if angle is None:
             raise MessageError(f"has no position of joint '{joint}'")
-        return stamp, angle, _NAN if velocity is None else velocity
+        # A speed that its sensor divides by no time at all is none.
+        return stamp, angle, velocity if velocity is not None and isfinite(velocity) else _NAN
 
     return read
 
@@ -143,7 +145,7 @@ class SampleInput:
         publishers = self._node.get_publishers_info_by_topic(self.name)
         names = [f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in publishers]
         findings = [
-            *stamp_findings(self._newest_ns if self._stamped else None),
+            *stamp_findings(self._newest_ns, self._stamped),
             *sample_findings(growth, "messages"),
             *publisher_findings(names, self.name),
         ]

@@ -27,6 +27,7 @@ from textile_twin_ros.commands import ENDING_SIGNALS
 from textile_twin_ros.usage import read_words
 
 EXECUTORS = ("events", "single")
+_REFUSALS = (InvalidParameterTypeException, InvalidParameterValueException, rclpy_implementation.RCLError)
 # How soon it is noticed that the node has finished or is told to end.
 _LOOK_S = 0.2
 # Each spin of the events executor leaves 32 bytes behind, and each callback of the other one adds to the future of the
@@ -99,6 +100,8 @@ def run(command: str, create: Callable[[], SuiteNode], declaration: type, argume
     except BrokenPipeError:  # who reads the help has enough, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except rclpy_implementation.UnknownROSArgsError as error:
+        return _tell(command, f"not known after --ros-args: {error}; a parameter is written as -p NAME:=VALUE")
     except Exception as error:  # rclpy's argument errors have no common base
         return _tell(command, error)
     nodes: list[SuiteNode] = []
@@ -108,6 +111,8 @@ def run(command: str, create: Callable[[], SuiteNode], declaration: type, argume
         code = _spin(nodes[0], ending)
     except TwinError as error:
         code = _tell(command, error)
+    except OSError as error:  # no permission, no room, a vanished disk: as the command line has it
+        code = _tell(command, f"{f'{error.filename}: ' if error.filename else ''}{error.strerror or error}")
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("textile_twin"):
             raise
@@ -125,11 +130,17 @@ def _created(create: Callable[[], SuiteNode]) -> SuiteNode:
         SceneError: a parameter of rclpy's own has a wrong value, or the middleware cannot give what the environment
             asks for, such as security.
     """
-    refused = (InvalidParameterTypeException, InvalidParameterValueException, rclpy_implementation.RCLError)
     try:
         return create()
-    except refused as error:
-        raise SceneError(str(error)) from error
+    except Exception as error:
+        if is_refusal(error):
+            raise SceneError(str(error)) from error
+        raise
+
+
+def is_refusal(error: Exception) -> bool:
+    """Whether rclpy or the middleware refuses a parameter, a name or a quality of service."""
+    return isinstance(error, _REFUSALS) or (type(error) is RuntimeError and "QoS override" in str(error))
 
 
 def finish_with(finished: Future, work: Callable[[], int]) -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from textile_twin_core.errors import TwinError
+from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin.references import reference_of
 from textile_twin_ros.description import Description
@@ -20,7 +22,7 @@ from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
 from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
-from textile_twin_ros.spinning import EXECUTORS, call_every, run
+from textile_twin_ros.spinning import EXECUTORS, call_every, is_refusal, run
 from textile_twin_ros.twin_stream import TwinStream
 
 _LOOK_S = 0.1
@@ -51,6 +53,24 @@ class TwinParameters(SensorParameters):
     executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
 
 
+Transition = Callable[["TwinNode", LifecycleState], TransitionCallbackReturn]
+
+
+def ends_on_error(transition: Transition) -> Transition:
+    """The same transition; an error in it, which rclpy would hold back without a word, ends the node."""
+
+    @wraps(transition)
+    def watched(node: TwinNode, state: LifecycleState) -> TransitionCallbackReturn:
+        try:
+            return transition(node, state)
+        except Exception as error:  # handed on to what runs the node, which tells it
+            if not node.finished.done():
+                node.finished.set_exception(SceneError(str(error)) if is_refusal(error) else error)
+            raise
+
+    return watched
+
+
 class TwinNode(LifecycleNode):
     """Lifecycle node around one TwinStream.
 
@@ -70,17 +90,17 @@ class TwinNode(LifecycleNode):
         self._description: Description | None = None
         self._measured = MeasuredTorque()
         self._active = False
-        self._error: TwinError | None = None
         self._starting = self.settings.autostart
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._diagnostics = DiagnosticsPublisher(self, lambda: self.settings.machine, self._statuses)
-        if self._starting and self.trigger_configure() is not _SUCCESS and self._error is not None:
-            raise self._error
+        if self._starting and self.trigger_configure() is not _SUCCESS:
+            self.finished.result()  # raises what was wrong
         call_every(self, _LOOK_S, self._look)
 
     def close(self) -> None:
         """Nothing is left open: what was published is with the middleware."""
 
+    @ends_on_error
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Compile the machine and create the topics."""
         settings = self.settings
@@ -98,13 +118,14 @@ class TwinNode(LifecycleNode):
                     f"parameter 'wait_for': no output '{unknown[0]}'; there are {', '.join(self._stream.publishers)}"
                 )
         except TwinError as error:
-            self._error = error
-            if not self._starting:
-                self.get_logger().error(str(error))
+            if self._starting:
+                raise
+            self.get_logger().error(str(error))
             return _FAILURE
         self._description = Description(self, machine)
         return super().on_configure(state)
 
+    @ends_on_error
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen."""
         settings, stream = self.settings, self._stream
@@ -119,6 +140,7 @@ class TwinNode(LifecycleNode):
         self.get_logger().info(f"{settings.machine}: predicting from {self._angle.name}, estimator {settings.shaft}")
         return result
 
+    @ends_on_error
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Give what the estimator still holds, and stop listening."""
         if self._stream is not None:
@@ -126,6 +148,7 @@ class TwinNode(LifecycleNode):
         self._stop_listening()
         return super().on_deactivate(state)
 
+    @ends_on_error
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the machine and remove the topics."""
         self._stop_listening()
@@ -137,6 +160,7 @@ class TwinNode(LifecycleNode):
             self._stream = None
         return super().on_cleanup(state)
 
+    @ends_on_error
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Give what the estimator still holds, and end the node."""
         if self._stream is not None and self._active:

@@ -21,6 +21,10 @@ Listen = Callable[[str, Kind, str, Callable[[list[Sample]], None]], SampleInput]
 """Opens an input: topic, kind, joint, what takes its samples."""
 
 
+_MOST_WAITING = 10_000
+"""Samples of an element that wait for the others' at most."""
+
+
 class Feed(Protocol):
     """Inputs that gather samples, and what hands them on."""
 
@@ -141,18 +145,25 @@ class ElementFeed:
         self._view.add_events([StampedEvent(stamp + self._shift_ns, event) for stamp, event in events])
 
     def hand_over(self) -> None:
-        """Give the view the messages that all elements have been read from."""
-        count = min(map(len, self._samples))
+        """Give the view the messages that all elements have been read from.
+
+        Each element has a subscription of its own: the first to hear hears messages that the others do not.
+        """
+        common = set.intersection(*({sample[0] for sample in samples} for samples in self._samples))
+        rows = [[sample for sample in samples if sample[0] in common] for samples in self._samples]
+        count = min(map(len, rows))
         if not count:
+            for samples in self._samples:
+                del samples[:-_MOST_WAITING]
             return
-        stamps = np.array([sample[0] for sample in self._samples[0][:count]], dtype=np.int64)
+        stamps = np.array([sample[0] for sample in rows[0][:count]], dtype=np.int64)
         if stamps[0] < self._newest_ns - SECOND_NS:  # played once more: the view's time goes on
             self._shift_ns += self._newest_ns - int(stamps[0]) + SECOND_NS
         self._newest_ns = int(stamps[-1])
-        values = np.array([[sample[1:] for sample in samples[:count]] for samples in self._samples])
+        values = np.array([[sample[1:] for sample in samples[:count]] for samples in rows])
         self._view.add_motion(stamps + self._shift_ns, values[:, :, 0].T, values[:, :, 1].T)
-        for samples in self._samples:
-            del samples[:count]
+        for samples, row in zip(self._samples, rows, strict=True):
+            del samples[: samples.index(row[count - 1]) + 1]
 
 
 def _columns(samples: list[Sample]) -> tuple[IntArray, FloatArray]:
