@@ -92,6 +92,23 @@ def test_bad_samples_are_counted() -> None:
     assert (stream.given, dict(stream.skipped)) == (0, {})
 
 
+def test_a_sensor_whose_clock_leaps_is_heard_again() -> None:
+    """One stamp a day ahead, and from the half on a clock that is an hour behind and then set right."""
+    stream = ResidualStream(Sensor())
+    second = 10**9
+    day, hour = 86_400 * second, 3_600 * second
+    told = []
+    for number in range(400):
+        stamp = day + number * 10_000_000
+        stream.predicted((stamp,), (1.0,), (0.0,))
+        behind = hour if 200 <= number < 300 else 0
+        told += stream.measured(stamp + (day if number == 50 else 0) - behind, 1.5)
+    stamps = [(item.stamp_ns - day) // 10_000_000 for item in told]
+    # Nine go until it is known that the clock goes on from there; what an hour ago has no prediction is left out.
+    assert stamps == [*range(50), *range(60, 200), *range(300, 400)]
+    assert {item.residual_Nm for item in told} == {0.5}
+
+
 def test_memory_is_bounded() -> None:
     stream = ResidualStream(Sensor(), memory_s=0.1)
     for k in range(5000):

@@ -16,6 +16,7 @@ from textile_twin_ros.health import (
     publisher_findings,
     residual_findings,
     sample_findings,
+    stalled_findings,
     stamp_findings,
     state_level,
 )
@@ -84,6 +85,12 @@ def test_residual_against_its_limit_or_the_measured_torque() -> None:
     assert not residual_findings(math.nan, 3.0, 0.0)
     assert not residual_findings(2.9, 3.0, 0.0) and residual_findings(3.1, 3.0, 0.0)
     assert not residual_findings(3.1, 3.0, 3.2) and residual_findings(0.3, 3.0, 0.2)
+
+
+def test_torques_that_all_go_without_a_residual_are_told() -> None:
+    assert not stalled_findings({"given": 0.0}) and not stalled_findings({"given": 1.0, "load jumps there": 20.0})
+    (finding,) = stalled_findings({"given": 0.0, "not finite": 0.0, "stamp not after the one before": 2500.0})
+    assert finding.level == WARN and "2500 stamp not after the one before" in finding.text
 
 
 def test_the_worst_level_stays_and_all_texts_are_told() -> None:

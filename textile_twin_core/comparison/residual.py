@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from textile_twin_core.machine import TorqueSensor
 from textile_twin_core.twin.predictor import AnyTwin
+from textile_twin_core.twin.restart import RestartWatch
 
 TWO_PI = 2.0 * math.pi
 _RECENT = 1000
@@ -60,6 +61,7 @@ class ResidualStream:
         self._recent: deque[float] = deque(maxlen=_RECENT)
         self._delay_ns = round(self.sensor.delay_s * 1e9)
         self._last_measured_ns: int | None = None
+        self._restarts = RestartWatch()
         self.given = 0
         self.skipped.clear()
 
@@ -88,6 +90,9 @@ class ResidualStream:
         if not math.isfinite(torque_Nm):
             self.skipped["not finite"] += 1
             return []
+        if self._restarts.restarted(stamp_ns):  # the sensor's clock was set back, or had leapt ahead
+            self._last_measured_ns = None
+            self._waiting.clear()
         if self._last_measured_ns is not None and stamp_ns <= self._last_measured_ns:
             self.skipped["stamp not after the one before"] += 1
             return []

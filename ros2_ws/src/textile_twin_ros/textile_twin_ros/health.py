@@ -160,6 +160,18 @@ def residual_findings(rms_Nm: float, measured_rms_Nm: float, limit_Nm: float) ->
     return [Finding("residual", WARN, text)] if over else []
 
 
+def stalled_findings(growth: Mapping[str, float]) -> list[Finding]:
+    """Measured torques come, and none of them gets a residual.
+
+    Args:
+        growth: counts of the last seconds: `given`, and those skipped by cause.
+    """
+    causes = ", ".join(f"{count:.0f} {cause}" for cause, count in growth.items() if cause != "given" and count > 0)
+    if growth["given"] or not causes:
+        return []
+    return [Finding("stalled", WARN, f"no residual in the last {WINDOW_S:g} s: {causes}")]
+
+
 def state_level(state: str) -> bytes:
     """The level of the estimator's state; the words are those of the shaft's report."""
     level: bytes = _STATE_LEVELS.get(state, OK)

@@ -19,7 +19,7 @@ from textile_twin_core.twin.session import Sample
 from textile_twin_ros import contact_events
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
-from textile_twin_ros.health import judged, residual_findings, sample_counts, state_level
+from textile_twin_ros.health import Recent, judged, residual_findings, sample_counts, stalled_findings, state_level
 from textile_twin_ros.messages import message_class
 from textile_twin_ros.sending import Send, patient
 from textile_twin_ros.twin_outputs import (
@@ -70,6 +70,7 @@ class TwinStream:
         self._has_torque = machine.tells_torque
         jumps = load_jumps(self._compile((TORQUE,))) if self._has_torque else ()
         self._residuals = ResidualStream(machine.sensors.torque, jumps)
+        self._recent_residuals = Recent()
         self._residual_messages = ResidualMessages()
         self._session = self._idle.session(shaft, **settings)
         # One by one then costs less than a block, and gives the first of a block that came late sooner.
@@ -194,7 +195,9 @@ class TwinStream:
         values |= {f"skipped_{cause.replace(' ', '_')}": count for cause, count in residuals.skipped.items()}
         text = f"rms {residuals.rms_Nm:.4g} N m" if residuals.given else "no residual yet"
         status = Status(RESIDUAL_TOPIC, OK if residuals.given else WARN, text, values)
-        return judged(status, residual_findings(residuals.rms_Nm, measured_rms_Nm, limit_Nm))
+        growth = self._recent_residuals.growth({"given": residuals.given, **residuals.skipped})
+        findings = residual_findings(residuals.rms_Nm, measured_rms_Nm, limit_Nm)
+        return judged(status, [*stalled_findings(growth), *findings])
 
     def _sender(self, topic: str) -> Send:
         """What sends a message of a topic: rclpy's own call, without the layers that ask for its type each time."""
