@@ -88,6 +88,29 @@ def test_recording_by_service(suite: Suite) -> None:
         assert open_bag(recording.with_name(name)).topics["/words"].count == count
 
 
+@pytest.mark.slow
+def test_a_place_that_is_taken_or_taken_away(suite: Suite) -> None:
+    recording = suite.folder / "run"
+    recorder = suite.start("record_node", f"bag:={recording}", "topics:=[words]")
+    recorder.wait_for_words("recording to")
+    node = suite.node()
+
+    def ask(what: str) -> Any:
+        return suite.call(node, Trigger, f"record_node/{what}", Trigger.Request())
+
+    assert ask("stop").success
+    write_bag(suite.folder / "run_2", *shaft_angles(10))
+    refused = ask("start")
+    assert not refused.success and "run_2: is there already" in refused.message
+    assert ask("start").message == str(suite.folder / "run_3")
+    (suite.folder / "run_3").rename(suite.folder / "mine")
+    assert recorder.wait() == 2
+    assert recorder.words().splitlines()[-1] == (
+        f"record_node: {suite.folder / 'run_3'}: removed or renamed while it was recorded: the recording ends after"
+        " 0 messages"
+    )
+
+
 def test_a_recorder_without_data_says_so(suite: Suite) -> None:
     recorder = suite.start(
         "record_node", f"bag:={suite.folder / 'empty'}", "topics:=[main_shaft/angle]", "no_data_timeout_s:=0.3"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -148,10 +149,15 @@ class BagWriter(ArrayWriter):
             self.flush()
 
     def flush(self) -> None:
-        """Put what was written so far on the disk (live recordings; others are complete or nothing)."""
+        """Put what was written so far on the disk (live recordings; others are complete or nothing).
+
+        Raises OSError when the disk takes no more, or when the file is not there any more: it would take all the same.
+        """
         if self._live:
             self._file.flush()
             self._flushed = time.monotonic()
+            if not self._file.path.exists():
+                raise FileNotFoundError(errno.ENOENT, "removed or renamed while it was recorded", str(self.path))
 
     @property
     def counts(self) -> dict[str, int]:

@@ -31,7 +31,7 @@ class McapFileWriter:
     """
 
     def __init__(self, path: Path, named: Path | None = None) -> None:
-        self._named = named or path
+        self.path, self._named = path, named or path
         self.bytes_written = 0
         self._file = path.open("xb")
         self._summary = Summary()

@@ -163,14 +163,16 @@ class RecordNode(Node):
         self._told_silent = silent
 
     def _give_up(self, path: Path, error: OSError) -> None:
-        """The disk takes no more: what is on it stays, the node ends."""
+        """The disk takes no more, or the file has gone: what is on it stays, the node ends."""
         self._writer = None
         self._inlets.write_to(None)
         with suppress(TwinError, OSError):
             self._open_files.close()
         reason = f"{path}: {error.strerror or error}: the recording ends after {self._progress.counts.total()} messages"
+        if not isinstance(error, FileNotFoundError):
+            reason += "; make room, and keep it with textile-twin recover"
         if not self.finished.done():
-            self.finished.set_exception(RecordingError(f"{reason}; make room, and keep it with textile-twin recover"))
+            self.finished.set_exception(RecordingError(reason))
 
     def _silence(self) -> str:
         wanted = self._inlets.wanted
@@ -193,7 +195,7 @@ class RecordNode(Node):
             return response
         try:
             self._open()
-        except RecordingError as error:
+        except (TwinError, OSError) as error:
             response.success, response.message = False, str(error)
             return response
         assert self._writer is not None
