@@ -47,6 +47,23 @@ def test_what_one_speed_cannot_tell_is_named_with_the_recording_that_could() -> 
     assert found.to_json()["ambiguous"][0]["recording"]
 
 
+def test_friction_and_loads_that_nobody_declared_are_not_taken_for_the_torque_sensor() -> None:
+    """At rest its offset shows apart from friction, over the turn its gain apart from the needles' force."""
+    case = healthy("tufting", 954)
+    friction = replace(case.friction, coulomb_Nm=case.friction.coulomb_Nm + 0.5)
+    case = replace(case, friction=friction, backing=replace(case.backing, force_N=1030.0))
+    case = replace(case, torque=replace(case.torque, gain=0.9, offset_Nm=0.9))
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    found = calibrate(readings, told_machine(case))
+    assert found.ambiguous == ()
+    assert found.offset_Nm.value == pytest.approx(0.9, abs=min(5.0 * found.offset_Nm.sigma, 0.05))
+    assert found.gain.value == pytest.approx(0.9, abs=min(5.0 * found.gain.sigma, 0.015))
+    said = {cause.cause: cause for cause in found.assessment.verdict}
+    assert said["torque_offset"].value == pytest.approx(0.9, abs=0.05)
+    assert said["unmodelled_friction"].value == pytest.approx(0.5, abs=0.1)
+
+
 def test_a_recording_of_another_machine_gives_no_calibration() -> None:
     case = replace(healthy("tufting", 953, duration_s=12.0), told_machine="loom")
     made = record(case)

@@ -11,6 +11,7 @@ import numpy as np
 
 from textile_twin_core.comparison.assess import Assessment, assess
 from textile_twin_core.comparison.explain import ALL_SAMPLES, Explanation
+from textile_twin_core.comparison.identifiable import identifiable
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings
@@ -21,6 +22,11 @@ from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.sensors import Sensors, TorqueSensor
+
+_TOLD = 0.005
+"""Sigma over value from which on a gain is not told apart from the loads."""
+_LEAST_LOAD, _SIGMAS = 0.01, 4.0
+"""By so much, and so many standard deviations, loads are other than declared."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +109,7 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
     if 1.0 - found.explained > NOT_THIS_MACHINE and any(c.cause == "other_machine" for c in assessment.verdict):
         text = next(cause.text for cause in assessment.verdict if cause.cause == "other_machine")
         raise RecordingError(f"no calibration from this recording: {text}")
-    fit = _final_fit(found)
+    fit, told = _beside_loads(found, _final_fit(found))
     known = estimates(fit)
     settings = fit.settings
     turned = settings.direction * machine.sensors.encoder.ratio * settings.ratio / found.configured.ratio
@@ -111,7 +117,7 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
     zero = known.get("zero_rad", Estimate(settings.zero_rad)).scaled(1.0 / turned)
     zero = zero.scaled(1.0, _whole_turns(zero.value, machine.sensors.encoder.zero_rad, TURN / abs(turned)))
     gain = known.get("gain", Estimate(settings.gain)).scaled(1.0 / near.gain)
-    offset = known.get("offset_Nm", Estimate(settings.offset_Nm))
+    offset = known.get("offset_Nm", found.offset_at_rest or Estimate(settings.offset_Nm))
     delay = known.get("delay_s", Estimate(settings.delay_s))
     encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=settings.direction, ratio=abs(turned))
     sensor = TorqueSensor(settings.gain, offset.value, delay.value)
@@ -126,7 +132,7 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
         gain=gain,
         offset_Nm=offset,
         delay_s=delay,
-        ambiguous=tuple(_ambiguous(assessment, found, fit, abs(turned))),
+        ambiguous=tuple(_ambiguous(assessment, found, fit, abs(turned), told)),
         rms_before_Nm=_rms(found),
         rms_after_Nm=fit.rms,
         assessment=assessment,
@@ -141,7 +147,9 @@ def _final_fit(found: Explanation) -> SettingsFit:
         free -= {"zero_rad"} if "delay_s" in found.departing else {"delay_s"}
     else:
         free |= {"delay_s"}
-    if "offset_Nm" in found.departing or found.evidence.turns_both_ways():
+    if found.offset_at_rest is not None:
+        free = (free | {"constant_Nm"}) - {"offset_Nm"}
+    elif "offset_Nm" in found.departing or found.evidence.turns_both_ways():
         free |= {"offset_Nm"}
     elif found.rest_tells or "viscous_Nms" in free:
         free |= {"constant_Nm"}  # friction, then: at rest the sensor shows none of it
@@ -150,7 +158,26 @@ def _final_fit(found: Explanation) -> SettingsFit:
     return fit_settings(found.evidence.thinned(ALL_SAMPLES), found.settings, free)
 
 
-def _ambiguous(assessment: Assessment, found: Explanation, fit: SettingsFit, ratio: float) -> list[Ambiguity]:
+def _beside_loads(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, bool]:
+    """The fit with the loads free too, where they are other than declared; whether gain and loads can be told apart.
+
+    Loads a little stronger than declared, too little to be named as a departure, are no gain of the sensor.
+    """
+    if "load" in fit.free or not found.evidence.terms.has_load:
+        return fit, True
+    beside = fit_settings(found.evidence.thinned(ALL_SAMPLES), fit.settings, {*fit.free, "load"})
+    kept, _ = identifiable(beside.jacobian[beside.good], beside.free, ("load",))
+    known = estimates(beside)
+    gain, load = known["gain"], known["load"]
+    if "load" not in kept or gain.sigma > _TOLD * abs(gain.value):
+        return fit, False
+    away = abs(load.value - found.configured.load)
+    return (beside if away > max(_LEAST_LOAD, _SIGMAS * load.sigma) else fit), True
+
+
+def _ambiguous(
+    assessment: Assessment, found: Explanation, fit: SettingsFit, ratio: float, told: bool
+) -> list[Ambiguity]:
     ambiguous = []
     if found.one_speed:
         kept = "delay" if "delay_s" in fit.free else "zero"
@@ -167,6 +194,14 @@ def _ambiguous(assessment: Assessment, found: Explanation, fit: SettingsFit, rat
                 ("torque.offset_Nm", "shaft_coulomb_Nm"),
                 "while the shaft turns one way, an offset of the torque sensor looks like dry friction",
                 "a few seconds with the shaft at rest, the machine unclamped",
+            )
+        )
+    if not told:
+        ambiguous.append(
+            Ambiguity(
+                ("torque.gain", "load"),
+                "a gain of the torque sensor looks like stronger loads; those of the machine file were taken as right",
+                "several speeds up to the highest, or some turns without the load",
             )
         )
     if assessment.unit.wrapped and ratio < 0.75:

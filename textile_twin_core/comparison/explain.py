@@ -8,6 +8,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.evidence import Evidence, Settings
+from textile_twin_core.comparison.rest import rest_reading
 from textile_twin_core.comparison.search import (
     RATIOS,
     SPREAD_FOR_DELAY,
@@ -20,13 +21,13 @@ from textile_twin_core.comparison.search import (
 from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings, huber_weights
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.torque_units import nearest_gain
+from textile_twin_core.comparison.uncertainty import Estimate
 
 _WORTH = 0.01
 """A departure must lessen the mean square of the residual by this share to be kept,"""
 _SIGMAS = 4.0
 """and lie this many standard deviations, taken over turns of the shaft, from the configured value."""
 _LEAST = {"zero_rad": np.radians(0.3), "delay_s": 3e-4, "drift": 2e-5, "gain": 0.02, "load": 0.04}
-_FEWEST_AT_REST = 20
 ALL_SAMPLES = 60_000
 """Samples of which the last fit takes all; of longer records it takes so many."""
 _LEAST_TORQUE = 0.015  # of the measured torque's size, as torque
@@ -44,6 +45,7 @@ class Explanation:
         one_speed: the shaft turns at one speed, so zero and delay are one.
         rest_tells: the record holds the shaft at rest, so that friction and the torque sensor's offset are two.
         apart: by setting, the factor by which the mean square rises when it alone is put back.
+        offset_at_rest: the torque sensor's offset where the shaft at rest tells it and friction apart from it.
     """
 
     configured: Settings
@@ -58,6 +60,7 @@ class Explanation:
     apart: dict[str, float]
     evidence: Evidence
     encoder_turn_rad: float
+    offset_at_rest: Estimate | None
 
     def departure(self, name: str) -> float:
         """By how much a setting departs from the configured one; a gain and a load as factor less one."""
@@ -87,12 +90,19 @@ def explain(
         if late.rms < fit.rms:
             fit = late
     at_rest = rest_reading(evidence, fit.settings)
-    if "constant_Nm" in fit.free and _is_offset(fit, evidence, at_rest):
+    if at_rest is None and "constant_Nm" in fit.free and fit.settings.constant_Nm < -evidence.terms.coulomb_Nm:
+        # What helps the shaft on is no friction.
         fit = _as_offset(fine, fit, configured, encoder_turn_rad)
+    elif at_rest is not None and "offset_Nm" not in fit.free and _is_shown(at_rest, evidence):
+        fit = _with_offset_of_rest(fine, fit, configured, encoder_turn_rad, at_rest.value)
     # What departs is settled by every sample: what tells zero from delay are the few of run-ups and coast-downs.
     fine = evidence.thinned(ALL_SAMPLES)
     fit = fit_settings(fine, fit.settings, fit.free)
     torque = fine.torque_Nm[fit.good]
+    departing, sigma, offset = fit.free, sigmas(fit), None
+    if at_rest is not None and "offset_Nm" not in fit.free and fit.settings.offset_Nm != configured.offset_Nm:
+        offset = at_rest.scaled(1.0, fit.settings.offset_Nm - at_rest.value)
+        departing, sigma = (*fit.free, "offset_Nm"), sigma | {"offset_Nm": offset.sigma}
     alternatives = tuple(
         each
         for each in found[1:]
@@ -103,16 +113,17 @@ def explain(
     return Explanation(
         configured=configured,
         settings=fit.settings,
-        departing=fit.free,
-        sigma=sigmas(fit),
+        departing=departing,
+        sigma=sigma,
         fit=fit,
         others=alternatives,
         explained=1.0 - fit.rms**2 / max(float(np.var(torque)), 1e-300),
         one_speed=one_speed,
-        rest_tells=np.isfinite(at_rest),
-        apart=_apart(fine, fit, configured),
+        rest_tells=at_rest is not None,
+        apart=_apart(fine, fit, configured, departing),
         evidence=evidence,
         encoder_turn_rad=encoder_turn_rad,
+        offset_at_rest=offset,
     )
 
 
@@ -223,28 +234,26 @@ def _as_delay(evidence: Evidence, fit: SettingsFit, configured: Settings) -> Set
     return fit_settings(evidence, start, free)
 
 
-def rest_reading(evidence: Evidence, settings: Settings) -> float:
-    """What the torque sensor shows at rest beside the machine's weight [N m]; nan without rest."""
-    theta, omega, _, good = evidence.track.at(evidence.time_s - settings.delay_s)
-    still = good & (np.abs(omega) < 0.1 * evidence.rest_rad_s)
-    if np.count_nonzero(still) < _FEWEST_AT_REST:
-        return np.nan
-    theta = settings.direction * settings.ratio * theta[still] - settings.zero_rad
-    weight = evidence.terms.at(theta, np.zeros_like(theta), np.zeros_like(theta), evidence.rest_rad_s).mechanism
-    return float(np.median(evidence.torque_Nm[still] - settings.gain * weight - settings.offset_Nm))
+def _is_shown(at_rest: Estimate, evidence: Evidence) -> bool:
+    """Whether what is shown at rest is enough to bother a person with."""
+    size = float(np.percentile(np.abs(evidence.torque_Nm), 95.0))
+    return abs(at_rest.value) >= max(_LEAST_TORQUE * size, _SIGMAS * at_rest.sigma)
 
 
-def _is_offset(fit: SettingsFit, evidence: Evidence, at_rest: float) -> bool:
-    """Whether a constant torque is the sensor's rather than friction's: it is there at rest, or helps the shaft on."""
-    shown = fit.settings.constant_Nm * fit.settings.gain
-    shown *= np.sign(fit.settings.direction * evidence.working_speed())
-    if np.isfinite(at_rest):
-        return bool(abs(at_rest - shown) < abs(at_rest))
-    return fit.settings.constant_Nm < -evidence.terms.coulomb_Nm
+def _with_offset_of_rest(
+    evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_turn_rad: float, offset_Nm: float
+) -> SettingsFit:
+    """What is shown at rest as the sensor's offset; what more there is while the shaft turns stays friction."""
+    settings = fit.settings
+    way = np.sign(settings.direction * evidence.working_speed())
+    constant = settings.constant_Nm - offset_Nm * float(way) / settings.gain
+    start = replace(settings, constant_Nm=constant, offset_Nm=settings.offset_Nm + offset_Nm)
+    free = {*fit.free, "constant_Nm"}
+    return _spare(evidence, fit_settings(evidence, start, free), configured, encoder_turn_rad)
 
 
 def _as_offset(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_turn_rad: float) -> SettingsFit:
-    """The same constant torque as an offset of the sensor."""
+    """A constant torque as an offset of the sensor."""
     settings = fit.settings
     shown = settings.constant_Nm * settings.gain * np.sign(settings.direction * evidence.working_speed())
     start = replace(settings, constant_Nm=0.0, offset_Nm=settings.offset_Nm + float(shown))
@@ -252,10 +261,10 @@ def _as_offset(evidence: Evidence, fit: SettingsFit, configured: Settings, encod
     return _spare(evidence, fit_settings(evidence, start, free), configured, encoder_turn_rad)
 
 
-def _apart(evidence: Evidence, fit: SettingsFit, configured: Settings) -> dict[str, float]:
+def _apart(evidence: Evidence, fit: SettingsFit, configured: Settings, departing: tuple[str, ...]) -> dict[str, float]:
     """By setting, discrete ones too, the rise of the mean square when it alone goes back to what is configured."""
     rise: dict[str, float] = {}
-    for name in (*fit.free, "direction", "ratio", "gain"):
+    for name in (*departing, "direction", "ratio", "gain"):
         told = zero_beside(configured, fit.settings) if name == "zero_rad" else getattr(configured, name)
         if told == getattr(fit.settings, name):
             continue

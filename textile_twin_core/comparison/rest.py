@@ -1,0 +1,34 @@
+"""The torque sensor's offset as the shaft at rest shows it: there is no friction then."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy
+
+from textile_twin_core.comparison.evidence import Evidence, Settings
+from textile_twin_core.comparison.uncertainty import Estimate
+
+_FEWEST, _PARTS = 20, 10
+_OF_MEDIAN = math.sqrt(math.pi / 2.0)
+"""Standard deviation of a median over that of a mean."""
+_QUARTILES = 1.349
+"""Between the quartiles, in standard deviations."""
+
+
+def rest_reading(evidence: Evidence, settings: Settings) -> Estimate | None:
+    """What the torque sensor shows at rest beside the machine's weight and its offset so far; None without rest."""
+    theta, omega, _, good = evidence.track.at(evidence.time_s - settings.delay_s)
+    still = good & (np.abs(omega) < 0.1 * evidence.rest_rad_s)
+    if np.count_nonzero(still) < _FEWEST:
+        return None
+    theta = settings.direction * settings.ratio * theta[still] - settings.zero_rad
+    weight = evidence.terms.at(theta, np.zeros_like(theta), np.zeros_like(theta), evidence.rest_rad_s).mechanism
+    left = evidence.torque_Nm[still] - settings.gain * weight - settings.offset_Nm
+    # by parts of the rest, since a few hold a shaft that creeps, with its friction
+    parts = np.array([np.median(part) for part in np.array_split(left, _PARTS)])
+    low, value, high = np.percentile(parts, [25.0, 50.0, 75.0]).tolist()
+    sigma = _OF_MEDIAN * (high - low) / _QUARTILES / math.sqrt(_PARTS)
+    half = float(scipy.stats.t.ppf(0.975, _PARTS - 1)) * sigma
+    return Estimate(value, sigma, (value - half, value + half))
