@@ -10,11 +10,11 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from tests.ros.suite import Suite
 from textile_twin_ros.diagnostics import ERROR, OK, WARN
-from textile_twin_ros.status import Heard, text_of
+from textile_twin_ros.status import Heard, take, text_of
 
 
 def heard(name: str, level: bytes, message: str, at_s: float = 100.0, hardware: str = "") -> tuple[str, Heard]:
@@ -46,6 +46,13 @@ def test_machines_nodes_and_alarms() -> None:
     assert "the node has said nothing for 10 s; before: 500.0 Hz" in late
     only = text_of(dict([heard("twin_node: outputs", OK, "computing")]), 100.0)
     assert only.splitlines()[-1] == "all in order"
+
+
+def test_what_a_node_no_longer_says_is_over() -> None:
+    shown: dict[str, Heard] = {}
+    for at_s, what in enumerate(("twin_node: twin", "m3/twin_node: twin", "twin_node: outputs")):
+        take(shown, DiagnosticArray(status=[DiagnosticStatus(name=what, level=OK)]), float(at_s))
+    assert set(shown) == {"m3/twin_node: twin", "twin_node: outputs"}
 
 
 def status(suite: Suite, *words: str) -> subprocess.CompletedProcess[str]:

@@ -49,8 +49,7 @@ def show(seconds: float, follow: bool, out: Callable[[str], object] = sys.stdout
     heard: dict[str, Heard] = {}
 
     def keep(message: DiagnosticArray) -> None:
-        now = time.monotonic()
-        heard.update({status.name: Heard(status, now) for status in message.status if _is_ours(status.name)})
+        take(heard, message, time.monotonic())
 
     context = Context()
     rclpy.init(context=context)
@@ -77,6 +76,15 @@ def show(seconds: float, follow: bool, out: Callable[[str], object] = sys.stdout
         executor.shutdown()
         node.destroy_node()
         rclpy.shutdown(context=context)
+
+
+def take(heard: dict[str, Heard], message: DiagnosticArray, now_s: float) -> None:
+    """Take in what a node says: all that it has to say, so that what it said before is over."""
+    ours = {status.name: Heard(status, now_s) for status in message.status if _is_ours(status.name)}
+    speakers = {name.partition(":")[0] for name in ours}
+    for name in [name for name in heard if name.partition(":")[0] in speakers]:
+        del heard[name]
+    heard.update(ours)
 
 
 def text_of(heard: Mapping[str, Heard], now_s: float, colours: bool = False) -> str:
