@@ -27,6 +27,8 @@ from textile_twin_ros.spinning import EXECUTORS, call_every, run
 
 _LOOK_S = 1.0
 _RENEW_S = 0.05
+_WRITE_S = 3600.0
+"""A power loss takes the trend of so long at most, and more of it fills no memory."""
 
 
 @dataclass
@@ -37,7 +39,7 @@ class MonitorParameters(SensorParameters):
     learn_turns: int = parameter(100, "turns from which the machine's own band is learnt", between=(20, 100_000))
     raise_sigmas: float = parameter(8.0, "an alarm comes this far outside the band", between=(3.0, 1000.0))
     clear_sigmas: float = parameter(4.0, "and goes when it is nearer than this", between=(1.0, 1000.0))
-    parquet: str = parameter("", "folder for the trend of every turn, a file for each start; empty writes none")
+    parquet: str = parameter("", "folder for the trend of every turn, a file for each hour; empty writes none")
     executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
 
 
@@ -66,6 +68,7 @@ class MonitorNode(Node):
         self.create_service(Trigger, "~/learn_again", self._learn_again)
         call_every(self, _RENEW_S, self._renew)
         call_every(self, _LOOK_S, self._look)
+        call_every(self, _WRITE_S, self._write_meanwhile)
         self._diagnostics = DiagnosticsPublisher(self, lambda: settings.machine, self._statuses)
 
     def close(self) -> None:
@@ -129,7 +132,19 @@ class MonitorNode(Node):
         level = WARN if alarm.side == "sensor" else ERROR
         return [*inputs, Status("faults", level, alarm.text, values)]
 
+    def _write_meanwhile(self) -> None:
+        """Write the trend while the machine runs; what does not go now is tried again with the next."""
+        try:
+            self._write()
+        except TwinError as error:
+            self.get_logger().warning(str(error))
+
     def _write(self) -> None:
+        """Write the trend since the last time.
+
+        Raises:
+            TwinError: it cannot be written; it is kept.
+        """
         if not self._trends:
             return
         import pyarrow
@@ -141,6 +156,7 @@ class MonitorNode(Node):
             parquet.write_table(pyarrow.table(columns), folder / f"trend_{int(columns['stamp_ns'][0])}.parquet")
         except OSError as error:
             raise TwinError(f"parameter 'parquet': {folder}: {error.strerror or error}") from error
+        self._trends.clear()
 
     def _trend_folder(self) -> Path:
         """The folder of the trends, made if need be.
