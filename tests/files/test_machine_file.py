@@ -63,6 +63,14 @@ def test_the_tufting_machine_goes_through_a_file(tmp_path: Path, change: dict[st
     assert load_machine_file(tmp_path / "m.yaml") == machine
 
 
+@pytest.mark.parametrize("change", [{}, {"name": "no 7", "parameters": {}, "nominal_speed_rad_s": np.float64(20.0)}])
+def test_numbers_may_come_from_numpy(tmp_path: Path, change: dict[str, Any]) -> None:
+    """By the published name and parameters, and by groups."""
+    machine = dataclasses.replace(ttc.machines.tufting(backing_force_N=np.float64(900.0)), **change)
+    save_machine_file(machine, tmp_path / "m.yaml")
+    assert load_machine_file(tmp_path / "m.yaml") == machine
+
+
 def test_a_published_machine_with_the_users_sensors(tmp_path: Path) -> None:
     path = _file(
         tmp_path, "machine: tufting\nparameters: {m1_kg: 3}\nsensors: {torque: {delay_s: 0.002}}\nname: no 7\n"

@@ -56,6 +56,11 @@ def test_nan_stays_where_it_came_in(machine: ttc.Machine) -> None:
         twin.evaluate(math.inf, 16.0, 0.0)
 
 
+def test_names_may_come_from_numpy(machine: ttc.Machine) -> None:
+    names = list(np.array(["balancing_torque_Nm", "needle_position_m"]))
+    assert ttc.compile(machine, names).evaluate(0.5, 16.0, 0.0).keys() == set(names)
+
+
 def test_errors_name_what_is_wrong(machine: ttc.Machine) -> None:
     with pytest.raises(ttc.SceneError, match="did you mean balancing_torque_Nm"):
         ttc.compile(machine, ["balancing_torque"])
@@ -141,6 +146,8 @@ def test_change_points_are_named_and_do_not_end_a_session() -> None:
 
 def test_auto_keeps_to_closed_forms_where_no_table_is_fine_enough() -> None:
     near = four_bar(0.1, 0.2, 0.2)  # all links in one line once a turn
+    with pytest.raises(ttc.SceneError, match="1e-08: the motion is too sharp, as near a change point; use method"):
+        ttc.compile(near, ["omega_2_rad_s"], "table", 1e-8)
     theta = np.linspace(0.0, 3.0, 200_001)
     auto, exact = (ttc.compile(near, ["omega_2_rad_s"], m).evaluate(theta, 1.0) for m in ("auto", "exact"))
     assert np.array_equal(auto["omega_2_rad_s"], exact["omega_2_rad_s"])

@@ -144,8 +144,8 @@ def plain(value: Any, leave_out: tuple[str, ...] = ()) -> Any:
         return out
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
     if isinstance(value, (list, tuple)):
         return [plain(entry) for entry in value]
     return value

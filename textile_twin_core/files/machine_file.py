@@ -217,7 +217,7 @@ def machine_document(machine: AnyMachine) -> dict[str, Any]:
         name = {} if machine.name == base.name else {"name": machine.name}
         given = {**machine.choices, **machine.parameters}
         usually = {**base.choices, **base.parameters}
-        parameters = {key: value for key, value in given.items() if value != usually[key]}
+        parameters = plain({key: value for key, value in given.items() if value != usually[key]})
         return {"machine": base.name, **name, **({"parameters": parameters} if parameters else {}), **changed}
     document: dict[str, Any] = plain(machine, leave_out=(*_APART, *_NOT_DECLARED))
     if isinstance(machine, Machine):

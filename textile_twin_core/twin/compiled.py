@@ -196,7 +196,8 @@ def compile_machine(
         raise SceneError(f"compile takes a machine: ttc.machines.create('{machine}') or ttc.load_machine('{machine}')")
     if isinstance(outputs, str):
         raise SceneError(f"outputs must be a list of names, such as ['{outputs}']")
-    names = tuple(dict.fromkeys(machine.scene.outputs if outputs is None else outputs))
+    # plain names, since those of a numpy array would not stand in the code that is written for them
+    names = tuple(dict.fromkeys(str(name) for name in (machine.scene.outputs if outputs is None else outputs)))
     method = machine.scene.method if method is None else method
     tolerance = machine.scene.tolerance if tolerance is None else tolerance
     if not names:

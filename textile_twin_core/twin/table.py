@@ -85,9 +85,11 @@ class TableEvaluator:
             return None
         table = tabulate(self.functions, self._weights(machine.nominal_speed_rad_s), tolerance)
         if table is None:
-            raise SceneError(
-                f"no table reaches a tolerance of {tolerance:g}: ask for 1e-13 or more, or use method 'exact'"
+            finer = tolerance < FINEST_TABLE
+            why = (
+                f"ask for {FINEST_TABLE:g} or more, or" if finer else "the motion is too sharp, as near a change point;"
             )
+            raise SceneError(f"no table reaches a tolerance of {tolerance:g}: {why} use method 'exact'")
         return table
 
     def _weights(self, nominal_speed: float) -> FloatArray:
