@@ -18,6 +18,8 @@ OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticS
 _LOOK_S = 0.5
 _PERIOD_S = 1.0
 _REPEAT_S = 10.0
+_REASON = 300
+"""Characters of a reason that are told: a message may name very many joints."""
 _RATE_S = 1.0
 
 
@@ -119,6 +121,7 @@ class InputWatch:
         """Begin to wait anew, with all counts at zero."""
         self.received = self.refused = 0
         self.refusal = ""
+        self._refusal_told = -math.inf
         self._since = self._last = time.monotonic()
         self._past = deque([(self._since, 0)])
         self._warned_at: float | None = None
@@ -129,10 +132,13 @@ class InputWatch:
         self._last = time.monotonic()
 
     def refuse(self, reason: str) -> None:
-        """Note a message that cannot be used; the reason is logged when it is a new one."""
+        """Note a message that cannot be used; a reason is logged when it is a new one, every ten seconds at most."""
         self.refused += 1
-        if reason != self.refusal:
-            self.refusal = reason
+        reason = reason if len(reason) <= _REASON else f"{reason[:_REASON]} ..."
+        now = time.monotonic()
+        new, self.refusal = reason != self.refusal, reason
+        if new and now - self._refusal_told >= _REPEAT_S:
+            self._refusal_told = now
             self._node.get_logger().warning(f"a message on {self._topic} {reason}: such messages are left out")
 
     @property

@@ -71,7 +71,7 @@ class FieldReader:
                 break
         seconds, nanoseconds, *values = self._values.unpack_from(raw)
         if nanoseconds >= SECOND_NS:
-            raise MessageError(f"has a stamp with {nanoseconds} nanoseconds, a second or more")
+            raise MessageError("has a stamp of a whole second or more in its nanoseconds")
         if self._filled:
             found = iter(values)
             values = [next(found) if filled else None for filled in self._filled]
