@@ -100,6 +100,7 @@ MISTAKES = [
     ("record_node", ["bag:={bag}"], ["is there already"]),
     ("record_node", ["bag:=/proc/bag"], ["/proc/bag"]),
     ("record_node", ["bag:={bag}2", "types:=[angle]"], ["types", "angle", "package/msg/Type"]),
+    ("plc_node", ["host:=10.0.0.5", "sequence:=4:float32"], ["sequence", "4:float32", "whole"]),
     ("shaft_node", ["machine:=loom"], ["no machine 'loom'"]),
     ("shaft_node", ["encoder_bits:=2.5"], ["encoder_bits", "whole number"]),
     ("shaft_node", ["use_sim_time:=maybe"], ["use_sim_time", "maybe", "BOOL"]),

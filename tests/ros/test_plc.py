@@ -168,6 +168,29 @@ def test_a_register_written_wrongly(text: str) -> None:
         Register.parse("angle", text)
 
 
+@pytest.mark.parametrize(
+    ("kind", "value", "held"),
+    [
+        ("int16", 12.7, 13),
+        ("int16", -40_000.0, -32_768),
+        ("uint16", -0.6, 0),
+        ("uint64", 1e300, 2**64 - 1),
+        ("float32", 0.1, np.float32(0.1)),
+        ("float32", 1e300, np.finfo(np.float32).max),
+        ("float64", -1e300, -1e300),
+    ],
+)
+def test_a_prediction_goes_into_a_register_of_any_type(plc: Plc, kind: str, value: float, held: float) -> None:
+    client = ModbusTcpClient("127.0.0.1", port=plc.port)
+    assert client.connect()
+    register = Register.parse("predicted", f"40:{kind}")
+    assert register is not None
+    registers = Registers(client, "holding", {"predicted": register}, 1, "little")
+    registers.write(register, value)
+    assert registers.read()["predicted"] == held
+    client.close()
+
+
 def test_registers_too_far_apart_for_one_moment() -> None:
     values = {"angle": Register.parse("angle", "0:uint16"), "torque": Register.parse("torque", "200:float64")}
     with pytest.raises(SceneError, match="the registers span 204, more than the 125"):

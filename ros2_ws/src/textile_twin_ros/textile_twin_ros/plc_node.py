@@ -66,6 +66,8 @@ class PlcNode(Node):
         values = {name: Register.parse(name, getattr(settings, name)) for name in ("angle", "torque", "sequence")}
         if values["angle"] is None:
             raise SceneError("parameter 'angle' is empty: give the register of the shaft's angle, such as 0:uint16")
+        if values["sequence"] is not None and values["sequence"].is_float:
+            raise SceneError(f"parameter 'sequence' is '{settings.sequence}': it counts, so give it a whole type")
         self._sequence_bits = 16 * values["sequence"].length if values["sequence"] is not None else 0
         self._predicted = Register.parse("predicted", settings.predicted)
         self._client = ModbusTcpClient(settings.host, port=settings.port, timeout=settings.timeout_s, retries=0)

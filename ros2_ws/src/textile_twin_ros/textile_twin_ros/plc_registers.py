@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from textile_twin_core.errors import SceneError
 
 TYPES = ("int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
@@ -40,6 +42,19 @@ class Register:
     def length(self) -> int:
         """How many registers of 16 bits it takes."""
         return int(self.kind.lstrip("uintfloa")) // 16
+
+    @property
+    def is_float(self) -> bool:
+        """Whether it holds fractions."""
+        return self.kind.startswith("float")
+
+    def nearest(self, value: float) -> int | float:
+        """The nearest to a finite value that it can hold, a whole number where it holds no others."""
+        if self.is_float:
+            most = float(np.finfo(self.kind).max)
+            return min(max(value, -most), most)
+        limits = np.iinfo(self.kind)
+        return min(max(round(value), int(limits.min)), int(limits.max))
 
 
 class Registers:
@@ -82,13 +97,13 @@ class Registers:
         return {name: self._decode(answer.registers, value) for name, value in self._values.items()}
 
     def write(self, register: Register, value: float) -> None:
-        """Write one value into holding registers.
+        """Write one value into holding registers, the nearest that they can hold.
 
         Raises:
             OSError: the PLC does not take it.
         """
         kind = self._client.DATATYPE[register.kind.upper()]
-        words = self._client.convert_to_registers(value, kind, self._word_order)
+        words = self._client.convert_to_registers(register.nearest(value), kind, self._word_order)
         answer = self._client.write_registers(register.address, words, device_id=self._device)
         if answer.isError():
             raise OSError(f"the PLC does not take register {register.address}: {answer}")
