@@ -14,16 +14,23 @@ import pytest
 
 pytest.importorskip("asyncua")
 
-from asyncua import Server, ua
+from asyncua import Client, Server, ua
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tests.ros.bridged import Bridged
 from tests.ros.suite import SECOND_NS, Suite
 from tests.ros.test_live_topics import stamp_of
+from textile_twin_ros.opcua_values import Values
 
 RATE_HZ, SAMPLES = 100.0, 500
 START = datetime(2031, 3, 1, 12, 0, 0, tzinfo=UTC)
-VARIABLES = {"Angle": 0.0, "Load": 0.0, "Predicted": ua.Variant(0.0, ua.VariantType.Float)}
+VARIABLES = {
+    "Angle": 0.0,
+    "Load": 0.0,
+    "Predicted": ua.Variant(0.0, ua.VariantType.Float),
+    "Byte": ua.Variant(0, ua.VariantType.Byte),
+    "Short": ua.Variant(0, ua.VariantType.Int16),
+}
 
 
 class Plc:
@@ -176,3 +183,16 @@ def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
     program = suite.start("opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", "angle:='ns=2;s=Angel'")
     program.wait_for_words("angle, ns=2;s=Angel: BadNodeIdUnknown; trying again every second")
     assert program.end() == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "held"),
+    [("Short", 12.7, 13), ("Short", -1e9, -32_768), ("Byte", -3.0, 0), ("Predicted", 1e300, np.finfo(np.float32).max)],
+)
+def test_a_prediction_goes_into_a_variable_of_any_type(plc: Plc, name: str, number: float, held: float) -> None:
+    async def write() -> Any:
+        async with Client(f"opc.tcp://127.0.0.1:{plc.port}") as client:
+            await Values(client, 10, 0.0).write(plc.nodes[name].nodeid, number)
+            return await client.get_node(plc.nodes[name].nodeid).read_value()
+
+    assert asyncio.run(write()) == held

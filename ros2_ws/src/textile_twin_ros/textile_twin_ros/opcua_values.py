@@ -7,12 +7,17 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from textile_twin_ros.plc_registers import TYPES, nearest
+
 if TYPE_CHECKING:
     from asyncua.client.client import Client
 
 _PUBLISHING_MS = 10.0
 _OVERFLOW = 0x480
 """Status bits (OPC 10000-4, 7.39.1): of a data value, and a queue that ran over."""
+_NUMPY_NAMES = {"SByte": "int8", "Byte": "uint8", "Float": "float32", "Double": "float64"}
+"""Of the types that OPC UA calls otherwise."""
+_NUMBERS = ("int8", "uint8", *TYPES)
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -84,7 +89,7 @@ class Values:
         self._takers[node.nodeid](Value(number, None if stamp is None else _since_epoch_ns(stamp), overflow))
 
     async def write(self, node_id: Any, number: float) -> None:
-        """Write a number as the type that the variable has.
+        """Write a number as the type that the variable has, the nearest that it can hold.
 
         Raises:
             UaError: the server does not take it.
@@ -94,7 +99,10 @@ class Values:
         node = self._client.get_node(node_id)
         if node_id not in self._types:
             self._types[node_id] = await node.read_data_type_as_variant_type()
-        await node.write_value(ua.DataValue(ua.Variant(number, self._types[node_id])))
+        kind = self._types[node_id]
+        name = _NUMPY_NAMES.get(kind.name, kind.name.lower())
+        value = nearest(name, number) if name in _NUMBERS else number
+        await node.write_value(ua.DataValue(ua.Variant(value, kind)))
 
 
 def _since_epoch_ns(stamp: datetime) -> int:

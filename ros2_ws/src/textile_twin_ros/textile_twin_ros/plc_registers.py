@@ -48,13 +48,14 @@ class Register:
         """Whether it holds fractions."""
         return self.kind.startswith("float")
 
-    def nearest(self, value: float) -> int | float:
-        """The nearest to a finite value that it can hold, a whole number where it holds no others."""
-        if self.is_float:
-            most = float(np.finfo(self.kind).max)
-            return min(max(value, -most), most)
-        limits = np.iinfo(self.kind)
-        return min(max(round(value), int(limits.min)), int(limits.max))
+
+def nearest(kind: str, value: float) -> int | float:
+    """The nearest to a finite value that this type, as numpy names it, can hold: a whole number if no others."""
+    if kind.startswith("float"):
+        most = float(np.finfo(kind).max)
+        return min(max(value, -most), most)
+    limits = np.iinfo(kind)
+    return min(max(round(value), int(limits.min)), int(limits.max))
 
 
 class Registers:
@@ -103,7 +104,7 @@ class Registers:
             OSError: the PLC does not take it.
         """
         kind = self._client.DATATYPE[register.kind.upper()]
-        words = self._client.convert_to_registers(register.nearest(value), kind, self._word_order)
+        words = self._client.convert_to_registers(nearest(register.kind, value), kind, self._word_order)
         answer = self._client.write_registers(register.address, words, device_id=self._device)
         if answer.isError():
             raise OSError(f"the PLC does not take register {register.address}: {answer}")
