@@ -87,6 +87,20 @@ def test_replay_predicts_each_sample_with_its_stamp(bag: Path, replayed: Path) -
     assert (sigma[RATE:] > 0).all()
 
 
+def test_one_torque_stamped_far_ahead_costs_few_residuals(bag: Path, replayed: Path, tmp_path: Path) -> None:
+    source, day = open_bag(bag), 86_400 * 10**9
+    torques = source.read_torques()
+    stamps = torques.stamps.copy()
+    stamps[400] += day
+    with BagWriter(tmp_path / "ahead") as out:
+        out.copy_topic(source, "main_shaft/angle")
+        out.write_wrenches("balancing_torque/measured", stamps, torques.torque_Nm, log_times_ns=torques.stamps)
+    assert main(["replay", str(tmp_path / "ahead"), "--machine", "tufting", "--out", str(tmp_path / "out")]) == 0
+    given = open_bag(tmp_path / "out").read_torques("balancing_torque/residual").stamps
+    usual = open_bag(replayed).read_torques("balancing_torque/residual").stamps
+    assert set(usual) - set(given) <= set(torques.stamps[400:410])
+
+
 def test_replay_gives_the_residual_at_the_measured_stamps(bag: Path, replayed: Path) -> None:
     out, measured = open_bag(replayed), open_bag(bag).read_torques()
     predicted, residual = out.read_torques("balancing_torque/predicted"), out.read_torques("balancing_torque/residual")

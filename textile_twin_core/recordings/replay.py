@@ -21,6 +21,8 @@ from textile_twin_core.recordings.samples import TorqueSamples
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin import Samples, compile_machine
 
+_LOOK_AHEAD = 10
+"""So many measured torques after one whose stamp is far ahead show that it is."""
 _RESIDUAL_STEP_NS = 500_000_000
 """Predicted and measured torque meet in steps shorter than either waits for the other."""
 
@@ -114,6 +116,9 @@ class _Residual:
 
     def __init__(self, stream: ResidualStream, torque: TorqueSamples, out: BagWriter, topic: str) -> None:
         self._stream, self._torque, self._out, self._topic = stream, torque, out, topic
+        # One stamp far ahead does not keep those after it waiting.
+        later = np.concatenate([torque.stamps, np.full(_LOOK_AHEAD, np.iinfo(np.int64).max)])
+        self._due = np.lib.stride_tricks.sliding_window_view(later, _LOOK_AHEAD + 1).min(axis=1)
         self._next = 0
 
     def write(self, samples: Samples) -> None:
@@ -127,7 +132,7 @@ class _Residual:
             found += self._stream.predicted(
                 stamps[part].tolist(), samples[TORQUE][part].tolist(), samples.theta_rad[part].tolist()
             )
-            while self._next < len(self._torque) and self._torque.stamps[self._next] <= stamps[end - 1]:
+            while self._next < len(self._torque) and self._due[self._next] <= stamps[end - 1]:
                 k = self._next
                 found += self._stream.measured(int(self._torque.stamps[k]), float(self._torque.torque_Nm[k]))
                 self._next += 1
