@@ -93,7 +93,7 @@ def explain(
     if at_rest is None and "constant_Nm" in fit.free and fit.settings.constant_Nm < -evidence.terms.coulomb_Nm:
         # What helps the shaft on is no friction.
         fit = _as_offset(fine, fit, configured, encoder_turn_rad)
-    elif at_rest is not None and "offset_Nm" not in fit.free and _is_shown(at_rest, evidence):
+    elif at_rest is not None and _is_of_both(fit) and _is_shown(at_rest, evidence):
         fit = _with_offset_of_rest(fine, fit, configured, encoder_turn_rad, at_rest.value)
     # What departs is settled by every sample: what tells zero from delay are the few of run-ups and coast-downs.
     fine = evidence.thinned(ALL_SAMPLES)
@@ -232,6 +232,11 @@ def _as_delay(evidence: Evidence, fit: SettingsFit, configured: Settings) -> Set
     start = replace(settings, zero_rad=zero, delay_s=configured.delay_s + float(away) / speed)
     free = ["delay_s" if name == "zero_rad" else name for name in what_can_vary(evidence)]
     return fit_settings(evidence, start, free)
+
+
+def _is_of_both(fit: SettingsFit) -> bool:
+    """Whether a torque departs that friction and offset may share; a shaft held at rest alone accuses nobody."""
+    return "offset_Nm" not in fit.free and not {"constant_Nm", "viscous_Nms"}.isdisjoint(fit.free)
 
 
 def _is_shown(at_rest: Estimate, evidence: Evidence) -> bool:
