@@ -24,7 +24,7 @@ WIDE = 9.0
 """A normalised innovation squared above this widens its own reading until it is this."""
 SHARE = 1e-3
 """Probability that passes from one memory to all others at each sample: motions change a few times in 1000 samples."""
-BEHIND = math.exp(-5.0)
+BEHIND = math.exp(-10.0)
 """Likelihood ratio to the family, since it was best, at which a filter begins again from the best one (Page 1954)."""
 FEW = 0.01
 """Probability of a filter that may begin again."""

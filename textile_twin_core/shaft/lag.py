@@ -19,8 +19,6 @@ from textile_twin_core.shaft.status import ROW, Record, Records
 
 MOST_ROWS = MARK
 """Samples that may be held; a longer lag at a high rate is cut to what fits."""
-UNSURE = lanes.numbers(1)[0]
-"""Rows in which the filter is still finding memory and ripple: it is long done."""
 BATCH = 3
 """Samples within a lag that become ready at once, one part in so many: the way back is shared by them."""
 
@@ -136,7 +134,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
         _stand(status, filters, window.rows[0])
     else:
         know_ripple(filters, status, status.best[filters.lead])
-    smooth_rows(smoother, status, window.rows[: held.rows], UNSURE, due)
+    smooth_rows(smoother, status, window.rows[: held.rows], due)
     stand_as(filters, smoother.steps[due - 1])
     for k in range(1, due + 1):
         _let_go(window, k, ready, table)

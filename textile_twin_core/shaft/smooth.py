@@ -19,8 +19,6 @@ from textile_twin_core.shaft.turns import TURN
 
 LESSONS = 4
 """Times that the teeth's pitch errors are made what the smoothed motion says."""
-UNSURE = lanes.numbers(17)[-1]
-"""Rows at the beginning of a stretch in which the filter is still finding the memory."""
 LEAST_LED = 0.05
 """Part of a stretch that a family must have led to be asked."""
 ASKED_PARTS, ASKED_ROWS = 16, 256
@@ -152,4 +150,4 @@ def _foretold(smoother: Smoother, record: Records, rows: Records, family: int, l
 @compiled
 def _smooth_stretch(smoother: Smoother, record: Records, rows: Records, family: int, lane: int) -> None:
     _begin(smoother, record, rows, family, lane)
-    smooth_rows(smoother, record[0], rows, UNSURE, rows.size - 1)
+    smooth_rows(smoother, record[0], rows, rows.size - 1)

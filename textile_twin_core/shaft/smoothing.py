@@ -13,12 +13,12 @@ from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.chain import STEP as ONE_STEP
 from textile_twin_core.shaft.chain import stand_as, step_there, wave_at, write_down
 from textile_twin_core.shaft.filter import put_angle
-from textile_twin_core.shaft.intensity import find_intensities, sharpen
+from textile_twin_core.shaft.intensity import set_intensities, sharpen
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import Record, Records, new_status
 from textile_twin_core.shaft.way_back import BACK, step_back, tell, turn_round
 
-ROUNDS = 1
+ROUNDS = 2
 """Times that the jerk's intensity is made what the smoothed jerk says."""
 MARK = 512
 """Steps between two marks from which the way there is walked again: room for MARK steps is enough."""
@@ -28,7 +28,7 @@ class Smoother(NamedTuple):
     """What smoothing works with.
 
     Attributes:
-        filters: (1,) a status, whose plain family goes back in search of the memory, and a lane of which is the chain.
+        filters: (1,) a status, a lane of which is the chain.
         back: (1,) the way back of the chain.
         steps: (MARK + 1,) what its steps left behind, and the start.
         marks: (k,) where the chain stood at every MARK-th row.
@@ -53,7 +53,7 @@ def evidence(smoother: Smoother, status: Record, rows: Records) -> float:
     filters, at, total = smoother.filters[0], smoother.steps[0], 0.0
     intensity = np.empty(rows.size)
     _set_clock(filters, rows)
-    find_intensities(filters, smoother.steps[MARK], rows, status.interval, 0, intensity)
+    set_intensities(rows, filters.lead, status.interval, intensity)
     for i in range(1, rows.size):
         step_there(filters, at, rows[i], intensity[i], False)
         if at.trust > 0.0:
@@ -62,15 +62,13 @@ def evidence(smoother: Smoother, status: Record, rows: Records) -> float:
 
 
 @compiled
-def smooth_rows(smoother: Smoother, status: Record, rows: Records, unsure: int, told: int) -> None:
-    """Smooth rows 1 .. `told` of (n,), on the first of which the chain stands; write their states there.
-
-    The filter's memory counts from row `unsure` on.
-    """
+def smooth_rows(smoother: Smoother, status: Record, rows: Records, told: int) -> None:
+    """Smooth rows 1 .. `told` of (n,), on the first of which the chain stands; write their states there."""
     intensity, jerk, filters = np.empty(rows.size), np.zeros((rows.size, 2)), smoother.filters[0]
     _readmit(rows)
     _set_clock(filters, rows)
-    find_intensities(filters, smoother.steps[MARK], rows, status.interval, unsure, intensity)
+    set_intensities(rows, filters.lead, status.interval, intensity)
+    write_down(filters, smoother.steps[MARK])
     for again in range(ROUNDS + 1):
         if again > 0:
             sharpen(rows, jerk, status.interval, intensity)
