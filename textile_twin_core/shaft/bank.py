@@ -93,39 +93,24 @@ def predict(status: Record, f: int, step: float, noise: float, interval: float) 
 def expect_angle(status: Record, f: int, step: float, reading: float, at: float, noise: float) -> None:
     """Foresee a reading of the angle, `step` after the one before, the ripple taken at the angle `at`.
 
-    Sets innovations and likelihoods.
+    Sets innovations and their likelihoods. A reading far off is widened in the filter that it surprises.
     """
-    waves = lanes.WAVES[f]
-    if waves > 0:
-        stand_at(status, at, waves)
-        reading += known_part(status.second[f], 4 * waves, status.basis)
-    _foresee(status, f, step, lanes.ANGLE, reading, status.basis, noise)
-
-
-@compiled
-def _foresee(
-    status: Record, f: int, step: float, row: int, reading: float, regressor: FloatArray, noise: float
-) -> None:
-    """Innovations of a reading of a row of the state, which owes `regressor` to the ripple, and their likelihoods.
-
-    A reading far off is widened in the filter that it surprises.
-    """
+    if lanes.WAVES[f] > 0:
+        stand_at(status, at, lanes.WAVES[f])
+        reading += known_part(status.second[f], 4 * lanes.WAVES[f], status.basis)
     width, first, end = 2 * lanes.WAVES[f], lanes.FIRST[f], lanes.END[f]
     clock, seen, told, common = status.clock, status.seen, status.told, status.common
     innovation, spread, scale = status.innovation, status.spread, status.scale
     for m in range(first, end):
         told[m] = common[m] = 0.0
     for m in range(first, end if width > 0 else first):
-        feel(status.sensitivity[m], step, row, regressor, status.felt[m], width)
+        feel(status.sensitivity[m], step, status.basis, status.felt[m], width)
         ripple, factor, felt = status.ripple[m], status.factor[m], status.felt[m]
-        told[m], common[m] = foretell(ripple, factor, regressor, felt, status.shown[m], width)
+        told[m], common[m] = foretell(ripple, factor, status.basis, felt, status.shown[m], width)
     for m in range(first, end):
-        if row == lanes.ANGLE:
-            p0, p1, p2 = clock[lanes.L20, m], clock[lanes.L21, m], clock[lanes.L22, m]
-        else:
-            p0, p1, p2 = clock[lanes.L10, m], clock[lanes.L11, m], 0.0
+        p0, p1, p2 = clock[lanes.L20, m], clock[lanes.L21, m], clock[lanes.L22, m]
         seen[0, m], seen[1, m], seen[2, m] = p0, p1, p2
-        off = reading + told[m] - clock[row, m]
+        off = reading + told[m] - clock[lanes.ANGLE, m]
         by = common[m] + p0 * p0 + p1 * p1 + p2 * p2
         squared = off * off / scale[m]
         rest = 1.0 + squared / (FREEDOM * (noise + by))
@@ -212,19 +197,3 @@ def _begin_again(status: Record, source: int, target: int, width: int) -> None:
             status.factor[target, j, i] = status.factor[source, j, i]
     status.scale[target], status.learnt[target] = status.scale[source], status.learnt[source]
     status.standing[target] = 1.0
-
-
-@compiled
-def take_speed(status: Record, f: int, speed: float, theta: float, variance: float) -> None:
-    """Correct all filters by a reading of the speed [rad/s] at an angle: the clock's rate is speed (1 + g')."""
-    waves, rate = lanes.WAVES[f], speed
-    if waves > 0:
-        stand_at(status, theta, waves)
-        basis, regressor, second = status.basis, status.regressor, status.second[f]
-        for k in range(2 * waves):
-            turning = speed * status.lowest * (k + 1)
-            rate += turning * (second[2 * k + 1] * basis[2 * k] - second[2 * k] * basis[2 * k + 1])
-            if k < waves:
-                regressor[2 * k], regressor[2 * k + 1] = -turning * basis[2 * k + 1], turning * basis[2 * k]
-    _foresee(status, f, 0.0, lanes.RATE, rate, status.regressor, variance / status.scale[status.best[f]])
-    _correct(status, f)

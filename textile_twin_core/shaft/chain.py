@@ -115,7 +115,7 @@ def step_there(filters: Record, at: Record, row: Record, intensity: float, owing
     move_on(filters, math.sqrt(intensity * row.step), row.step, m, m + 1)
     if owing:
         stand_at(filters, row.theta, lanes.WAVES[filters.lead])
-        feel(filters.sensitivity[m], row.step, lanes.ANGLE, filters.basis, at.felt, width)
+        feel(filters.sensitivity[m], row.step, filters.basis, at.felt, width)
     at.surprise = at.trust = at.own_trust = at.gain[0] = at.gain[1] = 0.0
     at.keep = 1.0
     if row.noise > 0.0:

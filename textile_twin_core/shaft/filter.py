@@ -8,12 +8,12 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import density, expect_angle, predict, take_speed
+from textile_twin_core.shaft.bank import density, expect_angle, predict
 from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_motion, lose
 from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, note_ripples, weigh
 from textile_twin_core.shaft.gate import Block, admit
 from textile_twin_core.shaft.mixture import mix
-from textile_twin_core.shaft.readings import FINEST_RAD2, noise_in_step, noise_of, recalibrate, unwrapped
+from textile_twin_core.shaft.readings import noise_in_step, noise_of, recalibrate, unwrapped
 from textile_twin_core.shaft.status import RUNNING, STANDSTILL, STARTING, Record, Records
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
 
@@ -32,8 +32,8 @@ called settled: so it is for some samples where the motion changed at once.
 """
 RECALIBRATE_EVERY = 32.0
 """Samples between two lessons about the noise."""
-PERIOD_SAMPLES, SPEED_SAMPLES = 500.0, 100.0
-"""Readings that the sampling interval, and the noise of a sensor's own speed, are learnt from."""
+PERIOD_SAMPLES = 500.0
+"""Readings that the sampling interval is learnt from."""
 
 
 @compiled
@@ -53,11 +53,10 @@ def take(status: Record, block: Block, i: int, row: Record) -> bool:
     block.heard[i] = math.nan
     if not admit(status, block.last, stamp, angle):
         return False
+    status.sensor_speed = block.velocities[i] if block.velocities.size > 0 else math.nan
     _take(status, (stamp - block.last[0]) * status.unit, angle, row)
     block.last[0] = stamp
     if status.samples > 1.0:
-        if block.velocities.size > 0 and not math.isnan(block.velocities[i]):
-            _take_velocity(status, block.velocities[i])
         _tell(status, row)
     if row.noise > 0.0:
         block.heard[i] = row.reading
@@ -164,18 +163,6 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     if status.samples % RECALIBRATE_EVERY == 0.0 and turning and status.since > RECALIBRATE_EVERY / 2.0:
         recalibrate(status, noise)
         note_ripples(status)
-
-
-@compiled
-def _take_velocity(status: Record, velocity: float) -> None:
-    """The sensor's own speed as a further reading, of a noise that is learnt."""
-    off = velocity - status.speed
-    if status.speed_noise == 0.0:
-        status.speed_noise = max(off * off, (0.02 * status.speed) ** 2) + FINEST_RAD2
-    status.speed_noise += (off * off - status.speed_noise) / SPEED_SAMPLES
-    for f in range(lanes.FAMILIES):
-        if status.active[f] > 0.0:
-            take_speed(status, f, velocity, status.angle, status.speed_noise)
 
 
 @compiled

@@ -8,7 +8,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft.status import Records
 
-LATE = 8
+LATE = 12
 """Samples that a filter takes at most to notice a change that matters."""
 WINDOW = 1.0
 """Samples on either side, in memories, over which the jerk is compared with what was expected of it."""

@@ -25,17 +25,17 @@ def set_sensitivity(sensitivity: FloatArray, basis: FloatArray, lowest: float, r
 
 
 @partial(compiled, apart=True)
-def feel(sensitivity: FloatArray, step: float, row: int, regressor: FloatArray, felt: FloatArray, width: int) -> None:
+def feel(sensitivity: FloatArray, step: float, basis: FloatArray, felt: FloatArray, width: int) -> None:
     """Move a sensitivity (3, .) on by `step` [s]; `felt` (.) becomes what an innovation feels of the coefficients.
 
-    It is that of a reading of the state's `row`, which itself owes `regressor` (.) to them.
+    A reading of the angle itself owes `basis` (.) to them.
     """
     half = 0.5 * step * step
     for i in range(width):
         acceleration, rate = sensitivity[0, i], sensitivity[1, i]
         sensitivity[1, i] = rate + step * acceleration
         sensitivity[2, i] += step * rate + half * acceleration
-        felt[i] = regressor[i] - sensitivity[row, i]
+        felt[i] = basis[i] - sensitivity[2, i]
 
 
 @partial(compiled, apart=True)

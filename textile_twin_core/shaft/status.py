@@ -27,7 +27,7 @@ COUNTS = ("accepted", "gaps", "jumps", "outliers", "reversals", "standstills", "
 _FIELDS = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "unit", "samples", "since", "time", "interval", "longest",
     "angle", "speed", "acceleration", "first", "origin", "period", "slips", "auto", "low", "high", "rounding", "jitter",
-    "jitter_told", "speed_noise", "aside", "doubt", "off_before", "off_last", "step_last", "motion", "sense", "still",
+    "jitter_told", "sensor_speed", "aside", "doubt", "off_before", "off_last", "step_last", "motion", "sense", "still",
     "judged", "lowest", "basis_at", "basis_waves", "sharp", "read", "fastest",
 )  # fmt: skip
 KEPT = (
@@ -56,7 +56,6 @@ STATUS = np.dtype(
         ("factor", np.float64, (lanes.COUNT, lanes.WIDEST, lanes.WIDEST)),
         ("second", np.float64, (lanes.FAMILIES, 2 * lanes.WIDEST)),
         ("basis", np.float64, (2 * lanes.WIDEST,)),
-        ("regressor", np.float64, (2 * lanes.WIDEST,)),
         ("change", np.float64, (lanes.WIDEST,)),
         ("part", np.float64, (2, lanes.WIDEST)),
         ("owed", np.float64, (3, lanes.WIDEST)),
@@ -69,8 +68,8 @@ STATUS = np.dtype(
 )
 """All in samples, seconds and radians. `unit` is that of the stamps [s]; `period` what the angle wraps by, 0 when it
 counts its turns; `rounding` the encoder's step; `jitter` the variance of the stamps; `fastest` the full speed
-that is known; `aside` the readings set aside in a row, `doubt` those that must fit until a state is settled again;
-`lowest` order of the ripple.
+that is known; `sensor_speed` the sensor's own, NaN for none; `aside` the readings set aside in a row, `doubt` those
+that must fit until a state is settled again; `lowest` order of the ripple.
 
 Of each family: its weight; 1 while it works; angle [rad] since it began; angle to turn until it wakes or, below 0,
 turned since it had weight; mean logarithm of its memory, and the longest at which its ripple was noted, last at this

@@ -1,7 +1,8 @@
 """The way back of the chain: the adjoint, and what it makes of each state.
 
 Back goes the adjoint a, of covariance A: all readings considered the state is x - P a (Bierman 1973). Its covariance is
-L (I + L' M L)^-1 L', positive by its form, with M what the later readings tell by themselves (Fraser and Potter 1969).
+(P^-1 + M)^-1, with M what the later readings tell by themselves (Fraser and Potter 1969). M goes back as its triangular
+factor: a long rest tells the angle so much better than the rates that M itself would lose these to rounding.
 """
 
 from __future__ import annotations
@@ -27,11 +28,12 @@ BACK: Final = np.dtype(
         ("information", np.float64, (3, 3)),
         ("felt", np.float64, (3, lanes.WIDEST)),
         ("factor", np.float64, (3, 3)),
-        ("root", np.float64, (3, 3)),
+        ("direction", np.float64, (3,)),
         ("room", np.float64, (3, 3)),
     ]
 )
-"""On the way back: a, A, M, how much a feels of the ripple; and room to work in."""
+"""On the way back: a, A, the lower triangular factor of M in the order angle, rate, acceleration, how much a feels of
+the ripple; and room to work in."""
 
 
 @compiled
@@ -68,7 +70,7 @@ def step_back(
     a[1] += step * a[2]
     _undo_motion(x, step)
     if owing:
-        _inform(back.information, at.own_trust, step, math.sqrt(unit))
+        _inform(back, math.sqrt(at.own_trust), step, math.sqrt(unit))
     for w in range(width if owing else 0):
         f0, f1, f2 = felt[0, w], felt[1, w], felt[2, w]
         f2 = at.keep * f2 - k0 * f0 - k1 * f1 - at.trust * at.felt[w]
@@ -88,23 +90,44 @@ def _undo_motion(x: FloatArray, step: float) -> None:
 
 
 @compiled
-def _inform(x: FloatArray, trust: float, step: float, root: float) -> None:
+def _inform(back: Record, root_trust: float, step: float, root: float) -> None:
     """Take M to before a reading, and to before the white jerk of a step, a column of its factor after the other."""
-    x[2, 2] += trust
+    m, b = back.information, back.direction
+    b[0], b[1], b[2] = root_trust, 0.0, 0.0
     for column in range(3):
-        b0 = root if column == 0 else 0.0
-        b1 = root * step * (0.5 if column == 0 else HALF_JERK if column == 1 else 0.0)
-        b2 = root * step * step * (1.0 / 6.0 if column == 0 else 0.5 * HALF_JERK if column == 1 else LAST_JERK)
-        v0 = x[0, 0] * b0 + x[0, 1] * b1 + x[0, 2] * b2
-        v1 = x[1, 0] * b0 + x[1, 1] * b1 + x[1, 2] * b2
-        v2 = x[2, 0] * b0 + x[2, 1] * b1 + x[2, 2] * b2
-        part = 1.0 / (1.0 + b0 * v0 + b1 * v1 + b2 * v2)
-        for i in range(3):
-            left = part * (v0 if i == 0 else v1 if i == 1 else v2)
-            x[i, 0] -= left * v0
-            x[i, 1] -= left * v1
-            x[i, 2] -= left * v2
-    _undo_motion(x, step)
+        length = math.hypot(m[column, column], b[column])
+        if length > 0.0:
+            c, s = m[column, column] / length, b[column] / length
+            for i in range(column, 3):
+                old = m[i, column]
+                m[i, column], b[i] = c * old + s * b[i], c * b[i] - s * old
+    for column in range(3):
+        b[0] = root * step * step * (1.0 / 6.0 if column == 0 else 0.5 * HALF_JERK if column == 1 else LAST_JERK)
+        b[1] = root * step * (0.5 if column == 0 else HALF_JERK if column == 1 else 0.0)
+        b[2] = root if column == 0 else 0.0
+        _correct(m, b, back.room)
+    half = 0.5 * step * step
+    for column in range(3):
+        m[2, column] += step * m[1, column] + half * m[0, column]
+        m[1, column] += step * m[0, column]
+
+
+@compiled
+def _correct(factor: FloatArray, seen: FloatArray, room: FloatArray) -> None:
+    """(S^-1 + d d')^-1 for S of a lower triangular factor and a direction d, `seen` (3,) (Carlson 1973)."""
+    total, change = 1.0, room[0]
+    change[:] = 0.0
+    for back in range(3):
+        j = 2 - back
+        p = 0.0
+        for i in range(j, 3):
+            p += factor[i, j] * seen[i]
+        before, total = total, total + p * p
+        part = 1.0 / math.sqrt(before * total)
+        for i in range(j, 3):
+            old = factor[i, j]
+            factor[i, j] = part * (before * old - p * change[i])
+            change[i] += p * old
 
 
 @compiled
@@ -127,9 +150,12 @@ def tell(filters: Record, back: Record, at: Record, row: Record) -> None:
             factor, felt[0, w], felt[1, w], felt[2, w], at.sensitivity[:, w]
         )
     owe(filters, waves, owed, filters.factor[lanes.CHAIN])
-    _set_columns(factor, back.information, back.root, back.room)
     for j in range(3):
-        add_spread(back.room[2, j], back.room[1, j], back.room[0, j], filters.slopes, 1.0, spread)
+        for i in range(3):
+            back.direction[i] = back.information[2 - i, j]
+        _correct(factor, back.direction, back.room)
+    for j in range(3):
+        add_spread(factor[2, j], factor[1, j], factor[0, j], filters.slopes, 1.0, spread)
     place = 0
     for p in range(3):
         for q in range(p, 3):
@@ -144,29 +170,3 @@ def _corrected(factor: FloatArray, a0: float, a1: float, a2: float, x: FloatArra
     s1, s2 = factor[1, 1] * a1 + factor[2, 1] * a2, factor[2, 2] * a2
     x2 = x[2] - factor[2, 0] * s0 - factor[2, 1] * s1 - factor[2, 2] * s2
     return x[0] - factor[0, 0] * s0, x[1] - factor[1, 0] * s0 - factor[1, 1] * s1, x2
-
-
-@compiled
-def _set_columns(factor: FloatArray, information: FloatArray, root: FloatArray, columns: FloatArray) -> None:
-    """L R^-T, with R R' = I + L' M L (Cholesky): a factor of the smoothed covariance."""
-    for i in range(3):
-        for j in range(3):
-            columns[i, j] = 0.0
-            for k in range(j, 3):
-                columns[i, j] += information[i, k] * factor[k, j]
-    for j in range(3):
-        for i in range(j, 3):
-            root[i, j] = 1.0 if i == j else 0.0
-            for k in range(i, 3):
-                root[i, j] += factor[k, i] * columns[k, j]
-            for k in range(j):
-                root[i, j] -= root[i, k] * root[j, k]
-        root[j, j] = math.sqrt(max(root[j, j], 1.0))
-        for i in range(j + 1, 3):
-            root[i, j] /= root[j, j]
-    for i in range(3):
-        for j in range(3):
-            columns[i, j] = factor[i, j] if j <= i else 0.0
-            for k in range(j):
-                columns[i, j] -= root[j, k] * columns[i, k]
-            columns[i, j] /= root[j, j]
