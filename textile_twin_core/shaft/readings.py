@@ -22,8 +22,6 @@ LEARN_JITTER = 0.5
 """Part of the jitter that each lesson about it gives at full speed; a slow shaft hardly shows it."""
 FORGET_SPEED = 0.99
 """Part of the full speed that is left after each lesson at a lower one."""
-AT_REST = 0.3
-"""Least scale of the noise at rest, where all readings may be equal: none the less they are rounded."""
 
 
 @compiled
@@ -53,9 +51,13 @@ def noise_in_step(status: Record, readings: float) -> float:
 
 @compiled
 def least_scale(status: Record, noise: float) -> float:
-    """Least scale of the noise that filters may learn."""
-    at_rest = abs(status.speed) * status.interval < status.rounding
-    return AT_REST * status.rounding**2 / 12.0 / noise if at_rest else 1e-6
+    """Least scale of the noise that filters may learn.
+
+    At rest readings may all be equal for hours: they are rounded none the less, and would be noisy if the shaft turned.
+    """
+    if abs(status.speed) * status.interval > max(status.rounding, 3.0 * math.sqrt(noise)):
+        return 1e-6
+    return status.rounding**2 / 12.0 / noise if status.rounding > 0.0 else 1.0  # type: ignore[no-any-return]
 
 
 @compiled
