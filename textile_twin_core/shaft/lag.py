@@ -30,10 +30,18 @@ LOST = 2
 
 
 class Window(NamedTuple):
-    """Rows that wait, and their stamps."""
+    """Rows that wait, and their stamps.
+
+    Attributes:
+        held: (1,) see HELD.
+        rows: (MOST_ROWS,) of which the first is told already.
+        filtered: (1,) this one as the filter told it.
+        stamps: (MOST_ROWS,) those of the samples.
+    """
 
     held: Records
     rows: Records
+    filtered: Records
     stamps: Stamps
 
 
@@ -62,7 +70,7 @@ class LagEstimator(ShaftEstimator):
         self._begin()
 
     def _begin(self) -> None:
-        self._window = Window(records(HELD), records(ROW, MOST_ROWS), np.zeros(MOST_ROWS, np.int64))
+        self._window = Window(records(HELD), records(ROW, MOST_ROWS), records(ROW), np.zeros(MOST_ROWS, np.int64))
         self._window.held["lag"] = self._lag
         self._smoother = new_smoother(self._settings, 1)
 
@@ -102,7 +110,7 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
         if row.cut == 1.0:
             _flush(record, window, smoother, ready, table)
             rows[0], window.stamps[0] = rows[at], window.stamps[at]
-            held.rows = 1
+            window.filtered[0], held.rows = rows[0], 1
             _stand(record[0], smoother.filters[0], rows[0])
             if rows[0].settled >= 0.0:
                 _let_go(window, 0, ready, table)
@@ -130,10 +138,13 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     """Smooth the window and let go of the `due` rows after the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
     held.far = held.far + 1 if _is_far(filters, window.rows[0]) else 0
-    if status.active[filters.lead] == 0.0 or status.lead != filters.lead or held.far >= LOST:
+    if held.far >= LOST:
+        _stand(status, filters, window.filtered[0])
+    elif status.active[filters.lead] == 0.0 or status.lead != filters.lead:
         _stand(status, filters, window.rows[0])
     else:
         know_ripple(filters, status, status.best[filters.lead])
+    window.filtered[0] = window.rows[due]
     smooth_rows(smoother, status, window.rows[: held.rows], due)
     stand_as(filters, smoother.steps[due - 1])
     for k in range(1, due + 1):
