@@ -118,5 +118,6 @@ def note_ripples(status: Record) -> None:
 
 @compiled
 def memory_for(status: Record, f: int) -> float:
-    """Log memory for a family: its own, or that of the leading one where it has no weight and may be at rest."""
-    return status.log_memory[f if status.weight[f] > NO_WEIGHT else status.lead]  # type: ignore[no-any-return]
+    """Log memory for a family: its own while it works and knows its ripple, else the plain one's."""
+    own = status.active[f] > 0.0 and has_seen(status, f)
+    return status.log_memory[f if own else lanes.PLAIN]  # type: ignore[no-any-return]

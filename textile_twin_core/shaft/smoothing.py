@@ -51,9 +51,7 @@ def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
 def evidence(smoother: Smoother, status: Record, rows: Records) -> float:
     """Logarithm of the readings' likelihood under the chain, which stands on the first row."""
     filters, at, total = smoother.filters[0], smoother.steps[0], 0.0
-    intensity = np.empty(rows.size)
-    _set_clock(filters, rows)
-    set_intensities(rows, filters.lead, status.interval, intensity)
+    intensity = _found_intensities(smoother, rows, status.interval)
     for i in range(1, rows.size):
         step_there(filters, at, rows[i], intensity[i], False)
         if at.trust > 0.0:
@@ -64,23 +62,24 @@ def evidence(smoother: Smoother, status: Record, rows: Records) -> float:
 @compiled
 def smooth_rows(smoother: Smoother, status: Record, rows: Records, told: int) -> None:
     """Smooth rows 1 .. `told` of (n,), on the first of which the chain stands; write their states there."""
-    intensity, jerk, filters = np.empty(rows.size), np.zeros((rows.size, 2)), smoother.filters[0]
     _readmit(rows)
-    _set_clock(filters, rows)
-    set_intensities(rows, filters.lead, status.interval, intensity)
-    write_down(filters, smoother.steps[MARK])
-    for again in range(ROUNDS + 1):
-        if again > 0:
-            sharpen(rows, jerk, status.interval, intensity)
-            stand_as(filters, smoother.steps[MARK])
-        _there_and_back(smoother, rows, intensity, jerk, told if again == ROUNDS else 0)
+    intensity = _found_intensities(smoother, rows, status.interval)
+    _there_and_back(smoother, rows, intensity, np.zeros((rows.size, 2)), told)
 
 
 @compiled
-def _set_clock(filters: Record, rows: Records) -> None:
-    """Readings of the clock, from those of the shaft and the chain's ripple."""
+def _found_intensities(smoother: Smoother, rows: Records, interval: float) -> FloatArray:
+    """Intensities (n,) of the white jerk; the chain stands where it stood."""
+    intensity, jerk, filters = np.empty(rows.size), np.zeros((rows.size, 2)), smoother.filters[0]
     for i in range(rows.size):
         rows[i].clock = rows[i].reading + wave_at(filters, rows[i].theta)[0]
+    set_intensities(rows, filters.lead, interval, intensity)
+    write_down(filters, smoother.steps[MARK])
+    for _ in range(ROUNDS):
+        _there_and_back(smoother, rows, intensity, jerk, 0)
+        sharpen(rows, jerk, interval, intensity)
+        stand_as(filters, smoother.steps[MARK])
+    return intensity
 
 
 @compiled
