@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import known_part, set_basis

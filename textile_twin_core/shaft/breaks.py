@@ -14,6 +14,8 @@ from textile_twin_core.shaft.status import Record
 
 SET_ASIDE = 2
 """Readings in a row that may be set aside as outliers before the motion is believed to have changed."""
+TOLD = 0.02
+"""Part of a speed that a sensor tells by which it may be off."""
 
 
 @compiled
@@ -26,25 +28,23 @@ def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: 
 
 
 @compiled
-def _speed_told(status: Record, speed: float, sigma: float) -> float:
-    """The sensor's own speed where it agrees with a speed that readings leave open by `sigma`, else that one.
-
-    Only here: what a drive tells is mostly the slope of the same angles, smoothed and late. As a reading beside them
-    it made the acceleration ten times worse.
-    """
-    return status.sensor_speed if abs(status.sensor_speed - speed) <= 3.0 * sigma else speed  # type: ignore[no-any-return]
-
-
-@compiled
 def begin_motion(status: Record, step: float, angle: float) -> None:
-    """Begin with two readings: what a straight line through them leaves open is the filters' uncertainty."""
+    """Begin with two readings: what a straight line through them leaves open is the filters' uncertainty.
+
+    A sensor's own speed that agrees with the line is better than its slope. It counts nowhere else: what a drive tells
+    is mostly the slope of the same angles, smoothed and late, and as a reading beside them it made the acceleration ten
+    times worse.
+    """
     rate = (angle - status.first) / step
     status.interval = step
     if status.jitter_told == 0.0:
         status.jitter = (FIRST_JITTER * step) ** 2
-    rate = _speed_told(status, rate, 1.5 * math.sqrt(noise_of(status, rate)) / step)
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
-    set_start(status.start, angle, rate, noise_of(status, rate), step)
+    start, root = status.start, math.sqrt(noise_of(status, rate))
+    set_start(start, angle, rate, root**2, step)
+    if abs(status.sensor_speed - rate) <= 3.0 * start[lanes.L11]:
+        start[lanes.RATE] = status.speed = status.sensor_speed
+        start[lanes.L11], start[lanes.L21], start[lanes.L22] = TOLD * (abs(status.speed) + start[lanes.L11]), 0.0, root
     for f in range(lanes.FAMILIES):
         begin(status, f, 1.0)
         status.active[f] = 1.0 if can_tell(status, f, 1.0) else 0.0
@@ -91,9 +91,8 @@ def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
     row.reading, row.cut, row.noise = reading, 1.0, row.unit * status.scale[status.best[status.lead]]
     root = math.sqrt(row.noise)
     by_rate = 0.5 * abs(status.speed) + root / status.interval
-    rate = _speed_told(status, status.speed, by_rate) - status.speed
     for f in range(lanes.FAMILIES):
-        open_motion(status, f, reading - status.angle, rate, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))
+        open_motion(status, f, reading - status.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))
         if status.active[f] > 0.0:
             expect_angle(status, f, 0.0, reading, reading, row.unit)
             take_angle(status, f, row.unit, 0.0)

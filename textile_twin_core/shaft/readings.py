@@ -57,7 +57,7 @@ def least_scale(status: Record, noise: float) -> float:
     """
     if abs(status.speed) * status.interval > max(status.rounding, 3.0 * math.sqrt(noise)):
         return 1e-6
-    return status.rounding**2 / 12.0 / noise if status.rounding > 0.0 else 1.0  # type: ignore[no-any-return]
+    return status.rounding**2 / 12.0 / noise if status.rounding > 0.0 else 1.0
 
 
 @compiled
