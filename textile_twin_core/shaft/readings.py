@@ -22,6 +22,9 @@ LEARN_JITTER = 0.5
 """Part of the jitter that each lesson about it gives at full speed; a slow shaft hardly shows it."""
 FORGET_SPEED = 0.99
 """Part of the full speed that is left after each lesson at a lower one."""
+AT_REST = 0.4
+"""Part of the variance of rounding that a rest leaves: with less the first steps after it look like blows, with more a
+start is noticed late."""
 
 
 @compiled
@@ -57,7 +60,7 @@ def least_scale(status: Record, noise: float) -> float:
     """
     if abs(status.speed) * status.interval > max(status.rounding, 3.0 * math.sqrt(noise)):
         return 1e-6
-    return status.rounding**2 / 12.0 / noise if status.rounding > 0.0 else 1.0
+    return AT_REST * status.rounding**2 / 12.0 / noise if status.rounding > 0.0 else 1.0
 
 
 @compiled
