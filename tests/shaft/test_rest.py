@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.shaft.kinds import make
 from textile_twin_core.shaft import create_estimator
 
 TURN = 2.0 * np.pi
@@ -49,3 +50,21 @@ def test_run_down_and_start_around_a_long_rest(view: str, bits: int | None, jitt
     # The first steps of an encoder after a rest say little of the acceleration, and that is told.
     leaving = (at > 29.9) & (at < 31.5) & states.settled
     assert np.all(off[leaving] < np.maximum(5.0 * sigma[leaving], 1.0))
+
+
+@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
+def test_no_order_of_runs_and_rests_spoils_what_is_around_it(view: str) -> None:
+    """Errors of the acceleration beyond their sigmas are rare, and no sigma is out of this world."""
+    spoilt = []
+    for seed in range(24):
+        record = make("runs", seed)
+        estimator = create_estimator(view)
+        states = [estimator.step(record.time_s, record.fed_rad), estimator.finish()][view == "smooth"]
+        off = np.abs(states.alpha_rad_s2 - record.alpha[states.index])
+        sigma = states.sigma[:, 2]
+        assert np.all(np.isfinite(states.covariance))
+        counts = states.settled & (states.index > 0.1 * record.time_s.size)
+        leave = np.quantile(off[counts], 0.98)  # the first steps after a rest
+        if leave > 6.0 or sigma[counts].max() > 1e5:
+            spoilt.append((seed, round(leave, 2), sigma[counts].max()))
+    assert not spoilt
