@@ -176,14 +176,15 @@ def runs(rng: np.random.Generator, seed: int) -> Record:
     top, level, clock, time = rng.uniform(3.0, 40.0), 0.0, rng.uniform(0.0, 3.0), np.arange(n) * dt
     target = np.zeros(n)
     while clock < time[-1]:
-        goal, length = top * rng.choice((0.0, 0.0, 1.0, 0.6, rng.choice((0.8, -0.5)))), rng.uniform(0.3, 6.0)
+        goal = top * (rng.choice((0.0, 0.0, 1.0, 0.6, 0.8, -0.5)) if target.any() else 1.0)
+        length = rng.uniform(0.3, 6.0)
         x = np.clip((time - clock) / length, 0.0, 1.0)
         target += (goal - level) * (x - np.sin(TURN * x) / TURN)
         level, clock = goal, clock + length + rng.uniform(0.2, 6.0)
     waves = _waves(rng, (1.0, 2.0), rng.choice((0.0, 0.03)))
     motion = ShaftMotion.solve(Law(dt, np.zeros(n), target, 20.0, waves, np.ones(n)), _start(rng))
     step = rng.choice((TURN / 2**10, TURN / 2**12, TURN / 2**13, TURN / 2**14, TURN / 2**16, 1e-12))
-    return _sampled(rng, seed, motion, rate, rng.choice((0.0, 2e-5, 1e-4)), step)
+    return _sampled(rng, seed, motion, rate, rng.choice((2e-6, 2e-5, 1e-4)), step)
 
 
 KINDS: dict[str, Callable[[np.random.Generator, int], Record]] = {
