@@ -96,6 +96,8 @@ def test_the_elements_of_needle_transfer(suite: Suite) -> None:
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(SECOND_NS + number * 1_000_000, SECOND_NS)
         message.position, message.velocity = [1e-4 * number, 0.1, 0.2], [0.1, 0.0, 0.0]
         publisher.publish(message)
+        if number % 25 == 24:
+            suite.spin_for(0.1)  # a burst would only ask how much the middleware holds for a busy computer
     suite.spin_for(1.0)
     assert view.end() == 0, view.words()
     drawn: Counter[str] = Counter()
