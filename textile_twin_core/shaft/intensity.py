@@ -39,7 +39,7 @@ def sharpen(rows: Records, jerk: FloatArray, interval: float, intensity: FloatAr
     """Make each row's intensity what the smoothed jerk around it says.
 
     The ratio of the jerk's mean squared to the variance that the readings took away (MacKay 1992) is 1 where the
-    intensity is right. `jerk` (n, 2) as `chain.step_back` gives it; it becomes the sums up to each row.
+    intensity is right. `jerk` (n, 2) as `way_back.step_back` gives it; it becomes the sums up to each row.
     """
     count, noise = rows.size, 0.0
     for i in range(1, count):
