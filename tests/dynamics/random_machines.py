@@ -38,7 +38,11 @@ LEAST_TRANSMISSION = math.radians(5.0)
 @st.composite
 def machines(draw: Any) -> Machine:
     """A machine that closes all round with a transmission angle over 5 deg."""
-    kind, rng = draw(st.sampled_from(KINDS)), np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    return closing_machine(draw(st.sampled_from(KINDS)), np.random.default_rng(draw(st.integers(0, 2**32 - 1))))
+
+
+def closing_machine(kind: str, rng: np.random.Generator) -> Machine:
+    """The first machine of a kind that closes all round with a transmission angle over 5 deg."""
     while True:
         try:
             machine = _machine(kind, rng)

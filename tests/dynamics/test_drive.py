@@ -12,6 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import textile_twin_core as ttc
+from tests.dynamics.random_machines import closing_machine
 from textile_twin_core.dynamics import Body, Load
 from textile_twin_core.dynamics.loads import Backing, JointFriction, ShaftFriction, Spring, TorqueTable
 from textile_twin_core.machine import Machine
@@ -91,6 +92,20 @@ def test_pendulum_against_elliptic_functions() -> None:
         half = (theta + math.pi / 2) / 2
         exact = mp.ellipfun("sn", phase, 1 / m)
         assert math.sin(half) == pytest.approx(float(exact), abs=2e-11)
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "theta0", "omega0"), [("coupler dyad", 149, -1.555, -52.3), ("coupler dyad", 274, 2.6859, 44.99)]
+)
+def test_a_step_whose_error_the_integrator_does_not_see_is_made_anew(
+    kind: str, seed: int, theta0: float, omega0: float
+) -> None:
+    """In these motions DOP853 takes a step a hundred times less exact than it believes; the energy account tells."""
+    machine, t = closing_machine(kind, np.random.default_rng(seed)), np.linspace(0.0, 1.0, 11)
+    run, exact = (ttc.drive(machine, 0.0, theta0, omega0, t, tolerance) for tolerance in (1e-10, 1e-13))
+    assert np.abs(run.theta_rad - exact.theta_rad).max() < 1e-7
+    assert np.abs(run.energy_error_J).max() < 1e-8 * run.kinetic_energy_J.max()
+    assert run.evaluations < 5000
 
 
 def test_run_up_of_the_tufting_machine_against_another_integrator() -> None:

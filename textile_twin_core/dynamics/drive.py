@@ -17,6 +17,10 @@ from textile_twin_core.errors import MotionError
 
 _MOST_EVENTS = 1_000_000
 _TINY = 1e-8
+_MOST_HALVINGS = 5
+_ENERGY_ERROR = 2.0
+"""Error of a step's energy account, over tolerance times energy: a speed that is off by the tolerance makes as much."""
+_ROUNDING = 1e-15
 _SCAN = 1000
 """Looks at a shaft at rest, over the time left, for the torque that moves it."""
 
@@ -137,7 +141,7 @@ class Drive:
         solver = self._solver(time, state, end, stretch)
         while solver.status == "running":
             begin, start = float(solver.t), solver.y.copy()
-            self._step(solver)
+            solver = self._step(solver, stretch)
             if direction * (solver.y[0] - bound) >= 0.0 or direction * solver.y[1] <= 0.0:
                 return self._land(begin, start, solver, state, stretch, direction)
             if self._next < self._times.size and self._times[self._next] <= solver.t:
@@ -192,7 +196,7 @@ class Drive:
         """From the state at one time to that at another, in one step if its error allows."""
         solver, pieces = self._solver(begin, start, end, stretch, end - begin), []
         while solver.status == "running":
-            self._step(solver)
+            solver = self._step(solver, stretch)
             pieces.append(solver.dense_output())
         return solver.y, pieces
 
@@ -208,14 +212,33 @@ class Drive:
             slopes, time, state.copy(), end, rtol=self.tolerance, atol=absolute, first_step=first_step
         )
 
-    def _step(self, solver: scipy.integrate.DOP853) -> None:
-        message = solver.step()
-        self.steps += 1
-        if solver.status == "failed":
-            raise MotionError(
-                f"the motion cannot be followed beyond {solver.t:.6g} s, angle {solver.y[0]:.6g} rad, speed "
-                f"{solver.y[1]:.6g} rad/s ({message}); is the drive torque smooth and the tolerance not too small?"
-            )
+    def _step(self, solver: scipy.integrate.DOP853, stretch: Stretch) -> scipy.integrate.DOP853:
+        """One step, and the solver that stands at its end.
+
+        The integrator's own estimate of the error is now and then far too small (its two parts cancel); the energy
+        account, which the integrator does not know, tells most of these, and the step is made anew by halves.
+        """
+        begin, start, end = float(solver.t), solver.y.copy(), solver.t_bound
+        for _ in range(_MOST_HALVINGS):
+            message = solver.step()
+            self.steps += 1
+            if solver.status == "failed":
+                raise MotionError(
+                    f"the motion cannot be followed beyond {solver.t:.6g} s, angle {solver.y[0]:.6g} rad, speed "
+                    f"{solver.y[1]:.6g} rad/s ({message}); is the drive torque smooth and the tolerance not too small?"
+                )
+            if self._keeps_energy(start, solver.y):
+                break
+            solver = self._solver(begin, start, end, stretch, 0.5 * (solver.t - begin))
+        return solver
+
+    def _keeps_energy(self, start: FloatArray, end: FloatArray) -> bool:
+        """Whether the energy gained over a step is the work done, as far as the tolerance and rounding go."""
+        before, after = ([*self.equation.energies(*y[:2].tolist()), *(-y[2:]).tolist()] for y in (start, end))
+        size = float(self._scales[-1]) + max(before[0], after[0])
+        rounding = _ROUNDING * math.fsum(abs(part) for part in (*before, *after))
+        lost = math.fsum(after) - math.fsum(before)
+        return bool(abs(lost) <= _ENERGY_ERROR * self.tolerance * size + rounding)
 
     def _record(self, dense: scipy.integrate.DenseOutput, stretch: Stretch) -> None:
         """The motion at the times asked up to the end of a step."""

@@ -37,8 +37,9 @@ def drive(
     wanted, rising, or one number: a thousand steps from 0 to it. tolerance: relative error of a step.
 
     The equation of motion is integrated by an explicit Runge-Kutta method of order 8 (Dormand and Prince; Hairer,
-    Norsett, Wanner 1993) with its own step size; where a load leaps and where the shaft stands still, a step ends
-    exactly there. Dry friction holds the shaft at rest until the torques that push it exceed it.
+    Norsett, Wanner 1993) with its own step size, and a step over which energy and work do not agree is made anew by
+    halves; where a load leaps and where the shaft stands still, a step ends exactly there. Dry friction holds the
+    shaft at rest until the torques that push it exceed it.
     Raises MotionError for a motion that cannot be followed or a bad argument, MachineError for a machine
     without masses.
     """
