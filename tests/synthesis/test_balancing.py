@@ -13,6 +13,7 @@ from textile_twin_core import machines
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.errors import MachineError, SceneError
+from textile_twin_core.machine import ShaftPlace
 from textile_twin_core.synthesis.balancing import (
     balancing_spring,
     counterweights,
@@ -21,6 +22,7 @@ from textile_twin_core.synthesis.balancing import (
     shaking,
     speed_ripple,
 )
+from textile_twin_core.synthesis.turn import over_turn
 
 
 def harmonic(values: np.ndarray, order: int) -> float:
@@ -132,6 +134,18 @@ def test_spring_is_the_best_of_its_pair() -> None:
         assert np.sum(worse**2) > np.sum(torque**2)
 
 
+def test_spring_counts_on_every_linkage_of_the_shaft() -> None:
+    """Each linkage carries every load: a spring found for one, carried by three, would make the torque larger."""
+    machine = replace(machines.tufting(), linkages=tuple(ShaftPlace(phase) for phase in (0.0, 1.0, 2.0)))
+    found = balancing_spring(machine)
+    assert found.rms_share < 1.0
+    for stiffer in (1.05, 0.95):
+        spring = replace(found.spring, stiffness_N_m=found.spring.stiffness_N_m * stiffer)
+        other = replace(machine, loads=(*machine.loads, spring)).model.output("balancing_torque_Nm")
+        (worse,) = over_turn([other], found.theta_rad, machine.nominal_speed_rad_s)
+        assert np.sum(worse**2) > np.sum(found.after_Nm**2)
+
+
 @pytest.mark.parametrize("machine", [machines.tufting(), machines.handloom_beatup()], ids=lambda m: m.name)
 def test_flywheel_holds_the_ripple_that_drive_finds(machine: machines.Machine) -> None:
     found = flywheel(machine, 0.02)
@@ -170,6 +184,9 @@ def test_what_cannot_be_balanced_is_said() -> None:
             counterweights(machines.tufting(), [link])
     with pytest.raises(SceneError, match="between 0 and 1"):
         flywheel(machines.tufting(), 0.0)
+    for ripple, speed in ((1e-12, 16.76), (0.02, 1e-4)):
+        with pytest.raises(SceneError, match="no flywheel up to"):
+            flywheel(machines.tufting(), ripple, speed)
     with pytest.raises(SceneError, match="no point"):
         balancing_spring(machines.tufting(), ends=[("O", "Z")])
     with pytest.raises(SceneError, match="positive length"):

@@ -44,7 +44,8 @@ def flywheel(machine: Machine, ripple: float, speed_rad_s: float | None = None) 
     At a mean drive torque the kinetic energy is E0 + integral of (mean torque - weight and loads) dtheta, and the speed
     sqrt(2 E/(J + flywheel)), with the loads as they are at the nominal speed. Solved for the flywheel by bisection,
     without the usual assumption of a constant inertia. 0 where the machine needs none.
-    Raises SceneError for a ripple not between 0 and 1, MachineError for a machine without masses.
+    Raises SceneError for a ripple not between 0 and 1 or so small that no flywheel holds it, MachineError for a machine
+    without masses.
     """
     if not 0.0 < ripple < 1.0:
         raise SceneError(f"ripple {ripple!r}: give a number between 0 and 1, such as 0.02 for 2 %")
@@ -54,6 +55,11 @@ def flywheel(machine: Machine, ripple: float, speed_rad_s: float | None = None) 
     swing = float(np.ptp(_energy(inertia, work, 0.0, speed) - 0.5 * inertia * speed**2))
     added = 0.0
     if before > ripple:
+        if _ripple(inertia, work, _HEAVIEST, speed) > ripple:
+            raise SceneError(
+                f"no flywheel up to {_HEAVIEST:g} kg m^2 holds a ripple of {ripple:g} at {speed:.4g} rad/s; allow a"
+                " larger ripple, or let the machine turn faster"
+            )
         added = brentq(lambda extra: _ripple(inertia, work, extra, speed) - ripple, 0.0, _HEAVIEST, rtol=1e-12)
     heavier = replace(machine, bodies=(*machine.bodies, Body.flywheel(added))) if added else machine
     speeds = _speeds(inertia, work, added, speed)

@@ -41,7 +41,8 @@ def balancing_spring(
 
     Between two points at distance d a spring adds k d d' - k d0 d' to the torque, linear in k and k d0; the best of
     every pair of `ends` (by default all pairs of a fixed and a moving point) by least squares, k positive. It stores
-    what the masses give back, so it fits one speed: the inertial part grows with its square. Raises MachineError where
+    what the masses give back, so it fits one speed: the inertial part grows with its square. With several linkages on
+    the shaft each has one. Raises MachineError where
     no pair helps, or masses are missing; SceneError for an unknown point.
     """
     speed = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
@@ -70,13 +71,16 @@ def _fit(machine: Machine, start: str, end: str, theta: FloatArray, before: Floa
     for name in (start, end):
         if name not in points:
             raise SceneError(f"there is no point '{name}' for a spring; points: {', '.join(points)}")
-    way = points[end].position - points[start].position
-    length = sqrt(way.dot(way))
-    slope = way.dot(points[end].first - points[start].first) / length
-    d, d_slope = over_turn([length, slope], theta)
-    if not d.min() > _SHORTEST * d.max() or not np.ptp(d) > 1e-9 * d.max():
-        return None, np.inf
-    effect = np.stack([d * d_slope, -d_slope], axis=1)
+    effect = np.zeros((theta.size, 2))
+    for linkage in machine.model.linkages:  # each carries such a spring, as it carries every load
+        here = linkage.motion.points
+        way = here[end].position - here[start].position
+        length = sqrt(way.dot(way))
+        slope = way.dot(here[end].first - here[start].first) / length
+        d, d_slope = over_turn([length, slope], theta)
+        if not d.min() > _SHORTEST * d.max() or not np.ptp(d) > 1e-9 * d.max():
+            return None, np.inf
+        effect += np.stack([d * d_slope, -d_slope], axis=1)
     stiffness, pull = np.linalg.lstsq(effect, -before, rcond=1e-12)[0].tolist()
     if not stiffness > 0.0:
         return None, np.inf
