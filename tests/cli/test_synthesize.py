@@ -72,6 +72,12 @@ def test_mistakes_are_one_line_and_exit_code_2(
     assert says in said and said.count("\n") == 1
 
 
+@pytest.mark.parametrize("task", ["points", "curve"])
+def test_a_seed_below_zero_is_refused(task: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["synthesize", task, "--points", "0,0 1,1", "--seed", "-1"]) == 2
+    assert "whole number from 0 on" in capsys.readouterr().err
+
+
 def test_crank_rocker_from_the_hand_becomes_a_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, turn = tmp_path / "loom.yaml", tmp_path / "turn.csv"
     hand = "-0.0776,0.28985 0,0.3 0.0776,0.28985"

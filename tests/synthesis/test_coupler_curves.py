@@ -97,3 +97,11 @@ def test_curves_that_cannot_be_fitted() -> None:
     for points, says in (([(0.0, 0.0)] * 5, "6 to 500"), ([(1.0, 2.0)] * 7, "one and the same")):
         with pytest.raises(SceneError, match=says):
             fit_curve(points)
+
+
+def test_limit_of_the_transmission_angle_is_kept_or_refused() -> None:
+    points = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5), (0.2, 0.3)]
+    found = fit_curve(points, smallest_mu_rad=math.radians(60.0), generations=10)
+    assert found.four_bar.mu_min_rad >= math.radians(60.0)
+    with pytest.raises(SceneError, match="at least 91 deg was found"):
+        fit_curve(points, smallest_mu_rad=math.radians(91.0), generations=10)

@@ -50,7 +50,7 @@ def fit_curve(
     Differential evolution over pivots, lengths, coupler point and branch (Storn and Price 1997), all designs of a
     generation at once, three runs; then least squares over the design and the crank angle of each point.
     `progress` is told the share done, and ends the search by returning True. The same seed gives the same design.
-    Raises SceneError for points that are too few, not finite, or all one.
+    Raises SceneError for points that are too few, not finite, or all one, and where no such crank-rocker is found.
     """
     points = np.array([complex(*p) for p in points_m])
     if not _FEWEST <= points.size <= _MOST:
@@ -92,7 +92,16 @@ def fit_curve(
         if stopped:
             break
     assert best is not None
+    _check(best[1], smallest_mu_rad)
     return _design(best[1], best[2], points, centre, size, tried, stopped)
+
+
+def _check(row: FloatArray, smallest_mu_rad: float) -> None:
+    """Raise SceneError where the search has not come to a crank-rocker within the limit."""
+    turns = bool(are_crank_rockers(row[None])[0])
+    if not turns or worst_transmission(row[None])[0] < smallest_mu_rad:
+        wanted = f" with a transmission angle of at least {math.degrees(smallest_mu_rad):g} deg" if turns else ""
+        raise SceneError(f"no crank-rocker{wanted} was found for this curve; lower that limit, or search for longer")
 
 
 def _mean_square(designs: FloatArray, side: FloatArray, task: ComplexArray, smallest_mu_rad: float) -> FloatArray:
@@ -101,9 +110,11 @@ def _mean_square(designs: FloatArray, side: FloatArray, task: ComplexArray, smal
     away = np.abs(curves[:, None, :] - task[None, :, None]) ** 2
     with np.errstate(invalid="ignore"):
         value = away.min(axis=2).mean(axis=1)
-        short = np.maximum(0.0, smallest_mu_rad - worst_transmission(designs))
+        short = smallest_mu_rad - worst_transmission(designs)
+    # A design that misses all points by the curve's size, within the limit, is better than any beyond it.
+    beyond = np.where(short > 0.0, 1.0 + 10.0 * short, 0.0)
     unfit = ~are_crank_rockers(designs) | ~np.isfinite(value)
-    return np.where(unfit, _BAD * (1.0 + _lack(designs)), np.nan_to_num(value, nan=_BAD) + 10.0 * short)
+    return np.where(unfit, _BAD * (1.0 + _lack(designs)), np.nan_to_num(value, nan=_BAD) + beyond)
 
 
 def _lack(designs: FloatArray) -> FloatArray:

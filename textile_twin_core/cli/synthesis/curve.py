@@ -8,7 +8,7 @@ import math
 from dataclasses import asdict
 from pathlib import Path
 
-from textile_twin_core.cli.arguments import Parser, count, number
+from textile_twin_core.cli.arguments import Parser, count, number, seed
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.synthesis.shared import add_output, add_section, points, write
@@ -25,7 +25,7 @@ def add(parser: Parser) -> None:
     parser.add_argument("--points", type=points, metavar="'X,Y X,Y ..'", help="or the points in one argument")
     parser.add_argument("--least-transmission", type=number, default=0.0, metavar="DEG", help="default %(default)s")
     parser.add_argument("--generations", type=count, default=600, help="of the search (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the search (default %(default)s)")
+    parser.add_argument("--seed", type=seed, default=0, help="of the search (default %(default)s)")
     add_section(parser)
     add_output(parser)
 

@@ -6,7 +6,7 @@ import argparse
 import math
 from dataclasses import asdict
 
-from textile_twin_core.cli.arguments import Parser, count, number
+from textile_twin_core.cli.arguments import Parser, count, number, seed
 from textile_twin_core.cli.synthesis.shared import add_output, add_section, points, write
 from textile_twin_core.synthesis import through_points
 
@@ -21,7 +21,7 @@ def add(parser: Parser) -> None:
     )
     parser.add_argument("--least-transmission", type=number, default=0.0, metavar="DEG", help="default %(default)s")
     parser.add_argument("--count", type=count, default=5, help="designs to find (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the random starts (default %(default)s)")
+    parser.add_argument("--seed", type=seed, default=0, help="of the random starts (default %(default)s)")
     add_section(parser)
     add_output(parser)
 
