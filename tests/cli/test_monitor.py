@@ -81,3 +81,21 @@ def test_what_cannot_be_watched_is_one_line(tmp_path: Path, capsys: pytest.Captu
     assert "no recording in this folder" in capsys.readouterr().err
     assert main(["monitor", str(tmp_path / "none"), "--machine", "tufting"]) == 2
     assert "no such file" in capsys.readouterr().err
+
+
+def test_a_recording_that_cannot_be_watched_is_told_by_the_exit_code(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path / "healthy", "", 0.0, 991)
+    (tmp_path / "spoilt.mcap").write_text("no recording")
+    given = ["monitor", str(tmp_path / "healthy"), str(tmp_path / "spoilt.mcap"), "--machine", "tufting"]
+    assert main([*given, "--learn", "40", "--workers", "1", "--json", str(tmp_path / "alarms.json")]) == 2
+    out, err = capsys.readouterr()
+    assert "healthy: " in out and "0 alarms" in out and "spoilt.mcap: " in out
+    assert "1 of 2 recordings could not be watched: spoilt.mcap" in err
+    assert [bool(each["error"]) for each in json.loads((tmp_path / "alarms.json").read_text())] == [False, True]
+
+    write(tmp_path / "friction", "friction", 1.2, 992)
+    assert main(["monitor", str(tmp_path / "friction"), *given[2:], "--learn", "40", "--workers", "1"]) == 3
+    err = capsys.readouterr().err
+    assert "1 alarms in 1 recordings; 1 of 2 recordings could not be watched: spoilt.mcap" in err

@@ -17,6 +17,9 @@ from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.files import staged
 from textile_twin_core.recordings.monitored import Job, Watched, trend_table, watch_bags
 
+_MOST_NAMED = 5
+"""Recordings that could not be watched of which the error speaks by name."""
+
 
 def parser() -> Parser:
     """The command's arguments."""
@@ -24,7 +27,7 @@ def parser() -> Parser:
         "monitor",
         "Learns the torque of a machine over its first turns, and watches the rest: needle side, drive side and\n"
         "sensor faults, told apart by what they do to the torque. A folder stands for all recordings in it. Exit code\n"
-        "3 when there was an alarm.",
+        "3 when there was an alarm, 2 when a recording could not be watched, after all others were.",
         "textile-twin monitor bags/* --machine my_machine.yaml --parquet trends.parquet",
     )
     parser.add_argument(
@@ -64,12 +67,18 @@ def run(arguments: argparse.Namespace) -> None:
     for each in watched:
         _tell(each)
     _write(arguments, watched)
-    unread = sum(bool(each.error) for each in watched)
-    if unread == len(watched):
-        raise UsageError(f"none of {len(watched)} recordings could be watched" if unread > 1 else watched[0].error)
+    unread = [each for each in watched if each.error]
+    if unread and len(watched) == 1:
+        raise UsageError(unread[0].error)
+    # Who reads the exit code alone must not take what was not watched for healthy.
+    missing = f"{len(unread)} of {len(watched)} recordings could not be watched: " if unread else ""
+    missing += ", ".join(each.bag.name for each in unread[:_MOST_NAMED]) + (" ..." if len(unread) > _MOST_NAMED else "")
     alarms = sum(len(each.alarms) for each in watched)
     if alarms:
-        raise BeyondLimitError(f"{alarms} alarms in {sum(bool(each.alarms) for each in watched)} recordings")
+        told = f"{alarms} alarms in {sum(bool(each.alarms) for each in watched)} recordings"
+        raise BeyondLimitError("; ".join(filter(None, (told, missing))))
+    if missing:
+        raise UsageError(missing)
 
 
 def _recordings(given: list[Path]) -> list[Path]:
