@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import sys
 from collections import Counter
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
-from tests.ros.suite import RELIABLE, SECOND_NS, Suite, shaft_angles, write_bag
+from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, shaft_angles, write_bag
 from textile_twin_ros.view_feeds import ElementFeed
 
 rerun_chunk = pytest.importorskip("rerun.chunk")
@@ -45,6 +48,32 @@ def test_live_view_is_written(suite: Suite) -> None:
     assert drawn["/torque/predicted"] == len(stamps) - 2
     assert sum(count for path, count in drawn.items() if path.startswith("/residual")) > 900
     assert any(path.startswith("/world") for path in drawn)
+
+
+def test_a_full_disk_is_one_line_and_an_exit_code(suite: Suite) -> None:
+    """The file may grow to 500 kB, of which the machine's drawing alone takes most."""
+    file = suite.folder / "live.rrd"
+    node = str(Path(sys.executable).parent / "view_node")
+    words = ["ulimit -f 500; exec", node, "--ros-args", "-p", f"file:={file}", "-p", "port:=0"]
+    view = Program(["bash", "-c", " ".join(words)], suite.folder / "view.log", suite.environment)
+    suite.processes.append(view)
+    joints = suite.node().create_publisher(JointState, "joint_states", RELIABLE)
+    torques = suite.node().create_publisher(WrenchStamped, "balancing_torque/predicted", RELIABLE)
+    suite.spin_until(lambda: joints.get_subscription_count() and torques.get_subscription_count(), "the view")
+    for number in itertools.count():
+        state, wrench = JointState(name=["main_shaft"], position=[0.01 * number]), WrenchStamped()
+        for header in (state.header, wrench.header):
+            header.stamp.sec, header.stamp.nanosec = divmod(SECOND_NS + number * 2_000_000, SECOND_NS)
+        joints.publish(state)
+        torques.publish(wrench)
+        if number % 50 == 0:
+            suite.spin_for(0.05)
+        if view.process.poll() is not None:
+            break
+        assert number < 30_000, view.words()
+    assert view.wait() == 2, view.words()
+    assert f"view_node: cannot write {file}: File too large" in view.words()
+    assert "ERROR" not in view.words() and "Traceback" not in view.words()
 
 
 @pytest.mark.slow

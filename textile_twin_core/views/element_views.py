@@ -15,6 +15,7 @@ from textile_twin_core.twin.predictor import StampedEvent
 from textile_twin_core.views.buffer import Block
 from textile_twin_core.views.elements import ElementDrawing
 from textile_twin_core.views.live_recording import LiveRecording
+from textile_twin_core.views.rrd_file import written
 
 if TYPE_CHECKING:
     from textile_twin_core.contact import ContactEvent
@@ -87,18 +88,20 @@ def write_element_recording(
     *,
     title: str,
 ) -> None:
-    """Write the elements' motion as a recording that the viewer opens: stamps (n,), the others (n, elements)."""
+    """Write the elements' motion as a recording that the viewer opens: stamps (n,), the others (n, elements).
+
+    Raises RecordingError when the file cannot be written there.
+    """
     stream = rr.RecordingStream("textile-twin", recording_id=f"{machine.name}-{int(stamps_ns[0])}")
     drawing = ElementDrawing(machine, stream, _RECORDED_FRAMES_HZ)
     time = (stamps_ns - stamps_ns[0]) * 1e-9
-    stream.save(os.fspath(path), default_blueprint=drawing.blueprint(min(_shown_s(machine), float(time[-1]))))
-    stream.send_recording_name(title)
-    drawing.prepare()
-    drawing.happened(_timed(events, int(stamps_ns[0])))
-    for first in range(0, time.size, _BLOCK):
-        part = slice(first, first + _BLOCK)
-        drawing.motion(time[part], positions_m[part], velocities_m_s[part])
-    stream.disconnect()
+    with written(stream, path, drawing.blueprint(min(_shown_s(machine), float(time[-1])))):
+        stream.send_recording_name(title)
+        drawing.prepare()
+        drawing.happened(_timed(events, int(stamps_ns[0])))
+        for first in range(0, time.size, _BLOCK):
+            part = slice(first, first + _BLOCK)
+            drawing.motion(time[part], positions_m[part], velocities_m_s[part])
 
 
 def _shown_s(machine: ContactMachine) -> float:

@@ -17,6 +17,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import TwinError
 from textile_twin_core.views.buffer import Block, Buffer
 from textile_twin_core.views.port import Port
+from textile_twin_core.views.rrd_file import RrdFile
 from textile_twin_core.views.scribe import say
 
 _MOST_WORDS = 1000  # lines that wait to be drawn
@@ -41,10 +42,11 @@ class LiveRecording(ABC):
         self._latest_s = 0.0
         self._words: deque[tuple[str, str]] = deque(maxlen=_MOST_WORDS)
         self._stream = rr.RecordingStream("textile-twin")
+        self._file: RrdFile | None = None
         self._port: Port | None = None
         self.url: str | None = None
         self._stop = threading.Event()
-        self._error: BaseException | None = None
+        self._error: Exception | None = None
         self._worker = threading.Thread(target=self._work, name="live view", daemon=True)
 
     @abstractmethod
@@ -57,8 +59,8 @@ class LiveRecording(ABC):
         return sum(buffer.dropped for buffer in self._buffers.values())
 
     @property
-    def error(self) -> BaseException | None:
-        """What ended the drawing thread, None while all is well."""
+    def error(self) -> Exception | None:
+        """What ended the drawing thread, or left the file without its end; None while all is well."""
         return self._error
 
     def say(self, level: str, text: str) -> None:
@@ -66,12 +68,17 @@ class LiveRecording(ABC):
         self._words.append((level, text))
 
     def close(self) -> None:
-        """Draw what is left, end the thread and close file and server."""
+        """Draw what is left, end the thread and close file and server; `error` tells whether it went well."""
         if self._stop.is_set():
             return
         self._stop.set()
         self._worker.join(timeout=10.0)
         self._stream.disconnect()
+        if self._file is not None:
+            try:
+                self._file.finish()
+            except TwinError as error:  # the view's owner asks for it
+                self._error = self._error or error
         if self._port is not None:
             self._port.release()
 
@@ -91,19 +98,25 @@ class LiveRecording(ABC):
         """
         if port is None and path is None:
             raise TwinError("a live view needs a port to serve on or a file to write to")
-        sinks: list[rr.GrpcServerSink | rr.FileSink] = []
         if port is not None:
             self._port = Port(host, port)  # the server would only log that it could not listen
+        if path is not None:
+            self._file = RrdFile(path)
         try:
-            if path is not None:
-                sinks.append(rr.FileSink(path))
+            served = []
             if self._port is not None:
                 server = rr.GrpcServerSink(host, self._port.number, server_memory_limit=memory)
-                sinks.append(server)
+                served.append(server)
                 self.url = str(server.uri)
-            self._stream.set_sinks(*sinks, default_blueprint=blueprint)
+            if self._file is None:
+                self._stream.set_sinks(*served, default_blueprint=blueprint)
+            else:
+                self._file.attach(
+                    lambda name: self._stream.set_sinks(rr.FileSink(name), *served, default_blueprint=blueprint)
+                )
         except Exception as error:
-            raise TwinError(f"cannot serve a live view on {host}:{port} or write {path}: {error}") from error
+            what = f"write {path}" if port is None else f"serve a live view on {host}:{port}"
+            raise TwinError(f"cannot {what}: {error}") from error
 
     def _work(self) -> None:
         try:
@@ -117,6 +130,8 @@ class LiveRecording(ABC):
         self._draw({name: block for name, buffer in self._buffers.items() if (block := buffer.take())})
         while self._words:
             say(self._stream, self._latest_s, *self._words.popleft())
+        if self._file is not None and self._file.error is not None:
+            raise self._file.error
 
     def _put(self, name: str, stamps_ns: IntArray, *columns: FloatArray) -> None:
         stamps = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))

@@ -10,6 +10,7 @@ import rerun as rr
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.views.live_drawing import LiveDrawing
+from textile_twin_core.views.rrd_file import written
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -31,15 +32,14 @@ def write_motion_recording(
 ) -> None:
     """Write the motion of a machine: stamps [ns] and shaft angles (n,), and (n,) torque and sigma where it has masses.
 
-    Raises OSError when the file cannot be written.
+    Raises RecordingError when the file cannot be written there.
     """
     stream = rr.RecordingStream("textile-twin", recording_id=f"{machine.name}-{int(stamps_ns[0])}")
     time = np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)
     turn_s = _turn_s(time, theta_rad)
     window = (_TURNS_BEFORE * turn_s, _TURNS_AFTER * turn_s)
     drawing = LiveDrawing(machine, stream, None, _FRAMES_HZ, title=title, window_s=window, turn_s=turn_s)
-    stream.save(os.fspath(path), default_blueprint=drawing.layout.blueprint())
-    try:
+    with written(stream, path, drawing.layout.blueprint()):
         stream.send_recording_name(title)
         drawing.prepare()
         for first in range(0, time.size, _BLOCK):
@@ -49,8 +49,6 @@ def write_motion_recording(
             else:
                 sigma = np.full(time[part].size, np.nan) if sigma_Nm is None else sigma_Nm[part]
                 drawing.predicted(time[part], theta_rad[part], torque_Nm[part], sigma)
-    finally:
-        stream.disconnect()
 
 
 def _turn_s(time: FloatArray, theta: FloatArray) -> float:

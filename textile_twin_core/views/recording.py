@@ -17,6 +17,7 @@ from textile_twin_core.views import backdrop
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.phases import inside_backing, state_changes
+from textile_twin_core.views.rrd_file import written
 from textile_twin_core.views.scene import PointPositions, build_scene
 from textile_twin_core.views.scribe import Scribe, blocks
 from textile_twin_core.views.travels import lanes_for, marks_for
@@ -104,8 +105,7 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
     )
 
     stream = rr.RecordingStream(APPLICATION, recording_id=f"{machine.name}-{origin}")
-    stream.save(path, default_blueprint=layout.blueprint())
-    try:
+    with written(stream, path, layout.blueprint()):
         scribe = Scribe(stream, scene, torque_canvas, residual_canvas)
         stream.send_recording_name(title)
         backdrop.draw_machine(stream, scene)
@@ -134,8 +134,6 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
         scribe.phases([state_changes(lane, predicted_s, theta) for lane in lanes])
         scribe.residual_by_angle(comparison.by_angle)
         _say(scribe, comparison, origin, limit)
-    finally:
-        stream.disconnect()
 
 
 def summary_markdown(comparison: Comparison, title: str, limit_Nm: float) -> str:

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
+from textile_twin_core.errors import TwinError
 from textile_twin_core.machine import ContactMachine
 from textile_twin_ros.contact_events import TOPIC as CONTACT_EVENTS
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
@@ -88,9 +89,15 @@ class ViewNode(Node):
         self.get_logger().info(f"look at it with: {' or '.join(shown + ([settings.file] if settings.file else []))}")
 
     def close(self) -> None:
-        """Draw what is left and complete the file."""
-        self._hand_over()
+        """Draw what is left and complete the file.
+
+        Raises:
+            RecordingError: the file is not complete, and nobody was told so before.
+        """
+        self._feed_view()
         self._view.close()
+        if self._view.error is not None and not self.finished.done():
+            raise self._view.error
 
     def _listen(self, topic: str, kind: Kind, joint: str, take: Callable[[list[Sample]], None]) -> SampleInput:
         settings = self.settings
@@ -111,12 +118,20 @@ class ViewNode(Node):
                 self._view.say("INFO", "as learnt again")
             self._alarm = alarm
 
-    def _hand_over(self) -> None:
+    def _feed_view(self) -> None:
         for source in self._feed.inputs:
             source.renew()
         self._feed.hand_over()
-        if self._view.error is not None and not self.finished.done():
-            self.get_logger().error(f"the view has ended: {self._view.error}")
+
+    def _hand_over(self) -> None:
+        self._feed_view()
+        error = self._view.error
+        if error is None or self.finished.done():
+            return
+        if isinstance(error, TwinError):
+            self.finished.set_exception(error)
+        else:
+            self.get_logger().error(f"the view has ended: {error}")
             self.finished.set_result(1)
 
     def _statuses(self) -> list[Status]:

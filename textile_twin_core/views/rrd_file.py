@@ -1,0 +1,89 @@
+"""Files of the viewer, whole or told of.
+
+The viewer's own writer stops on a full disk, logs it and leaves half a file, or waits for ever with what is still to
+come. So it writes into a pipe, and what comes out of it is written here.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Thread
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from textile_twin_core.errors import RecordingError
+
+_PIPES = Path("/dev/fd")
+"""Where pipes have names; without it the viewer's writer has the file itself."""
+_CHUNK = 1 << 20
+
+
+class RrdFile:
+    """An .rrd file while it is written; what stood there before is replaced at once.
+
+    Raises:
+        RecordingError: the file cannot be written there.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path, self._error = Path(path), ""
+        try:
+            self._file = self._path.open("wb", buffering=0)
+        except OSError as error:
+            raise RecordingError(f"cannot write {path}: {error.strerror or error}") from error
+        self._copier = Thread(target=self._copy, name="rrd file", daemon=True)
+
+    @property
+    def error(self) -> RecordingError | None:
+        """Why the file ends too early, None while all is well."""
+        return RecordingError(f"cannot write {self._path}: {self._error}") if self._error else None
+
+    def attach(self, save: Callable[[str], object]) -> None:
+        """Begin; `save` gives the viewer's writer the name that it is called with."""
+        if not _PIPES.exists():
+            self._file.close()
+            save(str(self._path))
+            return
+        self._source, end = os.pipe()
+        self._copier.start()
+        try:
+            save(f"{_PIPES}/{end}")
+        finally:
+            os.close(end)
+
+    def finish(self) -> None:
+        """Wait for the file's end, once its stream is disconnected. Raises RecordingError where it has none."""
+        if self._copier.ident is not None:
+            self._copier.join()
+        if self.error is not None:
+            raise self.error
+
+    def _copy(self) -> None:
+        with self._file:
+            while chunk := memoryview(os.read(self._source, _CHUNK)):
+                try:
+                    while chunk and not self._error:
+                        chunk = chunk[self._file.write(chunk) :]
+                except OSError as error:  # what comes after it is taken all the same, so that nobody waits
+                    self._error = error.strerror or str(error)
+        os.close(self._source)
+
+
+@contextmanager
+def written(stream: rr.RecordingStream, path: str | os.PathLike[str], blueprint: rrb.Blueprint) -> Iterator[None]:
+    """Write what is logged into a stream within the block as an .rrd file.
+
+    Raises:
+        RecordingError: the file cannot be written there, or not to its end.
+    """
+    file = RrdFile(path)
+    try:
+        file.attach(lambda name: stream.save(name, default_blueprint=blueprint))
+        yield
+    finally:
+        stream.disconnect()
+    file.finish()
