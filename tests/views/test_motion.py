@@ -87,3 +87,19 @@ def test_a_recording_of_the_angle_alone_is_drawn(machine: str, tmp_path: Path) -
 def test_a_replay_without_any_output_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", "bags/none", "--machine", "tufting"]) == 2
     assert "--out or --rrd is missing" in capsys.readouterr().err
+
+
+def test_a_sley_that_swings_while_it_rests_beats_once(tmp_path: Path) -> None:
+    """A cam with a small lift in its dwell, and with two full ones: not every event of turning back is a beat."""
+    text = (Path(__file__).parents[2] / "examples" / "cam_loom.yaml").read_text()
+    start = text.index("strokes: [")
+    strokes = text[start : text.index("]}", start) + 1]
+    lifts = "{{start_rad: 0.3, turn_rad: 0.8, to: {lift}}}, {{start_rad: 1.1, turn_rad: 0.8, to: 0}}"
+    beat = "{start_rad: 2.5, turn_rad: 1.0, to: 0.2}, {start_rad: 3.6, turn_rad: 1.5, to: 0}"
+    path = tmp_path / "cam.yaml"
+    for lift, beats in (("0.03", [3.6]), ("0.2", [1.1, 3.6])):
+        path.write_text(text.replace(strokes, f"strokes: [{lifts.format(lift=lift)}, {beat}]"))
+        machine = ttc.load_machine(path)
+        assert isinstance(machine, Machine)
+        assert sum(event.name == "beater_largest" for event in machine.events()) == 2
+        assert [angle for _, angle in marks_for(machine)] == pytest.approx(beats, abs=0.01)

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.views.scene import MachineScene, PointPositions
+from textile_twin_core.views.travels import foremost
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -18,8 +19,8 @@ _BACKING, _INK, _PATH = "#2a9d63", "#22272e", "#b9c0c9"
 
 def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
     """Draw the linkage at its deepest point, or at theta = 0 where there is none."""
-    deepest = [event.angle_rad for event in machine.events() if event.name.endswith("_largest")]
-    theta = deepest[0] if deepest else 0.0
+    deepest = (angle for measure in machine.measures for angle in foremost(machine, measure.name))
+    theta = next(deepest, 0.0)
     points = {name: place[0] for name, place in PointPositions(machine)(np.array([theta])).items()}
     for path in scene.paths.values():
         axes.plot(path[:, 0], path[:, 1], color=_PATH, linewidth=1.0, zorder=1)

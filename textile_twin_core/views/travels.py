@@ -68,10 +68,25 @@ def lanes_for(machine: Machine) -> tuple[Lane, ...]:
 
 
 def marks_for(machine: Machine) -> list[tuple[str, float]]:
-    """What to mark over the shaft angle: name and angle [rad] of loads' events and of a sley's foremost point."""
-    arcs = {f"{measure.name}_largest" for measure in machine.measures if isinstance(measure, Arc)}
-    events = machine.events()
-    return [*marks_of(events), *(("beat-up", event.angle_rad) for event in events if event.name in arcs)]
+    """What to mark over the shaft angle: name and angle [rad] of loads' events and of a sley's foremost points."""
+    arcs = [measure.name for measure in machine.measures if isinstance(measure, Arc)]
+    beats = sorted(angle for name in arcs for angle in foremost(machine, name))
+    return [*marks_of(machine.events()), *(("beat-up", angle) for angle in beats)]
+
+
+def foremost(machine: Machine, name: str) -> list[float]:
+    """Shaft angles [rad] where a measure turns back near the front of its stroke, the farthest first.
+
+    A sley that swings a little while it rests turns back there, too: that is no beat.
+    """
+    turns = [event.angle_rad for event in machine.events() if event.name == f"{name}_largest"]
+    if not turns:
+        return []
+    curve = Travels(machine).over_turn[name]
+    places = np.interp(turns, _GRID, curve)
+    low, high = float(np.nanmin(curve)), float(np.nanmax(curve))
+    front = high - DWELL_SHARE * (high - low)
+    return [turns[k] for k in np.argsort(-places, kind="stable") if places[k] > front]
 
 
 def _beats(machine: Machine, arcs: set[str]) -> Mapping[str, Lane | None]:
