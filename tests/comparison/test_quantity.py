@@ -20,6 +20,7 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.sensors import Encoder, Sensors
 from textile_twin_core.mechanism import Crank
+from textile_twin_core.recordings import BagWriter
 
 
 def test_generator_has_the_papers_range() -> None:
@@ -71,6 +72,33 @@ def test_camera_trace_by_commands_alone(tmp_path: Path, capsys: pytest.CaptureFi
     assert (tmp_path / "sley.png").stat().st_size > 20_000
     assert main(["compare", bag, "--machine", "elliptic_gear_beatup", "--quantity", "sley_positon_m"]) == 2
     assert "did you mean sley_position_m" in capsys.readouterr().err
+    for wrong, words in (
+        (("--max-rms", "0.1"), "--max-rms is a limit of torques"),
+        (("--predicted", "recorded"), "speaks of torques"),
+        (("--json", "sley.txt"), "must end in .json"),
+        (("--png", "sley.jpg"), "must end in .png"),
+    ):
+        assert main([*arguments, *wrong]) == 2
+        assert words in capsys.readouterr().err
+
+
+def test_a_velocity_is_told_at_the_speed_of_the_shaft(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    speed, time = 20.0, np.arange(4000) / 1000.0
+    theta = speed * time
+    twin = ttc.compile(ttc.machines.tufting(), ["needle_velocity_m_s", "needle_acceleration_m_s2"])
+    truth = twin.evaluate(theta, np.full_like(theta, speed), np.zeros_like(theta))
+    stamps = np.rint(time * 1e9).astype(np.int64)
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], theta)
+        for name, values in truth.items():
+            bag.write_joint_states(f"measured/{name}", stamps, [name], 1.02 * values)
+    for name, unit in (("needle_velocity_m_s", "m/s"), ("needle_acceleration_m_s2", "m/s²")):
+        assert main(["compare", str(tmp_path / "bag"), "--machine", "tufting", "--quantity", name]) == 0
+        told = dict(line.split("  ", 1) for line in capsys.readouterr().out.splitlines())
+        for whose, scale in (("measured", 1.02), ("machine", 1.0)):
+            value, shown = told[f"range over a turn, {whose}"].split()
+            assert float(value) == pytest.approx(scale * np.ptp(truth[name]), rel=2e-3) and shown == unit
+        assert told["shaft speed, usual"].strip() == "191.0 rpm"
 
 
 def test_speed_under_a_torque_gives_inertia_and_delay() -> None:

@@ -73,8 +73,12 @@ def run(arguments: argparse.Namespace) -> None:
     """Compare, print the table, write what was asked for."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
+    for form in _FORMS:
+        path = getattr(arguments, form)
+        if path is not None and path.suffix != f".{form}":
+            raise UsageError(f"--{form} {path}: must end in .{form}")
     if arguments.quantity is not None:
-        compare_quantity.run(arguments, machine)
+        compare_quantity.run(arguments, machine, _LIMITS)
         return
 
     with ExitStack() as outputs:
@@ -83,8 +87,6 @@ def run(arguments: argparse.Namespace) -> None:
         for form in _FORMS:
             path = getattr(arguments, form)
             if path is not None:
-                if path.suffix != f".{form}":
-                    raise UsageError(f"--{form} {path}: must end in .{form}")
                 partial[form] = outputs.enter_context(staged(path))
         comparison = compare_recording(arguments, machine, arguments.predicted == "recorded")
         _write(partial, comparison, machine, arguments)

@@ -4,26 +4,31 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Iterable
 
 from textile_twin_core.cli.mistakes import UsageError, nearest
 from textile_twin_core.cli.outputs import print_rows, write_json
 from textile_twin_core.cli.readings import read_angles, read_samples, readings_of
 from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
-from textile_twin_core.comparison.quantity import QuantityComparison, Trace, compare_quantity
+from textile_twin_core.comparison.quantity import QuantityComparison, Trace, compare_quantity, shown_unit
 from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.log_import import MEASURED
 
 SPEED = "speed"
-_SHOWN = {"_m": ("mm", 1e3), "_rad": ("deg", 180.0 / math.pi), "_m_s": ("m/s", 1.0), "_N": ("N", 1.0)}
 
 
-def run(arguments: argparse.Namespace, machine: Machine) -> None:
-    """Compare, tell, write."""
+def run(arguments: argparse.Namespace, machine: Machine, limits: Iterable[str] = ()) -> None:
+    """Compare, tell, write; `limits` are options that speak of torques alone."""
     for form in ("rrd", "html"):
         if getattr(arguments, form) is not None:
             raise UsageError(f"--{form} shows torques; with --quantity give --json or --png")
+    for limit in limits:
+        if getattr(arguments, limit.replace("-", "_")) is not None:
+            raise UsageError(f"--{limit} is a limit of torques; with --quantity read what --json writes")
+    if arguments.predicted == "recorded":
+        raise UsageError("--predicted recorded speaks of torques; --quantity is worked out from the angles")
     if arguments.quantity == SPEED:
         if arguments.png is not None:
             raise UsageError("--png shows a quantity over the shaft angle; with --quantity speed give --json")
@@ -56,7 +61,7 @@ def _trace(arguments: argparse.Namespace, machine: Machine) -> Trace:
 
 
 def _rows(found: QuantityComparison) -> list[tuple[str, str]]:
-    unit, factor = next((shown for end, shown in _SHOWN.items() if found.name.endswith(end)), ("", 1.0))
+    unit, factor = shown_unit(found.name)
     rows = [
         ("quantity", found.name),
         ("samples", f"{found.time_s.size}"),
@@ -64,10 +69,11 @@ def _rows(found: QuantityComparison) -> list[tuple[str, str]]:
         ("offset", _told(found.offset, factor, unit)),
         ("delay", _told(found.delay_s, 1e3, "ms")),
         ("encoder zero, beside the machine file's", _told(found.zero_rad, 180.0 / math.pi, "deg")),
-        ("range over a turn, measured", f"{found.measured_range * factor:.3f} {unit}"),
-        ("range over a turn, machine", f"{found.machine_range * factor:.3f} {unit}"),
-        ("RMS error as told", f"{found.rms_as_told * factor:.4g} {unit}"),
-        ("RMS error left", f"{found.rms * factor:.4g} {unit}"),
+        ("shaft speed, usual", f"{found.speed_rad_s * 30.0 / math.pi:.1f} rpm"),
+        ("range over a turn, measured", f"{found.measured_range * factor:.3f} {unit}".rstrip()),
+        ("range over a turn, machine", f"{found.machine_range * factor:.3f} {unit}".rstrip()),
+        ("RMS error as told", f"{found.rms_as_told * factor:.4g} {unit}".rstrip()),
+        ("RMS error left", f"{found.rms * factor:.4g} {unit}".rstrip()),
         ("explained", f"{found.explained:.4%}"),
     ]
     if found.one_speed:
@@ -77,5 +83,5 @@ def _rows(found: QuantityComparison) -> list[tuple[str, str]]:
 
 def _told(each: Estimate, factor: float, unit: str) -> str:
     if not math.isfinite(each.sigma):
-        return f"{each.value * factor:.5g} {unit}, not fitted"
+        return f"{each.value * factor:.5g} {unit}".rstrip() + ", not fitted"
     return f"{each.value * factor:.5g} +- {each.sigma * factor:.2g} {unit}".rstrip()

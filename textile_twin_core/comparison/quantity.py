@@ -25,6 +25,17 @@ _ZEROS = 72
 _FEWEST = 64
 _STEPS = {"zero_rad": 1e-5, "delay_s": 1e-6}
 _COARSE_SAMPLES = 4000
+_TURNING_SHARE = 0.1  # of the fast end of the recorded speeds
+_UNITS = {
+    "_m": ("mm", 1e3), "_m_s": ("m/s", 1.0), "_m_s2": ("m/s²", 1.0), "_rad": ("deg", 180.0 / math.pi),
+    "_rad_s": ("rad/s", 1.0), "_rad_s2": ("rad/s²", 1.0), "_Nm": ("N m", 1.0), "_N": ("N", 1.0), "_J": ("J", 1.0),
+    "_kgm2": ("kg m²", 1.0),
+}  # fmt: skip
+
+
+def shown_unit(name: str) -> tuple[str, float]:
+    """The unit in which people read an output of this name, and its factor from SI."""
+    return next((shown for ending, shown in _UNITS.items() if name.endswith(ending)), ("", 1.0))
 
 
 @dataclass(frozen=True)
@@ -46,7 +57,7 @@ class QuantityComparison:
         name: of the output. scale, offset, delay_s: as fitted. zero_rad: in shaft angle, beside the machine file's.
         rms: what is left. rms_as_told: with scale 1, no delay, the machine file's zero, and the best offset.
         explained: share of the mean square about the mean. measured_range, machine_range: highest less lowest, the
-            measured one as the fit says, without its noise.
+            measured one as the fit says, without its noise; over a turn at speed_rad_s, the shaft's usual speed.
         one_speed: zero and delay cannot be told apart; all of it is taken as delay.
         time_s, measured, expected, theta_rad: (k,) the samples that could be used.
     """
@@ -61,6 +72,7 @@ class QuantityComparison:
     explained: float
     measured_range: float
     machine_range: float
+    speed_rad_s: float
     one_speed: bool
     time_s: FloatArray
     measured: FloatArray
@@ -73,7 +85,7 @@ class QuantityComparison:
         for name in ("scale", "offset", "delay_s", "zero_rad"):
             each: Estimate = getattr(self, name)
             out[name] = {"value": each.value, "sigma": each.sigma, "interval95": list(each.interval95)}
-        rest = ("rms", "rms_as_told", "explained", "measured_range", "machine_range", "one_speed")
+        rest = ("rms", "rms_as_told", "explained", "measured_range", "machine_range", "speed_rad_s", "one_speed")
         out |= {name: getattr(self, name) for name in rest}
         result: dict[str, Any] = plain({**out, "samples": self.time_s.size})
         return result
@@ -134,7 +146,8 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     found = uncertainty_by_turns(jacobian, residual, np.floor(theta[good] / TURN).astype(np.int64))
     known = {each: found.estimate(k, values[each]) for k, each in enumerate(free)}
     fitted = {each: known.get(each, Estimate(values[each])) for each in values}
-    around = np.broadcast_to(_over_a_turn(twin, name), (720,))
+    usual = encoder.direction * _usual_speed(track.omega_rad_s)
+    around = np.broadcast_to(_over_a_turn(twin, name, usual), (720,))
     return QuantityComparison(
         name=name,
         **fitted,
@@ -143,6 +156,7 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
         explained=1.0 - float(np.mean(residual**2)) / max(float(np.var(measured[good])), 1e-300),
         measured_range=abs(values["scale"]) * float(np.ptp(around)),
         machine_range=float(np.ptp(around)),
+        speed_rad_s=usual,
         one_speed=one_speed,
         time_s=time[good],
         measured=measured[good],
@@ -221,6 +235,13 @@ def _slopes(model: _Model, values: dict[str, float], free: tuple[str, ...]) -> F
     return np.stack(columns, axis=1)
 
 
-def _over_a_turn(twin: Twin, name: str) -> FloatArray:
+def _usual_speed(omega_rad_s: FloatArray) -> float:
+    """Median speed [rad/s] of a shaft while it turns: velocities and accelerations grow with it."""
+    size = np.abs(omega_rad_s)
+    turning = size >= _TURNING_SHARE * float(np.percentile(size, 95.0))
+    return float(np.median(omega_rad_s[turning]))
+
+
+def _over_a_turn(twin: Twin, name: str, omega_rad_s: float) -> FloatArray:
     theta = TURN * np.arange(720) / 720
-    return np.asarray(twin.evaluate(theta, np.ones_like(theta), np.zeros_like(theta))[name])
+    return np.asarray(twin.evaluate(theta, np.full_like(theta, omega_rad_s), np.zeros_like(theta))[name])

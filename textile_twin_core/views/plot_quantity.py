@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from textile_twin_core.comparison.quantity import QuantityComparison
+from textile_twin_core.comparison.quantity import QuantityComparison, shown_unit
 from textile_twin_core.views.saving import save_png
 
 _MEASURED, _MACHINE, _INK, _MUTED, _GRID = "#e07b00", "#0072b2", "#22272e", "#6b7480", "#e4e7eb"
 _MOST_POINTS = 20_000
-_UNITS = (("_m_s2", "m/s²", 1.0), ("_m_s", "m/s", 1.0), ("_m", "mm", 1e3), ("_rad", "deg", 180.0 / np.pi))
 
 
 def plot_quantity(path: str | os.PathLike[str], found: QuantityComparison, title: str) -> Path:
     """Write the picture, 1400 x 900 pixels, as PNG. Raises RecordingError when it cannot be written there."""
-    unit, factor = next(((u, f) for end, u, f in _UNITS if found.name.endswith(end)), ("", 1.0))
+    unit, factor = shown_unit(found.name)
     few = np.linspace(0, found.time_s.size - 1, min(found.time_s.size, _MOST_POINTS)).astype(np.int64)
     angle = np.rad2deg(np.mod(found.theta_rad[few], 2.0 * np.pi))
     order = np.argsort(angle)
