@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import textile_twin_core as ttc
 from textile_twin_core.cli.main import main
+from textile_twin_core.recordings import BagWriter
 
 PNG = b"\x89PNG\r\n"
 
@@ -36,3 +39,22 @@ def test_the_report_holds_verdict_numbers_and_pictures_and_nothing_from_outside(
     assert "machine: tufting" in page and "RMS error over peak" in page
     assert page.count("data:image/png;base64,") == 2
     assert not re.search(r'(src|href)="(?!data:)', page)
+
+
+def test_a_report_of_what_cannot_be_judged_says_nothing_good_of_the_sensor(tmp_path: Path) -> None:
+    """Less than a turn: neither is the machine found right, nor does the recording tell of a gain."""
+    twin, time = ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm"]), np.arange(400) / 500.0
+    stamps, still = np.rint(time * 1e9).astype(np.int64), np.zeros_like(time)
+    for name, speed in (("short", 3.0), ("long", 16.0)):
+        theta = 0.5 + speed * time
+        with BagWriter(tmp_path / name) as bag:
+            bag.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], theta)
+            torque = twin.evaluate(theta, still + speed, still)["balancing_torque_Nm"]
+            bag.write_wrenches("balancing_torque/measured", stamps, torque)
+        report = tmp_path / f"{name}.html"
+        assert main(["compare", str(tmp_path / name), "--machine", "tufting", "--html", str(report)]) == 0
+    short, long = ((tmp_path / f"{name}.html").read_text() for name in ("short", "long"))
+    assert 'class="verdict"' in short and "nothing can be told" in short
+    assert short.count(">not told<") == 3 and "1.0000, +0.0000 N m (configured)" in short
+    assert not re.search(r">[^<]*\bnan\b[^<]*<", short)
+    assert 'class="verdict good"' in long and "not told" not in long and "(configured)" not in long

@@ -12,7 +12,7 @@ from textile_twin_core.comparison.identify import Identification, identify
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
 from textile_twin_core.comparison.statistics import ErrorStatistics
-from textile_twin_core.comparison.summary import summary_rows, verdict_lines
+from textile_twin_core.comparison.summary import is_as_told, summary_rows, verdict_lines
 from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.comparison.verdict import Cause
 from textile_twin_core.errors import AlignmentError
@@ -37,6 +37,7 @@ __all__ = [
     "calibrate",
     "compare_torque",
     "identify",
+    "is_as_told",
     "summary_rows",
     "verdict_lines",
     "with_table",

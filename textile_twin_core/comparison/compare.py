@@ -94,7 +94,7 @@ def compare_torque(
     # A sample counts as settled when the predictions on both of its sides are.
     ready = (predictions.settled[:-1] & predictions.settled[1:])[track.after_sample]
     calm = inside & ready[piece]
-    fit = SensorFit(configured, float("nan"), gain, offset, identifiable=False, at_limit=False)
+    fit = SensorFit(configured, float("nan"), gain, offset, identifiable=False, at_limit=False, sought=False)
     turns = float(np.ptp(track.theta_rad)) / (2.0 * np.pi)
     if np.count_nonzero(calm) >= _LEAST_SAMPLES and turns >= _LEAST_TURNS:
         search_s = min(delay_search_s, _half_turn(track))

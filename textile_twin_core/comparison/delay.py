@@ -25,6 +25,7 @@ class SensorFit:
         gain: estimated gain, negative where the torque's sign is reversed. offset_Nm: estimated offset.
         identifiable: whether the torque follows the prediction well enough to tell a delay.
         at_limit: whether the best delay lies on the edge of the searched range.
+        sought: false where there is too little to tell anything: then gain and offset are the configured ones, too.
     """
 
     delay_s: float
@@ -33,6 +34,7 @@ class SensorFit:
     offset_Nm: float
     identifiable: bool
     at_limit: bool
+    sought: bool = True
 
 
 def usable(track: Track, time_s: FloatArray, guard_s: float) -> tuple[BoolArray, FloatArray, FloatArray]:

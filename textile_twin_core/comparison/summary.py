@@ -14,6 +14,7 @@ def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
     delay = f"{fit.delay_s * 1e3:.3f} ms" + (
         f" +- {fit.delay_sigma_s * 1e3:.3f}" if math.isfinite(fit.delay_sigma_s) else " (configured)"
     )
+    line = f"{fit.gain:.4f}, {fit.offset_Nm:+.4f} N m" + ("" if fit.sought else " (configured)")
     causes = ", ".join(
         f"{number} {cause.replace('_', ' ')}" for cause, number in sorted(comparison.samples.by_cause.items())
     )
@@ -25,7 +26,7 @@ def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
         ("correlation", f"{errors.correlation:.6f}"),
         ("peak, measured", f"{errors.peak_Nm:.3f} N m"),
         ("sensor delay", delay),
-        ("sensor gain, offset", f"{fit.gain:.4f}, {fit.offset_Nm:+.4f} N m"),
+        ("sensor gain, offset", line),
         (
             f"RMS, delay {comparison.sensor_delay_s * 1e3:g} ms as configured",
             f"{comparison.errors_configured.rms_error_Nm:.4f} N m",
@@ -38,13 +39,18 @@ def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
     return rows + [("note", note) for note in comparison.notes]
 
 
+def is_as_told(comparison: Comparison) -> bool:
+    """Whether the recording was judged, and the machine file found right; False where nothing can be told."""
+    return not comparison.verdict and 1.0 - comparison.explained <= NOT_THIS_MACHINE
+
+
 def verdict_lines(comparison: Comparison) -> list[str]:
     """The verdict in plain words, likeliest cause first; one line when nothing is wrong or nothing can be told."""
     if comparison.verdict:
         return [cause.text for cause in comparison.verdict]
     if math.isnan(comparison.explained):
         return ["nothing can be told from this recording; see the notes"]
-    if 1.0 - comparison.explained > NOT_THIS_MACHINE:
+    if not is_as_told(comparison):
         share = f"{comparison.explained * 100.0:.0f} %"
         return [f"nothing is judged, though the machine explains but {share} of the torque's variance; see the notes"]
     return [f"as the machine file says; it explains {comparison.explained * 100.0:.2f} % of the torque's variance"]

@@ -118,7 +118,8 @@ def _torque_over_angle(axes: Axes, comparison: Comparison, inside: BoolArray, ma
     used = np.flatnonzero(comparison.used)
     turn = np.floor(comparison.theta_rad[used] / (2.0 * np.pi))
     middle = turn[turn.size // 2]
-    kept = used[np.abs(turn - middle) <= _KEPT_TURNS / 2]
+    near = np.abs(turn - middle) < _KEPT_TURNS / 2
+    kept, turns = used[near], np.unique(turn[near]).size
     degrees = np.rad2deg(np.mod(comparison.theta_rad[kept], 2.0 * np.pi))
     _shade_angles(axes, inside)
     axes.plot(degrees, comparison.measured_Nm[kept], ".", color=_MEASURED, markersize=2.2, alpha=0.55, rasterized=True)
@@ -127,7 +128,7 @@ def _torque_over_angle(axes: Axes, comparison: Comparison, inside: BoolArray, ma
     for part in _pieces(x, marks):
         axes.plot(x[part], y[part], color=_PREDICTED, linewidth=1.8)
     _mark(axes, marks)
-    _dress(axes, f"Torque over shaft angle, {_KEPT_TURNS} turns", "N m")
+    _dress(axes, f"Torque over shaft angle, {f'{turns} turns' if turns > 1 else 'one turn'}", "N m")
     _degrees(axes)
 
 

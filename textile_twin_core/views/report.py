@@ -12,7 +12,7 @@ from html import escape
 from importlib.metadata import version
 from pathlib import Path
 
-from textile_twin_core.comparison import Comparison, summary_rows, verdict_lines
+from textile_twin_core.comparison import Comparison, is_as_told, summary_rows, verdict_lines
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.views.plot import plot_comparison
@@ -59,15 +59,13 @@ def write_report(
     """
     lines = verdict_lines(comparison)
     fit = comparison.fit
+    delay = f"{fit.delay_s * 1e3:.3f} ± {fit.delay_sigma_s * 1e3:.3f} ms" if fit.identifiable else "not told"
+    line = (f"{fit.gain:.4f}", f"{fit.offset_Nm:+.4f} N m") if fit.sought else ("not told", "not told")
     sensor = [
         ("", "configured", "as the recording tells"),
-        (
-            "delay",
-            f"{comparison.sensor_delay_s * 1e3:.3f} ms",
-            f"{fit.delay_s * 1e3:.3f} ± {fit.delay_sigma_s * 1e3:.3f} ms",
-        ),
-        ("gain", f"{comparison.sensor_gain:.4f}", f"{fit.gain:.4f}"),
-        ("offset", f"{comparison.sensor_offset_Nm:.4f} N m", f"{fit.offset_Nm:+.4f} N m"),
+        ("delay", f"{comparison.sensor_delay_s * 1e3:.3f} ms", delay),
+        ("gain", f"{comparison.sensor_gain:.4f}", line[0]),
+        ("offset", f"{comparison.sensor_offset_Nm:.4f} N m", line[1]),
     ]
     events = [
         (event.name.replace("_", " "), f"{event.angle_rad * 57.29577951308232:.2f}°") for event in comparison.events
@@ -79,7 +77,7 @@ def write_report(
     parts = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="about">{escape(f"{machine.name}: {machine.description}".rstrip(": "))}</p>',
-        f'<div class="verdict{"" if comparison.verdict else " good"}"><ul>',
+        f'<div class="verdict{" good" if is_as_told(comparison) else ""}"><ul>',
         *(f"<li>{escape(line)}</li>" for line in lines),
         "</ul></div>",
         "<h2>Torque, measured and predicted</h2>",
