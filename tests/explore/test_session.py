@@ -17,13 +17,14 @@ import pytest
 import textile_twin_core as ttc
 from tests.explore.unpack import numbers, unpack
 from textile_twin_core import machines
-from textile_twin_core.errors import TwinError
+from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.explore import first_look as first_look_module
 from textile_twin_core.explore import session as session_module
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.first_look import first_look
 from textile_twin_core.explore.overlay import overlay
 from textile_twin_core.explore.session import PageSession
+from textile_twin_core.recordings import BagWriter
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -278,6 +279,36 @@ def test_recording_lies_over_the_torque() -> None:
         measured.theta_rad, np.full(360, machine.nominal_speed_rad_s), np.zeros(360)
     )["balancing_torque_Nm"]
     assert np.corrcoef(torque[known], measured.torque_Nm[known])[0, 1] > 0.95
+
+
+def test_a_rest_does_not_lie_over_the_torque_of_the_turning_shaft(tmp_path: Path) -> None:
+    """Six seconds of rest in the backing, where a still needle has no friction, then some turns."""
+    machine, time = machines.tufting(), np.arange(6000) / 500.0
+    stamps, speed = np.rint(time * 1e9).astype(np.int64), 16.0 * (time >= 6.0)
+    theta = 0.9 + 16.0 * np.maximum(time - 6.0, 0.0)
+    torque = ttc.compile(machine, ["balancing_torque_Nm"]).evaluate(theta, speed, np.zeros_like(time))
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], theta)
+        bag.write_wrenches("balancing_torque/measured", stamps, torque["balancing_torque_Nm"])
+    found = overlay(tmp_path / "bag", machine)
+    there = found.torque_Nm[np.abs(np.degrees(found.theta_rad) - math.degrees(0.9)) < 5.0]
+    assert there.size >= 9 and np.nanmin(there) > 13.0
+    with BagWriter(tmp_path / "rest") as bag:
+        bag.write_joint_states("main_shaft/angle", stamps[:2000], ["main_shaft"], theta[:2000])
+        bag.write_wrenches("balancing_torque/measured", stamps[:2000], torque["balancing_torque_Nm"][:2000])
+    with pytest.raises(RecordingError, match="while the shaft turns"):
+        overlay(tmp_path / "rest", machine)
+
+
+def test_a_sley_that_swings_while_it_rests_has_one_beat_up() -> None:
+    text = (EXAMPLES / "cam_loom.yaml").read_text()
+    start = text.index("strokes: [")
+    lift = "{start_rad: 3.6, turn_rad: 0.8, to: 0.03}, {start_rad: 4.4, turn_rad: 0.8, to: 0}"
+    at = text.index("]}", start)
+    session = PageSession(Design.of(machines.tufting()))
+    head = state(session, type="load", name="l.yaml", text=f"{text[:at]}, {lift}{text[at:]}")
+    marks = [(name, round(angle)) for name, angle in head["analysis"]["marks"] if "rear" not in name]
+    assert marks == [("beat-up", 92), ("beater front", 252)]
 
 
 def test_shared_design_holds_what_is_searched_for(loom: PageSession) -> None:

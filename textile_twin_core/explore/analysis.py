@@ -15,6 +15,7 @@ from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.interference import clashes
 from textile_twin_core.explore.shown import Analysis, Bar, Chart, Mark, Span
 from textile_twin_core.machine import ContactMachine, Machine
+from textile_twin_core.machine.events import DWELL_SHARE
 from textile_twin_core.mechanism import Crank, EllipticGearPair, RRPDyad, RRRDyad
 from textile_twin_core.synthesis.balancing.shaking import shaking
 from textile_twin_core.synthesis.batch import TRANSMISSION
@@ -163,8 +164,11 @@ def _bars(machine: Machine) -> tuple[Bar, ...]:
 def _marks(machine: Machine, curves: dict[str, tuple[FloatArray, ...]], theta: FloatArray) -> list[Mark]:
     found = []
     for name, (position, velocity, _) in curves.items():
-        front = "beat-up" if name in _BEAT_UP else f"{name} front"
-        found += [Mark(front, angle) for angle in _crossings(theta, -velocity)]
+        low, high = float(position.min()), float(position.max())
+        for angle in _crossings(theta, -velocity):
+            place = float(np.interp(angle, theta, position, period=_TURN))
+            beats = name in _BEAT_UP and place > high - DWELL_SHARE * (high - low)  # not where it swings while it rests
+            found.append(Mark("beat-up" if beats else f"{name} front", angle))
         found += [Mark(f"{name} rear", angle) for angle in _crossings(theta, velocity)]
         for load in machine.loads:
             if isinstance(load, Backing) and load.on == name:

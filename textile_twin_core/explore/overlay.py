@@ -15,6 +15,8 @@ from textile_twin_core.recordings.machine_topics import beside, usable_angles
 from textile_twin_core.recordings.prediction import recompute
 
 _BINS = 360
+_TURNING_SHARE = 0.1
+"""Of the fast end of the recorded speeds; a shaft at rest fills one bin with what it takes to hold it."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +47,12 @@ def overlay(
     begin = shaft.stamps_ns[0]
     at = (measured.stamps - begin) * 1e-9 - sensor.delay_s
     known = (shaft.stamps_ns - begin) * 1e-9
-    inside = (at >= known[0]) & (at <= known[-1]) & np.isfinite(measured.torque_Nm)
+    speed = np.abs(np.diff(shaft.theta_rad) / np.diff(known))
+    turning = (speed > 0.0) & (speed >= _TURNING_SHARE * np.percentile(speed, 95.0))
+    inside = (at >= known[0]) & (at < known[-1]) & np.isfinite(measured.torque_Nm)
+    inside[inside] = turning[np.searchsorted(known, at[inside], side="right") - 1]
     if not inside.any():
-        raise RecordingError(f"{path}: no torque was measured while the shaft's angle is known")
+        raise RecordingError(f"{path}: no torque was measured while the shaft turns and its angle is known")
     theta = np.mod(np.interp(at[inside], known, shaft.theta_rad), 2.0 * np.pi)
     torque = (measured.torque_Nm[inside] - sensor.offset_Nm) / sensor.gain
     bins = np.minimum((theta * (_BINS / (2.0 * np.pi))).astype(int), _BINS - 1)
