@@ -281,6 +281,16 @@ def test_recording_lies_over_the_torque() -> None:
     assert np.corrcoef(torque[known], measured.torque_Nm[known])[0, 1] > 0.95
 
 
+def test_an_angle_or_a_ripple_that_is_none_is_told() -> None:
+    session = PageSession(Design.of(machines.tufting()))
+    for angle in (math.inf, math.nan, 1e308):
+        with pytest.raises(TwinError, match="angle: must be a finite number"):
+            session.file("png", angle)
+    for ripple, words in ((0, "between 0 and 1"), ("x", "must be a number")):
+        with pytest.raises(TwinError, match=words):
+            session.answer({"type": "balance", "way": "flywheel", "ripple": ripple})
+
+
 def test_a_rest_does_not_lie_over_the_torque_of_the_turning_shaft(tmp_path: Path) -> None:
     """Six seconds of rest in the backing, where a still needle has no friction, then some turns."""
     machine, time = machines.tufting(), np.arange(6000) / 500.0

@@ -15,7 +15,8 @@ from matplotlib.patches import Ellipse
 
 from textile_twin_core.explore.shown import Analysis
 
-_INK, _FAINT, _COLOURS = "#22272e", "#c8ced6", ("#0072b2", "#e07b00", "#2a9d63", "#c2377a", "#6b7480", "#8a63d2")
+_INK, _FAINT = "#22272e", "#c8ced6"
+_COLOURS = ("#0072b2", "#e07b00", "#2a9d63", "#c2377a", "#6b7480", "#8a63d2", "#22272e", "#a8821a", "#56b4e9")
 _MILLI = 1e3
 _SHORT = 2
 """Names of points that are no longer are written beside them; else that of the bar."""

@@ -183,7 +183,8 @@ class PageSession:
 
     def _balance(self, message: Message) -> bytes:
         before = self.design
-        design, said = balanced(before, str(message.get("way")), float(message.get("ripple") or 0.02))
+        ripple = message.get("ripple")
+        design, said = balanced(before, str(message.get("way")), 0.02 if ripple is None else _number(ripple, "ripple"))
         self._history.put(design)
         self._pinned = before
         return self.state(said)
@@ -299,7 +300,8 @@ class PageSession:
         self._stop.set()
 
     def file(self, kind: str, angle_rad: float) -> File:
-        """The design as a file of a kind. Raises SceneError for an unknown kind, MachineError for no machine."""
+        """The design as a file of a kind. Raises SceneError for no such kind or angle, MachineError for no machine."""
+        check_number(angle_rad, "angle")
         name = self.design.family.name
         match kind:
             case "yaml":
