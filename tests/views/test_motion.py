@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -103,3 +104,18 @@ def test_a_sley_that_swings_while_it_rests_beats_once(tmp_path: Path) -> None:
         assert isinstance(machine, Machine)
         assert sum(event.name == "beater_largest" for event in machine.events()) == 2
         assert [angle for _, angle in marks_for(machine)] == pytest.approx(beats, abs=0.01)
+
+
+def test_a_gap_keeps_its_turns_and_no_line_goes_over_it(tmp_path: Path) -> None:
+    """Half a second is lost, in which the shaft turns two and a half times."""
+    machine = gear_loom()
+    kept = (np.arange(1500) < 500) | (np.arange(1500) >= 750)
+    path = tmp_path / "gap.rrd"
+    write_motion_recording(path, machine, STAMPS[kept], THETA[kept], title="a test")
+    times, sley = scalars_of(path, "/travel/sley")
+    np.testing.assert_allclose(times[np.isnan(sley)], [0.999, 1.499], atol=1e-6)
+    _, speed = scalars_of(path, "/speed/shaft")
+    np.testing.assert_allclose(speed, SPEED * 30.0 / math.pi, rtol=1e-9)
+    _, texts = rows_of(path, "/summary", "TextDocument:text")
+    last = dict(re.findall(r"\| (.+?) \| ([\d.]+)", str(texts[-1][0])))
+    assert float(last["turns"]) == pytest.approx(SPEED * float(last["time"]) / (2.0 * math.pi), abs=0.5)

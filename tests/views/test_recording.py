@@ -9,6 +9,7 @@ import pytest
 import rerun.chunk
 
 from tests.views.conftest import START_NS, Run, rows_of, scalars_of
+from textile_twin_core.comparison import compare_torque
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.views import write_comparison_recording
 
@@ -123,3 +124,21 @@ def test_an_old_file_is_replaced_as_a_whole(run: Run, tmp_path: Path) -> None:
     write_comparison_recording(path, run.comparison, run.machine)
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
     assert scalars_of(path, "/torque/measured")[1].size == run.measured_Nm.size
+
+
+def test_no_prediction_is_drawn_over_a_gap(run: Run, tmp_path: Path) -> None:
+    kept = (np.arange(run.stamps_ns.size) < 1200) | (np.arange(run.stamps_ns.size) >= 1400)
+    comparison = compare_torque(
+        run.measured_ns,
+        run.measured_Nm,
+        run.stamps_ns[kept],
+        run.predicted_Nm[kept],
+        run.theta_rad[kept],
+        torque_sensor=run.machine.sensors.torque,
+        events=run.machine.events(),
+    )
+    path = write_comparison_recording(tmp_path / "gap.rrd", comparison, run.machine)
+    times, predicted = scalars_of(path, "/torque/predicted", "Measurements:values")
+    np.testing.assert_allclose(
+        times[np.isnan(predicted)] - comparison.fit.delay_s, [1199.5 * 2e-3, 1399.5 * 2e-3], atol=1e-6
+    )

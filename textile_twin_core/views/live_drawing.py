@@ -36,6 +36,7 @@ class LiveDrawing:
         frames_hz: the most pictures of the linkage in a second.
         title: for the summary.
         window_s: seconds before and after the cursor in the plots over time. turn_s: of the last turn, drawn bold.
+        unwrapped: the angles count the turns, across gaps too; else they may be wrapped.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class LiveDrawing:
         title: str,
         window_s: tuple[float, float] = (2.0, 0.05),
         turn_s: float = 0.4,
+        unwrapped: bool = False,
     ) -> None:
         self._machine, self._stream, self._limit, self._title = machine, stream, limit_Nm, title
         self._window_s, self._turn_s = window_s, turn_s
@@ -59,7 +61,7 @@ class LiveDrawing:
         self._next_summary_s, self._not_drawn = -np.inf, 0
         torque, residual = AngleCanvas(-1.0, 1.0, *TORQUE_SIZE), AngleCanvas(-1.0, 1.0, *RESIDUAL_SIZE)
         self._scribe = Scribe(stream, build_scene(machine), torque, residual)
-        self._motion = MotionDrawing(machine, self._scribe, frames_hz)
+        self._motion = MotionDrawing(machine, self._scribe, frames_hz, unwrapped)
 
     @property
     def layout(self) -> Layout:
@@ -106,6 +108,14 @@ class LiveDrawing:
         if frames.size:
             scribe.point("angle/now", scribe.torque_canvas, time[frames], angles[-time.size :][frames], shown[frames])
         self._summarise(float(time[-1]))
+
+    def break_lines(self, time: FloatArray) -> None:
+        """Let the lines over time end at times (n,): what comes later stands apart."""
+        nothing = np.full_like(time, np.nan)
+        for name in self._motion.travels.names:
+            self._scribe.scalars(f"travel/{name}", time, nothing)
+        if self._machine.tells_torque:
+            self._scribe.predicted(time + self._machine.sensors.torque.delay_s, nothing, nothing)
 
     def measured(self, time: FloatArray, torque: FloatArray) -> None:
         """Draw measured torque."""

@@ -24,10 +24,13 @@ _RPM = 30.0 / np.pi
 
 
 class MotionDrawing:
-    """Draws one machine's motion; for one thread. `frames_hz`: the most pictures of the linkage in a second."""
+    """Draws one machine's motion; for one thread.
 
-    def __init__(self, machine: Machine, scribe: Scribe, frames_hz: float) -> None:
-        self._scribe, self._frame_s = scribe, 1.0 / frames_hz
+    `frames_hz`: the most pictures of the linkage in a second. `unwrapped`: angles count the turns, across gaps too.
+    """
+
+    def __init__(self, machine: Machine, scribe: Scribe, frames_hz: float, unwrapped: bool = False) -> None:
+        self._scribe, self._frame_s, self._unwrapped = scribe, 1.0 / frames_hz, unwrapped
         self.lanes, self.marks = lanes_for(machine), marks_for(machine)
         self.inside = inside_backing(self.lanes)
         self.travels = Travels(machine)
@@ -55,7 +58,8 @@ class MotionDrawing:
         a seam, and the places in the block at which the linkage was drawn.
         """
         before = self._theta[-1:]
-        theta = np.unwrap(np.concatenate([before, theta]))
+        theta = np.concatenate([before, theta])
+        theta = theta if self._unwrapped else np.unwrap(theta)
         times = np.concatenate([self._time[-1:], time])
         if np.isnan(self._first_rad):
             self._first_rad = float(theta[0])

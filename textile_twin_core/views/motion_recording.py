@@ -11,6 +11,7 @@ import rerun as rr
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.views.live_drawing import LiveDrawing
 from textile_twin_core.views.rrd_file import written
+from textile_twin_core.views.scribe import gap_times
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -30,7 +31,7 @@ def write_motion_recording(
     *,
     title: str,
 ) -> None:
-    """Write the motion of a machine: stamps [ns] and shaft angles (n,), and (n,) torque and sigma where it has masses.
+    """Write the motion of a machine: stamps [ns] and unwrapped shaft angles (n,), and torque and sigma with masses.
 
     Raises RecordingError when the file cannot be written there.
     """
@@ -38,7 +39,9 @@ def write_motion_recording(
     time = np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)
     turn_s = _turn_s(time, theta_rad)
     window = (_TURNS_BEFORE * turn_s, _TURNS_AFTER * turn_s)
-    drawing = LiveDrawing(machine, stream, None, _FRAMES_HZ, title=title, window_s=window, turn_s=turn_s)
+    drawing = LiveDrawing(
+        machine, stream, None, _FRAMES_HZ, title=title, window_s=window, turn_s=turn_s, unwrapped=True
+    )
     with written(stream, path, drawing.layout.blueprint()):
         stream.send_recording_name(title)
         drawing.prepare()
@@ -49,6 +52,7 @@ def write_motion_recording(
             else:
                 sigma = np.full(time[part].size, np.nan) if sigma_Nm is None else sigma_Nm[part]
                 drawing.predicted(time[part], theta_rad[part], torque_Nm[part], sigma)
+        drawing.break_lines(gap_times(time))
 
 
 def _turn_s(time: FloatArray, theta: FloatArray) -> float:

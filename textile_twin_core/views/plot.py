@@ -16,6 +16,7 @@ from textile_twin_core.comparison import Comparison
 from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of
 from textile_twin_core.views.plot_linkage import draw_linkage
 from textile_twin_core.views.scene import build_scene
+from textile_twin_core.views.scribe import gap_times
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -93,12 +94,17 @@ def _torque_over_time(axes: Axes, comparison: Comparison, window: tuple[float, f
     predicted_time = (
         comparison.predicted_stamps_ns - comparison.predicted_stamps_ns[0]
     ) * 1e-9 + comparison.fit.delay_s
-    told = (predicted_time >= window[0]) & (predicted_time <= window[1])
     expected = comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm
+    sigma = comparison.predicted_sigma_Nm
+    gaps = gap_times(predicted_time)  # across which no line is drawn
+    at = np.searchsorted(predicted_time, gaps)
+    predicted_time = np.insert(predicted_time, at, gaps)
+    expected, sigma = (np.insert(values, at, np.nan) for values in (expected, sigma))
+    told = (predicted_time >= window[0]) & (predicted_time <= window[1])
     _shade_times(axes, time[shown], comparison.theta_rad[shown], inside)
     axes.plot(time[shown], measured[shown], color=_MEASURED, linewidth=1.5, label="measured")
     axes.plot(predicted_time[told], expected[told], color=_PREDICTED, linewidth=1.5, label="predicted")
-    sigma = comparison.predicted_sigma_Nm[told]
+    sigma = sigma[told]
     if np.isfinite(sigma).any():
         spread = np.nan_to_num(sigma) * abs(comparison.sensor_gain)
         axes.fill_between(

@@ -19,7 +19,7 @@ from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.phases import inside_backing, state_changes
 from textile_twin_core.views.rrd_file import written
 from textile_twin_core.views.scene import PointPositions, build_scene
-from textile_twin_core.views.scribe import Scribe, blocks
+from textile_twin_core.views.scribe import Scribe, blocks, gap_times
 from textile_twin_core.views.travels import lanes_for, marks_for
 
 if TYPE_CHECKING:
@@ -125,6 +125,8 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
         shown = comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm
         sigma = abs(comparison.sensor_gain) * comparison.predicted_sigma_Nm
         scribe.predicted(predicted_s + comparison.fit.delay_s, shown, sigma)
+        gaps = gap_times(predicted_s) + comparison.fit.delay_s
+        scribe.predicted(gaps, np.full_like(gaps, np.nan), np.full_like(gaps, np.nan))
         scribe.over_angle("predicted", predicted_s, theta, shown)
         scribe.point("angle/now", torque_canvas, predicted_s[frames], theta[frames], shown[frames])
         scribe.measured(measured_s, comparison.measured_Nm)

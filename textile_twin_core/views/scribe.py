@@ -10,6 +10,7 @@ import rerun as rr
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison import AngleBins
+from textile_twin_core.comparison.alignment import GAP_PERIODS
 from textile_twin_core.views import palette
 from textile_twin_core.views.angle_canvas import AngleCanvas, split_turns
 from textile_twin_core.views.layout import TIMELINE
@@ -161,6 +162,19 @@ class Scribe:
         """A series of numbers over time."""
         for part in blocks(time_s.size):
             self.stream.send_columns(entity, at_times(time_s[part]), rr.Scalars.columns(scalars=values[part]))
+
+
+def gap_times(time_s: FloatArray) -> FloatArray:
+    """Beginnings and ends of what samples (n,) at increasing times leave out: there lines over time have to break.
+
+    Both, since the viewer looks no further than to the next sample beside the time that it shows.
+    """
+    step = np.diff(time_s)
+    if not step.size:
+        return np.empty(0)
+    usual = float(np.median(step))
+    gap = step > GAP_PERIODS * usual
+    return np.column_stack([time_s[:-1][gap] + 0.5 * usual, time_s[1:][gap] - 0.5 * usual]).ravel()
 
 
 def blocks(count: int, size: int = _BLOCK) -> Iterator[slice]:
