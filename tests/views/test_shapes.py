@@ -76,6 +76,14 @@ def test_phases_follow_the_shaft_forwards_and_backwards() -> None:
     backward = state_changes(lanes["needle_backing"], time, -2 * np.pi * time)
     assert backward.states == ("free", "in backing", "free", "in backing", "free")
     np.testing.assert_allclose(backward.time_s, [0.0, 1 - leave, 1 - entry, 2 - leave, 2 - entry], atol=1e-9)
+    # The needle goes forward between its rear and its front point, whichever way the shaft turns.
+    turns = [event.angle_rad / (2 * np.pi) for event in events if event.name.endswith(("_largest", "_smallest"))]
+    for sign, expected in ((1, ("forward", "back") * 2 + ("forward",)), (-1, ("back", "forward") * 2 + ("back",))):
+        stroke = state_changes(lanes["needle_stroke"], time, sign * 2 * np.pi * time)
+        states = [state for state, when in zip(stroke.states, stroke.time_s, strict=True) if when == 0.0 or when > 0.01]
+        assert tuple(states)[-4:] == expected[-4:]
+        ends = sorted((sign * turn) % 1.0 + k for turn in turns for k in (0, 1))
+        np.testing.assert_allclose(stroke.time_s[-4:], ends, atol=1e-9)
     inside = inside_backing(list(lanes.values()))
     assert inside.mean() == pytest.approx(leave - entry, abs=2 / 720)
 

@@ -9,7 +9,7 @@ import rerun as rr
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.views import backdrop
-from textile_twin_core.views.phases import inside_backing, state_changes
+from textile_twin_core.views.phases import Direction, inside_backing, state_changes
 from textile_twin_core.views.scene import PointPositions
 from textile_twin_core.views.scribe import Scribe
 from textile_twin_core.views.travels import Travels, lanes_for, marks_for
@@ -39,6 +39,7 @@ class MotionDrawing:
         self._time, self._theta = np.empty(0), np.empty(0)
         self._next_frame_s = -np.inf
         self._phases: dict[str, str] = {}
+        self._direction, self._backward = Direction(), np.empty(0, dtype=np.bool_)
         self._first_rad = np.nan
 
     def prepare(self, stream: rr.RecordingStream) -> None:
@@ -112,8 +113,10 @@ class MotionDrawing:
         return angle
 
     def _draw_phases(self, time: FloatArray, theta: FloatArray) -> None:
+        before = self._backward[-1:]
+        self._backward = np.concatenate([before, self._direction.take(theta[before.size :])])
         for lane in self.lanes:
-            changes = state_changes(lane, time, theta)
+            changes = state_changes(lane, time, theta, self._backward)
             known = bool(changes.states) and self._phases.get(lane.name) == changes.states[0]
             self._scribe.phases([changes.after(1) if known else changes])
             if changes.states:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -12,6 +13,10 @@ from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.views import palette
 
 TWO_PI = 2.0 * np.pi
+_REVERSAL_RAD = 0.02
+"""So far a shaft has to turn back to count as turning that way: a resting one trembles."""
+_BACKWARD = {"forward": "back", "back": "forward"}
+"""What a phase of the stroke is when the shaft turns backward through it."""
 
 #: The phase that begins at an event, by the end of the event's name, with its lane and its colour.
 _BEGINS: dict[str, tuple[str, str, palette.Colour]] = {
@@ -42,11 +47,35 @@ class Lane:
     begins: tuple[tuple[float, str], ...]
     colours: Mapping[str, palette.Colour]
 
-    def at(self, theta_rad: FloatArray) -> list[str]:
-        """The phase at each angle (n,)."""
+    def at(self, theta_rad: FloatArray, backward: BoolArray | None = None) -> list[str]:
+        """The phase at each angle (n,); backward: (n,) where the shaft turns so, nowhere without it."""
         angles = np.array([angle for angle, _ in self.begins])
         place = np.searchsorted(angles, np.mod(theta_rad, TWO_PI), side="right") - 1
-        return [self.begins[k][1] for k in place]
+        states = [self.begins[k][1] for k in place]
+        for k in () if backward is None else np.flatnonzero(backward):
+            states[k] = _BACKWARD.get(states[k], states[k])
+        return states
+
+
+class Direction:
+    """Which way a shaft turns, from unwrapped angles in blocks of any size."""
+
+    def __init__(self) -> None:
+        self._farthest, self._backward = math.nan, False
+
+    def take(self, theta_rad: FloatArray) -> BoolArray:
+        """Whether the shaft turns backward at each of the next angles (n,)."""
+        found = []
+        farthest, backward = self._farthest, self._backward
+        for theta in theta_rad.tolist():
+            ahead = farthest - theta if backward else theta - farthest
+            if ahead < -_REVERSAL_RAD:
+                backward = not backward
+            if not -_REVERSAL_RAD <= ahead <= 0.0:
+                farthest = theta
+            found.append(backward)
+        self._farthest, self._backward = farthest, backward
+        return np.array(found, dtype=np.bool_)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,11 +114,16 @@ def marks_of(events: Sequence[EventLike]) -> list[tuple[str, float]]:
     return marks
 
 
-def state_changes(lane: Lane, time_s: FloatArray, theta_rad: FloatArray) -> StateChanges:
-    """Changes of phase along an unwrapped angle (n,), their times interpolated; the first phase comes first."""
+def state_changes(
+    lane: Lane, time_s: FloatArray, theta_rad: FloatArray, backward: BoolArray | None = None
+) -> StateChanges:
+    """Changes of phase along an unwrapped angle (n,), their times interpolated; the first phase comes first.
+
+    backward: (n,) where the shaft turns so; worked out from the angles without it.
+    """
     if time_s.size == 0:
         return StateChanges(lane.name, np.empty(0), ())
-    states = lane.at(theta_rad)
+    states = lane.at(theta_rad, Direction().take(theta_rad) if backward is None else backward)
     changed = np.array([a != b for a, b in zip(states[1:], states[:-1], strict=True)], dtype=np.bool_)
     where = np.flatnonzero(changed)
     times, names = [float(time_s[0])], [states[0]]

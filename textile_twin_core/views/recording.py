@@ -16,7 +16,7 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.views import backdrop
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.layout import Layout
-from textile_twin_core.views.phases import inside_backing, state_changes
+from textile_twin_core.views.phases import Direction, inside_backing, state_changes
 from textile_twin_core.views.rrd_file import written
 from textile_twin_core.views.scene import PointPositions, build_scene
 from textile_twin_core.views.scribe import Scribe, blocks, gap_times
@@ -133,7 +133,8 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
         scribe.residual(measured_s, comparison.residual_Nm, limit)
         for which in ("measured", "last"):
             scribe.over_angle(which, measured_s, comparison.theta_rad, comparison.measured_Nm)
-        scribe.phases([state_changes(lane, predicted_s, theta) for lane in lanes])
+        backward = Direction().take(theta)
+        scribe.phases([state_changes(lane, predicted_s, theta, backward) for lane in lanes])
         scribe.residual_by_angle(comparison.by_angle)
         _say(scribe, comparison, origin, limit)
 
