@@ -99,3 +99,18 @@ def test_a_recording_that_cannot_be_watched_is_told_by_the_exit_code(
     assert main(["monitor", str(tmp_path / "friction"), *given[2:], "--learn", "40", "--workers", "1"]) == 3
     err = capsys.readouterr().err
     assert "1 alarms in 1 recordings; 1 of 2 recordings could not be watched: spoilt.mcap" in err
+
+
+def test_few_turns_to_learn_from_are_enough_to_be_alarmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Fewer than the moving mean looks back on; and recordings of one name are told apart, each watched once."""
+    for place, kind in (("old", ""), ("new", "friction")):
+        (tmp_path / place).mkdir()
+        write(tmp_path / place / "bag", kind, 1.2, 992)
+    given = [str(tmp_path / place) for place in ("old", "new", "old/bag")]
+    table = tmp_path / "trend.parquet"
+    options = ["--machine", "tufting", "--learn", "8", "--workers", "1", "--parquet", str(table)]
+    assert main(["monitor", *given, *options]) == 3
+    out, err = capsys.readouterr()
+    assert f"{tmp_path}/new/bag: " in out and out.count("turns, ") == 2
+    assert "drive side: friction changed" in out and "RuntimeWarning" not in err
+    assert set(parquet.read_table(table)["bag"].to_pylist()) == {f"{tmp_path}/{place}/bag" for place in ("old", "new")}

@@ -15,7 +15,7 @@ from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.files import staged
-from textile_twin_core.recordings.monitored import Job, Watched, trend_table, watch_bags
+from textile_twin_core.recordings.monitored import Job, Watched, names_of, trend_table, watch_bags
 
 _MOST_NAMED = 5
 """Recordings that could not be watched of which the error speaks by name."""
@@ -64,8 +64,8 @@ def run(arguments: argparse.Namespace) -> None:
             if done is not None:
                 done(1)
     watched.sort(key=lambda each: str(each.bag))
-    for each in watched:
-        _tell(each)
+    for name, each in zip(names_of(watched), watched, strict=True):
+        _tell(name, each)
     _write(arguments, watched)
     unread = [each for each in watched if each.error]
     if unread and len(watched) == 1:
@@ -92,11 +92,10 @@ def _recordings(given: list[Path]) -> list[Path]:
             raise UsageError(f"{path}: no recording in this folder")
         # A folder of files alone is one recording that has lost its metadata.
         found += sorted(folders + files) if folders else [path]
-    return found
+    return list({path.resolve(): path for path in found}.values())  # each once, however often it is named
 
 
-def _tell(watched: Watched) -> None:
-    name = watched.bag.name
+def _tell(name: str, watched: Watched) -> None:
     if watched.error:
         print(f"{name}: {watched.error}")
         return
@@ -116,12 +115,12 @@ def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
     if arguments.json is not None:
         told = [
             {
-                "bag": each.bag.name,
+                "bag": name,
                 "turns": len(each.columns.get("turn", ())),
                 "alarms": [dataclasses.asdict(alarm) for alarm in each.alarms],
                 "error": each.error,
             }
-            for each in watched
+            for name, each in zip(names_of(watched), watched, strict=True)
         ]
         with staged(arguments.json) as partial:
             partial.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")

@@ -169,7 +169,7 @@ class FaultWatch:
     def _scatter(self, rows: FloatArray) -> FloatArray:
         """Scatter of a turn; more where neighbouring turns go together, as their mean then scatters more."""
         alone = 1.4826 * np.median(np.abs(rows - self._mean), axis=0)
-        block = max(2, round(self.settings.memory_turns))
+        block = min(max(2, round(self.settings.memory_turns)), rows.shape[0])
         means = rows[: rows.shape[0] // block * block].reshape(-1, block, rows.shape[1]).mean(axis=1)
         together = np.std(means, axis=0) * math.sqrt(block)
         floor = np.array([1e-4, 1e-4 * self.torque_Nm, 1e-4, 1e-5, 0.03, 0.05, 0.02 * abs(self._mean[6]) + 1e-6, 0.03])

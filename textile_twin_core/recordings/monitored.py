@@ -102,13 +102,20 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Iterator[Watched]:
             yield future.result()
 
 
+def names_of(watched: Sequence[Watched]) -> list[str]:
+    """What each recording is called: its name, or its whole path where another has the same name."""
+    names = [each.bag.name for each in watched]
+    return [str(each.bag) if names.count(name) > 1 else name for each, name in zip(watched, names, strict=True)]
+
+
 def trend_table(watched: Sequence[Watched]) -> dict[str, FloatArray | IntArray | list[str]]:
     """All turns of all recordings in one table, in the order of the recordings; column `bag` names each."""
     some = sorted((each for each in watched if each.columns), key=lambda each: str(each.bag))
     if not some:
         return {}
+    called = dict(zip((each.bag for each in watched), names_of(watched), strict=True))
     names: list[str] = []
     for each in some:
-        names += [each.bag.name] * len(each.columns["turn"])
+        names += [called[each.bag]] * len(each.columns["turn"])
     columns = {name: np.concatenate([each.columns[name] for each in some]) for name in some[0].columns}
     return {"bag": names, **columns}
