@@ -145,3 +145,48 @@ def test_where_in_a_strong_ripple_the_cycle_begins_does_not_matter(phase: float)
     found = driven_speed(Readings(stamps, np.mod(angle, 2.0 * np.pi), stamps, torque), machine)
     assert found.inertia_kgm2 == pytest.approx(rotor, rel=0.005)
     assert abs(found.delay_s) < 5e-5
+
+
+def traced(name: str, delay_s: float, zero_rad: float, begin_s: float = 0.02) -> Trace:
+    """An output of the tufting machine at 300 Hz from a time on, with noise; 12 s whose first 6 s are a run-up."""
+    fine = np.arange(0.0, 12.0, 1e-4)
+    omega = 8.0 + 9.0 * np.minimum(fine / 6.0, 1.0)
+    theta = np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1]) * 1e-4)])
+    alpha = np.where(fine < 6.0, 1.5, 0.0)
+    seen, read = np.arange(begin_s, 11.9, 1.0 / 300.0), np.arange(0.01, 11.95, 1.0 / 500.0)
+    state = (np.interp(seen - delay_s, fine, each) for each in (theta, omega, alpha))
+    values = np.asarray(ttc.compile(ttc.machines.tufting(), [name], method="exact").evaluate(*state)[name])
+    values = values + 1e-3 * np.ptp(values) * np.random.default_rng(3).standard_normal(values.size)
+    angle = np.mod(np.interp(read, fine, theta) + zero_rad, 2.0 * np.pi)
+    angle = np.rint(angle * 16384 / (2.0 * np.pi)) * 2.0 * np.pi / 16384
+    stamps = [1_000_000_000 + np.rint(each * 1e9).astype(np.int64) for each in (seen, read)]
+    return Trace(stamps[0], values, stamps[1], angle)
+
+
+@pytest.mark.parametrize("name", ["reaction_O_x_N", "driven_shaft_torque_Nm", "needle_position_m"])
+def test_a_quantity_that_leaps_gives_delay_and_zero_as_a_smooth_one_does(name: str) -> None:
+    found = compare_quantity(traced(name, 0.004, 0.1), ttc.machines.tufting(), name)
+    assert found.scale.value == pytest.approx(1.0, abs=1e-3)
+    assert found.delay_s.value == pytest.approx(0.004, abs=max(4.0 * found.delay_s.sigma, 1e-4))
+    assert found.zero_rad.value == pytest.approx(0.1, abs=max(4.0 * found.zero_rad.sigma, 2e-3))
+    assert found.explained > 0.9999
+    assert abs(found.delay_s.value - 0.004) < 1.5e-3 and abs(found.zero_rad.value - 0.1) < 0.025
+
+
+def test_a_delay_of_more_than_half_a_turn_is_found_where_the_speed_varies() -> None:
+    found = compare_quantity(traced("needle_position_m", 0.2, 0.0, 0.3), ttc.machines.tufting(), "needle_position_m")
+    assert found.delay_s.value == pytest.approx(0.2, abs=1e-3)
+
+
+def test_a_trace_of_one_speed_within_a_record_of_many_is_of_one_speed() -> None:
+    found = compare_quantity(traced("needle_position_m", 0.004, 0.0, 8.0), ttc.machines.tufting(), "needle_position_m")
+    assert found.one_speed
+    assert found.delay_s.value == pytest.approx(0.004, abs=2e-4)
+    with pytest.raises(RecordingError, match="of a turn: record needle_position_m over some turns"):
+        compare_quantity(traced("needle_position_m", 0.0, 0.0, 11.6), ttc.machines.tufting(), "needle_position_m")
+
+
+def test_what_the_angle_does_not_change_tells_no_zero() -> None:
+    found = compare_quantity(traced("omega_1_rad_s", 0.01, 0.1), ttc.machines.tufting(), "omega_1_rad_s")
+    assert found.zero_rad.value == 0.0 and math.isnan(found.zero_rad.sigma)
+    assert found.delay_s.value == pytest.approx(0.01, abs=2e-3)

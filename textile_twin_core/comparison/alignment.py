@@ -17,11 +17,19 @@ JUMP_RATIO = 5.0
 #: Two predictions or states further apart than this many median periods have a gap between them.
 GAP_PERIODS = 5.0
 _PART = 65_536
+_CREEPS = 0.005
 
 
 def parts(n: int) -> Iterator[slice]:
     """Slices that cover n samples: what is worked out for one at a time takes no memory for an hour of them."""
     return (slice(start, start + _PART) for start in range(0, n, _PART))
+
+
+def fast_speed(omega_rad_s: FloatArray) -> float:
+    """The fast end of a record's speeds (n,) while the shaft turns, however long it rests; 0 where it never does."""
+    size = np.abs(omega_rad_s[np.isfinite(omega_rad_s)])
+    turning = size[size > _CREEPS * np.percentile(size, 99.9)] if size.size else size
+    return float(np.percentile(turning, 95.0)) if turning.size else 0.0
 
 
 @dataclass(frozen=True, slots=True)

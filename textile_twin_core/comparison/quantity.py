@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.search import SPREAD_FOR_DELAY
 from textile_twin_core.comparison.settings_fit import robust_scale
@@ -21,9 +22,16 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.twin import Twin, compile_machine
 
-_ZEROS = 72
+_ZEROS, _DELAYS, _HALVINGS = 72, 48, 40
+_LONGEST_DELAY_S = 1.0
 _FEWEST = 64
 _STEPS = {"zero_rad": 1e-5, "delay_s": 1e-6}
+_GUARD_S = 0.001
+"""Samples this near to a leap of the quantity cannot tell its side."""
+_LEAP = 1e-4
+_BESIDE_RAD = 1e-7
+_TELLS, _CONSTANT = 1e-6, 1e-9
+"""A slope over the angle that varies less, as a share, tells no zero; a quantity that varies less is constant."""
 _COARSE_SAMPLES = 4000
 _TURNING_SHARE = 0.1  # of the fast end of the recorded speeds
 _UNITS = {
@@ -96,15 +104,24 @@ class _Model:
 
     def __init__(self, twin: Twin, name: str, track: ShaftTrack, time_s: FloatArray, direction: int, zero: float):
         self._twin, self._name, self._track, self._time = twin, name, track, time_s
-        self._direction, self._zero = direction, zero
+        self.direction, self._zero = direction, zero
+        self._leaps = [e.angle_rad for e in twin.machine.events() if _leaps(twin, name, e.angle_rad)]
 
     def at(self, zero_rad: float, delay_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Quantity, shaft angle, and where both are known."""
         theta, omega, alpha, good = self._track.at(self._time - delay_s)
-        theta = self._direction * theta - self._zero - zero_rad
-        found = self._twin.evaluate(theta, self._direction * omega, self._direction * alpha)[self._name]
+        theta = self.direction * theta - self._zero - zero_rad
+        found = self._twin.evaluate(theta, self.direction * omega, self.direction * alpha)[self._name]
         quantity = np.broadcast_to(found, theta.shape)
         return quantity, theta, good & np.isfinite(quantity)
+
+    def clear(self, zero_rad: float, delay_s: float) -> BoolArray:
+        """Which samples stand clear of the leaps, such as those of a reaction where the needle meets the backing."""
+        theta, omega, _, _ = self._track.at(self._time - delay_s)
+        theta, clear = self.direction * theta - self._zero - zero_rad, np.ones(theta.size, np.bool_)
+        for leap in self._leaps:
+            clear &= np.abs(np.remainder(theta - leap + np.pi, TURN) - np.pi) > np.abs(omega) * _GUARD_S
+        return clear
 
 
 def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityComparison:
@@ -121,32 +138,38 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     finite = np.isfinite(trace.values)
     time: FloatArray = np.asarray((trace.stamps_ns[finite] - origin) * 1e-9, np.float64)
     measured = trace.values[finite]
+    if time.size:
+        track = track.between(float(time.min()), float(time.max()))
     _check(name, track, time, measured)
     told = encoder.zero_rad * encoder.direction * encoder.ratio
     twin = compile_machine(machine, [name])
     model = _Model(twin, name, track, time, encoder.direction, told)
     few = np.linspace(0, time.size - 1, min(time.size, _COARSE_SAMPLES)).astype(np.int64)
     coarse = _Model(twin, name, track, time[few], encoder.direction, told)
-    starts = TURN * np.arange(_ZEROS) / _ZEROS
-    zero = float(starts[np.argmin([_left(coarse, measured[few], float(z)) for z in starts])])
-    zero = math.remainder(zero, TURN)
+    _check_machine(coarse, name)
     one_speed = speed_spread(track) <= SPREAD_FOR_DELAY
-    values = {"scale": 1.0, "offset": 0.0, "zero_rad": zero, "delay_s": 0.0}
-    free = ("scale", "offset", "zero_rad") if one_speed else ("scale", "offset", "zero_rad", "delay_s")
-    values = _fit(model, measured, values, free)
-    if one_speed:
-        # The same phase as a delay: what lags is rather the camera than the encoder's zero.
-        speed = encoder.direction * float(np.median(track.omega_rad_s))
-        free = ("scale", "offset", "delay_s")
-        values = _fit(model, measured, values | {"zero_rad": 0.0, "delay_s": values["zero_rad"] / speed}, free)
+    values = {"scale": 1.0, "offset": 0.0, "zero_rad": 0.0, "delay_s": 0.0}
+    free: tuple[str, ...] = ("scale", "offset", "delay_s")
+    if _tells_zero(coarse):
+        values["zero_rad"], values["delay_s"] = _start(coarse, measured[few], _usual_speed(track), one_speed)
+        values = _fit(model, measured, values, ("scale", "offset", "zero_rad", *(() if one_speed else ("delay_s",))))
+        if one_speed:
+            # The same phase as a delay: what lags is rather the camera than the encoder's zero.
+            late = values["zero_rad"] / (encoder.direction * _usual_speed(track))
+            values |= {"zero_rad": 0.0, "delay_s": late}
+        else:
+            free = (*free, "zero_rad")
+    if one_speed or "zero_rad" not in free:
+        values = _fit(model, measured, values, free)
     quantity, theta, good = model.at(values["zero_rad"], values["delay_s"])
     expected = values["scale"] * quantity + values["offset"]
+    good &= model.clear(values["zero_rad"], values["delay_s"])
     residual = (measured - expected)[good]
     jacobian = _slopes(model, values, free)[good]
     found = uncertainty_by_turns(jacobian, residual, np.floor(theta[good] / TURN).astype(np.int64))
     known = {each: found.estimate(k, values[each]) for k, each in enumerate(free)}
     fitted = {each: known.get(each, Estimate(values[each])) for each in values}
-    usual = encoder.direction * _usual_speed(track.omega_rad_s)
+    usual = encoder.direction * _usual_speed(track)
     around = np.broadcast_to(_over_a_turn(twin, name, usual), (720,))
     return QuantityComparison(
         name=name,
@@ -185,9 +208,41 @@ def _line(quantity: FloatArray, measured: FloatArray) -> tuple[float, float]:
     return scale, float(measured.mean() - scale * quantity.mean())
 
 
-def _left(model: _Model, measured: FloatArray, zero_rad: float) -> float:
-    """Mean square left at a zero; a mirrored trace is no candidate."""
-    quantity, _, good = model.at(zero_rad, 0.0)
+def _start(model: _Model, measured: FloatArray, speed_rad_s: float, one_speed: bool) -> tuple[float, float]:
+    """Zero [rad] and delay [s] to begin with: zeros around the turn, delays within half a turn, and what lies beside.
+
+    What lies beside is searched by steps that are halved, since the slopes of a quantity that leaps lead nowhere.
+    """
+    zeros = TURN * np.arange(_ZEROS) / _ZEROS
+    best = min((_left(model, measured, zero, 0.0), zero, 0.0) for zero in zeros.tolist())
+    speed = model.direction * speed_rad_s
+    step_s = 0.0
+    if not one_speed:
+        longest = min(_LONGEST_DELAY_S, 0.5 * TURN / abs(speed))
+        lates, step_s = np.linspace(-longest, longest, 2 * _DELAYS + 1, retstep=True)
+        # the zero goes along, so that the phase at the usual speed stays
+        tried = ((best[1] - speed * late, late) for late in lates.tolist())
+        best = min(best, *((_left(model, measured, *each), *each) for each in tried))
+    step_rad = TURN / _ZEROS
+    for _ in range(_HALVINGS):
+        _, zero, delay = best
+        moves = [(zero - step_rad, delay), (zero + step_rad, delay)]
+        moves += [
+            (zero - turned * speed * late, delay + late) for late in (-step_s, step_s) if late for turned in (0, 1)
+        ]
+        found = min((_left(model, measured, *each), *each) for each in moves)
+        if found[0] < best[0]:
+            best = found
+        else:
+            step_rad, step_s = 0.5 * step_rad, 0.5 * step_s
+    return math.remainder(best[1], TURN), best[2]
+
+
+def _left(model: _Model, measured: FloatArray, zero_rad: float, delay_s: float) -> float:
+    """Mean square left at a zero and a delay; a mirrored trace is no candidate, nor one that few samples tell."""
+    quantity, _, good = model.at(zero_rad, delay_s)
+    if 2 * np.count_nonzero(good) < good.size:
+        return math.inf
     scale, offset = _line(quantity[good], measured[good])
     return float(np.mean((measured[good] - max(scale, 0.0) * quantity[good] - offset) ** 2))
 
@@ -229,19 +284,42 @@ def _slopes(model: _Model, values: dict[str, float], free: tuple[str, ...]) -> F
             step = _STEPS[name]
             ends = [values | {name: values[name] + side * step} for side in (-1.0, 1.0)]
             low, high = (model.at(end["zero_rad"], end["delay_s"])[0] for end in ends)
-            columns.append(values["scale"] * (high - low) / (2.0 * step))
+            clear = model.clear(values["zero_rad"], values["delay_s"])
+            columns.append(np.where(clear, values["scale"] * (high - low) / (2.0 * step), 0.0))
         else:
             columns.append(quantity if name == "scale" else np.ones_like(quantity))
     return np.stack(columns, axis=1)
 
 
-def _usual_speed(omega_rad_s: FloatArray) -> float:
-    """Median speed [rad/s] of a shaft while it turns: velocities and accelerations grow with it."""
-    size = np.abs(omega_rad_s)
-    turning = size >= _TURNING_SHARE * float(np.percentile(size, 95.0))
-    return float(np.median(omega_rad_s[turning]))
-
-
 def _over_a_turn(twin: Twin, name: str, omega_rad_s: float) -> FloatArray:
     theta = TURN * np.arange(720) / 720
     return np.asarray(twin.evaluate(theta, np.full_like(theta, omega_rad_s), np.zeros_like(theta))[name])
+
+
+def _usual_speed(track: ShaftTrack) -> float:
+    """Median speed [rad/s] of a shaft while it turns: velocities and accelerations grow with it."""
+    omega = track.omega_rad_s
+    return float(np.median(omega[np.abs(omega) > _TURNING_SHARE * fast_speed(omega)]))
+
+
+def _leaps(twin: Twin, name: str, angle_rad: float) -> bool:
+    """Whether a quantity leaps at an angle of the shaft."""
+    low, high = (float(twin.evaluate(angle_rad + side * _BESIDE_RAD, 1.0, 0.0)[name]) for side in (-1.0, 1.0))
+    return abs(high - low) > _LEAP * float(np.ptp(_over_a_turn(twin, name, 1.0)))
+
+
+def _tells_zero(model: _Model) -> bool:
+    """Whether the quantity depends on the shaft's angle otherwise than by a constant slope, which is an offset."""
+    (slope,) = _slopes(model, {"scale": 1.0, "offset": 0.0, "zero_rad": 0.0, "delay_s": 0.0}, ("zero_rad",)).T
+    quantity, _, good = model.at(0.0, 0.0)
+    return bool(np.ptp(slope[good]) > _TELLS * (np.abs(slope[good]).max() + np.ptp(quantity[good])))
+
+
+def _check_machine(model: _Model, name: str) -> None:
+    """Raise RecordingError where the machine's quantity stays what it is."""
+    quantity, _, good = model.at(0.0, 0.0)
+    if np.ptp(quantity[good]) <= _CONSTANT * np.abs(quantity[good]).max():
+        raise RecordingError(
+            f"the machine's {name} stays {quantity[good][0]:g} in this recording: nothing can be held against it;"
+            " choose another output, or record other speeds"
+        )

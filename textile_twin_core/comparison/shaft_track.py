@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.alignment import GAP_PERIODS
+from textile_twin_core.comparison.alignment import GAP_PERIODS, fast_speed
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import ShaftStates, create_estimator
@@ -17,6 +17,7 @@ from textile_twin_core.twin.session import encoder_settings
 
 TURN = 2.0 * math.pi
 _UNSURE, _STILL = 0.1, 0.005
+_FEWEST = 8
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,20 @@ class ShaftTrack:
     def turns(self) -> float:
         """Turns of the shaft from one extreme of its angle to the other."""
         return float(np.ptp(self.theta_rad)) / TURN
+
+    def between(self, first_s: float, last_s: float) -> ShaftTrack:
+        """The track from one time to another; all of it where too little lies between."""
+        low, high = np.searchsorted(self.time_s, [first_s, last_s]).tolist()
+        part = slice(max(low - 1, 0), high + 1)
+        if high - low < _FEWEST:
+            return self
+        return replace(
+            self,
+            time_s=self.time_s[part],
+            theta_rad=self.theta_rad[part],
+            omega_rad_s=self.omega_rad_s[part],
+            alpha_rad_s2=self.alpha_rad_s2[part],
+        )
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
         """Angle, speed, acceleration at times (m,), and where there is a state on either side without a gap.
@@ -71,7 +86,7 @@ def _unsure(omega: FloatArray, variance: FloatArray) -> BoolArray:
 
     Beyond a tenth of the square of the fast speed, with which torques of inertia go, and well beyond the usual.
     """
-    fast, sigma = float(np.nanpercentile(np.abs(omega), 95.0)), np.sqrt(variance)
+    fast, sigma = fast_speed(omega), np.sqrt(variance)
     limit = max(_UNSURE * fast**2, 5.0 * float(np.nanmedian(sigma)))
     return np.asarray((sigma > limit) & (np.abs(omega) > _STILL * fast))
 
@@ -117,7 +132,7 @@ def track_of(states: Sequence[ShaftStates], origin_ns: int, direction: int = 1, 
     good = np.isfinite(theta) & np.isfinite(omega) & np.isfinite(alpha)
     good &= ~_unsure(omega, np.concatenate([part.covariance[:, 2, 2] for part in states]))
     good[1:] &= np.diff(stamps) > 0
-    if np.count_nonzero(good) < 8:
+    if np.count_nonzero(good) < _FEWEST:
         raise RecordingError(f"too few shaft angles for a motion: {np.count_nonzero(good)} states are usable")
     time = (stamps[good] - origin_ns) * 1e-9
     longest = GAP_PERIODS * float(np.median(np.diff(time)))
