@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from tests.generators.mill_recordings import healthy, record
+from tests.generators import mill_recordings
+from tests.generators.mill_recordings import START_NS, healthy, mistaken, record
+from tests.generators.planned_motion import Plan
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Readings, assess, calibrate
 from textile_twin_core.errors import RecordingError
@@ -70,3 +74,55 @@ def test_a_recording_of_another_machine_gives_no_calibration() -> None:
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     with pytest.raises(RecordingError, match="not this machine"):
         calibrate(readings, told_machine(case))
+
+
+def plan_of(*points: tuple[float, float]) -> Callable[[float, float, np.random.Generator], Plan]:
+    """A motion by (time [s], share of the speed)."""
+
+    def make(_: float, speed: float, rng: np.random.Generator) -> Plan:
+        start = float(rng.uniform(0.0, 2.0 * math.pi))
+        return Plan([(time, share * speed) for time, share in points], start, [(1, 0.02, 0.3), (2, 0.008, 4.0)])
+
+    return make
+
+
+@pytest.mark.parametrize("mistakes", [("delay",), ("direction", "delay")])
+@pytest.mark.parametrize("seed", [100, 101, 102, 103])
+def test_a_delay_in_a_steep_run_up_does_not_mirror_the_machine(
+    mistakes: tuple[str, ...], seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Too few turns for two speeds, yet a zero does not explain what a delay does to them."""
+    plan = plan_of((0.0, 0.0), (20.0, 0.0), (20.5, 1.0), (22.0, 1.002), (22.5, 0.0), (22.51, 0.0))
+    monkeypatch.setattr(mill_recordings, "run_up_and_down", plan)
+    case, _ = mistaken("tufting", mistakes, seed, duration_s=22.51)
+    case = replace(case, encoder=replace(case.encoder, bits=10))
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    found = calibrate(readings, told_machine(case))
+    assert (found.direction, found.sign) == (case.encoder.direction, 1)
+    assert found.gain.value == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_rest_of_nearly_all_of_a_record_hides_no_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight seconds of motion within four minutes; what the clocks do at rest is no drift of them."""
+    plan = plan_of((0.0, 0.0), (180.0, 0.0), (181.0, 1.0), (187.0, 1.003), (188.0, 0.0), (240.0, 0.0))
+    monkeypatch.setattr(mill_recordings, "run_up_and_down", plan)
+    case, _ = mistaken("loom", ("direction", "delay"), 101, duration_s=240.0)
+    case = replace(case, encoder=replace(case.encoder, rate_hz=200.0), torque=replace(case.torque, rate_hz=200.0))
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    found = calibrate(readings, told_machine(case))
+    assert found.direction == -1
+    assert found.delay_s.value == pytest.approx(case.torque.delay_s, abs=5e-4)
+    assert {cause.cause for cause in found.assessment.verdict} == {"encoder_direction", "zero_or_delay"}
+
+
+def test_torque_of_a_second_within_a_long_record_of_angles() -> None:
+    case = healthy("loom", 5)
+    made = record(case)
+    inside = (made.torque_stamps_ns >= START_NS + 12 * 10**9) & (made.torque_stamps_ns < START_NS + 13 * 10**9)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns[inside], made.torque[inside])
+    found = calibrate(readings, told_machine(case))
+    assert found.gain.value == pytest.approx(1.0, abs=0.01)
+    assert found.assessment.verdict == ()
+    assert any(each.between == ("zero_rad", "torque.delay_s") for each in found.ambiguous)

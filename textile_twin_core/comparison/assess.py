@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from textile_twin_core.comparison.evidence import Evidence, Settings
+from textile_twin_core.comparison.alignment import fast_speed
+from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
 from textile_twin_core.comparison.explain import Explanation, explain
 from textile_twin_core.comparison.periodic import best_periodic
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
-from textile_twin_core.comparison.search import RATIOS
+from textile_twin_core.comparison.search import LONGEST_DELAY_S, RATIOS
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE, Cause, causes
@@ -114,12 +115,18 @@ def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: Angle
 
 
 def evidence_of(readings: Readings, track: ShaftTrack, terms: TorqueTerms, origin_ns: int) -> Evidence:
-    """Measured torque beside a track of the shaft."""
+    """Measured torque beside a track of the shaft, of which only that time counts in which there is torque."""
     stamps = readings.torque_stamps_ns
     good = np.isfinite(readings.torque)
     good[1:] &= np.diff(stamps) > 0
     time: np.ndarray = (stamps[good] - origin_ns) * 1e-9
-    return Evidence(time, readings.torque[good], track, terms, 0.5 * float(track.time_s[0] + track.time_s[-1]))
+    fast = fast_speed(track.omega_rad_s)
+    beside = min(LONGEST_DELAY_S, 0.5 * TURN / fast) if fast > 0.0 else LONGEST_DELAY_S  # for what delays are tried
+    track = track.between(time[0] - beside, time[-1] + beside)
+    # A drift is told from a delay by the time in which the shaft turns, of which the rests may leave but an end.
+    turning = track.time_s[np.abs(track.omega_rad_s) >= REST_SHARE * fast]
+    middle = 0.5 * float(turning[0] + turning[-1]) if turning.size else 0.5 * float(time[0] + time[-1])
+    return Evidence(time, readings.torque[good], track, terms, middle)
 
 
 def nothing_to_tell(evidence: Evidence) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.alignment import Track, build_track, time_ranges
+from textile_twin_core.comparison.alignment import Track, build_track, fast_speed, time_ranges
 from textile_twin_core.comparison.by_angle import bin_by_angle, by_revolution
 from textile_twin_core.comparison.by_order import by_order, by_speed
 from textile_twin_core.comparison.delay import SensorFit, fit_sensor, line, usable
@@ -192,7 +192,7 @@ def _expected(track: Track, time_s: FloatArray, gain: float, offset_Nm: float) -
 
 def _half_turn(track: Track) -> float:
     """Time of half a turn at the fast end of the recorded speeds; a delay beyond it cannot be told from one within."""
-    speed = float(np.percentile(np.abs(np.diff(track.theta_rad) / np.diff(track.edge_s)), 95.0))
+    speed = fast_speed(np.diff(track.theta_rad) / np.diff(track.edge_s))
     return np.pi / speed if speed > 0.0 else np.inf
 
 
@@ -226,7 +226,7 @@ def _speed(track: Track, time_s: FloatArray) -> FloatArray:
 def _turning(track: Track, time_s: FloatArray) -> BoolArray:
     """Which of the times (m,) find the shaft turning: friction and angle of a shaft at rest say nothing."""
     speed = np.abs(_speed(track, track.edge_s[:-1]))
-    share = _TURNING_SHARE * float(np.percentile(speed, 95.0))
+    share = _TURNING_SHARE * fast_speed(speed)
     return np.asarray(np.abs(_speed(track, time_s)) >= share)
 
 

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.shaft_track import ShaftTrack
 from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
 from textile_twin_core.comparison.turns import speed_spread
 
 _MOST_SAMPLES = 8000
-_REST_SHARE = 0.05
+REST_SHARE = 0.05
 """Of the fast end of the speeds: below it the shaft counts as at rest."""
 _ONE_SPEED = 0.08
 JUMP_GUARD_S = 0.001
@@ -26,8 +27,8 @@ JUMP_GUARD_S = 0.001
 class Settings:
     """Encoder, torque sensor, and what is added to the machine.
 
-    measured(t) = gain * torque(t - late) + offset with late = delay + drift * (t - middle of the record); the shaft's
-    angle is direction * ratio * (angle of the track) - zero.
+    measured(t) = gain * torque(t - late) + offset with late = delay + drift * (t - middle of the time in which the
+    shaft turns); the shaft's angle is direction * ratio * (angle of the track) - zero.
 
     Attributes:
         direction, ratio: beside the track's own.
@@ -80,8 +81,8 @@ class Evidence:
     )
 
     def __post_init__(self) -> None:
-        fast = float(np.percentile(np.abs(self.track.omega_rad_s), 95.0))
-        object.__setattr__(self, "rest_rad_s", _REST_SHARE * fast)
+        fast = fast_speed(self.track.omega_rad_s)
+        object.__setattr__(self, "rest_rad_s", REST_SHARE * fast)
 
     def thinned(self, most: int = _MOST_SAMPLES, at_one_speed: bool = False) -> Evidence:
         """The same with at most that many samples while the shaft turns, or turns at working speed, evenly taken."""

@@ -13,13 +13,12 @@ from textile_twin_core.comparison.search import (
     RATIOS,
     SPREAD_FOR_DELAY,
     BestFit,
+    as_delay,
     search,
-    what_can_vary,
     zero_beside,
     zero_departure,
 )
 from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings, huber_weights
-from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.torque_units import nearest_gain
 from textile_twin_core.comparison.uncertainty import Estimate
 
@@ -86,7 +85,7 @@ def explain(
     fit = _spare(fine, found[0].fit, configured, encoder_turn_rad)
     if one_speed and "zero_rad" in fit.free:
         # At one speed a delay may be meant: what explains better what little tells them apart is taken for the rest.
-        late = _spare(fine, _as_delay(fine, found[0].fit, configured), configured, encoder_turn_rad)
+        late = _spare(fine, as_delay(fine, found[0].fit, configured), configured, encoder_turn_rad)
         if late.rms < fit.rms:
             fit = late
     at_rest = rest_reading(evidence, fit.settings)
@@ -221,17 +220,6 @@ def _is_small(
     torque = away * (abs(evidence.working_speed()) if name == "viscous_Nms" else 1.0)
     shown = torque if name == "offset_Nm" else torque * abs(settings.gain)
     return bool(shown < _LEAST_TORQUE * size)
-
-
-def _as_delay(evidence: Evidence, fit: SettingsFit, configured: Settings) -> SettingsFit:
-    """The same phase as a delay instead of a zero."""
-    settings = fit.settings
-    zero = zero_beside(configured, settings)
-    away = np.remainder(settings.zero_rad - zero + np.pi, TURN) - np.pi
-    speed = settings.direction * settings.ratio * evidence.working_speed()
-    start = replace(settings, zero_rad=zero, delay_s=configured.delay_s + float(away) / speed)
-    free = ["delay_s" if name == "zero_rad" else name for name in what_can_vary(evidence)]
-    return fit_settings(evidence, start, free)
 
 
 def _is_of_both(fit: SettingsFit) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.evidence import Settings
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.torque_terms import TorqueTerms
@@ -63,7 +64,7 @@ def turn_features(
         states: the shaft's angle, speed and acceleration, direction and zero applied, where each sample speaks of.
     """
     theta, omega, alpha = states
-    rest = 0.05 * float(np.percentile(np.abs(omega), 95.0))
+    rest = 0.05 * fast_speed(omega)
     parts = terms.at(theta, omega, alpha, rest)
     torque = parts.total
     shifted = terms.at(theta + _PHASE_STEP, omega, alpha, rest).total

@@ -18,7 +18,7 @@ _ZEROS = 72
 _DELAYS = 48
 _COARSE_SAMPLES = 2000
 _KEPT_ZEROS = 3
-_LONGEST_DELAY_S = 1.0
+LONGEST_DELAY_S = 1.0
 _AS_GOOD = 1.15
 """Discrete hypotheses whose mean square lies within this factor cannot be told apart by the record."""
 _HOPEFUL = 25.0
@@ -28,14 +28,18 @@ _MOST_STARTS = 8
 
 @dataclass(frozen=True)
 class BestFit:
-    """The likeliest settings of one discrete hypothesis."""
+    """The likeliest settings of one discrete hypothesis; `late` those with its phase as a delay, where that is one.
+
+    At one speed the two are as good, but for a run-up too steep to count as another speed.
+    """
 
     fit: SettingsFit
+    late: SettingsFit | None = None
 
     @property
     def square(self) -> float:
         """Mean square of the residual [N^2 m^2]."""
-        return self.fit.rms**2
+        return min(self.fit.rms, np.inf if self.late is None else self.late.rms) ** 2
 
 
 def what_can_vary(evidence: Evidence) -> tuple[str, ...]:
@@ -79,11 +83,24 @@ def search(
         return []
     fine = evidence.thinned()
     best = [BestFit(fit_settings(fine, each.fit.settings, free)) for each in _distinct(found)[:4]]
+    if not varied:
+        best = [replace(each, late=as_delay(fine, each.fit, configured)) for each in best]
     least = min(each.square for each in best)
     return sorted(
         best,
         key=lambda each: (each.square > _AS_GOOD * least, _departures(each, configured, encoder_turn_rad), each.square),
     )
+
+
+def as_delay(evidence: Evidence, fit: SettingsFit, configured: Settings) -> SettingsFit:
+    """The same phase as a delay instead of a zero."""
+    settings = fit.settings
+    zero = zero_beside(configured, settings)
+    away = np.remainder(settings.zero_rad - zero + np.pi, TURN) - np.pi
+    speed = settings.direction * settings.ratio * evidence.working_speed()
+    start = replace(settings, zero_rad=zero, delay_s=configured.delay_s + float(away) / speed)
+    free = ["delay_s" if name == "zero_rad" else name for name in what_can_vary(evidence)]
+    return fit_settings(evidence, start, free)
 
 
 def _hopeful(starts: list[tuple[float, Settings]]) -> list[Settings]:
@@ -109,7 +126,7 @@ def _zeros(coarse: Evidence, base: Settings, configured_zero: float) -> list[tup
 def _with_delay(coarse: Evidence, settings: Settings) -> tuple[float, Settings]:
     """The best of delays within half a turn, the zero going along so that the phase at working speed stays."""
     speed = settings.direction * settings.ratio * coarse.working_speed()
-    longest = min(_LONGEST_DELAY_S, 0.5 * TURN / abs(speed))
+    longest = min(LONGEST_DELAY_S, 0.5 * TURN / abs(speed))
     best = (np.inf, settings)
     for late in np.linspace(-longest, longest, 2 * _DELAYS + 1):
         delay = settings.delay_s + float(late)
