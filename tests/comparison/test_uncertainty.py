@@ -87,3 +87,16 @@ def test_a_parameter_that_one_turn_alone_tells_has_an_interval() -> None:
     found = uncertainty_by_turns(slopes, rng.standard_normal(200), turn)
     assert np.sqrt(found.covariance[1, 1]) == pytest.approx(np.sqrt(1 / 20 + 1 / 180), rel=0.2)
     assert np.all(np.isfinite(found.half_width))
+
+
+def test_two_turns_that_agree_by_chance_are_no_surer_than_their_samples() -> None:
+    rng = np.random.default_rng(11)
+    turn = np.repeat([0, 1], 100)
+    slopes = np.column_stack([np.ones(200), np.sin(np.arange(200) * 0.0628)])
+    for _ in range(200):
+        residual = rng.standard_normal(200)
+        residual -= slopes @ np.linalg.lstsq(slopes, residual, rcond=None)[0]
+        found = uncertainty_by_turns(slopes, residual, turn)
+        alone = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)) * np.mean(pseudo_residuals(residual) ** 2))
+        assert (np.sqrt(np.diag(found.covariance)) >= (1.0 - 1e-9) * alone).all()
+        assert (found.half_width >= 1.95 * alone).all()

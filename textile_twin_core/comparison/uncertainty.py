@@ -14,6 +14,8 @@ from textile_twin_core.comparison.statistics import HUBER
 
 _ALONE = 1e-9
 """What a turn leaves to the others of a parameter, below which it alone tells it, and nothing of its uncertainty."""
+_FEW = 3.0
+"""Degrees of freedom below which turns that agree may do so by chance."""
 _UNTOLD = 0.5
 """Share of a parameter's variance that turns must tell."""
 
@@ -52,8 +54,9 @@ def uncertainty_by_turns(
 
     The sandwich estimator with turns as clusters in the form of Bell and McCaffrey 2002 ("CR2", unbiased when the
     samples are independent), and Student's quantile with Satterthwaite's degrees of freedom, which they give for each
-    parameter: a run-up has few turns, and much depends on them. With instruments both hold for the slopes projected on
-    these (Pustejovsky and Tipton 2018, section 2.3). Huber's loss enters by pseudo-residuals. A parameter that one
+    parameter: a run-up has few turns, and much depends on them. Two or three may agree by chance: with so few degrees
+    of freedom nothing is told surer than from independent samples. With instruments both hold for the slopes projected
+    on these (Pustejovsky and Tipton 2018, section 2.3). Huber's loss enters by pseudo-residuals. A parameter that one
     turn alone tells has the uncertainty of independent samples.
 
     Args:
@@ -75,7 +78,12 @@ def uncertainty_by_turns(
     untold = np.isnan(degrees)
     covariance = np.where(untold | untold[:, None], independent, across)
     quantile = np.where(untold, scipy.stats.norm.ppf(0.975), scipy.stats.t.ppf(0.975, degrees))
-    return Uncertainty(covariance / np.outer(size, size), quantile * np.sqrt(np.diag(covariance)) / size)
+    half = quantile * np.sqrt(np.diag(covariance))
+    alone = np.sqrt(np.diag(independent))
+    few = degrees < _FEW  # nan is not
+    short = np.where(few, np.maximum(1.0, alone / np.maximum(np.sqrt(np.diag(covariance)), 1e-300)), 1.0)
+    half = np.where(few, np.maximum(half, scipy.stats.norm.ppf(0.975) * alone), half)
+    return Uncertainty(covariance * np.outer(short, short) / np.outer(size, size), half / size)
 
 
 def pseudo_residuals(residual: FloatArray) -> FloatArray:
