@@ -15,8 +15,8 @@ import rerun.blueprint as rrb
 
 from tests.views.conftest import Run
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.views import LiveView, write_comparison_recording, write_motion_recording
-from textile_twin_core.views.rrd_file import written
+from textile_twin_core.views import LiveView, screenshot, write_comparison_recording, write_motion_recording
+from textile_twin_core.views.rrd_file import check_whole, written
 
 
 @contextmanager
@@ -77,3 +77,14 @@ def test_a_live_view_tells_of_a_file_that_could_not_be_completed(run: Run, tmp_p
         with largest_file(500_000):
             view.close()
     assert isinstance(view.error, RecordingError)
+
+
+def test_what_the_viewer_would_wait_for_in_vain_is_told_at_once(run: Run, tmp_path: Path) -> None:
+    whole = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine).read_bytes()
+    check_whole(tmp_path / "run.rrd")
+    for content, words in ((b"", "is no recording"), (b"junk" * 99, "is no recording"), (whole[:-200], "has no end")):
+        (tmp_path / "spoilt.rrd").write_bytes(content)
+        with pytest.raises(RecordingError, match=words):
+            screenshot(tmp_path / "spoilt.rrd", tmp_path / "run.png")
+    with pytest.raises(RecordingError, match="cannot be read"):
+        screenshot(tmp_path, tmp_path / "run.png")

@@ -20,6 +20,8 @@ from textile_twin_core.errors import RecordingError
 _PIPES = Path("/dev/fd")
 """Where pipes have names; without it the viewer's writer has the file itself."""
 _CHUNK = 1 << 20
+_BEGIN, _END, _LAST = b"RRF", b"FOOT", 64
+"""How a file begins, and what its last bytes hold."""
 
 
 class RrdFile:
@@ -71,6 +73,23 @@ class RrdFile:
                 except OSError as error:  # what comes after it is taken all the same, so that nobody waits
                     self._error = error.strerror or str(error)
         os.close(self._source)
+
+
+def check_whole(path: Path) -> None:
+    """Raise RecordingError for a file that the viewer would wait for without showing any of it."""
+    try:
+        with path.open("rb") as file:
+            begin, size = file.read(len(_BEGIN)), file.seek(0, os.SEEK_END)
+            file.seek(max(size - _LAST, 0))
+            last = file.read()
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: there is no such recording") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if begin != _BEGIN:
+        raise RecordingError(f"{path}: is no recording of the viewer; those are written by compare --rrd or view_node")
+    if _END not in last:
+        raise RecordingError(f"{path}: has no end: it is still being written, or was cut off; write it anew")
 
 
 @contextmanager

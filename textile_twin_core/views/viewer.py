@@ -15,7 +15,8 @@ from pathlib import Path
 
 from rerun.experimental import ViewerClient
 
-from textile_twin_core.errors import RecordingError, TwinError
+from textile_twin_core.errors import TwinError
+from textile_twin_core.views.rrd_file import check_whole
 
 _START_S = 60.0
 _LOAD_S = 120.0
@@ -26,12 +27,11 @@ def open_viewer(path: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
     """Open a .rrd recording in the viewer, which runs on when this program ends.
 
     Raises:
-        RecordingError: there is no such file.
+        RecordingError: there is no such file, or it is not whole.
         TwinError: the viewer is not installed.
     """
     recording = Path(path)
-    if not recording.is_file():
-        raise RecordingError(f"{recording}: there is no such recording")
+    check_whole(recording)
     # A viewer listens for data from others: on loopback only.
     command = [str(_program()), "--bind", "127.0.0.1", "--hide-welcome-screen", str(recording)]
     return subprocess.Popen(command, start_new_session=True)
@@ -56,7 +56,7 @@ def screenshot(
         The path of the picture.
 
     Raises:
-        RecordingError: there is no such file.
+        RecordingError: there is no such file, or it is not whole.
         TwinError: the viewer does not start, or does not draw in time.
     """
     return screenshots(source, [(time_s, picture)], size=size)[0]
@@ -71,13 +71,12 @@ def screenshots(
     """Several pictures of one recording, each (time [s], PNG to write), with the viewer started once.
 
     Raises:
-        RecordingError: there is no such file.
+        RecordingError: there is no such file, or it is not whole.
         TwinError: the viewer does not start, or does not draw in time.
     """
     address = str(source)
     if "://" not in address:
-        if not Path(source).is_file():
-            raise RecordingError(f"{source}: there is no such recording")
+        check_whole(Path(source))
         address = str(Path(source).resolve())
     port = _free_port()
     command = [str(_program()), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
