@@ -36,6 +36,6 @@ def test_a_start_from_rest_does_not_hide_the_ripple(view: str, seed: int) -> Non
     time = (states.stamps - START_NS) * 1e-9
     steady = (time > 15.0) & (time < 20.0)
     _, omega, alpha = made.plan.at(time)
-    assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha)[steady] ** 2)) < 1.0
+    assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha)[steady] ** 2)) < 0.5
     assert np.sqrt(np.mean((states.omega_rad_s - omega)[steady] ** 2)) < 0.01
     assert estimator.report.stamp_jitter_s < 1e-4

@@ -14,6 +14,7 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import known_part, set_basis
 from textile_twin_core.shaft.kinematics import correct, move_on
+from textile_twin_core.shaft.readings import FIRST_SCALE_WEIGHT
 from textile_twin_core.shaft.ripple import absorb, feel, foretell, learn, set_sensitivity
 from textile_twin_core.shaft.status import Record
 
@@ -29,8 +30,6 @@ FEW = 0.01
 """Probability of a filter that may begin again."""
 SCALE_SAMPLES = 500.0
 """Innovations that a filter's scale of the noise is learnt from."""
-FIRST_SCALE_WEIGHT = 0.5
-"""What the first guess of the noise weighs beside them."""
 RIPPLE_SIZE = 0.05
 """Prior of the speed's ripple in each order, relative to the speed."""
 

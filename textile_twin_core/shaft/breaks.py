@@ -8,7 +8,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import RIPPLE_SIZE, begin, expect_angle, open_motion, take_angle
-from textile_twin_core.shaft.families import can_tell
+from textile_twin_core.shaft.families import FIRST_REST, can_tell
 from textile_twin_core.shaft.readings import FIRST_JITTER, noise_of, unwrapped
 from textile_twin_core.shaft.status import Record
 
@@ -48,7 +48,8 @@ def begin_motion(status: Record, step: float, angle: float) -> None:
     for f in range(lanes.FAMILIES):
         begin(status, f, 1.0)
         status.active[f] = 1.0 if can_tell(status, f, 1.0) else 0.0
-        status.weight[f] = status.travelled[f] = status.rest[f] = 0.0
+        status.weight[f] = status.travelled[f] = status.began[f] = status.rest[f] = 0.0
+        status.pause[f] = FIRST_REST
     status.weight[0] = 1.0
     status.lead = 0
     status.since = status.aside = status.doubt = status.off_before = status.off_last = status.judged = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.shaft.turns import TURN, split_turns
 
 LOOK_AT = (12, 48, 192, 768)
@@ -31,7 +31,7 @@ class StepFinder:
 
     def __init__(self, period_rad: float = TURN, step: float | None = None) -> None:
         self._period = period_rad
-        self._readings = np.zeros(0)
+        self._readings = self._stamps = np.zeros(0)
         self.step = step
 
     @property
@@ -41,33 +41,36 @@ class StepFinder:
             return 0
         return next((count - self._readings.size for count in LOOK_AT if count > self._readings.size), 0)
 
-    def take(self, readings: FloatArray) -> float | None:
+    def take(self, stamps: FloatArray, readings: FloatArray) -> float | None:
         """Take note of readings [rad], `wanted` at most; the step as they tell it, 0 for none, None while unknown."""
+        self._stamps = np.concatenate([self._stamps, stamps])
         self._readings = np.concatenate([self._readings, readings])
         if self._readings.size not in LOOK_AT:
             return None
-        step = encoder_step(self._readings, self._period)
+        step = encoder_step(self._readings, self._period, self._stamps)
         if step or self._readings.size == LOOK_AT[-1]:
             self.step = step
         if self._readings.size == LOOK_AT[-1] and step is None:  # hardly moved: begin again with what differs
-            self._readings = np.unique(self._readings)[: LOOK_AT[0] - 1]
+            self._readings, first = np.unique(self._readings, return_index=True)
+            self._readings, self._stamps = self._readings[: LOOK_AT[0] - 1], self._stamps[first[: LOOK_AT[0] - 1]]
         return step
 
 
-def encoder_step(angles: FloatArray, period_rad: float = TURN) -> float | None:
+def encoder_step(angles: FloatArray, period_rad: float = TURN, stamps: FloatArray | None = None) -> float | None:
     """The step that angles are multiples of, but for an offset and outliers; 0 for none, None when it is not clear.
 
     Args:
         angles: (n,) readings [rad] in time order, wrapped or not.
         period_rad: after which the encoder's counts come again.
+        stamps: (n,) their times, in any unit.
     """
     within = split_turns(angles)[1] if period_rad == TURN else np.mod(angles, period_rad)
     grain = 16.0 * np.finfo(np.float64).eps * max(float(np.abs(angles).max()), 1.0)
     counting = _common_divisor(angles, grain)
-    if counting and _is_rounding(angles, counting):
+    if counting and _is_rounding(angles, counting, stamps):
         return counting
     wrapped = _common_divisor(within, grain)
-    if wrapped and _is_rounding(angles, wrapped):
+    if wrapped and _is_rounding(angles, wrapped, stamps):
         return wrapped
     return None if counting is None else 0.0
 
@@ -91,14 +94,21 @@ def _common_divisor(values: FloatArray, grain: float) -> float | None:
     return float(np.sum(gaps) / np.sum(np.rint(gaps / step)))
 
 
-def _is_rounding(angles: FloatArray, step: float) -> bool:
+def _is_rounding(angles: FloatArray, step: float, stamps: FloatArray | None) -> bool:
     """Whether a common divisor of the readings is an encoder's that rounds."""
     moves = np.diff(angles)
     moves -= TURN * np.rint(moves / TURN)
-    if np.all(moves != 0.0) and np.mean(np.abs(np.abs(moves) - step) < 0.01 * step) > ONE_BY_ONE:
-        return False  # edges that come one by one, with gaps of missing teeth
+    one = np.abs(np.abs(moves) - step) < 0.01 * step
+    if np.all(moves != 0.0) and np.mean(one) > ONE_BY_ONE:
+        # Edges that come one by one: over a gap of missing teeth it takes longer. Else it is sampled, nearly in step.
+        return stamps is not None and not np.all(one) and not _takes_longer(np.diff(stamps), one)
     in_step = float(np.median(np.abs(moves))) >= step and float(np.std(np.diff(moves))) < 0.3 * step
     return not in_step  # with the sampling: then the divisor is that of the speed
+
+
+def _takes_longer(intervals: FloatArray, one: BoolArray) -> bool:
+    """Whether the intervals of most moves by more than one step are longer than those of one step."""
+    return bool(np.median(intervals[~one]) > 1.25 * np.median(intervals[one]))
 
 
 def _divisor(gaps: FloatArray, grain: float) -> float:

@@ -12,7 +12,7 @@ from textile_twin_core.errors import MotionError
 from textile_twin_core.shaft.encoder import UNKNOWN_STEP_RAD, StepFinder
 from textile_twin_core.shaft.filter import follow
 from textile_twin_core.shaft.gate import Block, Stamps, as_samples
-from textile_twin_core.shaft.readings import set_rounding
+from textile_twin_core.shaft.readings import know_rounding
 from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.single import OneSample, OneState
@@ -128,9 +128,10 @@ class ShaftEstimator:
             block = Block(self._last, stamp[done:end], angle[done:end], velocity[done:end], heard[done:end])
             parts.append(self._take(block))
             if wanted:
-                step = self._finder.take(block.heard[~np.isnan(block.heard)])
+                used = ~np.isnan(block.heard)
+                step = self._finder.take(block.stamps[used].astype(np.float64), block.heard[used])
                 if step is not None:
-                    set_rounding(self._status, step)
+                    know_rounding(self._status, step)
             done = end
         return parts
 

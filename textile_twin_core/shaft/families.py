@@ -12,16 +12,20 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import begin, log_memory, take_angle
 from textile_twin_core.shaft.clock import set_second
-from textile_twin_core.shaft.readings import least_scale
+from textile_twin_core.shaft.readings import hardly, least_scale
 from textile_twin_core.shaft.status import Record
 from textile_twin_core.shaft.turns import TURN
 
 BANK_SHARE = 1e-5
 """Weight that passes between families at each sample: ripple comes and goes with the work done, not with the sample."""
-SEEN_CYCLES = 1.25
-RESTLESS_CYCLES, REST_CYCLES = 2.0, 32.0
-"""Cycles that a family of no weight works until it rests, and rests until it tries again."""
+SEEN_CYCLES, SURE_CYCLES = 1.25, 4.0
+"""Cycles of motion after which a family has a say, and after which what it says of the motion is the motion's."""
+RESTLESS_CYCLES, FIRST_REST, LONGEST_REST = 8.0, 16.0, 256.0
+"""Cycles that a family of no weight works until it rests; and rests until it tries again, each time twice as long."""
 NO_WEIGHT = 0.05
+FASTER = 2.0
+"""So many times faster than where a family of no weight began it begins anew: what a run-up told it of the ripple is
+mostly the run-up."""
 NEWCOMER = 1e-5
 """Weight of a family that comes to have a say where another one with ripple has it already."""
 SAMPLES_A_WAVE = 2.5
@@ -54,21 +58,28 @@ def is_at_work(status: Record, f: int, turned: float) -> bool:
     """
     if f == 0:
         return True
-    status.rest[f] = 0.0 if status.weight[f] > NO_WEIGHT else status.rest[f] - turned
-    if status.active[f] == 0.0 and status.rest[f] <= 0.0 and can_tell(status, f, 1.1):
+    idle, speed = status.weight[f] <= NO_WEIGHT, abs(status.speed)
+    if idle:
+        status.rest[f] -= turned
+    else:
+        status.rest[f], status.pause[f] = 0.0, FIRST_REST
+    working = status.active[f] > 0.0 and not (idle and speed > FASTER * status.began[f])
+    if not working and status.rest[f] <= 0.0 and can_tell(status, f, 1.1):
         m = UNBIASED
         for row in range(9):
             status.start[row] = status.clock[row, m]
         begin(status, f, status.scale[m])
         for lane in range(lanes.FIRST[f], lanes.END[f]):
             status.learnt[lane] = status.learnt[m]
-        status.active[f], status.rest[f], status.travelled[f] = 1.0, 0.0, 0.0
+        status.active[f], status.rest[f], status.travelled[f], status.weight[f] = 1.0, 0.0, 0.0, 0.0
+        status.began[f] = max(speed, hardly(status))
     elif status.active[f] > 0.0 and not can_tell(status, f, 0.9):
         status.active[f] = status.weight[f] = 0.0
         status.weight[0] = max(status.weight[0], NEWCOMER)
     elif status.active[f] > 0.0 and status.rest[f] * status.lowest < -RESTLESS_CYCLES * TURN:
         status.active[f] = status.weight[f] = 0.0
-        status.rest[f] = REST_CYCLES * TURN / status.lowest
+        status.rest[f] = status.pause[f] * TURN / status.lowest
+        status.pause[f] = min(2.0 * status.pause[f], LONGEST_REST)
     return status.active[f] > 0.0  # type: ignore[no-any-return]
 
 
@@ -86,7 +97,7 @@ def weigh(status: Record, noise: float, turning: bool) -> None:
                 set_second(status.ripple[status.best[f]], lanes.WAVES[f], status.lowest, status.second[f])
             plain = together if f == 0 else plain
             weight[f] *= together if turning else plain
-            if seen and weight[f] == 0.0:
+            if seen and turning and weight[f] == 0.0:
                 weight[f] = -1.0
             status.log_memory[f] = log_memory(status, f)
             total += max(weight[f], 0.0)
@@ -118,6 +129,6 @@ def note_ripples(status: Record) -> None:
 
 @compiled
 def memory_for(status: Record, f: int) -> float:
-    """Log memory for a family: its own while it works and knows its ripple, else the plain one's."""
-    own = status.active[f] > 0.0 and has_seen(status, f)
+    """Log memory for a family: its own while it has weight and knows its ripple for sure, else the plain one's."""
+    own = status.weight[f] > NO_WEIGHT and status.travelled[f] * status.lowest >= SURE_CYCLES * TURN
     return status.log_memory[f if own else lanes.PLAIN]  # type: ignore[no-any-return]

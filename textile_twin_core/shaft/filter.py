@@ -13,7 +13,7 @@ from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_motion, 
 from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, note_ripples, weigh
 from textile_twin_core.shaft.gate import Block, admit
 from textile_twin_core.shaft.mixture import mix
-from textile_twin_core.shaft.readings import noise_in_step, noise_of, recalibrate, unwrapped
+from textile_twin_core.shaft.readings import SETTLING, guess_rounding, hardly, noise_of, recalibrate, unwrapped
 from textile_twin_core.shaft.status import RUNNING, STANDSTILL, STARTING, Record, Records
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
 
@@ -24,8 +24,6 @@ LOST = 9
 """Readings in a row that follow no motion before everything begins anew."""
 GAP_SAMPLES = 50.0
 """A pause of so many intervals is a gap: the motion is found anew."""
-SETTLING = 25.0
-"""Samples until a state is called settled, and at rest until it is called standstill."""
 UNSURE, SLOW = 0.25, 0.3
 """Standard deviation of the speed, in parts of it and of this part of full speed at least, above which a state is not
 called settled: so it is for some samples where the motion changed at once.
@@ -90,12 +88,10 @@ def _take(status: Record, step: float, angle: float, row: Record) -> None:
 def _tell(status: Record, row: Record) -> None:
     """The state, and what smoothing needs of it."""
     mix(status, row)
-    if abs(status.speed) * status.interval < status.rounding:
-        row.covariance[0] += status.rounding**2 / 12.0
     sigma = math.sqrt(max(row.covariance[4], 0.0))
     _watch(status, sigma)
     if status.samples > 2.0:
-        sure = status.fastest == 0.0 or sigma <= UNSURE * max(abs(status.speed), SLOW * status.fastest)
+        sure = sigma <= max(UNSURE * max(abs(status.speed), SLOW * status.fastest), hardly(status))
         row.settled = 1.0 if sure and status.doubt == 0.0 and status.since >= SETTLING else 0.0
     if row.noise > 0.0:
         status.doubt = max(status.doubt - 1.0, 0.0)
@@ -131,8 +127,8 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     status.interval += (min(step, 3.0 * status.interval) - status.interval) * gain
     expected = status.angle + step * (status.speed + 0.5 * step * status.acceleration)
     reading = unwrapped(status, raw, expected)
-    moved, status.read = abs(reading - status.read), reading
-    noise = noise_of(status, status.speed) if 2.0 * moved < status.rounding else noise_in_step(status, 1.0)
+    guess_rounding(status, abs(reading - status.read))
+    status.read, noise = reading, noise_of(status, status.speed)
     off = reading - expected
     status.angle = expected
     row.reading, row.unit = reading, noise
@@ -167,9 +163,9 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
 
 @compiled
 def _watch(status: Record, sigma: float) -> None:
-    """Standstill and reversals: the shaft moves when it leaves its reading's noise within some samples."""
-    hardly = max(status.rounding, 3.0 * math.sqrt(noise_of(status, status.speed))) / (SETTLING * status.interval)
-    status.still = status.still + 1.0 if abs(status.speed) < hardly else 0.0
+    """Standstill and reversals."""
+    least = hardly(status)
+    status.still = status.still + 1.0 if abs(status.speed) < least else 0.0
     if status.since < SETTLING:
         status.motion = STARTING
     elif status.still > SETTLING:
@@ -177,7 +173,7 @@ def _watch(status: Record, sigma: float) -> None:
         status.motion = STANDSTILL
     elif status.still == 0.0 or status.motion != STANDSTILL:
         status.motion = RUNNING
-    if abs(status.speed) > 10.0 * hardly + 3.0 * sigma:
+    if abs(status.speed) > 10.0 * least + 3.0 * sigma:
         sense = 1.0 if status.speed > 0.0 else -1.0
         status.reversals += status.sense == -sense
         status.sense = sense

@@ -8,10 +8,11 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft.status import Records
 
-LATE = 12
+LATE = 20
 """Samples that a filter takes at most to notice a change that matters."""
-WINDOW = 1.0
-"""Samples on either side, in memories, over which the jerk is compared with what was expected of it."""
+FOUND, WIDEST = 8.0, 512
+"""Degrees of freedom that the readings tell of the jerk around a row where it is found, and the most rows that it is
+looked for in on either side."""
 PRIOR_WEIGHT = 0.5
 """Degrees of freedom that the expectation weighs in this comparison."""
 LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25
@@ -24,14 +25,19 @@ def set_intensities(rows: Records, family: int, interval: float, intensity: Floa
 
     The filter notices a change some samples late: the memory is the shortest that it has around the row.
     """
-    noise = 0.0
+    noise, shortest = 0.0, -1
     for i in range(rows.size):
         if rows[i].noise > 0.0:
             noise = rows[i].noise
-        memory = rows[i].memory[family]
-        for j in range(max(i - LATE, 0), min(i + LATE + 1, rows.size)):
-            memory = min(memory, rows[j].memory[family])
-        intensity[i] = noise / (math.exp(6.0 * memory) * interval**5)
+        newest = min(i + LATE, rows.size - 1)
+        if shortest < i - LATE or shortest < 0:
+            shortest = max(i - LATE, 0)
+            for j in range(shortest, newest):
+                if rows[j].memory[family] < rows[shortest].memory[family]:
+                    shortest = j
+        if rows[newest].memory[family] <= rows[shortest].memory[family]:
+            shortest = newest
+        intensity[i] = noise / (math.exp(6.0 * rows[shortest].memory[family]) * interval**5)
 
 
 @compiled
@@ -41,7 +47,7 @@ def sharpen(rows: Records, jerk: FloatArray, interval: float, intensity: FloatAr
     The ratio of the jerk's mean squared to the variance that the readings took away (MacKay 1992) is 1 where the
     intensity is right. `jerk` (n, 2) as `way_back.step_back` gives it; it becomes the sums up to each row.
     """
-    count, noise = rows.size, 0.0
+    count, noise, half = rows.size, 0.0, 2
     for i in range(1, count):
         jerk[i, 0] += jerk[i - 1, 0]
         jerk[i, 1] += jerk[i - 1, 1]
@@ -51,8 +57,11 @@ def sharpen(rows: Records, jerk: FloatArray, interval: float, intensity: FloatAr
         unit = noise / interval**5
         if unit == 0.0 or intensity[i] == 0.0:
             continue
-        half = int(min(max(WINDOW * (unit / intensity[i]) ** (1.0 / 6.0), 2.0), float(count)))
+        half = max(half - half // 3, 2)
         before, last = max(i - half - 1, 0), min(i + half, count - 1)
+        while jerk[last, 1] - jerk[before, 1] < FOUND and half < min(WIDEST, count):
+            half += half // 2
+            before, last = max(i - half - 1, 0), min(i + half, count - 1)
         found = jerk[last, 0] - jerk[before, 0] + PRIOR_WEIGHT
         expected = jerk[last, 1] - jerk[before, 1] + PRIOR_WEIGHT
         change = min(max(found / expected, 1e-3), 1e3)

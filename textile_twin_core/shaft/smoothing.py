@@ -62,7 +62,6 @@ def evidence(smoother: Smoother, status: Record, rows: Records) -> float:
 @compiled
 def smooth_rows(smoother: Smoother, status: Record, rows: Records, told: int) -> None:
     """Smooth rows 1 .. `told` of (n,), on the first of which the chain stands; write their states there."""
-    _readmit(rows)
     intensity = _found_intensities(smoother, rows, status.interval)
     _there_and_back(smoother, rows, intensity, np.zeros((rows.size, 2)), told)
 
@@ -71,6 +70,7 @@ def smooth_rows(smoother: Smoother, status: Record, rows: Records, told: int) ->
 def _found_intensities(smoother: Smoother, rows: Records, interval: float) -> FloatArray:
     """Intensities (n,) of the white jerk; the chain stands where it stood."""
     intensity, jerk, filters = np.empty(rows.size), np.zeros((rows.size, 2)), smoother.filters[0]
+    _readmit(rows)
     for i in range(rows.size):
         rows[i].clock = rows[i].reading + wave_at(filters, rows[i].theta)[0]
     set_intensities(rows, filters.lead, interval, intensity)

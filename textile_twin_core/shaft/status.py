@@ -28,14 +28,14 @@ _FIELDS = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "unit", "samples", "since", "time", "interval", "longest",
     "angle", "speed", "acceleration", "first", "origin", "period", "slips", "auto", "low", "high", "rounding", "jitter",
     "jitter_told", "sensor_speed", "aside", "doubt", "off_before", "off_last", "step_last", "motion", "sense", "still",
-    "judged", "lowest", "basis_at", "basis_waves", "sharp", "read", "fastest",
+    "judged", "lowest", "basis_at", "basis_waves", "sharp", "read", "fastest", "guessed",
 )  # fmt: skip
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
-    "motion", "speed", "lead", "best", "ripple",
+    "motion", "speed", "lead", "best", "ripple", "guessed",
 )  # fmt: skip
 """Counts, and what outlasts the end of a motion."""
-_BY_FAMILY = ("weight", "active", "travelled", "rest", "log_memory", "calmest", "noted_at")
+_BY_FAMILY = ("weight", "active", "travelled", "began", "rest", "pause", "log_memory", "calmest", "noted_at")
 _BY_LANE = (
     "logarithm", "weakness", "scale", "learnt", "probability", "standing", "innovation", "spread", "common", "told",
     "likelihood", "own_noise",
@@ -107,6 +107,7 @@ def new_status(settings: ShaftSettings, rounding: float) -> Records:
     record["period"] = 0.0 if settings.wrapping == "unwrapped" else settings.period_rad
     record["auto"] = settings.wrapping == "auto"
     record["rounding"] = rounding
+    record["guessed"] = settings.step_rad is None
     record["lowest"] = 1.0 / settings.cycle_turns
     record["logarithm"], record["weakness"] = np.log(lanes.MEMORIES), lanes.MEMORIES**-3.0
     if settings.stamp_jitter_s is not None:
