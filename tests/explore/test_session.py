@@ -302,7 +302,7 @@ def test_a_rest_does_not_lie_over_the_torque_of_the_turning_shaft(tmp_path: Path
         bag.write_wrenches("balancing_torque/measured", stamps, torque["balancing_torque_Nm"])
     found = overlay(tmp_path / "bag", machine)
     there = found.torque_Nm[np.abs(np.degrees(found.theta_rad) - math.degrees(0.9)) < 5.0]
-    assert there.size >= 9 and np.nanmin(there) > 13.0
+    assert there.size >= 9 and np.nanmin(there) > 10.0  # the leap itself lies in one of them
     with BagWriter(tmp_path / "rest") as bag:
         bag.write_joint_states("main_shaft/angle", stamps[:2000], ["main_shaft"], theta[:2000])
         bag.write_wrenches("balancing_torque/measured", stamps[:2000], torque["balancing_torque_Nm"][:2000])

@@ -6,8 +6,6 @@ Their weights are their likelihoods, with a fixed share; a family with ripple ha
 
 from __future__ import annotations
 
-import math
-
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import begin, log_memory, take_angle
@@ -32,8 +30,6 @@ SAMPLES_A_WAVE = 2.5
 """Samples a turn that the highest order of a family needs, per order: 2 (Nyquist), and some for speeds that change."""
 UNBIASED = 1
 """Lane of the plain filter that ripple biases least, that of a short memory."""
-CALM = math.log(4.0)
-"""A ripple is noted where the memory is at most so much shorter than it was where it was longest."""
 SECOND_EVERY = 8.0
 """Samples between two looks at what the ripple's square adds: it changes slowly."""
 
@@ -53,8 +49,8 @@ def has_seen(status: Record, f: int) -> bool:
 
 @compiled
 def is_at_work(status: Record, f: int, turned: float) -> bool:
-    """Whether a family works at this sample, `turned` [rad] after the one before; in the middle of a motion it begins
-    from the plain filter that ripple has biased least.
+    """Whether a family works at this sample, `turned` [rad] after the one before; in the middle of a motion it begins,
+    or begins anew, from the plain filter that ripple has biased least.
     """
     if f == 0:
         return True
@@ -111,20 +107,6 @@ def weigh(status: Record, noise: float, turning: bool) -> None:
     for f in range(lanes.FAMILIES):
         if weight[f] > 0.0:
             weight[f] = weight[f] / total * (1.0 - BANK_SHARE) + BANK_SHARE / count
-
-
-@compiled
-def note_ripples(status: Record) -> None:
-    """Note each family's ripple where the motion is calm, for `smooth`: what follows, a stop, may spoil it."""
-    for f in range(1, lanes.FAMILIES):
-        memory, best, noted = status.log_memory[f], status.best[f], lanes.NOTED + f
-        if status.weight[f] > NO_WEIGHT and has_seen(status, f) and memory > status.calmest[f] - CALM:
-            status.calmest[f], status.noted_at[f] = max(status.calmest[f], memory), status.samples
-            status.scale[noted] = status.scale[best]
-            for i in range(2 * lanes.WAVES[f]):
-                status.ripple[noted, i] = status.ripple[best, i]
-                for j in range(i + 1):
-                    status.factor[noted, j, i] = status.factor[best, j, i]
 
 
 @compiled

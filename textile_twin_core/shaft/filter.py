@@ -10,7 +10,7 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import density, expect_angle, predict
 from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_motion, lose
-from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, note_ripples, weigh
+from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, weigh
 from textile_twin_core.shaft.gate import Block, admit
 from textile_twin_core.shaft.mixture import mix
 from textile_twin_core.shaft.readings import SETTLING, guess_rounding, hardly, noise_of, recalibrate, unwrapped
@@ -158,7 +158,6 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     weigh(status, noise, turning)
     if status.samples % RECALIBRATE_EVERY == 0.0 and turning and status.since > RECALIBRATE_EVERY / 2.0:
         recalibrate(status, noise)
-        note_ripples(status)
 
 
 @compiled

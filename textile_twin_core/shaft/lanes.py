@@ -12,16 +12,16 @@ FAMILIES: Final = len(WAVES)
 WIDEST: Final = 2 * WAVES[-1]
 FIRST: Final = (0, 16, 26, 36)
 END: Final = (16, 26, 36, 40)
-NOTED: Final = END[-1]
-"""From here on lie ripples that were noted, one of each family (see `families`)."""
-COUNT: Final = NOTED + FAMILIES
+FILTERS: Final = END[-1]
+COUNT: Final = FILTERS + 4
+"""One more is needed, for the chain; rows of whole vectors are walked several lanes at once."""
 MEMORIES: Final = np.concatenate(
     [
         0.5 * 2.0 ** np.arange(16.0),
         0.5 * 2.8 ** np.arange(10.0),
         2.4 ** np.arange(10.0),
         4.0 * 8.0 ** np.arange(4.0),
-        np.ones(FAMILIES),
+        np.ones(COUNT - FILTERS),
     ]
 )
 """In samples, up to longer than any record is steady. Twice too long or too short costs little: the error of the speed

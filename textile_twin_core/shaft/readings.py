@@ -91,7 +91,7 @@ def _set_rounding(status: Record, rounding: float) -> None:
     """What a turning shaft has told of the noise stays; what one at rest did was the guess, and is learnt anew."""
     before, turning = noise_of(status, status.speed), abs(status.speed) * status.interval > status.rounding
     status.rounding = rounding
-    for m in range(lanes.NOTED):
+    for m in range(lanes.FILTERS):
         _rescale(status, m, before / noise_of(status, status.speed) if turning else 1.0 / status.scale[m])
         status.learnt[m] = status.learnt[m] if turning else FIRST_SCALE_WEIGHT
 
@@ -110,13 +110,13 @@ def recalibrate(status: Record, noise: float) -> None:
     if status.sharp >= SHARP_LESSONS:
         status.rounding = rounding = 0.0
     if abs(status.speed) > FASTER * status.fastest:
-        for m in range(lanes.NOTED):
+        for m in range(lanes.FILTERS):
             status.learnt[m] = min(status.learnt[m], KNOWN_BEFORE)
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
         learnt = max(found - rounding, 0.01 * found) / status.speed**2
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (learnt - status.jitter)
-    for m in range(lanes.NOTED):
+    for m in range(lanes.FILTERS):
         _rescale(status, m, noise / noise_of(status, status.speed))
 
 

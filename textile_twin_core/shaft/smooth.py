@@ -23,10 +23,6 @@ LEAST_LED = 0.05
 """Part of a stretch that a family must have led to be asked."""
 ASKED_PARTS, ASKED_ROWS = 16, 256
 """Of a stretch that is longer so many parts are asked for the family, of so many rows: they tell it as well as all."""
-RECENT = 64.0
-"""Samples within which a ripple that was noted is the latest."""
-DECISIVE = 10.0
-"""Logarithm of a likelihood ratio from which a ripple that was noted on the way is preferred to the latest."""
 FEWEST = 4
 """Rows below which a stretch keeps the filter's states."""
 
@@ -81,22 +77,15 @@ class SmoothEstimator(ShaftEstimator):
         record, cycle = self._status, self._settings.cycle_turns * TURN
         smoother = new_smoother(self._settings, len(rows))
         led = np.bincount(rows["lead"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
-        now, seen = record[0], record["travelled"][0] >= SEEN_CYCLES * cycle
-        tried = [(f, int(now["best"][f])) for f in range(lanes.FAMILIES) if led[f] and (f == 0 or seen[f])]
-        earlier = (now["noted_at"] > 0.0) & (now["noted_at"] < now["samples"] - RECENT)
-        tried += [(f, lanes.NOTED + f) for f in range(lanes.FAMILIES) if led[f] and earlier[f]]
-        family, lane = (tried or [(0, 0)])[0]
+        seen = record["travelled"][0] >= SEEN_CYCLES * cycle
+        tried = [f for f in range(lanes.FAMILIES) if led[f] and (f == 0 or seen[f])] or [0]
+        family = tried[0]
         if len(tried) > 1:
             asked = _asked(rows)
             size = np.log(sum(map(len, asked)))
-            cost = [
-                lanes.WAVES[f] * size
-                - sum(_foretold(smoother, record, part, f, lane) for part in asked)
-                + (DECISIVE if lane >= lanes.NOTED else 0.0)
-                for f, lane in tried
-            ]
-            family, lane = tried[int(np.argmin(cost))]
-        _smooth_stretch(smoother, record, rows, family, lane)
+            told = [sum(_foretold(smoother, record, part, f) for part in asked) for f in tried]
+            family = tried[int(np.argmax(np.asarray(told) - size * np.take(lanes.WAVES, tried)))]
+        _smooth_stretch(smoother, record, rows, family)
 
 
 def _asked(rows: Records) -> list[Records]:
@@ -131,23 +120,23 @@ def _compact(rows: Records) -> Records:
 
 
 @compiled
-def _begin(smoother: Smoother, record: Records, rows: Records, family: int, lane: int) -> None:
+def _begin(smoother: Smoother, record: Records, rows: Records, family: int) -> None:
     """The chain of a family begins at the first row with its reading and the filter's speed."""
     filters, first = smoother.filters[0], rows[0]
     filters.lead = family
-    know_ripple(filters, record[0], lane)
+    know_ripple(filters, record[0], record[0].best[family])
     set_start(filters.start, first.reading, first.speed, first.noise, rows[1].step)
     stand(filters)
 
 
 @compiled
-def _foretold(smoother: Smoother, record: Records, rows: Records, family: int, lane: int) -> float:
-    """Logarithm of the readings' likelihood under a family, whose ripple stands in a lane of the filter's."""
-    _begin(smoother, record, rows, family, lane)
+def _foretold(smoother: Smoother, record: Records, rows: Records, family: int) -> float:
+    """Logarithm of the readings' likelihood under a family."""
+    _begin(smoother, record, rows, family)
     return evidence(smoother, record[0], rows)
 
 
 @compiled
-def _smooth_stretch(smoother: Smoother, record: Records, rows: Records, family: int, lane: int) -> None:
-    _begin(smoother, record, rows, family, lane)
+def _smooth_stretch(smoother: Smoother, record: Records, rows: Records, family: int) -> None:
+    _begin(smoother, record, rows, family)
     smooth_rows(smoother, record[0], rows, rows.size - 1)

@@ -35,7 +35,7 @@ KEPT = (
     "motion", "speed", "lead", "best", "ripple", "guessed",
 )  # fmt: skip
 """Counts, and what outlasts the end of a motion."""
-_BY_FAMILY = ("weight", "active", "travelled", "began", "rest", "pause", "log_memory", "calmest", "noted_at")
+_BY_FAMILY = ("weight", "active", "travelled", "began", "rest", "pause", "log_memory")
 _BY_LANE = (
     "logarithm", "weakness", "scale", "learnt", "probability", "standing", "innovation", "spread", "common", "told",
     "likelihood", "own_noise",
@@ -67,13 +67,13 @@ STATUS = np.dtype(
     ]
 )
 """All in samples, seconds and radians. `unit` is that of the stamps [s]; `period` what the angle wraps by, 0 when it
-counts its turns; `rounding` the encoder's step; `jitter` the variance of the stamps; `fastest` the full speed
-that is known; `sensor_speed` the sensor's own, NaN for none; `aside` the readings set aside in a row, `doubt` those
-that must fit until a state is settled again; `lowest` order of the ripple.
+counts its turns; `rounding` the encoder's step, `guessed` 1 until it is known; `jitter` the variance of the stamps;
+`fastest` the full speed that is known; `sensor_speed` the sensor's own, NaN for none; `aside` the readings set aside in
+a row, `doubt` those that must fit until a state is settled again; `lowest` order of the ripple.
 
-Of each family: its weight; 1 while it works; angle [rad] since it began; angle to turn until it wakes or, below 0,
-turned since it had weight; mean logarithm of its memory, and the longest at which its ripple was noted, last at this
-sample; its best lane, and the coefficients of g2 that follow from that one's ripple (see `clock`).
+Of each family: its weight; 1 while it works; angle [rad] since it began, and the speed then; angle to turn until it
+wakes or, below 0, turned since it had weight; cycles that it rests next; mean logarithm of its memory; its best lane,
+and the coefficients of g2 that follow from that one's ripple (see `clock`).
 
 Of each lane: logarithm of the samples that the filter looks back; strength of its jerk; variance of the readings
 relative to what is expected, and the innovations it was learnt from; probability; likelihood ratio to the family since
