@@ -17,14 +17,26 @@ LATE = 0.15
 @pytest.mark.parametrize("seed", [31, 35, 39])
 def test_the_step_is_found_beside_wild_readings(seed: int) -> None:
     """One degree; of the first 24 readings up to two are half a radian off."""
-    step = encoder_step(make("coarse+3%", seed).fed_rad[:24])
+    record = make("coarse+3%", seed)
+    step = encoder_step(record.time_s[:24], record.fed_rad[:24])
     assert step == pytest.approx(np.deg2rad(1.0), rel=1e-9)
 
 
 def test_no_step_where_readings_are_not_rounded() -> None:
     rng = np.random.default_rng(1)
-    assert encoder_step(np.cumsum(rng.uniform(0.5, 1.0, 48))) == 0.0
-    assert encoder_step(np.zeros(48)) is None
+    assert encoder_step(np.arange(48.0), np.cumsum(rng.uniform(0.5, 1.0, 48))) == 0.0
+    assert encoder_step(np.arange(48.0), np.zeros(48)) is None
+
+
+def test_edges_of_teeth_are_not_rounded_and_sampling_nearly_in_step_is() -> None:
+    """Edges: a gap of teeth takes longer, also where every second tooth is heard; sampling: a skipped step does not."""
+    tooth = np.arange(400)
+    heard = tooth[tooth % 60 < 57]
+    for edges in (heard, heard[::2]):
+        assert encoder_step(edges / 60.0 + 1e-4 * np.sin(edges), edges * 0.1) == 0.0
+    time = np.arange(200) * 1e-3
+    for steps in (1.01, 2.02, 3.01):
+        assert encoder_step(time, np.round(steps * 1000.0 * time) * 0.002) == pytest.approx(0.002, rel=1e-9)
 
 
 def test_ripple_is_told_at_seven_samples_a_turn() -> None:

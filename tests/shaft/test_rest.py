@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
+from tests.benchmarks.shaft_judge.views import package, track, tuned
 from tests.shaft.kinds import make
 from textile_twin_core.shaft import create_estimator
 
@@ -69,18 +72,32 @@ def test_no_order_of_runs_and_rests_spoils_what_is_around_it(view: str) -> None:
 
 
 @pytest.mark.parametrize("view", ["causal", "smooth"])
-@pytest.mark.parametrize("steps", [0.05, 0.25, 0.33, 0.5, 0.9, 0.95, 0.98, 1.05, 1.3, 2.01])
-def test_rounding_that_goes_in_step_with_the_sampling_is_no_motion(view: str, steps: float) -> None:
+@pytest.mark.parametrize("bits", [None, 10])
+@pytest.mark.parametrize("steps", [0.05, 0.25, 0.33, 0.5, 0.9, 0.95, 0.98, 1.01, 1.05, 1.3, 2.01, 7.05])
+def test_rounding_that_goes_in_step_with_the_sampling_is_no_motion(view: str, steps: float, bits: int | None) -> None:
     """A steady shaft, by so many steps of its encoder from reading to reading: the beat of both is no blow."""
     rng, step, rate = np.random.default_rng(3), TURN / 1024, 1000.0
     time = np.arange(6000) / rate
     speed = steps * step * rate
     angles = np.round((speed * (time + 5e-6 * rng.normal(size=time.size)) + rng.uniform(0.0, 1.0)) / step) * step
-    estimator = create_estimator(view)
+    estimator = create_estimator(view, encoder_bits=bits)
     states = [estimator.step(np.rint(time * 1e9).astype(np.int64), angles), estimator.finish()][view == "smooth"]
     late = states.index > 2000
     assert np.sqrt(np.mean(states.alpha_rad_s2[late] ** 2)) < 1.0
     assert np.abs(states.omega_rad_s - speed)[late].max() < 0.06 * max(speed, step * rate)
+
+
+@pytest.mark.parametrize("view", ["causal", "smooth"])
+@pytest.mark.parametrize("seed", [4, 17, 23, 25, 27])
+def test_gentle_starts_of_coarse_encoders_are_no_blows(view: str, seed: int) -> None:
+    """An encoder's first step after a rest, and the beat of a steady run, against the textbook tuned on the record."""
+    record = make("runs", seed)
+    own, book = (made(record.time_s, record.fed_rad, "runs", view) for made in (partial(track, package), tuned))
+    rms = []
+    for states in (own, book):
+        late = states.index > 0.15 * record.time_s.size
+        rms.append(np.sqrt(np.mean((states.alpha[late] - record.alpha[states.index[late]]) ** 2)))
+    assert rms[0] < 1.25 * rms[1]
 
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])

@@ -9,7 +9,7 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import RIPPLE_SIZE, begin, expect_angle, open_motion, take_angle
 from textile_twin_core.shaft.families import FIRST_REST, can_tell
-from textile_twin_core.shaft.readings import FIRST_JITTER, noise_of, unwrapped
+from textile_twin_core.shaft.readings import FIRST_JITTER, noise_of, set_alike, unwrapped
 from textile_twin_core.shaft.status import Record
 
 SET_ASIDE = 2
@@ -40,6 +40,7 @@ def begin_motion(status: Record, step: float, angle: float) -> None:
     if status.jitter_told == 0.0:
         status.jitter = (FIRST_JITTER * step) ** 2
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
+    set_alike(status)
     start, root = status.start, math.sqrt(noise_of(status, rate))
     set_start(start, angle, rate, root**2, step)
     if abs(status.sensor_speed - rate) <= 3.0 * start[lanes.L11]:

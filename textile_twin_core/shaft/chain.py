@@ -20,8 +20,6 @@ from textile_twin_core.shaft.kinematics import correct, move_on
 from textile_twin_core.shaft.ripple import absorb, along, feel, set_sensitivity
 from textile_twin_core.shaft.status import Record
 
-FAR: Final = 49.0
-"""Square of how far a reading is off, over its variance, from which it and the motion do not belong together."""
 STEP: Final = np.dtype(
     [
         ("clock", np.float64, (9,)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.shaft.turns import TURN, split_turns
 
 LOOK_AT = (12, 48, 192, 768)
@@ -14,11 +14,9 @@ UNKNOWN_STEP_RAD = 0.012
 FINEST_STEP_RAD = 1e-6
 ENOUGH_GAPS = 6
 MOST_TRIED = 16
-"""Stretches of readings, each with gaps enough, that are asked for their divisor: some are free of outliers."""
+"""Stretches of readings of a sort, each with gaps enough, that are asked for their divisor: some have no outliers."""
 MOST_FIT, FEWEST_FIT = 0.7, 0.3
 """Part of all gaps that are multiples of the step, and of any where there is none; in between it stays unknown."""
-ONE_BY_ONE = 0.8
-"""Part of the readings that are one step from the one before where edges are timed."""
 
 
 class StepFinder:
@@ -47,7 +45,7 @@ class StepFinder:
         self._readings = np.concatenate([self._readings, readings])
         if self._readings.size not in LOOK_AT:
             return None
-        step = encoder_step(self._readings, self._period, self._stamps)
+        step = encoder_step(self._stamps, self._readings, self._period)
         if step or self._readings.size == LOOK_AT[-1]:
             self.step = step
         if self._readings.size == LOOK_AT[-1] and step is None:  # hardly moved: begin again with what differs
@@ -56,21 +54,21 @@ class StepFinder:
         return step
 
 
-def encoder_step(angles: FloatArray, period_rad: float = TURN, stamps: FloatArray | None = None) -> float | None:
+def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TURN) -> float | None:
     """The step that angles are multiples of, but for an offset and outliers; 0 for none, None when it is not clear.
 
     Args:
-        angles: (n,) readings [rad] in time order, wrapped or not.
+        stamps: (n,) times of the readings, rising, in any unit.
+        angles: (n,) readings [rad], wrapped or not.
         period_rad: after which the encoder's counts come again.
-        stamps: (n,) their times, in any unit.
     """
     within = split_turns(angles)[1] if period_rad == TURN else np.mod(angles, period_rad)
     grain = 16.0 * np.finfo(np.float64).eps * max(float(np.abs(angles).max()), 1.0)
     counting = _common_divisor(angles, grain)
-    if counting and _is_rounding(angles, counting, stamps):
+    if counting and _is_rounding(stamps, angles, counting):
         return counting
     wrapped = _common_divisor(within, grain)
-    if wrapped and _is_rounding(angles, wrapped, stamps):
+    if wrapped and _is_rounding(stamps, angles, wrapped):
         return wrapped
     return None if counting is None else 0.0
 
@@ -83,9 +81,9 @@ def _common_divisor(values: FloatArray, grain: float) -> float | None:
     gaps, first = gaps[differs], np.sort(np.append(place[0], place[1:][differs]))
     if gaps.size < ENOUGH_GAPS:
         return None
-    share, step = 0.0, 0.0
-    for begin in np.unique(np.linspace(0, first.size - ENOUGH_GAPS - 1, MOST_TRIED, dtype=np.int64)):
-        tried = _divisor(np.diff(np.sort(values[first[begin : begin + ENOUGH_GAPS + 1]])), grain)
+    values, share, step = values[first], 0.0, 0.0
+    for begin in _stretches(values):
+        tried = _divisor(np.diff(np.sort(values[begin : begin + ENOUGH_GAPS + 1])), grain)
         fits = float(np.mean(_off_multiples(gaps, tried) <= _tolerance(tried, grain))) if tried else 0.0
         share, step = max((share, step), (fits, tried))
     if share < MOST_FIT:
@@ -94,21 +92,37 @@ def _common_divisor(values: FloatArray, grain: float) -> float | None:
     return float(np.sum(gaps) / np.sum(np.rint(gaps / step)))
 
 
-def _is_rounding(angles: FloatArray, step: float, stamps: FloatArray | None) -> bool:
-    """Whether a common divisor of the readings is an encoder's that rounds."""
+def _stretches(values: FloatArray) -> IntArray:
+    """Where to look for a divisor: all over the values, and around moves that are not usual, which tell most."""
+    moves = np.abs(np.diff(values))
+    odd = np.flatnonzero(np.abs(moves - np.median(moves)) > 1e-3 * np.median(moves)) - ENOUGH_GAPS // 2
+    last = values.size - ENOUGH_GAPS - 1
+    even = np.linspace(0, last, MOST_TRIED).astype(np.int64)
+    some = odd[np.linspace(0, odd.size - 1, min(odd.size, MOST_TRIED)).astype(np.int64)]
+    return np.unique(np.clip(np.concatenate([even, some]), 0, last))
+
+
+def _is_rounding(stamps: FloatArray, angles: FloatArray, step: float) -> bool:
+    """Whether a common divisor of the readings is an encoder's that rounds.
+
+    Else it is that of the speed, then all moves are alike; or of the teeth whose edges are timed, then none is nothing,
+    and over several teeth it takes longer.
+    """
     moves = np.diff(angles)
     moves -= TURN * np.rint(moves / TURN)
-    one = np.abs(np.abs(moves) - step) < 0.01 * step
-    if np.all(moves != 0.0) and np.mean(one) > ONE_BY_ONE:
-        # Edges that come one by one: over a gap of missing teeth it takes longer. Else it is sampled, nearly in step.
-        return stamps is not None and not np.all(one) and not _takes_longer(np.diff(stamps), one)
-    in_step = float(np.median(np.abs(moves))) >= step and float(np.std(np.diff(moves))) < 0.3 * step
-    return not in_step  # with the sampling: then the divisor is that of the speed
+    fits = _off_multiples(moves, step) < 0.01 * step  # to an outlier and back they do not
+    if not fits.any():
+        return False
+    counts = np.rint(np.abs(moves[fits]) / step)
+    usual = counts == np.median(counts)
+    if np.all(usual):
+        return False
+    return bool(np.any(counts == 0.0)) or not _takes_longer(np.diff(stamps)[fits], usual)
 
 
-def _takes_longer(intervals: FloatArray, one: BoolArray) -> bool:
-    """Whether the intervals of most moves by more than one step are longer than those of one step."""
-    return bool(np.median(intervals[~one]) > 1.25 * np.median(intervals[one]))
+def _takes_longer(intervals: FloatArray, usual: BoolArray) -> bool:
+    """Whether the intervals of most moves that are not the usual one are longer than those of the usual one."""
+    return bool(np.median(intervals[~usual]) > 1.25 * np.median(intervals[usual]))
 
 
 def _divisor(gaps: FloatArray, grain: float) -> float:

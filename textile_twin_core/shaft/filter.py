@@ -13,7 +13,15 @@ from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_motion, 
 from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, weigh
 from textile_twin_core.shaft.gate import Block, admit
 from textile_twin_core.shaft.mixture import mix
-from textile_twin_core.shaft.readings import SETTLING, guess_rounding, hardly, noise_of, recalibrate, unwrapped
+from textile_twin_core.shaft.readings import (
+    SETTLING,
+    guess_rounding,
+    hardly,
+    noise_of,
+    recalibrate,
+    set_alike,
+    unwrapped,
+)
 from textile_twin_core.shaft.status import RUNNING, STANDSTILL, STARTING, Record, Records
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
 
@@ -56,8 +64,7 @@ def take(status: Record, block: Block, i: int, row: Record) -> bool:
     block.last[0] = stamp
     if status.samples > 1.0:
         _tell(status, row)
-    if row.noise > 0.0:
-        block.heard[i] = row.reading
+    block.heard[i] = row.reading
     return True
 
 
@@ -75,7 +82,7 @@ def _take(status: Record, step: float, angle: float, row: Record) -> None:
     raw = phase + (turns - status.origin) * TURN
     status.time += step
     status.longest = max(status.longest, step)
-    row.step, row.time = step, status.time
+    row.step, row.time, row.alike = step, status.time, status.alike
     if status.samples == 2.0:
         begin_motion(status, step, unwrapped(status, raw, status.first))
         row.reading, row.cut = status.angle, 1.0
@@ -89,6 +96,8 @@ def _tell(status: Record, row: Record) -> None:
     """The state, and what smoothing needs of it."""
     mix(status, row)
     sigma = math.sqrt(max(row.covariance[4], 0.0))
+    status.speed_sigma, status.acceleration_sigma = sigma, math.sqrt(max(row.covariance[8], 0.0))
+    set_alike(status)
     _watch(status, sigma)
     if status.samples > 2.0:
         sure = sigma <= max(UNSURE * max(abs(status.speed), SLOW * status.fastest), hardly(status))

@@ -6,10 +6,12 @@ import math
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft.status import Records
+from textile_twin_core.shaft.readings import MOST_ALIKE
+from textile_twin_core.shaft.status import Record, Records
 
-LATE = 20
-"""Samples that a filter takes at most to notice a change that matters."""
+LATE, STEADY = 20.0, 200.0
+"""Samples that a filter takes at most to notice a change that matters, but the longer, the longer its memory is than
+so many; those that are alike count as one."""
 FOUND, WIDEST = 8.0, 512
 """Degrees of freedom that the readings tell of the jerk around a row where it is found, and the most rows that it is
 looked for in on either side."""
@@ -25,19 +27,32 @@ def set_intensities(rows: Records, family: int, interval: float, intensity: Floa
 
     The filter notices a change some samples late: the memory is the shortest that it has around the row.
     """
-    noise, shortest = 0.0, -1
+    noise, shortest, oldest, newest, behind, ahead = 0.0, 0, 0, 0, 0.0, 0.0
     for i in range(rows.size):
         if rows[i].noise > 0.0:
             noise = rows[i].noise
-        newest = min(i + LATE, rows.size - 1)
-        if shortest < i - LATE or shortest < 0:
-            shortest = max(i - LATE, 0)
-            for j in range(shortest, newest):
-                if rows[j].memory[family] < rows[shortest].memory[family]:
+        if i > 0:
+            behind, ahead = behind + _counts(rows[i], family), ahead - _counts(rows[i], family)
+        while newest + 1 < rows.size and ahead < LATE:
+            newest += 1
+            ahead += _counts(rows[newest], family)
+            if rows[newest].memory[family] <= rows[shortest].memory[family]:
+                shortest = newest
+        while behind > LATE:
+            oldest += 1
+            behind -= _counts(rows[oldest], family)
+        if shortest < oldest:
+            shortest = oldest
+            for j in range(oldest, newest + 1):
+                if rows[j].memory[family] <= rows[shortest].memory[family]:
                     shortest = j
-        if rows[newest].memory[family] <= rows[shortest].memory[family]:
-            shortest = newest
         intensity[i] = noise / (math.exp(6.0 * rows[shortest].memory[family]) * interval**5)
+
+
+@compiled
+def _counts(row: Record, family: int) -> float:
+    """Part of a sample for which a row counts."""
+    return float(1.0 / max(row.alike, min(math.exp(row.memory[family]) / STEADY, MOST_ALIKE), 1.0))
 
 
 @compiled

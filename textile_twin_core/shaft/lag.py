@@ -8,7 +8,7 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled, records
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.chain import FAR, know_ripple, stand_as, stand_on, wave_at
+from textile_twin_core.shaft.chain import know_ripple, stand_as, stand_on, wave_at
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
 from textile_twin_core.shaft.filter import take
 from textile_twin_core.shaft.gate import Block, Stamps
@@ -22,11 +22,11 @@ MOST_ROWS = MARK
 BATCH = 3
 """Samples within a lag that become ready at once, one part in so many: the way back is shared by them."""
 
-HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("ready", np.int64), ("far", np.int64)])
-"""Lag [s]; rows held, of which the first is where the chain stands; rows that became ready; times in a row that the
-chain stood far from a reading."""
-LOST = 2
-"""Such times after which the chain is lost, not the reading."""
+FAR = 9.0
+"""Square of how far the chain is from the filter, over the variance of the filter's angle, from which it is lost."""
+
+HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("ready", np.int64)])
+"""Lag [s]; rows held, of which the first is where the chain stands; rows that became ready."""
 
 
 class Window(NamedTuple):
@@ -137,8 +137,7 @@ def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, t
 def _release(record: Records, due: int, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> None:
     """Smooth the window and let go of the `due` rows after the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
-    held.far = held.far + 1 if _is_far(filters, window.rows[0]) else 0
-    if held.far >= LOST:
+    if _is_lost(filters, window.filtered[0]):
         _stand(status, filters, window.filtered[0])
     elif status.active[filters.lead] == 0.0 or status.lead != filters.lead:
         _stand(status, filters, window.rows[0])
@@ -163,10 +162,11 @@ def _let_go(window: Window, k: int, ready: Stamps, table: Records) -> None:
 
 
 @compiled
-def _is_far(filters: Record, row: Record) -> bool:
-    """Whether the chain stands far from the row's reading, which it took and the filter believed."""
-    off = row.reading + wave_at(filters, row.theta)[0] - filters.clock[lanes.ANGLE, lanes.CHAIN]
-    return row.noise > 0.0 and off * off > FAR * row.noise  # type: ignore[no-any-return]
+def _is_lost(filters: Record, row: Record) -> bool:
+    """Whether the chain stands far from where the filter told that the shaft was, and the row's reading does not."""
+    stands = filters.clock[lanes.ANGLE, lanes.CHAIN] - wave_at(filters, row.theta)[0]
+    far = (stands - row.theta) ** 2 > FAR * row.covariance[0] and row.noise > 0.0
+    return far and abs(row.reading - stands) > 2.0 * abs(row.reading - row.theta)  # type: ignore[no-any-return]
 
 
 @compiled

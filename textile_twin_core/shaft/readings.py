@@ -15,15 +15,14 @@ SETTLING = 25.0
 """Samples until a state is called settled, and at rest until it is called standstill."""
 FIRST_SCALE_WEIGHT = 0.5
 """What the first guess of the noise weighs beside the innovations that a filter's scale of it is learnt from."""
-ALIKE, STEPS_APART = 2.0, 4.0
-"""Readings that count as one, and steps of the encoder from each to the next below which they do: the rounding of a
-slow shaft, or of one in step with the sampling, is no noise."""
+MOST_ALIKE = 16.0
+"""Readings that count as one at most: a shaft at rest stays for hours within a step of its encoder."""
 FIRST_JITTER = 0.01
 """First guess of the stamps' error, in intervals; learnt within some dozens of samples."""
 FINEST_RAD2 = 1e-14
 """Least variance of a reading: the rounding of float64 angles some hundred turns away."""
-SHARP_LESSONS = 3.0
-"""Lessons in a row that readings are better than their rounding, after which they are not rounded."""
+LEAST_SCALE = 1e-6
+"""Of the noise, that filters learn, as far as nothing else bounds it."""
 LEARN_JITTER = 0.5
 """Part of the jitter that each lesson about it gives at full speed; a slow shaft hardly shows it."""
 FASTER = 1.25
@@ -49,11 +48,36 @@ def unwrapped(status: Record, raw: float, expected: float) -> float:
 @compiled
 def noise_of(status: Record, speed: float) -> float:
     """Variance of a reading [rad^2]: rounding and jitter."""
-    moved = abs(speed) * status.interval
-    alike = min(max(STEPS_APART * status.rounding / max(moved, 1e-30), 1.0), ALIKE)
     if status.fastest > 0.0 and status.jitter_told == 0.0:
         speed = min(abs(speed), FASTER * status.fastest)
-    return float(alike * status.rounding**2 / 12.0 + status.jitter * speed**2 + FINEST_RAD2)
+    return float(rounding_noise(status) + status.jitter * speed**2 + FINEST_RAD2)
+
+
+@compiled
+def rounding_noise(status: Record) -> float:
+    """What rounding adds to the variance of a reading [rad^2]."""
+    return float(status.alike * status.rounding**2 / 12.0)
+
+
+@compiled
+def set_alike(status: Record) -> None:
+    """Set how many readings count as one, because they are rounded by about as much.
+
+    From reading to reading a shaft moves within the encoder's step by what it turns beyond whole steps: slowly when
+    it is slow, or in step with the sampling. K readings pass until that is a whole step, where rate K + bend K^2 / 2 is
+    1; half of them count as one. Jitter of the stamps blurs it: of the sawtooth that the rounding then follows the
+    first wave's variance shrinks by exp(-(2 pi s)^2), with s the jitter in steps (Widrow and Kollar 2008).
+    """
+    step = status.rounding
+    moved = abs(status.speed) * status.interval / step if step > 0.0 else 1.0
+    if step == 0.0 or (status.guessed > 0.0 and moved > 0.5):
+        status.alike = 1.0
+        return
+    rate = math.hypot(moved - np.rint(moved), status.speed_sigma * status.interval / step)
+    bend = math.hypot(status.acceleration, status.acceleration_sigma) * status.interval**2 / step
+    apart = min(1.0 / max(rate + math.sqrt(rate * rate + 2.0 * bend), 1e-30), MOST_ALIKE)
+    blur = math.exp(-4.0 * math.pi**2 * status.jitter * (status.speed / step) ** 2)
+    status.alike = max(1.0 + (apart - 1.0) * blur, 1.0)
 
 
 @compiled
@@ -64,12 +88,13 @@ def hardly(status: Record) -> float:
 
 @compiled
 def least_scale(status: Record, noise: float) -> float:
-    """Least scale of the noise that filters may learn.
+    """Least scale of the noise that filters may learn: no reading is better than its rounding, once that is known.
 
-    At rest readings may all be equal for hours: they are rounded none the less, and would be noisy if the shaft turned.
+    At rest readings may all be equal for hours, and would be noisy if the shaft turned.
     """
-    turning = abs(status.speed) * status.interval > max(status.rounding, 3.0 * math.sqrt(noise))
-    return 1e-6 if turning else 1.0
+    if abs(status.speed) * status.interval <= max(status.rounding, 3.0 * math.sqrt(noise)):
+        return 1.0
+    return LEAST_SCALE if status.guessed > 0.0 else max(rounding_noise(status) / noise, LEAST_SCALE)
 
 
 @compiled
@@ -91,6 +116,7 @@ def _set_rounding(status: Record, rounding: float) -> None:
     """What a turning shaft has told of the noise stays; what one at rest did was the guess, and is learnt anew."""
     before, turning = noise_of(status, status.speed), abs(status.speed) * status.interval > status.rounding
     status.rounding = rounding
+    set_alike(status)
     for m in range(lanes.FILTERS):
         _rescale(status, m, before / noise_of(status, status.speed) if turning else 1.0 / status.scale[m])
         status.learnt[m] = status.learnt[m] if turning else FIRST_SCALE_WEIGHT
@@ -98,23 +124,14 @@ def _set_rounding(status: Record, rounding: float) -> None:
 
 @compiled
 def recalibrate(status: Record, noise: float) -> None:
-    """Give what the leading filter has learnt of the noise to jitter and rounding, so that it follows the speed.
-
-    Readings on a lattice that are much better than its step are edges of teeth, timed: they are not rounded.
-    """
+    """Give what the leading filter has learnt of the noise to the jitter, so that it follows the speed."""
     found = status.scale[status.best[status.lead]] * noise
-    rounding = status.rounding**2 / 12.0
-    moved = abs(status.speed) * status.interval
-    sharp = rounding > 0.0 and found < 0.1 * rounding and moved > 0.5 * status.rounding
-    status.sharp = status.sharp + 1.0 if sharp else 0.0
-    if status.sharp >= SHARP_LESSONS:
-        status.rounding = rounding = 0.0
     if abs(status.speed) > FASTER * status.fastest:
         for m in range(lanes.FILTERS):
             status.learnt[m] = min(status.learnt[m], KNOWN_BEFORE)
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
-        learnt = max(found - rounding, 0.01 * found) / status.speed**2
+        learnt = max(found - status.rounding**2 / 12.0, 0.01 * found) / status.speed**2
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (learnt - status.jitter)
     for m in range(lanes.FILTERS):
         _rescale(status, m, noise / noise_of(status, status.speed))

@@ -9,7 +9,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.breaks import set_start
-from textile_twin_core.shaft.chain import FAR, know_ripple, stand
+from textile_twin_core.shaft.chain import know_ripple, stand
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.smoothing import Smoother, evidence, new_smoother, smooth_rows
@@ -23,6 +23,8 @@ LEAST_LED = 0.05
 """Part of a stretch that a family must have led to be asked."""
 ASKED_PARTS, ASKED_ROWS = 16, 256
 """Of a stretch that is longer so many parts are asked for the family, of so many rows: they tell it as well as all."""
+FAR = 49.0
+"""Square of how far a reading may be off, over its variance, to be used after all once its tooth is known."""
 FEWEST = 4
 """Rows below which a stretch keeps the filter's states."""
 

@@ -65,7 +65,7 @@ def step_back(
     x[2, 2] = at.keep * x[2, 2] - k0 * x[0, 2] - k1 * x[1, 2] + at.trust
     unit, half = intensity * step, 0.5 * step * step
     jerk[0] = unit * _jerk(step, a[0] * a[0], a[0] * a[1], a[0] * a[2], a[1] * a[1], a[1] * a[2], a[2] * a[2])
-    jerk[1] = max(unit * _jerk(step, x[0, 0], x[0, 1], x[0, 2], x[1, 1], x[1, 2], x[2, 2]), 0.0)
+    jerk[1] = min(max(unit * _jerk(step, x[0, 0], x[0, 1], x[0, 2], x[1, 1], x[1, 2], x[2, 2]), 0.0), 3.0)
     a[0] += step * a[1] + half * a[2]
     a[1] += step * a[2]
     _undo_motion(x, step)
