@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import json
-import resource
 import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +15,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 import textile_twin_core as ttc
+from tests.full_disk import full_disk
 from textile_twin_core.cli.main import main
 from textile_twin_core.recordings import BagWriter, OfferedQos, open_bag
 from textile_twin_core.recordings.schemas import MessageSchema
@@ -304,17 +302,6 @@ def test_an_output_that_is_there_is_kept_unless_forced(
     assert main([*command, "--force"]) == 0
     assert sorted(entry.name for entry in (tmp_path / "out").iterdir()) == ["metadata.yaml", "out_0.mcap"]
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
-
-
-@contextmanager
-def full_disk(room: int) -> Iterator[None]:
-    """The limit on the size of files stands for a disk without room."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 @pytest.mark.parametrize("room", [0, 5_000, 40_000])

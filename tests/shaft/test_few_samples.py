@@ -22,6 +22,13 @@ def test_the_step_is_found_beside_wild_readings(seed: int) -> None:
     assert step == pytest.approx(np.deg2rad(1.0), rel=1e-9)
 
 
+def test_the_step_of_a_shaft_at_rest_is_not_what_wild_readings_have_in_common() -> None:
+    record = make("standstill+3%", 9)
+    estimator = create_estimator("causal")
+    estimator.step(record.time_s, record.fed_rad)
+    assert estimator.report.resolution_rad == pytest.approx(2.0 * np.pi / 4096, rel=1e-9)
+
+
 def test_no_step_where_readings_are_not_rounded() -> None:
     rng = np.random.default_rng(1)
     assert encoder_step(np.arange(48.0), np.cumsum(rng.uniform(0.5, 1.0, 48))) == 0.0

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import resource
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,34 +10,24 @@ import pytest
 import rerun as rr
 import rerun.blueprint as rrb
 
+from tests.full_disk import full_disk
 from tests.views.conftest import Run
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.views import LiveView, screenshot, write_comparison_recording, write_motion_recording
 from textile_twin_core.views.rrd_file import check_whole, written
 
 
-@contextmanager
-def largest_file(size: int) -> Iterator[None]:
-    """No file grows beyond so many bytes, as on a full disk."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
 def test_a_comparison_that_does_not_fit_leaves_the_old_file(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
     path.write_bytes(b"old")
-    with largest_file(300_000), pytest.raises(RecordingError, match="File too large"):
+    with full_disk(300_000), pytest.raises(RecordingError, match="File too large"):
         write_comparison_recording(path, run.comparison, run.machine)
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
     assert path.read_bytes() == b"old"
 
 
 def test_a_motion_that_does_not_fit_is_told(run: Run, tmp_path: Path) -> None:
-    with largest_file(500_000), pytest.raises(RecordingError, match="File too large"):
+    with full_disk(500_000), pytest.raises(RecordingError, match="File too large"):
         write_motion_recording(tmp_path / "m.rrd", run.machine, run.stamps_ns, run.theta_rad, title="a test")
 
 
@@ -48,7 +35,7 @@ def test_a_file_that_lacks_its_end_alone_is_told(tmp_path: Path) -> None:
     """Everything logged was written, and then there was no room for what closes the file."""
 
     def write(path: Path, limit: int) -> None:
-        with largest_file(limit):
+        with full_disk(limit):
             stream = rr.RecordingStream("test", recording_id="test")
             with written(stream, path, rrb.Blueprint()):
                 stream.log("numbers", rr.Scalars(np.arange(1000.0)), static=True)
@@ -61,7 +48,7 @@ def test_a_file_that_lacks_its_end_alone_is_told(tmp_path: Path) -> None:
 
 def test_a_live_view_tells_of_a_full_disk_while_it_runs(run: Run, tmp_path: Path) -> None:
     with (
-        largest_file(600_000),
+        full_disk(600_000),
         LiveView(run.machine, port=None, path=tmp_path / "live.rrd", flush_s=0.02) as view,
     ):
         end = time.monotonic() + 30.0
@@ -74,7 +61,7 @@ def test_a_live_view_tells_of_a_full_disk_while_it_runs(run: Run, tmp_path: Path
 def test_a_live_view_tells_of_a_file_that_could_not_be_completed(run: Run, tmp_path: Path) -> None:
     with LiveView(run.machine, port=None, path=tmp_path / "live.rrd", flush_s=60.0) as view:
         view.add_predicted(run.stamps_ns, run.theta_rad, run.predicted_Nm)
-        with largest_file(500_000):
+        with full_disk(500_000):
             view.close()
     assert isinstance(view.error, RecordingError)
 

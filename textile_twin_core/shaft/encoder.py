@@ -114,7 +114,7 @@ def _is_rounding(stamps: FloatArray, angles: FloatArray, step: float) -> bool:
     if not fits.any():
         return False
     counts = np.rint(np.abs(moves[fits]) / step)
-    usual = counts == np.median(counts)
+    usual = counts == np.sort(counts)[counts.size // 2]
     if np.all(usual):
         return False
     return bool(np.any(counts == 0.0)) or not _takes_longer(np.diff(stamps)[fits], usual)

@@ -36,6 +36,8 @@ UNSURE, SLOW = 0.25, 0.3
 """Standard deviation of the speed, in parts of it and of this part of full speed at least, above which a state is not
 called settled: so it is for some samples where the motion changed at once.
 """
+MOVES_OFF = 1.5
+"""Moves from a reading to the next, off by which one set aside is heard where the encoder's step is looked for."""
 RECALIBRATE_EVERY = 32.0
 """Samples between two lessons about the noise."""
 PERIOD_SAMPLES = 500.0
@@ -64,7 +66,9 @@ def take(status: Record, block: Block, i: int, row: Record) -> bool:
     block.last[0] = stamp
     if status.samples > 1.0:
         _tell(status, row)
-    block.heard[i] = row.reading
+    # Set aside it tells of the encoder, too, if it is off by a move: readings in step with the sampling skip one.
+    if row.noise > 0.0 or abs(row.reading - status.angle) <= MOVES_OFF * abs(status.speed) * status.interval:
+        block.heard[i] = row.reading
     return True
 
 

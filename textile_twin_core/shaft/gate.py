@@ -25,7 +25,7 @@ class Block(NamedTuple):
         stamps: (n,) as they came.
         angles: (n,) [rad].
         velocities: (n,) [rad/s], NaN for none, or empty.
-        heard: (n,) becomes each accepted sample's unwrapped reading, NaN for the others.
+        heard: (n,) becomes each sample's unwrapped reading, NaN where it tells nothing of the encoder.
     """
 
     last: Stamps
