@@ -121,7 +121,8 @@ def step_there(filters: Record, at: Record, row: Record, intensity: float, owing
         seen[0, m], seen[1, m], seen[2, m] = clock[lanes.L20, m], clock[lanes.L21, m], clock[lanes.L22, m]
         spread = clock[lanes.L20, m] ** 2 + clock[lanes.L21, m] ** 2 + clock[lanes.L22, m] ** 2
         filters.innovation[m] = off
-        filters.own_noise[m] = max(row.noise, off * off / WIDE - spread)
+        known = (row.reading - row.theta) ** 2 <= WIDE * row.noise
+        filters.own_noise[m] = row.noise if known else max(row.noise, off * off / WIDE - spread)
         correct(filters, m, m + 1)
         at.gain[0], at.gain[1] = gain[0, m], gain[1, m]
         at.trust = 1.0 / (filters.own_noise[m] + spread)
