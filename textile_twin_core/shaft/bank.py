@@ -14,7 +14,6 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import known_part, set_basis
 from textile_twin_core.shaft.kinematics import correct, move_on
-from textile_twin_core.shaft.readings import FIRST_SCALE_WEIGHT
 from textile_twin_core.shaft.ripple import absorb, feel, foretell, learn, set_sensitivity
 from textile_twin_core.shaft.status import Record
 
@@ -28,6 +27,8 @@ BEHIND = math.exp(-10.0)
 """Likelihood ratio to the family, since it was best, at which a filter begins again from the best one (Page 1954)."""
 FEW = 0.01
 """Probability of a filter that may begin again."""
+FIRST_SCALE_WEIGHT = 0.5
+"""What the first guess of the noise weighs beside the innovations that a filter's scale of it is learnt from."""
 SCALE_SAMPLES = 500.0
 """Innovations that a filter's scale of the noise is learnt from."""
 RIPPLE_SIZE = 0.05

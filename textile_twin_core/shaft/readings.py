@@ -13,8 +13,6 @@ from textile_twin_core.shaft.status import Record, Records
 
 SETTLING = 25.0
 """Samples until a state is called settled, and at rest until it is called standstill."""
-FIRST_SCALE_WEIGHT = 0.5
-"""What the first guess of the noise weighs beside the innovations that a filter's scale of it is learnt from."""
 MOST_ALIKE = 16.0
 """Readings that count as one at most: a shaft at rest stays for hours within a step of its encoder."""
 FIRST_JITTER = 0.01
@@ -113,13 +111,12 @@ def guess_rounding(status: Record, moved: float) -> None:
 
 @compiled
 def _set_rounding(status: Record, rounding: float) -> None:
-    """What a turning shaft has told of the noise stays; what one at rest did was the guess, and is learnt anew."""
+    """What a turning shaft has told of the noise stays; one at rest tells nothing."""
     before, turning = noise_of(status, status.speed), abs(status.speed) * status.interval > status.rounding
     status.rounding = rounding
     set_alike(status)
-    for m in range(lanes.FILTERS):
-        _rescale(status, m, before / noise_of(status, status.speed) if turning else 1.0 / status.scale[m])
-        status.learnt[m] = status.learnt[m] if turning else FIRST_SCALE_WEIGHT
+    for m in range(lanes.FILTERS if turning else 0):
+        _rescale(status, m, before / noise_of(status, status.speed))
 
 
 @compiled
