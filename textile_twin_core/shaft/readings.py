@@ -23,10 +23,6 @@ LEAST_SCALE = 1e-6
 """Of the noise, that filters learn, as far as nothing else bounds it."""
 LEARN_JITTER = 0.5
 """Part of the jitter that each lesson about it gives at full speed; a slow shaft hardly shows it."""
-FASTER = 1.25
-"""So many times the full speed known there is a new one: jitter is not foretold beyond it, ..."""
-KNOWN_BEFORE = 64.0
-"""... and what was learnt before weighs no more than so many innovations."""
 FORGET_SPEED = 0.99
 """Part of the full speed that is left after each lesson at a lower one."""
 
@@ -46,8 +42,6 @@ def unwrapped(status: Record, raw: float, expected: float) -> float:
 @compiled
 def noise_of(status: Record, speed: float) -> float:
     """Variance of a reading [rad^2]: rounding and jitter."""
-    if status.fastest > 0.0 and status.jitter_told == 0.0:
-        speed = min(abs(speed), FASTER * status.fastest)
     return float(rounding_noise(status) + status.jitter * speed**2 + FINEST_RAD2)
 
 
@@ -123,12 +117,9 @@ def _set_rounding(status: Record, rounding: float) -> None:
 def recalibrate(status: Record, noise: float) -> None:
     """Give what the leading filter has learnt of the noise to the jitter, so that it follows the speed."""
     found = status.scale[status.best[status.lead]] * noise
-    if abs(status.speed) > FASTER * status.fastest:
-        for m in range(lanes.FILTERS):
-            status.learnt[m] = min(status.learnt[m], KNOWN_BEFORE)
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
-        learnt = max(found - status.rounding**2 / 12.0, 0.01 * found) / status.speed**2
+        learnt = max(found - rounding_noise(status), 0.01 * found) / status.speed**2
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (learnt - status.jitter)
     for m in range(lanes.FILTERS):
         _rescale(status, m, noise / noise_of(status, status.speed))
