@@ -227,3 +227,19 @@ def test_mistakes_of_the_caller_are_named() -> None:
         create_estimator("causal", shaft_lag=1)
     with pytest.raises(SceneError, match="positive"):
         create_estimator("lag", shaft_lag_s=0.0)
+
+
+@pytest.mark.parametrize("bits", [9, 12, 16])
+def test_a_crash_within_two_samples_is_followed(bits: int) -> None:
+    """Readings that the gate sets aside until the third tells that they are motion are smoothed with the others."""
+    time, crash, step = np.arange(1, 4001) * 0.002, 4.003, 2 * np.pi / 2**bits
+    braked = np.clip(time - crash, 0.0, 0.004)
+    theta = 30.0 * (np.minimum(time, crash) + braked - braked**2 / 0.008)
+    omega = 30.0 * (1.0 - braked / 0.004)
+    limits = {"causal": (3.5, 2.0), "lag": (1.0, 0.5), "smooth": (1.0, 0.5)}
+    for name, (by_speed, by_steps) in limits.items():
+        states, _ = run(name, np.rint(time * 1e9).astype(np.int64), np.round(theta / step) * step)
+        around = np.abs(time[states.index] - crash - 0.05) < 0.25
+        off_by = (states.omega_rad_s - omega[states.index])[around]
+        assert np.sqrt(np.mean(off_by**2)) < by_speed, name
+        assert np.sqrt(np.mean(off(states, theta)[around] ** 2)) < max(by_steps * step, 0.01), name

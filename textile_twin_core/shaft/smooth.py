@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.breaks import set_start
@@ -23,8 +22,6 @@ LEAST_LED = 0.05
 """Part of a stretch that a family must have led to be asked."""
 ASKED_PARTS, ASKED_ROWS = 16, 256
 """Of a stretch that is longer so many parts are asked for the family, of so many rows: they tell it as well as all."""
-FAR = 49.0
-"""Square of how far a reading may be off, over its variance, to be used after all once its tooth is known."""
 FEWEST = 4
 """Rows below which a stretch keeps the filter's states."""
 
@@ -70,9 +67,7 @@ class SmoothEstimator(ShaftEstimator):
                     self._smooth_stretch(rows[first:end])
             if wheel is not None and lesson < lessons:
                 off = rows["reading"] - rows["phase"] - (rows["turns"] - rows["origin"]) * TURN
-                more = wheel.learn(rows["reading"], off)
-                rows["reading"] += more
-                _readmit(rows, off + more)
+                rows["reading"] += wheel.learn(rows["reading"], off)
 
     def _smooth_stretch(self, rows: Records) -> None:
         """With the ripple, as the filter came to know it, under which the readings are likeliest (Schwarz 1978)."""
@@ -97,14 +92,6 @@ def _asked(rows: Records) -> list[Records]:
     starts = np.linspace(0, len(rows) - ASKED_ROWS, ASKED_PARTS).astype(np.int64)
     parts = (rows[start : start + ASKED_ROWS] for start in starts)
     return [part[int(np.argmax(part["noise"] > 0.0)) :] for part in parts]
-
-
-def _readmit(rows: Records, off: FloatArray) -> None:
-    """Readings set aside that are off by no more than others, now that their tooth's error is known, are used."""
-    used = rows["noise"] > 0.0
-    scale = np.median(rows["noise"][used] / rows["unit"][used])
-    back = ~used & (off * off < FAR * scale * rows["unit"])
-    rows["noise"][back] = scale * rows["unit"][back]
 
 
 def _compact(rows: Records) -> Records:

@@ -1,0 +1,36 @@
+"""Records that were hard once, beside the textbook's filter or smoother tuned on each."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.benchmarks.shaft_judge.kinds_score import score
+from tests.benchmarks.shaft_judge.views import package
+
+
+@pytest.mark.parametrize("view", ["causal", "smooth"])
+@pytest.mark.parametrize("seed", [4, 17, 23, 25, 27])
+def test_gentle_starts_of_coarse_encoders_are_no_blows(view: str, seed: int) -> None:
+    """An encoder's first step after a rest, and the beat of a steady run with the sampling."""
+    made = score(package, "runs", seed, view)
+    assert np.all(made.rms < 1.25 * made.book)
+
+
+@pytest.mark.parametrize("seed", [3, 6])
+def test_a_record_that_begins_at_rest_tells_the_encoders_step_as_it_moves(seed: int) -> None:
+    """Until it is known, the step is at most the smallest move."""
+    made = score(package, "standstill", seed, "causal")
+    assert made.rms[0] < 1.25 * made.book[0]
+
+
+def test_the_jerk_is_found_where_it_is() -> None:
+    """Disturbances of every time scale: what the smoothed jerk says is asked over few samples where they tell much."""
+    made = score(package, "scales", 9, "smooth")
+    assert np.all(made.rms < 1.25 * made.book)
+
+
+@pytest.mark.parametrize("seed", [16, 21])
+def test_no_more_ripple_than_the_readings_speak_for(seed: int) -> None:
+    made = score(package, "runs", seed, "smooth")
+    assert np.all(made.rms < 1.5 * made.book)

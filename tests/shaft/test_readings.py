@@ -1,0 +1,55 @@
+"""How good readings are: how many count as one, and the error of the stamps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.generators.mill_recordings import healthy, record
+from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft.readings import MOST_ALIKE, set_alike
+from textile_twin_core.shaft.settings import ShaftSettings
+from textile_twin_core.shaft.status import new_status
+
+
+@pytest.mark.parametrize(
+    ("steps", "bend", "jitter", "count"),
+    [
+        (0.0, 0.0, 0.0, MOST_ALIKE),
+        (0.1, 0.0, 0.0, 5.0),
+        (3.1, 0.0, 0.0, 5.0),
+        (2.9, 0.0, 0.0, 5.0),
+        (0.4, 0.0, 0.0, 1.25),
+        (0.5, 0.0, 0.0, 1.0),
+        (0.0, 0.02, 0.0, 5.0),
+        (3.1, 0.0, 0.1, 1.0 + 4.0 * np.exp(-4.0 * np.pi**2 * 0.01)),
+        (3.0, 0.0, 1.0, 1.0),
+    ],
+)
+def test_half_the_readings_until_the_shaft_moved_by_a_step_count_as_one(
+    steps: float, bend: float, jitter: float, count: float
+) -> None:
+    """By steps of the encoder: from reading to reading, that per reading again, and the jitter."""
+    status = new_status(ShaftSettings(resolution_rad=1e-3), 1e-3)[0]
+    status["interval"] = 0.01
+    status["speed"], status["acceleration"] = steps * 0.1, bend * 10.0
+    status["jitter"] = (jitter * 1e-3 / (steps * 0.1)) ** 2 if jitter else 0.0
+    set_alike(status)
+    assert float(status["alike"]) == pytest.approx(count, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", [2003, 2007])
+def test_the_stamps_error_of_a_mills_recording_is_told(seed: int) -> None:
+    """14 bits, stamps off by 20 us: a step of rounding that readings share is no jitter."""
+    made = record(healthy("tufting", seed, duration_s=30.0))
+    estimator = create_estimator("causal")
+    estimator.step(made.angle_stamps_ns, made.angle)
+    assert estimator.report.stamp_jitter_s == pytest.approx(20e-6, rel=0.25)
+
+
+def test_the_step_of_a_shaft_that_hardly_moves_is_found() -> None:
+    """Among 768 readings too few differ: those that do are kept for the next."""
+    time, step = np.arange(6000) * 1e-3, 2.0 * np.pi / 4096
+    estimator = create_estimator("causal")
+    estimator.step(time, np.round(0.004 * time * 1e3) * step)
+    assert estimator.report.resolution_rad == pytest.approx(step, rel=1e-9)
