@@ -16,8 +16,8 @@ from textile_twin_core.shaft.turns import TURN
 
 BANK_SHARE = 1e-5
 """Weight that passes between families at each sample: ripple comes and goes with the work done, not with the sample."""
-SEEN_CYCLES, SURE_CYCLES = 1.25, 4.0
-"""Cycles of motion after which a family has a say, and after which what it says of the motion is the motion's."""
+SEEN_CYCLES = 1.25
+"""Cycles of motion after which a family has a say."""
 RESTLESS_CYCLES, FIRST_REST, LONGEST_REST = 8.0, 16.0, 256.0
 """Cycles that a family of no weight works until it rests; and rests until it tries again, each time twice as long."""
 NO_WEIGHT = 0.05
@@ -111,6 +111,5 @@ def weigh(status: Record, noise: float, turning: bool) -> None:
 
 @compiled
 def memory_for(status: Record, f: int) -> float:
-    """Log memory for a family: its own while it has weight and knows its ripple for sure, else the plain one's."""
-    own = status.weight[f] > NO_WEIGHT and status.travelled[f] * status.lowest >= SURE_CYCLES * TURN
-    return status.log_memory[f if own else lanes.PLAIN]  # type: ignore[no-any-return]
+    """Log memory for a family: its own while it has weight, else the plain one's."""
+    return status.log_memory[f if status.weight[f] > NO_WEIGHT else lanes.PLAIN]  # type: ignore[no-any-return]
