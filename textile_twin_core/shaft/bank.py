@@ -12,9 +12,9 @@ import math
 
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.clock import known_part, set_basis
+from textile_twin_core.shaft.clock import known_part, set_basis, set_second
 from textile_twin_core.shaft.kinematics import correct, move_on
-from textile_twin_core.shaft.ripple import absorb, feel, foretell, learn, set_sensitivity
+from textile_twin_core.shaft.ripple import absorb, along, feel, foretell, learn, set_sensitivity
 from textile_twin_core.shaft.status import Record
 
 FREEDOM = 8.0
@@ -41,6 +41,17 @@ def stand_at(status: Record, theta: float, waves: int) -> None:
     if waves > 0 and (status.basis_at != theta or status.basis_waves < waves):
         set_basis(theta, status.lowest, 4 * waves, status.basis)
         status.basis_at, status.basis_waves = theta, float(waves)
+
+
+@compiled
+def renew_second(status: Record, f: int) -> None:
+    """Make g2 that of the best filter's ripple; the states follow, as they would a change of the ripple itself."""
+    waves, change = lanes.WAVES[f], status.change
+    change[:] = 0.0
+    set_second(status.ripple[status.best[f]], waves, status.lowest, status.second[f], change)
+    for m in range(lanes.FIRST[f], lanes.END[f]):
+        for row in range(3):
+            status.clock[row, m] += along(status.sensitivity[m, row], change, 2 * waves)
 
 
 @compiled

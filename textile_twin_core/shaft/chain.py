@@ -47,7 +47,7 @@ def know_ripple(filters: Record, status: Record, lane: int) -> None:
         filters.ripple[lanes.CHAIN, i] = status.ripple[lane, i]
         for j in range(i + 1):
             filters.factor[lanes.CHAIN, j, i] = status.factor[lane, j, i] * root
-    set_second(filters.ripple[lanes.CHAIN], lanes.WAVES[family], filters.lowest, filters.second[family])
+    set_second(filters.ripple[lanes.CHAIN], lanes.WAVES[family], filters.lowest, filters.second[family], change)
     for row in range(3):
         filters.clock[row, lanes.CHAIN] += along(filters.sensitivity[lanes.CHAIN, row], change, width)
 

@@ -28,8 +28,13 @@ def set_basis(theta: float, lowest: float, size: int, basis: FloatArray) -> None
 
 
 @compiled
-def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray) -> None:
-    """Coefficients of g2 from those of the ripple: g1' = sum(p cos + q sin) squared and integrated."""
+def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray, change: FloatArray) -> None:
+    """Coefficients of g2 from those of the ripple: g1' = sum(p cos + q sin) squared and integrated.
+
+    `change` (.) grows by that of those which are of the ripple's own orders.
+    """
+    for i in range(2 * waves):
+        change[i] -= second[i]
     for i in range(4 * waves):
         second[i] = 0.0
     for i in range(1, waves + 1):
@@ -42,6 +47,17 @@ def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray
             if down > 0:
                 second[2 * down - 1] += (pi * pj + qi * qj) / (lowest * down)
                 second[2 * down - 2] -= (qi * pj - pi * qj) / (lowest * down)
+    for i in range(2 * waves):
+        change[i] += second[i]
+
+
+@compiled
+def steepness(ripple: FloatArray, waves: int, lowest: float) -> float:
+    """The most that the slope of g1 can be; the clock of one beyond 1 may run backwards, which none does."""
+    total = 0.0
+    for k in range(waves):
+        total += lowest * (k + 1) * math.hypot(ripple[2 * k], ripple[2 * k + 1])
+    return total
 
 
 @compiled

@@ -68,7 +68,7 @@ def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TUR
     if counting and _is_rounding(stamps, angles, counting):
         return counting
     wrapped = _common_divisor(within, grain)
-    if wrapped and _is_rounding(stamps, angles, wrapped):
+    if wrapped and _is_rounding(stamps, within, wrapped):
         return wrapped
     return None if counting is None else 0.0
 
@@ -105,19 +105,27 @@ def _stretches(values: FloatArray) -> IntArray:
 def _is_rounding(stamps: FloatArray, angles: FloatArray, step: float) -> bool:
     """Whether a common divisor of the readings is an encoder's that rounds.
 
-    Else it is that of the speed, then all moves are alike; or of the teeth whose edges are timed, then none is nothing,
-    and over several teeth it takes longer.
+    Else it is that of the speed, then all moves are alike, but for those after which no reading is a multiple any more;
+    or of the teeth whose edges are timed, then none is nothing, and over several teeth it takes longer.
     """
-    moves = np.diff(angles)
-    moves -= TURN * np.rint(moves / TURN)
-    fits = _off_multiples(moves, step) < 0.01 * step  # to an outlier and back they do not
-    if not fits.any():
+    fits = _are_multiples(angles, step)
+    pairs = fits[1:] & fits[:-1]
+    if not pairs.any():
         return False
-    counts = np.rint(np.abs(moves[fits]) / step)
+    moves = np.diff(angles)[pairs]
+    moves -= TURN * np.rint(moves / TURN)
+    counts = np.rint(np.abs(moves) / step)
     usual = counts == np.sort(counts)[counts.size // 2]
     if np.all(usual):
         return False
-    return bool(np.any(counts == 0.0)) or not _takes_longer(np.diff(stamps)[fits], usual)
+    return bool(np.any(counts == 0.0)) or not _takes_longer(np.diff(stamps)[pairs], usual)
+
+
+def _are_multiples(angles: FloatArray, step: float) -> BoolArray:
+    """Which readings are multiples of the step, but for the offset that most of them share."""
+    beyond = np.rint(100.0 * angles / step) % 100.0
+    offset = np.argmax(np.bincount(beyond.astype(np.int64), minlength=100))
+    return np.asarray(np.isin((beyond - offset) % 100.0, (99.0, 0.0, 1.0)))
 
 
 def _takes_longer(intervals: FloatArray, usual: BoolArray) -> bool:
