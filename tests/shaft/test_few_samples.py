@@ -35,6 +35,15 @@ def test_no_step_where_readings_are_not_rounded() -> None:
     assert encoder_step(np.arange(48.0), np.zeros(48)) is None
 
 
+def test_an_even_speed_that_stops_is_no_step() -> None:
+    """A simulated shaft, or one whose stamps are exact: what it turns from sample to sample is the same for long."""
+    sample = np.arange(768.0)
+    for brake in (20.6, 61.0, 120.6):
+        gone = np.clip((sample - 480.0) / brake, 0.0, 1.0)
+        turned = np.minimum(sample, 480.0) + 0.5 * brake * (gone + np.sin(np.pi * gone) / np.pi)
+        assert encoder_step(0.004 * sample, 0.1511 * turned) == 0.0
+
+
 def test_edges_of_teeth_are_not_rounded_and_sampling_nearly_in_step_is() -> None:
     """Edges: a gap of teeth takes longer, also where every second tooth is heard; sampling: a skipped step does not."""
     tooth = np.arange(400)

@@ -40,3 +40,13 @@ def test_starts_and_stops_do_not_hide_the_ripple_from_smooth(seed: int) -> None:
     late = states.index > 0.15 * record.time_s.size
     off = (states.omega_rad_s - record.omega[states.index])[late]
     assert np.sqrt(np.mean(off**2)) < 0.3
+
+
+@pytest.mark.parametrize("view", ["causal", "lag"])
+def test_ripple_that_has_a_say_now_moves_no_state(view: str) -> None:
+    """Its second order is set all at once then: a shaft that slows evenly seemed to be hit by 1600 rad/s^2."""
+    record = make("standstill+3%", 275)
+    states = create_estimator(view).step(record.time_s, record.fed_rad)
+    late = states.index > 0.15 * record.time_s.size
+    truth = record.alpha[states.index]
+    assert np.max(np.abs(states.alpha_rad_s2 - truth)[late]) < 2.0 * np.abs(truth).max()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.shaft.kinds import make
+from tests.shaft.textbook import textbook
 from textile_twin_core.shaft import create_estimator
 
 TURN = 2.0 * np.pi
@@ -50,6 +51,26 @@ def test_run_down_and_start_around_a_long_rest(view: str, bits: int | None, jitt
     # The first steps of an encoder after a rest say little of the acceleration, and that is told.
     leaving = (at > 29.9) & (at < 31.5) & states.settled
     assert np.all(off[leaving] < np.maximum(5.0 * sigma[leaving], 1.0))
+
+
+@pytest.mark.parametrize("noise_rad", [2e-4, 1e-3, 3e-3])
+@pytest.mark.parametrize("bits", [16, None])
+def test_noise_that_does_not_fade_with_the_speed(bits: int | None, noise_rad: float) -> None:
+    """Of resolvers, and of encoders finer than what shakes them: a running shaft cannot tell it from late stamps."""
+    time = np.arange(0.0, 40.0, 0.002)
+    truth = motion(time)
+    read = truth[0] + noise_rad * np.random.default_rng(3).normal(size=time.size)
+    if bits:
+        read = np.rint(read * 2**bits / TURN) * TURN / 2**bits
+    book = textbook(time, read)
+    for view, tuned in (("causal", book.causal), ("smooth", book.smooth)):
+        estimator = create_estimator(view)
+        states = [estimator.step(time, read), estimator.finish()][view == "smooth"]
+        at = states.index[states.index > 0.1 * time.size]
+        ours = np.stack([states.omega_rad_s, states.alpha_rad_s2], axis=1)[-at.size :]
+        true = np.stack(truth[1:], axis=1)[at]
+        ratio = np.sqrt(np.mean((ours - true) ** 2, axis=0) / np.mean((tuned[at, 1:] - true) ** 2, axis=0))
+        assert np.all(ratio < [1.1, 1.25]), (view, ratio)
 
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])

@@ -52,15 +52,6 @@ def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray
 
 
 @compiled
-def steepness(ripple: FloatArray, waves: int, lowest: float) -> float:
-    """The most that the slope of g1 can be; the clock of one beyond 1 may run backwards, which none does."""
-    total = 0.0
-    for k in range(waves):
-        total += lowest * (k + 1) * math.hypot(ripple[2 * k], ripple[2 * k + 1])
-    return total
-
-
-@compiled
 def known_part(second: FloatArray, size: int, basis: FloatArray) -> float:
     """g2, or with the coefficients of the ripple g1, at the angle of the basis."""
     g = 0.0

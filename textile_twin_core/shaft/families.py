@@ -9,7 +9,6 @@ from __future__ import annotations
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import begin, log_memory, renew_second, take_angle
-from textile_twin_core.shaft.clock import steepness
 from textile_twin_core.shaft.readings import hardly, least_scale
 from textile_twin_core.shaft.status import Record
 from textile_twin_core.shaft.turns import TURN
@@ -73,16 +72,10 @@ def is_at_work(status: Record, f: int, turned: float) -> bool:
         status.active[f] = status.weight[f] = 0.0
         status.weight[0] = max(status.weight[0], NEWCOMER)
     elif status.active[f] > 0.0 and status.rest[f] * status.lowest < -RESTLESS_CYCLES * TURN:
-        _lay_off(status, f)
+        status.active[f] = status.weight[f] = 0.0
+        status.rest[f] = status.pause[f] * TURN / status.lowest
+        status.pause[f] = min(2.0 * status.pause[f], LONGEST_REST)
     return status.active[f] > 0.0  # type: ignore[no-any-return]
-
-
-@compiled
-def _lay_off(status: Record, f: int) -> None:
-    """Let a family rest, each time twice as long."""
-    status.active[f] = status.weight[f] = 0.0
-    status.rest[f] = status.pause[f] * TURN / status.lowest
-    status.pause[f] = min(2.0 * status.pause[f], LONGEST_REST)
 
 
 @compiled
@@ -96,9 +89,6 @@ def weigh(status: Record, noise: float, turning: bool) -> None:
             together = take_angle(status, f, noise, least)
             seen = f > 0 and has_seen(status, f)
             if seen and status.samples % SECOND_EVERY == 0.0:
-                if steepness(status.ripple[status.best[f]], lanes.WAVES[f], status.lowest) > 1.0:
-                    _lay_off(status, f)
-                    continue
                 renew_second(status, f)
             plain = together if f == 0 else plain
             weight[f] *= together if turning else plain

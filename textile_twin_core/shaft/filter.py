@@ -17,6 +17,7 @@ from textile_twin_core.shaft.readings import (
     SETTLING,
     guess_rounding,
     hardly,
+    learn_unrest,
     noise_of,
     recalibrate,
     set_alike,
@@ -169,6 +170,7 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     status.aside = status.off_before = status.off_last = 0.0
     turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(row.noise)
     weigh(status, noise, turning)
+    learn_unrest(status, reading)
     if status.samples % RECALIBRATE_EVERY == 0.0 and turning and status.since > RECALIBRATE_EVERY / 2.0:
         recalibrate(status, noise)
 

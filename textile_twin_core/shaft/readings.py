@@ -10,6 +10,7 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.encoder import FINEST_STEP_RAD
 from textile_twin_core.shaft.status import Record, Records
+from textile_twin_core.shaft.turns import TURN
 
 SETTLING = 25.0
 """Samples until a state is called settled, and at rest until it is called standstill."""
@@ -17,6 +18,10 @@ MOST_ALIKE = 16.0
 """Readings that count as one at most: a shaft at rest stays for hours within a step of its encoder."""
 FIRST_JITTER = 0.01
 """First guess of the stamps' error, in intervals; learnt within some dozens of samples."""
+SMOOTHLY = TURN / 48.0
+"""Move from a reading to the next up to which there are 4 readings in the shortest wave of ripple at least."""
+UNREST_SAMPLES, MOST_UNREST = 100.0, 64.0
+"""Readings that other noise is learnt from, and the most that one tells, in variances: it may have leapt."""
 FINEST_RAD2 = 1e-14
 """Least variance of a reading: the rounding of float64 angles some hundred turns away."""
 LEAST_SCALE = 1e-6
@@ -41,8 +46,11 @@ def unwrapped(status: Record, raw: float, expected: float) -> float:
 
 @compiled
 def noise_of(status: Record, speed: float) -> float:
-    """Variance of a reading [rad^2]: rounding and jitter."""
-    return float(rounding_noise(status) + status.jitter * speed**2 + FINEST_RAD2)
+    """Variance of a reading [rad^2]: rounding and jitter, and other noise once it is clearly more than they are."""
+    known = rounding_noise(status) + status.jitter * speed**2
+    if status.unrest > known:
+        known = status.unrest + status.jitter * speed**2
+    return float(known + FINEST_RAD2)
 
 
 @compiled
@@ -70,6 +78,22 @@ def set_alike(status: Record) -> None:
     apart = min(1.0 / max(rate + math.sqrt(rate * rate + 2.0 * bend), 1e-30), MOST_ALIKE)
     blur = math.exp(-4.0 * math.pi**2 * status.jitter * (status.speed / step) ** 2)
     status.alike = max(1.0 + (apart - 1.0) * blur, 1.0)
+
+
+@compiled
+def learn_unrest(status: Record, reading: float) -> None:
+    """Learn the noise that jitter does not account for: by how much second differences of the readings alternate.
+
+    Those of white noise have the covariance -4 sigma^2 with the one before; what the shaft does between samples adds to
+    it as long as they are many in each wave of its ripple, and is no noise.
+    """
+    moved = (reading - status.kept) * status.interval / (status.time - status.kept_at)
+    bent = moved - status.moved
+    if abs(moved) <= SMOOTHLY:
+        told = -0.25 * bent * status.bent - status.jitter * status.speed**2
+        noise = noise_of(status, status.speed)
+        status.unrest += (min(max(told, -noise), MOST_UNREST * noise) - status.unrest) / UNREST_SAMPLES
+    status.kept, status.kept_at, status.moved, status.bent = reading, status.time, moved, bent
 
 
 @compiled
