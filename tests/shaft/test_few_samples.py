@@ -51,8 +51,12 @@ def test_edges_of_teeth_are_not_rounded_and_sampling_nearly_in_step_is() -> None
     for edges in (heard, heard[::2]):
         assert encoder_step(edges / 60.0 + 1e-4 * np.sin(edges), edges * 0.1) == 0.0
     time = np.arange(200) * 1e-3
-    for steps in (1.01, 2.02, 3.01):
-        assert encoder_step(time, np.round(steps * 1000.0 * time) * 0.002) == pytest.approx(0.002, rel=1e-9)
+    heard = np.random.default_rng(2).random(time.size) > 0.3
+    for steps in (1.01, 2.02, 3.01, 333.77):
+        readings = np.round(steps * 1000.0 * time) * 0.002
+        assert encoder_step(time, readings) == pytest.approx(0.002, rel=1e-9)
+        if steps > 4.0:
+            assert encoder_step(time[heard], readings[heard]) == pytest.approx(0.002, rel=1e-9)
 
 
 def test_ripple_is_told_at_seven_samples_a_turn() -> None:

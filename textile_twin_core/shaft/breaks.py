@@ -40,7 +40,7 @@ def begin_motion(status: Record, step: float, angle: float) -> None:
     if status.jitter_told == 0.0:
         status.jitter = (FIRST_JITTER * step) ** 2
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
-    status.kept, status.kept_at, status.moved, status.bent = angle, status.time, 0.0, 0.0
+    status.read, status.kept, status.kept_at, status.moved, status.bent = angle, angle, status.time, 0.0, 0.0
     set_alike(status)
     start, root = status.start, math.sqrt(noise_of(status, rate))
     set_start(start, angle, rate, root**2, step)
@@ -99,7 +99,7 @@ def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
         if status.active[f] > 0.0:
             expect_angle(status, f, 0.0, reading, reading, row.unit)
             take_angle(status, f, row.unit, 0.0)
-    status.angle = reading
+    status.angle = status.read = reading
     status.since = 0.0
 
 

@@ -15,6 +15,8 @@ FINEST_STEP_RAD = 1e-6
 ENOUGH_GAPS = 6
 MOST_TRIED = 16
 """Stretches of readings of a sort, each with gaps enough, that are asked for their divisor: some have no outliers."""
+MOST_TEETH = 3
+"""From edge to edge, where all but every third are left out."""
 MOST_FIT, FEWEST_FIT = 0.7, 0.3
 """Part of all gaps that are multiples of the step, and of any where there is none; in between it stays unknown."""
 
@@ -115,10 +117,11 @@ def _is_rounding(stamps: FloatArray, angles: FloatArray, step: float) -> bool:
     moves = np.diff(angles)[pairs]
     moves -= TURN * np.rint(moves / TURN)
     counts = np.rint(np.abs(moves) / step)
-    usual = counts == np.sort(counts)[counts.size // 2]
+    most = np.sort(counts)[counts.size // 2]
+    usual = counts == most
     if np.all(usual):
         return False
-    return bool(np.any(counts == 0.0)) or not _takes_longer(np.diff(stamps)[pairs], usual)
+    return bool(np.any(counts == 0.0)) or most > MOST_TEETH or not _takes_longer(np.diff(stamps)[pairs], usual)
 
 
 def _are_multiples(angles: FloatArray, step: float) -> BoolArray:

@@ -30,7 +30,7 @@ OUTLYING = 0.02
 """Density [1/rad] of outliers, as `bank.density` counts it: with the 0.39 that it leaves out, of one reading in 130
 anywhere within a radian. What the filters give less is set aside."""
 LOST = 9
-"""Readings in a row that follow no motion before everything begins anew."""
+"""Readings set aside, more than fitted since, before everything begins anew."""
 GAP_SAMPLES = 50.0
 """A pause of so many intervals is a gap: the motion is found anew."""
 UNSURE, SLOW = 0.25, 0.3
@@ -127,18 +127,22 @@ def put_angle(row: Record, angle: float) -> None:
 def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     """One reading from the third on."""
     status.since += 1.0
-    if step > GAP_SAMPLES * status.interval:
+    gain = max(1.0 / status.samples, 1.0 / PERIOD_SAMPLES)
+    late = step > GAP_SAMPLES * status.interval
+    if not late or status.since < GAP_SAMPLES:
+        status.interval += (min(step, GAP_SAMPLES * status.interval) - status.interval) * gain
+    if late and status.since > 1.0:
         bridge_gap(status, step, raw, row)
         return
-    if status.period > 0.0 and 2.0 * abs(status.speed) * status.interval > status.period:
-        # An angle that wraps tells no such speed: its readings would fit this one and any that is whole periods faster.
+    longest = max(step, status.interval) if status.since < SETTLING else status.interval
+    if late or (status.period > 0.0 and 2.0 * abs(status.speed) * longest > status.period):
+        # Where a gap follows another the interval was none. And an angle that wraps tells no such speed: its readings
+        # would fit this one and any that is whole periods faster.
         reading = unwrapped(status, raw, status.read)
         status.speed = (reading - status.read) / step
         lose(status, reading, step, row)
-        row.reading = status.read = reading
+        row.reading = reading
         return
-    gain = max(1.0 / status.samples, 1.0 / PERIOD_SAMPLES)
-    status.interval += (min(step, 3.0 * status.interval) - status.interval) * gain
     expected = status.angle + step * (status.speed + 0.5 * step * status.acceleration)
     reading = unwrapped(status, raw, expected)
     guess_rounding(status, abs(reading - status.read))
@@ -162,7 +166,7 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
             status.aside += 1.0
             status.doubt += 1.0
             status.outliers += 1.0
-            if status.aside > LOST:
+            if status.doubt > LOST:
                 lose(status, reading, step, row)
             return
         for f in range(lanes.FAMILIES):

@@ -88,8 +88,9 @@ def learn_unrest(status: Record, reading: float) -> None:
     it as long as they are many in each wave of its ripple, and is no noise.
     """
     moved = (reading - status.kept) * status.interval / (status.time - status.kept_at)
-    bent = moved - status.moved
-    if abs(moved) <= SMOOTHLY:
+    smoothly = max(abs(moved), abs(status.moved)) <= SMOOTHLY
+    bent = moved - status.moved if smoothly else 0.0
+    if smoothly:
         told = -0.25 * bent * status.bent - status.jitter * status.speed**2
         noise = noise_of(status, status.speed)
         status.unrest += (min(max(told, -noise), MOST_UNREST * noise) - status.unrest) / UNREST_SAMPLES
