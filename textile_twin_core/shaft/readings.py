@@ -46,11 +46,8 @@ def unwrapped(status: Record, raw: float, expected: float) -> float:
 
 @compiled
 def noise_of(status: Record, speed: float) -> float:
-    """Variance of a reading [rad^2]: rounding and jitter, and other noise once it is clearly more than they are."""
-    known = rounding_noise(status) + status.jitter * speed**2
-    if status.unrest > known:
-        known = status.unrest + status.jitter * speed**2
-    return float(known + FINEST_RAD2)
+    """Variance of a reading [rad^2]: rounding and jitter, or other noise where that is more."""
+    return float(max(rounding_noise(status) + status.jitter * speed**2, status.unrest) + FINEST_RAD2)
 
 
 @compiled
