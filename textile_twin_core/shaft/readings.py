@@ -24,6 +24,8 @@ UNREST_SAMPLES, MOST_UNREST = 100.0, 64.0
 """Readings that other noise is learnt from, and the most that one tells, in variances: it may have leapt."""
 FINEST_RAD2 = 1e-14
 """Least variance of a reading: the rounding of float64 angles some hundred turns away."""
+FINEST_S = 1e-9
+"""Least time between readings; months of seconds may tell none."""
 LEAST_SCALE = 1e-6
 """Of the noise, that filters learn, as far as nothing else bounds it."""
 LEARN_JITTER = 0.5
@@ -84,7 +86,7 @@ def learn_unrest(status: Record, reading: float) -> None:
     Those of white noise have the covariance -4 sigma^2 with the one before; what the shaft does between samples adds to
     it as long as they are many in each wave of its ripple, and is no noise.
     """
-    moved = (reading - status.kept) * status.interval / (status.time - status.kept_at)
+    moved = (reading - status.kept) * status.interval / max(status.time - status.kept_at, FINEST_S)
     smoothly = max(abs(moved), abs(status.moved)) <= SMOOTHLY
     bent = moved - status.moved if smoothly else 0.0
     if smoothly:
