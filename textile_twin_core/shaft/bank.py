@@ -1,9 +1,10 @@
 """A family of Kalman filters with one clock and different memories, weighed by how well each foretold the readings.
 
-Static multiple models (Magill 1965) with a fixed share of new probability (Herbster and Warmuth 1998), but without
-mixing of states: where the states of the models are mixed at each step, as interacting multiple models do (Blom and
-Bar-Shalom 1988), those of long memory are overwritten and never become sharp. Instead a filter that has fallen behind
-begins again from the best one.
+Static multiple models (Magill 1965) with a fixed share of new probability (Herbster and Warmuth 1998), which goes to
+the memories that had it of late (Bousquet and Warmuth 2002): where no blow ever came, two late stamps in a row are
+none. But states are not mixed: where the states of the models are mixed at each step, as interacting multiple models
+do (Blom and Bar-Shalom 1988), those of long memory are overwritten and never become sharp. Instead a filter that has
+fallen behind begins again from the best one.
 """
 
 from __future__ import annotations
@@ -17,12 +18,15 @@ from textile_twin_core.shaft.kinematics import correct, move_on
 from textile_twin_core.shaft.ripple import absorb, along, feel, foretell, learn, set_sensitivity
 from textile_twin_core.shaft.status import Record
 
-FREEDOM = 8.0
-"""Of Student's t for the innovations: a reading far off changes the weights little."""
+FREEDOM = 6.0
+"""Of Student's t for the innovations: delays of an operating system have tails, and one reading far off says little."""
 WIDE = 9.0
 """A normalised innovation squared above this widens its own reading until it is this."""
-SHARE = 1e-3
-"""Probability that passes from one memory to all others at each sample: motions change a few times in 1000 samples."""
+SHARE, TO_ALL = 1e-3, 0.01
+"""Probability that passes between memories at each sample, as motions change a few times in 1000 samples; and the part
+of it that goes to all alike."""
+OF_LATE = 300.0
+"""Samples over which a memory's use is averaged."""
 BEHIND = math.exp(-10.0)
 """Likelihood ratio to the family, since it was best, at which a filter begins again from the best one (Page 1954)."""
 FEW = 0.01
@@ -75,7 +79,8 @@ def begin(status: Record, f: int, scale: float) -> None:
                 status.factor[m, j, i] = 0.0
             status.factor[m, i, i] = RIPPLE_SIZE / (status.lowest * (i // 2 + 1)) / root
         status.scale[m], status.learnt[m] = scale, FIRST_SCALE_WEIGHT
-        status.probability[m], status.standing[m] = 1.0 / (lanes.END[f] - lanes.FIRST[f]), 1.0
+        status.probability[m] = status.used[m] = 1.0 / (lanes.END[f] - lanes.FIRST[f])
+        status.standing[m] = 1.0
     status.best[f] = lanes.FIRST[f]
 
 
@@ -126,7 +131,7 @@ def expect_angle(status: Record, f: int, step: float, reading: float, at: float,
         rest = 1.0 + squared / (FREEDOM * (noise + by))
         innovation[m], spread[m] = off, by
         status.own_noise[m] = max(noise, squared / WIDE - by)
-        status.likelihood[m] = 1.0 / (rest * rest * rest * rest * math.sqrt(rest * scale[m] * (noise + by)))
+        status.likelihood[m] = 1.0 / (rest * rest * rest * math.sqrt(rest * scale[m] * (noise + by)))
 
 
 @compiled
@@ -165,12 +170,14 @@ def take_angle(status: Record, f: int, noise: float, least_scale: float) -> floa
     first, end = lanes.FIRST[f], lanes.END[f]
     likelihood, probability, standing = status.likelihood, status.probability, status.standing
     innovation, spread, scale, learnt = status.innovation, status.spread, status.scale, status.learnt
-    together = density(status, f)
+    used, together = status.used, density(status, f)
     _correct(status, f)
-    share, kept = SHARE / (end - first), 1.0 / together
+    alike, kept = TO_ALL / (end - first), 1.0 / together
     for m in range(first, end):
         ratio = likelihood[m] * kept
-        probability[m] = (1.0 - SHARE) * probability[m] * ratio + share
+        share = alike + (1.0 - TO_ALL) * used[m]
+        probability[m] = (1.0 - SHARE) * probability[m] * ratio + SHARE * share
+        used[m] += (probability[m] - used[m]) / OF_LATE
         standing[m] = min(1.0, standing[m] * ratio)
         squared = min(innovation[m] * innovation[m] / (scale[m] * (noise + spread[m])), WIDE)
         learnt[m] = min(learnt[m] + 1.0, SCALE_SAMPLES)

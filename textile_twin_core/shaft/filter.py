@@ -27,7 +27,7 @@ from textile_twin_core.shaft.status import RUNNING, STANDSTILL, STARTING, Record
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
 
 OUTLYING = 0.02
-"""Density [1/rad] of outliers, as `bank.density` counts it: with the 0.39 that it leaves out, of one reading in 130
+"""Density [1/rad] of outliers, as `bank.density` counts it: with the 0.38 that it leaves out, of one reading in 130
 anywhere within a radian. What the filters give less is set aside."""
 LOST = 9
 """Readings set aside, more than fitted since, before everything begins anew."""

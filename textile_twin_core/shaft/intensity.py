@@ -9,7 +9,7 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft.readings import MOST_ALIKE
 from textile_twin_core.shaft.status import Record, Records
 
-LATE, STEADY = 20.0, 200.0
+LATE, STEADY = 20.0, 80.0
 """Samples that a filter takes at most to notice a change that matters, but the longer, the longer its memory is than
 so many; those that are alike count as one."""
 FOUND, WIDEST = 8.0, 512

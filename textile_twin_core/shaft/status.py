@@ -38,8 +38,8 @@ KEPT = (
 """Counts, and what outlasts the end of a motion."""
 _BY_FAMILY = ("weight", "active", "travelled", "began", "rest", "pause", "log_memory")
 _BY_LANE = (
-    "logarithm", "weakness", "scale", "learnt", "probability", "standing", "innovation", "spread", "common", "told",
-    "likelihood", "own_noise",
+    "logarithm", "weakness", "scale", "learnt", "probability", "used", "standing", "innovation", "spread", "common",
+    "told", "likelihood", "own_noise",
 )  # fmt: skip
 STATUS = np.dtype(
     [(name, np.float64) for name in _FIELDS]
@@ -80,10 +80,11 @@ wakes or, below 0, turned since it had weight; cycles that it rests next; mean l
 and the coefficients of g2 that follow from that one's ripple (see `clock`).
 
 Of each lane: logarithm of the samples that the filter looks back; strength of its jerk; variance of the readings
-relative to what is expected, and the innovations it was learnt from; probability; likelihood ratio to the family since
-it was best; state and factor of the clock, what a reading sees of the factor's columns, gains (see `kinematics`);
-sensitivity of the state to the coefficients of ripple; those and their factor, and what an innovation is shown of its
-columns (see `ripple`). Factors are in units of the root of the scale. The rest is room to work in."""
+relative to what is expected, and the innovations it was learnt from; probability, and its mean of late; likelihood
+ratio to the family since it was best; state and factor of the clock, what a reading sees of the factor's columns, gains
+(see `kinematics`); sensitivity of the state to the coefficients of ripple; those and their factor, and what an
+innovation is shown of its columns (see `ripple`). Factors are in units of the root of the scale. The rest is room to
+work in."""
 
 STATE = np.dtype(
     [(name, np.float64) for name in ("phase", "speed", "acceleration", "turns", "settled", "index")]
