@@ -14,14 +14,10 @@ import math
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import known_part, set_basis, set_second
-from textile_twin_core.shaft.kinematics import correct, move_on
+from textile_twin_core.shaft.kinematics import WIDE, correct, foresee, move_on
 from textile_twin_core.shaft.ripple import absorb, along, feel, foretell, learn, set_sensitivity
 from textile_twin_core.shaft.status import Record
 
-FREEDOM = 6.0
-"""Of Student's t for the innovations: delays of an operating system have tails, and one reading far off says little."""
-WIDE = 9.0
-"""A normalised innovation squared above this widens its own reading until it is this."""
 SHARE, TO_ALL = 1e-3, 0.01
 """Probability that passes between memories at each sample, as motions change a few times in 1000 samples; and the part
 of it that goes to all alike."""
@@ -114,24 +110,14 @@ def expect_angle(status: Record, f: int, step: float, reading: float, at: float,
         stand_at(status, at, lanes.WAVES[f])
         reading += known_part(status.second[f], 4 * lanes.WAVES[f], status.basis)
     width, first, end = 2 * lanes.WAVES[f], lanes.FIRST[f], lanes.END[f]
-    clock, seen, told, common = status.clock, status.seen, status.told, status.common
-    innovation, spread, scale = status.innovation, status.spread, status.scale
+    told, common = status.told, status.common
     for m in range(first, end):
         told[m] = common[m] = 0.0
     for m in range(first, end if width > 0 else first):
         feel(status.sensitivity[m], step, status.basis, status.felt[m], width)
         ripple, factor, felt = status.ripple[m], status.factor[m], status.felt[m]
         told[m], common[m] = foretell(ripple, factor, status.basis, felt, status.shown[m], width)
-    for m in range(first, end):
-        p0, p1, p2 = clock[lanes.L20, m], clock[lanes.L21, m], clock[lanes.L22, m]
-        seen[0, m], seen[1, m], seen[2, m] = p0, p1, p2
-        off = reading + told[m] - clock[lanes.ANGLE, m]
-        by = common[m] + p0 * p0 + p1 * p1 + p2 * p2
-        squared = off * off / scale[m]
-        rest = 1.0 + squared / (FREEDOM * (noise + by))
-        innovation[m], spread[m] = off, by
-        status.own_noise[m] = max(noise, squared / WIDE - by)
-        status.likelihood[m] = 1.0 / (rest * rest * rest * math.sqrt(rest * scale[m] * (noise + by)))
+    foresee(status, reading, noise, first, end)
 
 
 @compiled

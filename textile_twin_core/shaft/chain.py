@@ -14,9 +14,9 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import WIDE, stand_at
+from textile_twin_core.shaft.bank import stand_at
 from textile_twin_core.shaft.clock import set_second, wave
-from textile_twin_core.shaft.kinematics import correct, move_on
+from textile_twin_core.shaft.kinematics import WIDE, correct, move_on
 from textile_twin_core.shaft.ripple import absorb, along, feel, set_sensitivity
 from textile_twin_core.shaft.status import Record
 

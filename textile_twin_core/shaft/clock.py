@@ -82,21 +82,6 @@ def wave(
 
 
 @compiled
-def angle_of(
-    clock: float, ripple: FloatArray, second: FloatArray, waves: int, lowest: float, guess: float, basis: FloatArray
-) -> float:
-    """The shaft's angle, near `guess`, at which the clock stands: two Newton steps."""
-    if waves == 0:
-        return clock
-    theta = guess
-    for _ in range(2):
-        set_basis(theta, lowest, 4 * waves, basis)
-        g = wave(ripple, second, waves, lowest, basis)
-        theta += (clock - theta - g[0]) / max(1.0 + g[1], STEEPEST)
-    return theta
-
-
-@compiled
 def shaft_state(
     clock: float, rate: float, acceleration: float, theta: float, g: tuple[float, float, float, float], slopes:
     FloatArray,

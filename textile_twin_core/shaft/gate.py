@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import by_reference, compiled
 from textile_twin_core.errors import MotionError
 from textile_twin_core.shaft.status import Record
 
@@ -17,6 +17,7 @@ Stamps = npt.NDArray[Any]
 """int64 nanoseconds or float64 seconds."""
 
 
+@by_reference
 class Block(NamedTuple):
     """Samples on their way in.
 

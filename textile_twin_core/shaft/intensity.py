@@ -9,9 +9,9 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft.readings import MOST_ALIKE
 from textile_twin_core.shaft.status import Record, Records
 
-LATE, STEADY = 20.0, 80.0
+LATE, STEADY = 20.5, 80.0
 """Samples that a filter takes at most to notice a change that matters, but the longer, the longer its memory is than
-so many; those that are alike count as one."""
+so many; those that are alike count as one. No whole number: rounding shall not choose where sums of ones end."""
 FOUND, WIDEST = 8.0, 512
 """Degrees of freedom that the readings tell of the jerk around a row where it is found, and the most rows that it is
 looked for in on either side."""

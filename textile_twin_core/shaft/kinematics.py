@@ -15,6 +15,10 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.status import Record
 
+FREEDOM = 6.0
+"""Of Student's t for the innovations: delays of an operating system have tails, and one reading far off says little."""
+WIDE = 9.0
+"""A normalised innovation squared above this widens its own reading until it is this."""
 HALF_JERK = math.sqrt(1.0 / 12.0)
 LAST_JERK = math.sqrt(1.0 / 720.0)
 """The factor of white jerk's covariance (see `move_on`) is sqrt(q h) times (1, h/2, h^2/6), (0, HALF_JERK h,
@@ -60,6 +64,29 @@ def move_on(filters: Record, strength: float, step: float, first: int, end: int)
         left2 -= part * left1
         left3, last = b2 - part * b1, root * step * step * LAST_JERK
         l22[m] = math.sqrt(l22[m] * l22[m] + left2 * left2 + left3 * left3 + last * last)
+
+
+@compiled
+def foresee(filters: Record, reading: float, noise: float, first: int, end: int) -> None:
+    """Innovations of a reading in lanes first .. end - 1, and their likelihoods but for a constant.
+
+    `told` and `common` (.) are what the ripple adds to the reading, and its uncertainty to the innovation's variance.
+    """
+    x, seen, told, common, scale = filters.clock, filters.seen, filters.told, filters.common, filters.scale
+    angle, l20, l21, l22 = x[lanes.ANGLE], x[lanes.L20], x[lanes.L21], x[lanes.L22]
+    seen0, seen1, seen2, own_noise = seen[0], seen[1], seen[2], filters.own_noise
+    innovation, spread, likelihood = filters.innovation, filters.spread, filters.likelihood
+    for m in range(np.uint64(first), np.uint64(end)):
+        p0, p1, p2 = l20[m], l21[m], l22[m]
+        seen0[m], seen1[m], seen2[m] = p0, p1, p2
+        off = reading + told[m] - angle[m]
+        by = common[m] + p0 * p0 + p1 * p1 + p2 * p2
+        squared = off * off / scale[m]
+        rest = 1.0 + squared / (FREEDOM * (noise + by))
+        innovation[m], spread[m] = off, by
+        wide = squared / WIDE - by
+        own_noise[m] = wide if wide > noise else noise
+        likelihood[m] = 1.0 / (rest * rest * rest * math.sqrt(rest * scale[m] * (noise + by)))
 
 
 @compiled

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from textile_twin_core.compiling import compiled, records
+from textile_twin_core.compiling import by_reference, compiled, records
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.chain import know_ripple, stand_as, stand_on, wave_at
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
@@ -29,6 +29,7 @@ HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("ready", np.int64)])
 """Lag [s]; rows held, of which the first is where the chain stands; rows that became ready."""
 
 
+@by_reference
 class Window(NamedTuple):
     """Rows that wait, and their stamps.
 

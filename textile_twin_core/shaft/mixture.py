@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import stand_at
-from textile_twin_core.shaft.clock import add_products, add_spread, angle_of, gradient, shaft_state, wave
+from textile_twin_core.shaft.clock import STEEPEST, add_products, add_spread, gradient, shaft_state, wave
 from textile_twin_core.shaft.status import Record
 
 MINOR = 0.05
@@ -22,10 +24,10 @@ def mix(status: Record, row: Record) -> None:
         if share > top:
             top, status.lead = share, f
     lead, moments = status.lead, status.moments
-    best = status.best[lead]
-    clock, ripple, second = status.clock[lanes.ANGLE, best], status.ripple[best], status.second[lead]
-    about = angle_of(clock, ripple, second, lanes.WAVES[lead], status.lowest, status.angle, status.basis)
-    status.basis_waves = 0.0
+    best, about = status.best[lead], status.angle
+    stand_at(status, about, lanes.WAVES[lead])
+    g = wave(status.ripple[best], status.second[lead], lanes.WAVES[lead], status.lowest, status.basis)
+    about += (status.clock[lanes.ANGLE, best] - about - g[0]) / max(1.0 + g[1], STEEPEST)
     moments[:] = 0.0
     status.products[:] = 0.0
     for f in range(lanes.FAMILIES):
@@ -91,9 +93,9 @@ def owe(status: Record, waves: int, sensitivity: FloatArray, factor: FloatArray)
         )
     for place in range(6):
         common[place] = 0.0
-    for j in range(width):
+    for j in range(np.uint64(width)):
         s0 = s1 = s2 = 0.0
-        for i in range(j, width):
+        for i in range(j, np.uint64(width)):
             s0 += factor[j, i] * owed[0, i]
             s1 += factor[j, i] * owed[1, i]
             s2 += factor[j, i] * owed[2, i]

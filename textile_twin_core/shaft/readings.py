@@ -133,8 +133,8 @@ def _set_rounding(status: Record, rounding: float) -> None:
     before, turning = noise_of(status, status.speed), abs(status.speed) * status.interval > status.rounding
     status.rounding = rounding
     set_alike(status)
-    for m in range(lanes.FILTERS if turning else 0):
-        _rescale(status, m, before / noise_of(status, status.speed))
+    if turning:
+        _rescale(status, before / noise_of(status, status.speed))
 
 
 @compiled
@@ -145,17 +145,18 @@ def recalibrate(status: Record, noise: float) -> None:
     if status.jitter_told == 0.0:
         learnt = max(found - rounding_noise(status), 0.01 * found) / status.speed**2
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (learnt - status.jitter)
-    for m in range(lanes.FILTERS):
-        _rescale(status, m, noise / noise_of(status, status.speed))
+    _rescale(status, noise / noise_of(status, status.speed))
 
 
 @compiled
-def _rescale(status: Record, m: int, change: float) -> None:
-    """The unit of a lane's noise has become so many times smaller: what scale and factor stand for must stay."""
-    root = math.sqrt(change)
-    status.scale[m] *= change
-    for row in range(lanes.L00, lanes.L22 + 1):
-        status.clock[row, m] /= root
-    for j in range(lanes.WIDEST):
-        for i in range(j, lanes.WIDEST):
-            status.factor[m, j, i] /= root
+def _rescale(status: Record, change: float) -> None:
+    """The unit of the noise has become so many times smaller: what scales and factors stand for must stay."""
+    part = 1.0 / math.sqrt(change)
+    for f in range(lanes.FAMILIES):
+        for m in range(lanes.FIRST[f], lanes.END[f] if status.active[f] > 0.0 else lanes.FIRST[f]):
+            status.scale[m] *= change
+            for row in range(lanes.L00, lanes.L22 + 1):
+                status.clock[row, m] *= part
+            for j in range(2 * lanes.WAVES[f]):
+                for i in range(j, 2 * lanes.WAVES[f]):
+                    status.factor[m, j, i] *= part

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from functools import partial
 
+import numpy as np
+
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 
@@ -46,11 +48,11 @@ def foretell(
 
     `factor` (., .) has rows j of columns j of L; `seen` (.) becomes what the innovation sees of each.
     """
-    told = spread = 0.0
-    for j in range(width):
+    told, spread, count = 0.0, 0.0, np.uint64(width)
+    for j in range(count):
         told += regressor[j] * ripple[j]
         total = 0.0
-        for i in range(j, width):
+        for i in range(j, count):
             total += factor[j, i] * felt[i]
         seen[j] = total
         spread += total * total
@@ -75,20 +77,20 @@ def learn(
 
     `part` (2, .) and `change` (.) are room to work in.
     """
-    total = noise
-    for back in range(width):
-        j = width - 1 - back
+    total, count, last = noise, np.uint64(width), np.uint64(width - 1)
+    for back in range(count):
+        j = last - back
         part[0, j] = total
         total += seen[j] * seen[j]
         part[1, j] = total
-    for j in range(width):
-        inverse = 1.0 / math.sqrt(part[0, j] * part[1, j])
-        part[0, j], part[1, j] = part[0, j] * inverse, seen[j] * inverse
-        change[j] = 0.0
-    for back in range(width):
-        j = width - 1 - back
+    for i in range(count):
+        inverse = 1.0 / math.sqrt(part[0, i] * part[1, i])
+        part[0, i], part[1, i] = part[0, i] * inverse, seen[i] * inverse
+        change[i] = 0.0
+    for back in range(count):
+        j = last - back
         keep, mix, by = part[0, j], part[1, j], seen[j]
-        for i in range(j, width):
+        for i in range(j, count):
             old = factor[j, i]
             factor[j, i] = keep * old - mix * change[i]
             change[i] += old * by

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import compiled, records
+from textile_twin_core.compiling import by_reference, compiled, records
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.chain import STEP as ONE_STEP
 from textile_twin_core.shaft.chain import stand_as, step_there, wave_at, write_down
@@ -24,6 +24,7 @@ MARK = 512
 """Steps between two marks from which the way there is walked again: room for MARK steps is enough."""
 
 
+@by_reference
 class Smoother(NamedTuple):
     """What smoothing works with.
 
