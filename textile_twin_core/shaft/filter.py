@@ -9,7 +9,7 @@ import numpy as np
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import density, expect_angle, predict
-from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_motion, lose
+from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_foretold, is_motion, lose
 from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, weigh
 from textile_twin_core.shaft.gate import Block, admit
 from textile_twin_core.shaft.mixture import mix
@@ -32,7 +32,7 @@ anywhere within a radian. What the filters give less is set aside."""
 LOST = 9
 """Readings set aside, more than fitted since, before everything begins anew."""
 GAP_SAMPLES = 50.0
-"""A pause of so many intervals is a gap: the motion is found anew."""
+"""A pause of so many intervals is a gap: the motion is found anew where it was not foretold."""
 UNSURE, SLOW = 0.25, 0.3
 """Standard deviation of the speed, in parts of it and of this part of full speed at least, above which a state is not
 called settled: so it is for some samples where the motion changed at once.
@@ -131,9 +131,14 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     late = step > GAP_SAMPLES * status.interval
     if not late or status.since < GAP_SAMPLES:
         status.interval += (min(step, GAP_SAMPLES * status.interval) - status.interval) * gain
+    expected = status.angle + step * (status.speed + 0.5 * step * status.acceleration)
     if late and status.since > 1.0:
-        bridge_gap(status, step, raw, row)
-        return
+        status.gaps += 1.0
+        expected = unwrapped(status, raw, expected)
+        if status.since < SETTLING or not is_foretold(status, step, expected):
+            bridge_gap(status, step, raw, row)
+            return
+        late = False
     longest = max(step, status.interval) if status.since < SETTLING else status.interval
     if late or (status.period > 0.0 and 2.0 * abs(status.speed) * longest > status.period):
         # Where a gap follows another the interval was none. And an angle that wraps tells no such speed: its readings
@@ -143,7 +148,6 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
         lose(status, reading, step, row)
         row.reading = reading
         return
-    expected = status.angle + step * (status.speed + 0.5 * step * status.acceleration)
     reading = unwrapped(status, raw, expected)
     guess_rounding(status, abs(reading - status.read))
     status.read, noise = reading, noise_of(status, status.speed)

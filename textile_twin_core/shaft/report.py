@@ -18,7 +18,8 @@ class SampleReport:
         accepted: samples that were used.
         rejected: count by cause: not_finite (NaN or infinite angle or stamp), duplicate_stamp (that of the newest
             accepted sample), older_stamp (late or reversed).
-        gaps: pauses between samples after which the motion was found anew.
+        gaps: pauses between samples of more than 50 intervals; where the reading after one was not foretold, the motion
+            was found anew.
         jumps: lasting leaps of the angle that no shaft can make.
         outliers: readings far off, set aside.
         reversals: changes of the sense of rotation.

@@ -1,0 +1,42 @@
+"""A network or a disk that pauses: what the motion was before tells it after."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.shaft.shaft_signal import make_signal
+from textile_twin_core.shaft import create_estimator
+
+
+@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
+@pytest.mark.parametrize("pause_s", [0.12, 0.3, 0.7])
+def test_an_even_shaft_goes_on_over_pauses(view: str, pause_s: float) -> None:
+    """Once a second: the ripple's phase and the speed are known, and nothing is found anew."""
+    signal = make_signal(5, duration_s=16.0, dropped=0.0)
+    heard = signal.time % 1.0 >= pause_s
+    errors = []
+    for part in (heard, np.ones(heard.size, bool)):
+        estimator = create_estimator(view)
+        states = [estimator.step(signal.stamps_ns[part], signal.angles[part])]
+        states.append(estimator.finish())
+        late = np.concatenate([np.flatnonzero(part)[each.index] for each in states]) > 0.4 * heard.size
+        index = np.concatenate([np.flatnonzero(part)[each.index] for each in states])[late]
+        assert np.concatenate([each.settled for each in states])[late].all()
+        alpha = np.concatenate([each.alpha_rad_s2 for each in states])[late]
+        errors.append(np.sqrt(np.mean((alpha - signal.alpha[index]) ** 2)))
+    assert errors[0] < 2.0 * errors[1]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_shaft_that_stops_unheard_is_found_at_rest(seed: int) -> None:
+    signal = make_signal(seed, duration_s=8.0, dropped=0.0)
+    heard = signal.time < 6.0 + 0.01 * seed
+    stamps = np.append(signal.stamps_ns[heard], signal.stamps_ns[heard][-1] + 10**9 + 2_000_000 * np.arange(500))
+    angles = np.append(signal.angles[heard], np.full(500, signal.angles[heard][-1] + 0.37 * seed))
+    estimator = create_estimator("causal")
+    states = estimator.step(stamps, angles)
+    rest = states.index > heard.sum() + 40
+    assert np.abs(states.omega_rad_s[rest]).max() < 0.02
+    assert estimator.report.state == "standstill"
+    assert estimator.report.gaps == 1
