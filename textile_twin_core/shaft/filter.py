@@ -17,6 +17,7 @@ from textile_twin_core.shaft.readings import (
     SETTLING,
     guess_rounding,
     hardly,
+    is_held,
     learn_unrest,
     noise_of,
     recalibrate,
@@ -150,6 +151,7 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
         return
     reading = unwrapped(status, raw, expected)
     guess_rounding(status, abs(reading - status.read))
+    held = is_held(status, reading)
     status.read, noise = reading, noise_of(status, status.speed)
     off = reading - expected
     status.angle = expected
@@ -164,6 +166,10 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
             # While the ripple is not known, no filter says where it should be taken better than the reading does.
             expect_angle(status, f, step, reading, expected if has_seen(status, f) else reading, noise)
             foretold += status.weight[f] * density(status, f)
+    if held:
+        row.noise = 0.0
+        status.repeats += 1.0
+        return
     if foretold < OUTLYING and status.since > 5.0:
         if not is_motion(status, off, step, row.noise, row):
             row.noise = 0.0

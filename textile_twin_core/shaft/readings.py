@@ -22,6 +22,8 @@ SMOOTHLY = TURN / 48.0
 """Move from a reading to the next up to which there are 4 readings in the shortest wave of ripple at least."""
 UNREST_SAMPLES, MOST_UNREST = 100.0, 64.0
 """Readings that other noise is learnt from, and the most that one tells, in variances: it may have leapt."""
+HELD_MOVES, OFTEN_HELD = 10.0, 0.3
+"""Moves that are looked at for such as come after repetitions, and their part from which the sensor holds readings."""
 FINEST_RAD2 = 1e-14
 """Least variance of a reading: the rounding of float64 angles some hundred turns away."""
 FINEST_S = 1e-9
@@ -97,6 +99,25 @@ def learn_unrest(status: Record, reading: float) -> None:
 
 
 @compiled
+def is_held(status: Record, reading: float) -> bool:
+    """Whether a reading is none: a sensor that measures less often than it is asked says again what it said.
+
+    It is such a sensor if moves come after repetitions and are of more than rounding hides. What lasts longer than its
+    repetitions do is a stop.
+    """
+    moved, usual = abs(reading - status.read), status.held > OFTEN_HELD
+    if moved == 0.0:
+        status.holding += 1.0
+        return bool(usual and status.holding <= status.longest_hold + 1.0)
+    if moved > (4.5 if status.guessed > 0.0 else 2.5) * max(status.rounding, FINEST_STEP_RAD):
+        status.held += ((1.0 if status.holding > 0.0 else 0.0) - status.held) / HELD_MOVES
+        most = status.longest_hold + 1.0 if usual else SETTLING
+        status.longest_hold = max(0.98 * status.longest_hold, min(status.holding, most))
+    status.holding = 0.0
+    return False
+
+
+@compiled
 def hardly(status: Record) -> float:
     """The speed [rad/s] below which a shaft hardly moves: it stays within its reading's noise until a state settles."""
     return float(max(status.rounding, 3.0 * math.sqrt(noise_of(status, status.speed))) / (SETTLING * status.interval))
@@ -116,7 +137,7 @@ def least_scale(status: Record, noise: float) -> float:
 @compiled
 def know_rounding(record: Records, rounding: float) -> None:
     """From now on this is the encoder's step [rad], 0 for none."""
-    record[0].guessed = 0.0
+    record[0].guessed = record[0].held = 0.0
     _set_rounding(record[0], rounding)
 
 

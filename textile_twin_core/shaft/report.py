@@ -18,6 +18,7 @@ class SampleReport:
         accepted: samples that were used.
         rejected: count by cause: not_finite (NaN or infinite angle or stamp), duplicate_stamp (that of the newest
             accepted sample), older_stamp (late or reversed).
+        repeats: readings that only say the one before again, of a sensor that measures less often than it is asked.
         gaps: pauses between samples of more than 50 intervals; where the reading after one was not foretold, the motion
             was found anew.
         jumps: lasting leaps of the angle that no shaft can make.
@@ -39,6 +40,7 @@ class SampleReport:
     received: int = 0
     accepted: int = 0
     rejected: dict[str, int] = field(default_factory=lambda: dict.fromkeys(REJECTION_CAUSES, 0))
+    repeats: int = 0
     gaps: int = 0
     jumps: int = 0
     outliers: int = 0
@@ -75,7 +77,7 @@ class SampleReport:
         parts = [f"{self.state}: {self.accepted} of {self.received} samples used"]
         if causes:
             parts.append(f"rejected {causes}")
-        for name in ("gaps", "jumps", "outliers", "reversals", "standstills", "losses"):
+        for name in ("repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses"):
             count = getattr(self, name)
             if count:
                 parts.append(f"{count} {name if count > 1 else name[:-1] if name != 'losses' else 'loss'}")

@@ -23,13 +23,13 @@ else:
 STARTING, RUNNING, STANDSTILL = 0.0, 1.0, 2.0
 MOTIONS = ("starting", "running", "standstill")
 
-COUNTS = ("accepted", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
+COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
 _FIELDS = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "unit", "samples", "since", "time", "interval", "longest",
     "angle", "speed", "acceleration", "first", "origin", "period", "slips", "auto", "low", "high", "rounding", "jitter",
     "jitter_told", "sensor_speed", "aside", "doubt", "off_before", "off_last", "step_last", "motion", "sense", "still",
-    "judged", "lowest", "basis_at", "basis_waves", "speed_sigma",
-    "acceleration_sigma", "alike", "unrest", "kept", "kept_at", "moved", "bent", "read", "fastest", "guessed",
+    "judged", "lowest", "basis_at", "basis_waves", "speed_sigma", "acceleration_sigma", "alike", "unrest", "kept",
+    "kept_at", "moved", "bent", "read", "held", "holding", "longest_hold", "fastest", "guessed",
 )  # fmt: skip
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
@@ -72,8 +72,9 @@ counts its turns; `rounding` the encoder's step, `guessed` 1 until it is known, 
 `jitter` the variance of the stamps; `unrest` the variance that neither of both accounts for, learnt from `kept`, the
 last reading that was not set aside, and its time, what it had `moved` in an interval and by how much more than before
 (`bent`); `speed_sigma`, `acceleration_sigma` of the state; `fastest` the full speed that is known; `sensor_speed` the
-sensor's own, NaN for none; `aside` the readings set aside in a row, `doubt` those that must fit until a state is
-settled again; `lowest` order of the ripple.
+sensor's own, NaN for none; `held` the part of the moves that come after repetitions, `holding` how many there are now
+and `longest_hold` were at most of late; `aside` the readings set aside in a row, `doubt` those that must fit until a
+state is settled again; `lowest` order of the ripple.
 
 Of each family: its weight; 1 while it works; angle [rad] since it began, and the speed then; angle to turn until it
 wakes or, below 0, turned since it had weight; cycles that it rests next; mean logarithm of its memory; its best lane,

@@ -1,0 +1,55 @@
+"""A sensor that measures less often than it is asked, and says again what it said: a drive's bus, a PLC's cycle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.shaft.shaft_signal import ShaftSignal, make_signal
+from tests.shaft.textbook import textbook
+from textile_twin_core.shaft import create_estimator
+
+
+def held(signal: ShaftSignal, often: float) -> np.ndarray:
+    """The angles as measured every so many samples."""
+    count = np.arange(signal.time.size)
+    return np.asarray(signal.angles[np.floor(np.floor(count / often) * often).astype(np.int64)])
+
+
+@pytest.mark.parametrize("often", [2.0, 3.3, 5.0, 8.0])
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("view", ["causal", "smooth"])
+def test_what_is_said_again_is_no_reading(view: str, often: float, seed: int) -> None:
+    """Taken for readings, they make the shaft late and its motion a staircase."""
+    signal = make_signal(seed, duration_s=24.0, dropped=0.0)
+    angles = held(signal, often)
+    estimator = create_estimator(view)
+    states = [estimator.step(signal.stamps_ns, angles), estimator.finish()][view == "smooth"]
+    late = states.index > 0.6 * angles.size
+    index = states.index[late]
+    book = getattr(textbook(signal.time, np.unwrap(angles)), view)[index]
+    off = np.sqrt(np.mean((states.omega_rad_s[late] - signal.omega[index]) ** 2))
+    assert states.settled[late].all()
+    assert off < 0.3 * np.sqrt(np.mean((book[:, 1] - signal.omega[index]) ** 2))
+    assert estimator.report.repeats > 0.8 * (1.0 - 1.0 / often) * angles.size
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_stop_is_no_repetition(seed: int) -> None:
+    signal = make_signal(seed, duration_s=8.0, dropped=0.0)
+    angles = np.append(held(signal, 5.0), np.full(500, signal.angles[-1]))
+    stamps = np.append(signal.stamps_ns, signal.stamps_ns[-1] + 2_000_000 * np.arange(1, 501))
+    estimator = create_estimator("causal")
+    states = estimator.step(stamps, angles)
+    rest = states.index > signal.time.size + 40
+    assert np.abs(states.omega_rad_s[rest]).max() < 0.05
+    assert estimator.report.state == "standstill"
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_an_encoder_that_turns_slowly_repeats_nothing(bits: int) -> None:
+    """Its angle stays the same for many readings, since it is rounded."""
+    signal = make_signal(3, rpm=8.0, bits=bits, duration_s=12.0, dropped=0.0)
+    estimator = create_estimator("causal")
+    estimator.step(signal.stamps_ns, signal.angles)
+    assert estimator.report.repeats == 0
