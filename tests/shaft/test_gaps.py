@@ -34,9 +34,24 @@ def test_a_shaft_that_stops_unheard_is_found_at_rest(seed: int) -> None:
     heard = signal.time < 6.0 + 0.01 * seed
     stamps = np.append(signal.stamps_ns[heard], signal.stamps_ns[heard][-1] + 10**9 + 2_000_000 * np.arange(500))
     angles = np.append(signal.angles[heard], np.full(500, signal.angles[heard][-1] + 0.37 * seed))
+    if seed == 0:  # where it would be, had it not stopped
+        angles[heard.sum() :] = signal.angles[np.searchsorted(signal.stamps_ns, stamps[heard.sum()])]
     estimator = create_estimator("causal")
     states = estimator.step(stamps, angles)
     rest = states.index > heard.sum() + 40
     assert np.abs(states.omega_rad_s[rest]).max() < 0.02
     assert estimator.report.state == "standstill"
     assert estimator.report.gaps == 1
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_another_speed_after_a_pause_is_found_anew(seed: int) -> None:
+    """At once: the first readings after the pause are neither wrong nor a jump."""
+    before, after = make_signal(seed, duration_s=6.0, dropped=0.0), make_signal(seed + 50, rpm=95.0, duration_s=4.0)
+    estimator = create_estimator("causal")
+    estimator.step(before.stamps_ns, before.angles)
+    states = estimator.step(before.stamps_ns[-1] + 10**9 + after.stamps_ns - after.stamps_ns[0], after.angles)
+    off = states.omega_rad_s - after.omega[states.index - before.angles.size]
+    assert np.abs(off[25:]).max() < 0.25 and np.abs(off[5:]).max() < 1.5
+    report = estimator.report
+    assert (report.gaps, report.jumps, report.outliers, report.losses) == (1, 0, 0, 0)

@@ -91,7 +91,10 @@ def is_motion(status: Record, off: float, step: float, noise: float, row: Record
 
 @compiled
 def is_foretold(status: Record, step: float, reading: float) -> bool:
-    """Whether the best filter foresees a reading so long after the one before: the motion goes on as it did."""
+    """Whether the best filter foresees a reading [rad] `step` [s] after the one before: the motion goes on as it did.
+
+    The variance is that of `kinematics.move_on`, without its rotations: nothing is moved on yet.
+    """
     f, half, interval = status.lead, 0.5 * step * step, step / status.interval
     m, clock, noise = status.best[f], status.clock, noise_of(status, status.speed)
     stand_at(status, reading, lanes.WAVES[f])

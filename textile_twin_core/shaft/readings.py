@@ -24,6 +24,10 @@ UNREST_SAMPLES, MOST_UNREST = 100.0, 64.0
 """Readings that other noise is learnt from, and the most that one tells, in variances: it may have leapt."""
 HELD_MOVES, OFTEN_HELD = 10.0, 0.3
 """Moves that are looked at for such as come after repetitions, and their part from which the sensor holds readings."""
+LEAP, LEAP_GUESSED = 2.5, 4.5
+"""Steps of the encoder that a move is more than where no rounding hid a motion before; while the step is a guess."""
+FORGET_HOLD = 0.98
+"""Part of the longest repetition that is left after each move."""
 FINEST_RAD2 = 1e-14
 """Least variance of a reading: the rounding of float64 angles some hundred turns away."""
 FINEST_S = 1e-9
@@ -109,10 +113,10 @@ def is_held(status: Record, reading: float) -> bool:
     if moved == 0.0:
         status.holding += 1.0
         return bool(usual and status.holding <= status.longest_hold + 1.0)
-    if moved > (4.5 if status.guessed > 0.0 else 2.5) * max(status.rounding, FINEST_STEP_RAD):
+    if moved > (LEAP_GUESSED if status.guessed > 0.0 else LEAP) * max(status.rounding, FINEST_STEP_RAD):
         status.held += ((1.0 if status.holding > 0.0 else 0.0) - status.held) / HELD_MOVES
         most = status.longest_hold + 1.0 if usual else SETTLING
-        status.longest_hold = max(0.98 * status.longest_hold, min(status.holding, most))
+        status.longest_hold = max(FORGET_HOLD * status.longest_hold, min(status.holding, most))
     status.holding = 0.0
     return False
 
