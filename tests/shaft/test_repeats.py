@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.shaft.kinds import make
 from tests.shaft.shaft_signal import ShaftSignal, make_signal
 from tests.shaft.textbook import textbook
 from textile_twin_core.shaft import create_estimator
@@ -52,4 +53,12 @@ def test_an_encoder_that_turns_slowly_repeats_nothing(bits: int) -> None:
     signal = make_signal(3, rpm=8.0, bits=bits, duration_s=12.0, dropped=0.0)
     estimator = create_estimator("causal")
     estimator.step(signal.stamps_ns, signal.angles)
+    assert estimator.report.repeats == 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_outliers_at_rest_are_no_moves_after_repetitions(seed: int) -> None:
+    record = make("standstill+3%", seed)
+    estimator = create_estimator("causal")
+    estimator.step(record.time_s, record.fed_rad)
     assert estimator.report.repeats == 0

@@ -18,6 +18,7 @@ from textile_twin_core.shaft.readings import (
     guess_rounding,
     hardly,
     is_held,
+    learn_hold,
     learn_unrest,
     noise_of,
     recalibrate,
@@ -151,7 +152,7 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
         return
     reading = unwrapped(status, raw, expected)
     guess_rounding(status, abs(reading - status.read))
-    held = is_held(status, reading)
+    repeated, held = status.holding, is_held(status, reading)
     status.read, noise = reading, noise_of(status, status.speed)
     off = reading - expected
     status.angle = expected
@@ -184,6 +185,7 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     status.aside = status.off_before = status.off_last = 0.0
     turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(row.noise)
     weigh(status, noise, turning)
+    learn_hold(status, reading, repeated)
     learn_unrest(status, reading)
     if status.samples % RECALIBRATE_EVERY == 0.0 and turning and status.since > RECALIBRATE_EVERY / 2.0:
         recalibrate(status, noise)

@@ -106,19 +106,23 @@ def learn_unrest(status: Record, reading: float) -> None:
 def is_held(status: Record, reading: float) -> bool:
     """Whether a reading is none: a sensor that measures less often than it is asked says again what it said.
 
-    It is such a sensor if moves come after repetitions and are of more than rounding hides. What lasts longer than its
-    repetitions do is a stop.
+    What lasts longer than its repetitions do is a stop.
     """
-    moved, usual = abs(reading - status.read), status.held > OFTEN_HELD
-    if moved == 0.0:
-        status.holding += 1.0
-        return bool(usual and status.holding <= status.longest_hold + 1.0)
+    if reading != status.read:
+        status.holding = 0.0
+        return False
+    status.holding += 1.0
+    return bool(status.held > OFTEN_HELD and status.holding <= status.longest_hold + 1.0)
+
+
+@compiled
+def learn_hold(status: Record, reading: float, repeated: float) -> None:
+    """Learn whether the sensor holds readings: a move after so many repetitions is of more than rounding hides."""
+    moved, usual = abs(reading - status.kept), status.held > OFTEN_HELD
     if moved > (LEAP_GUESSED if status.guessed > 0.0 else LEAP) * max(status.rounding, FINEST_STEP_RAD):
-        status.held += ((1.0 if status.holding > 0.0 else 0.0) - status.held) / HELD_MOVES
+        status.held += ((1.0 if repeated > 0.0 else 0.0) - status.held) / HELD_MOVES
         most = status.longest_hold + 1.0 if usual else SETTLING
-        status.longest_hold = max(FORGET_HOLD * status.longest_hold, min(status.holding, most))
-    status.holding = 0.0
-    return False
+        status.longest_hold = max(FORGET_HOLD * status.longest_hold, min(repeated, most))
 
 
 @compiled
