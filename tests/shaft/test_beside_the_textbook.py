@@ -34,3 +34,11 @@ def test_the_jerk_is_found_where_it_is() -> None:
 def test_no_more_ripple_than_the_readings_speak_for(seed: int) -> None:
     made = score(package, "runs", seed, "smooth")
     assert np.all(made.rms < 1.5 * made.book)
+
+
+@pytest.mark.parametrize("seed", [16, 19, 29])
+@pytest.mark.parametrize("view", ["causal", "smooth"])
+def test_the_family_leads_that_has_the_orders_of_the_ripple(view: str, seed: int) -> None:
+    """Not the one whose memories happen to be near the motion's: orders that are none shook the acceleration."""
+    made = score(package, "slow", seed, view)
+    assert np.all(made.rms < 1.1 * made.book)

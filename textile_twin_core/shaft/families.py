@@ -19,12 +19,16 @@ SEEN_CYCLES = 1.25
 """Cycles of motion after which a family has a say."""
 RESTLESS_CYCLES, FIRST_REST, LONGEST_REST = 8.0, 16.0, 256.0
 """Cycles that a family of no weight works until it rests; and rests until it tries again, each time twice as long."""
+SIMPLER = 0.25
+"""Part of that rest for a family of fewer orders than the leading one: orders that are none shake the acceleration."""
 NO_WEIGHT = 0.05
 FASTER = 2.0
 """So many times faster than where a family of no weight began it begins anew: what a run-up told it of the ripple is
 mostly the run-up."""
 NEWCOMER = 1e-5
 """Weight of a family that comes to have a say where another one with ripple has it already."""
+AS_GOOD = 1e-3
+"""Weight of a newcomer that foretells as well as the leading family: of two such that of fewer orders is believed."""
 SAMPLES_A_WAVE = 2.5
 """Samples a turn that the highest order of a family needs, per order: 2 (Nyquist), and some for speeds that change."""
 UNBIASED = 1
@@ -72,9 +76,12 @@ def is_at_work(status: Record, f: int, turned: float) -> bool:
         status.active[f] = status.weight[f] = 0.0
         status.weight[0] = max(status.weight[0], NEWCOMER)
     elif status.active[f] > 0.0 and status.rest[f] * status.lowest < -RESTLESS_CYCLES * TURN:
-        status.active[f] = status.weight[f] = 0.0
-        status.rest[f] = status.pause[f] * TURN / status.lowest
-        status.pause[f] = min(2.0 * status.pause[f], LONGEST_REST)
+        if f < status.lead and status.weight[f] > AS_GOOD:
+            status.weight[f] = 1.0
+        else:
+            status.active[f] = status.weight[f] = 0.0
+            status.rest[f] = status.pause[f] * (SIMPLER if f < status.lead else 1.0) * TURN / status.lowest
+            status.pause[f] = min(2.0 * status.pause[f], LONGEST_REST)
     return status.active[f] > 0.0  # type: ignore[no-any-return]
 
 

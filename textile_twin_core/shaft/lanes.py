@@ -10,22 +10,32 @@ WAVES: Final = (0, 2, 6, 12)
 """Orders of ripple of the families."""
 FAMILIES: Final = len(WAVES)
 WIDEST: Final = 2 * WAVES[-1]
-FIRST: Final = (0, 16, 26, 36)
-END: Final = (16, 26, 36, 40)
-FILTERS: Final = END[-1]
-COUNT: Final = FILTERS + 4
-"""One more is needed, for the chain; rows of whole vectors are walked several lanes at once."""
-MEMORIES: Final = np.concatenate(
-    [
-        0.5 * 2.0 ** np.arange(16.0),
-        0.5 * 2.8 ** np.arange(10.0),
-        2.4 ** np.arange(10.0),
-        4.0 * 8.0 ** np.arange(4.0),
-        np.ones(COUNT - FILTERS),
-    ]
-)
-"""In samples, up to longer than any record is steady. Twice too long or too short costs little: the error of the speed
-goes with the root of the memory; where there are many coefficients, fewer filters must do."""
+_ALIKE = (1.0, 2.0, 4.0, 8.0, 16.0, 34.0, 82.0, 210.0, 580.0, 1800.0)
+_LONG = (1020.0, 3200.0, 5600.0, 10000.0, 17400.0)
+_OF_FAMILIES = (tuple(sorted((0.5, *_ALIKE, *_LONG))), _ALIKE, _ALIKE, (4.0, 34.0, 210.0, 1800.0))
+"""Memories of the filters, in samples, up to longer than any record is steady. Families have the same ones: else that
+would lead whose memories happen to be near the motion's. Readings tell less of long ones (of the logarithm of N a
+Fisher information of 5 / N each, after Whittle 1953), and so the short ones stand closest; only the plain family, whose
+filters cost least, is as fine among the long ones as an even shaft's speed can use."""
+VECTOR = 4
+"""Lanes that go through the processor at once: each family begins with a whole vector."""
+
+
+def _places() -> tuple[int, ...]:
+    """First lane of each family, and of none."""
+    first = [0]
+    for memories in _OF_FAMILIES:
+        first.append(-(-(first[-1] + len(memories)) // VECTOR) * VECTOR)
+    return tuple(first)
+
+
+FIRST: Final = _places()[:-1]
+END: Final = tuple(first + len(memories) for first, memories in zip(FIRST, _OF_FAMILIES, strict=True))
+COUNT: Final = _places()[-1] + VECTOR
+"""With those for the chain."""
+MEMORIES: Final = np.ones(COUNT)
+for _first, _memories in zip(FIRST, _OF_FAMILIES, strict=True):
+    MEMORIES[_first : _first + len(_memories)] = _memories
 
 
 def numbers(count: int) -> list[int]:
