@@ -118,13 +118,13 @@ class ShaftEstimator:
         if self._wheel is not None:
             angle = self._wheel.corrected(angle)
         heard = np.empty(stamp.size)
-        if not self._finder.wanted and stamp.size <= PIECE:
+        if not self._finder.wanted and stamp.size <= self._piece():
             return [self._take(Block(self._last, stamp, angle, velocity, heard))]
         parts: list[Part] = []
         done = 0
         while done < stamp.size or not parts:
             wanted = self._finder.wanted
-            end = min(stamp.size, done + (wanted or PIECE))
+            end = min(stamp.size, done + min(wanted or PIECE, self._piece()))
             block = Block(self._last, stamp[done:end], angle[done:end], velocity[done:end], heard[done:end])
             parts.append(self._take(block))
             if wanted:
@@ -142,6 +142,10 @@ class ShaftEstimator:
             self._last = np.zeros(1, stamps.dtype)
         self._status["unit"] = 1e-9 if stamps.dtype == np.int64 else 1.0
         self._kind = stamps.dtype.char
+
+    def _piece(self) -> int:
+        """Samples that are taken together at most."""
+        return PIECE
 
     def _take(self, block: Block) -> Part:
         """Stamps and rows of the samples whose states are ready."""

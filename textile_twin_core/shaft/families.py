@@ -21,6 +21,9 @@ RESTLESS_CYCLES, FIRST_REST, LONGEST_REST = 8.0, 16.0, 256.0
 """Cycles that a family of no weight works until it rests; and rests until it tries again, each time twice as long."""
 SIMPLER = 0.25
 """Part of that rest for a family of fewer orders than the leading one: orders that are none shake the acceleration."""
+MOST_HURRY = 32.0
+"""So many times faster does a rest pass at most where the leading memory is shorter than a turn: the ripple may be
+another now."""
 NO_WEIGHT = 0.05
 FASTER = 2.0
 """So many times faster than where a family of no weight began it begins anew: what a run-up told it of the ripple is
@@ -38,10 +41,15 @@ SECOND_EVERY = 8.0
 
 
 @compiled
+def samples_a_turn(status: Record) -> float:
+    """At the speed of now."""
+    return float(TURN / max(abs(status.speed) * status.interval, 1e-9))
+
+
+@compiled
 def can_tell(status: Record, f: int, margin: float) -> bool:
     """Whether there are samples enough in a turn for the family's highest order."""
-    a_turn = TURN / max(abs(status.speed) * status.interval, 1e-9)
-    return a_turn >= margin * SAMPLES_A_WAVE * status.lowest * lanes.WAVES[f]  # type: ignore[no-any-return]
+    return samples_a_turn(status) >= margin * SAMPLES_A_WAVE * status.lowest * lanes.WAVES[f]  # type: ignore[no-any-return]
 
 
 @compiled
@@ -58,7 +66,10 @@ def is_at_work(status: Record, f: int, turned: float) -> bool:
     if f == 0:
         return True
     idle, speed = status.weight[f] <= NO_WEIGHT, abs(status.speed)
-    if idle:
+    if idle and status.rest[f] > 0.0:
+        memory = lanes.MEMORIES[status.best[status.lead]]
+        status.rest[f] -= turned * min(max(samples_a_turn(status) / memory, 1.0), MOST_HURRY)
+    elif idle:
         status.rest[f] -= turned
     else:
         status.rest[f], status.pause[f] = 0.0, FIRST_REST

@@ -145,7 +145,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     else:
         know_ripple(filters, status, status.best[filters.lead])
     window.filtered[0] = window.rows[due]
-    smooth_rows(smoother, status, window.rows[: held.rows], due)
+    smooth_rows(smoother, status, window.rows[: held.rows], 1, due)
     stand_as(filters, smoother.steps[due - 1])
     for k in range(1, due + 1):
         _let_go(window, k, ready, table)

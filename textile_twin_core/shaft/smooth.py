@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
@@ -11,6 +13,8 @@ from textile_twin_core.shaft.breaks import set_start
 from textile_twin_core.shaft.chain import know_ripple, stand
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
+from textile_twin_core.shaft.gate import Block
+from textile_twin_core.shaft.ripple_history import RippleHistory
 from textile_twin_core.shaft.smoothing import Smoother, evidence, new_smoother, smooth_rows
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, Records
@@ -22,6 +26,8 @@ LEAST_LED = 0.05
 """Part of a stretch that a family must have led to be asked."""
 ASKED_PARTS, ASKED_ROWS = 16, 256
 """Of a stretch that is longer so many parts are asked for the family, of so many rows: they tell it as well as all."""
+OVERLAP = 512
+"""Rows on either side of a part that are smoothed along with it."""
 FEWEST = 4
 """Rows below which a stretch keeps the filter's states."""
 
@@ -34,6 +40,7 @@ class SmoothEstimator(ShaftEstimator):
     def reset(self) -> None:
         """Forget everything, the report included."""
         super().reset()
+        self._history = RippleHistory()
         self._blocks: list[Part] = []
         self._new: list[Part] = []
 
@@ -46,14 +53,26 @@ class SmoothEstimator(ShaftEstimator):
             self._blocks.append(joined(self._new))
         return ShaftStates.empty(self._last)
 
+    def _piece(self) -> int:
+        return self._history.until_look(self._status)
+
+    def _take(self, block: Block) -> Part:
+        looks = block.stamps.size == self._piece()
+        part = super()._take(block)
+        if looks:
+            self._history.look(self._status)
+        return part
+
     def finish(self) -> ShaftStates:
         """The states of all samples from the third on."""
         blocks, self._blocks, self._new = self._blocks + self._new, [], []
         if not blocks:
             return ShaftStates.empty(self._last)
         stamps, rows = joined(blocks)
+        self._history.remember(self._status)
         self._smooth(rows)
         super().finish()
+        self._history = RippleHistory()
         return states_of([(stamps, _compact(rows))])
 
     def _smooth(self, rows: Records) -> None:
@@ -70,27 +89,46 @@ class SmoothEstimator(ShaftEstimator):
                 rows["reading"] += wheel.learn(rows["reading"], off)
 
     def _smooth_stretch(self, rows: Records) -> None:
-        """With the ripple, as the filter came to know it, under which the readings are likeliest (Schwarz 1978)."""
-        record, cycle = self._status, self._settings.cycle_turns * TURN
-        smoother = new_smoother(self._settings, len(rows))
+        """Part by part, where the ripple was another."""
+        known = self._history.known
+        last, count = len(known) - 1, [status["received"][0] for status in known[:-1]]
+        edges = [0, *np.searchsorted(rows["index"], count).tolist(), len(rows)]
+        for i, (first, end) in enumerate(pairwise(edges)):
+            if end > first:
+                around = sorted({max(i - 1, 0), i, min(i + 1, last), last})
+                self._smooth_part(rows, first, end, [known[k] for k in around])
+
+    def _smooth_part(self, rows: Records, first: int, end: int, known: list[Records]) -> None:
+        """Rows first .. end - 1, along with some on either side."""
+        begin = max(first - OVERLAP, 0)
+        begin += int(np.argmax(rows["noise"][begin:] > 0.0))
+        part = rows[begin : end + OVERLAP]
+        if len(part) >= FEWEST:
+            smoother = new_smoother(self._settings, len(part))
+            status, family = self._likeliest(smoother, rows[first:end], known)
+            _smooth_rows(smoother, status, family, part, max(first - begin, 1), end - begin - 1)
+
+    def _likeliest(self, smoother: Smoother, rows: Records, known: list[Records]) -> tuple[Records, int]:
+        """The ripple, as the filter came to know it, under which the readings are likeliest (Schwarz 1978)."""
         led = np.bincount(rows["lead"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
-        seen = record["travelled"][0] >= SEEN_CYCLES * cycle
-        tried = [f for f in range(lanes.FAMILIES) if led[f] and (f == 0 or seen[f])] or [0]
-        family = tried[0]
-        if len(tried) > 1:
-            asked = _asked(rows)
-            size = np.log(sum(map(len, asked)))
-            told = [sum(_foretold(smoother, record, part, f) for part in asked) for f in tried]
-            family = tried[int(np.argmax(np.asarray(told) - size * np.take(lanes.WAVES, tried)))]
-        _smooth_stretch(smoother, record, rows, family)
+        tried = [(known[-1], 0)] if led[0] else []
+        for status in known:
+            seen = status["travelled"][0] >= SEEN_CYCLES * self._settings.cycle_turns * TURN
+            tried += [(status, f) for f in range(1, lanes.FAMILIES) if led[f] and seen[f]]
+        if len(tried) < 2:
+            return tried[0] if tried else (known[-1], 0)
+        asked = _asked(rows)
+        size = np.log(sum(map(len, asked)))
+        told = [sum(_foretold(smoother, status, each, f) for each in asked) for status, f in tried]
+        return tried[int(np.argmax(np.asarray(told) - size * np.take(lanes.WAVES, [f for _, f in tried])))]
 
 
 def _asked(rows: Records) -> list[Records]:
     """Of a long stretch parts all over it, each from a reading on that was not set aside."""
-    if len(rows) <= ASKED_PARTS * ASKED_ROWS:
-        return [rows]
-    starts = np.linspace(0, len(rows) - ASKED_ROWS, ASKED_PARTS).astype(np.int64)
-    parts = (rows[start : start + ASKED_ROWS] for start in starts)
+    parts = [rows]
+    if len(rows) > ASKED_PARTS * ASKED_ROWS:
+        starts = np.linspace(0, len(rows) - ASKED_ROWS, ASKED_PARTS).astype(np.int64)
+        parts = [rows[start : start + ASKED_ROWS] for start in starts]
     return [part[int(np.argmax(part["noise"] > 0.0)) :] for part in parts]
 
 
@@ -126,6 +164,6 @@ def _foretold(smoother: Smoother, record: Records, rows: Records, family: int) -
 
 
 @compiled
-def _smooth_stretch(smoother: Smoother, record: Records, rows: Records, family: int) -> None:
+def _smooth_rows(smoother: Smoother, record: Records, family: int, rows: Records, first: int, told: int) -> None:
     _begin(smoother, record, rows, family)
-    smooth_rows(smoother, record[0], rows, rows.size - 1)
+    smooth_rows(smoother, record[0], rows, first, told)

@@ -61,10 +61,10 @@ def evidence(smoother: Smoother, status: Record, rows: Records) -> float:
 
 
 @compiled
-def smooth_rows(smoother: Smoother, status: Record, rows: Records, told: int) -> None:
-    """Smooth rows 1 .. `told` of (n,), on the first of which the chain stands; write their states there."""
+def smooth_rows(smoother: Smoother, status: Record, rows: Records, first: int, told: int) -> None:
+    """Smooth (n,) rows, on the first of which the chain stands; write the states of `first` .. `told` there."""
     intensity = _found_intensities(smoother, rows, status.interval)
-    _there_and_back(smoother, rows, intensity, np.zeros((rows.size, 2)), told)
+    _there_and_back(smoother, rows, intensity, np.zeros((rows.size, 2)), first, told)
 
 
 @compiled
@@ -77,7 +77,7 @@ def _found_intensities(smoother: Smoother, rows: Records, interval: float) -> Fl
     set_intensities(rows, filters.lead, interval, intensity)
     write_down(filters, smoother.steps[MARK])
     for _ in range(ROUNDS):
-        _there_and_back(smoother, rows, intensity, jerk, 0)
+        _there_and_back(smoother, rows, intensity, jerk, 0, 0)
         sharpen(rows, jerk, interval, intensity)
         stand_as(filters, smoother.steps[MARK])
     return intensity
@@ -95,8 +95,10 @@ def _readmit(rows: Records) -> None:
 
 
 @compiled
-def _there_and_back(smoother: Smoother, rows: Records, intensity: FloatArray, jerk: FloatArray, told: int) -> None:
-    """Over all rows but the first, where the chain stands; the states of rows 1 .. `told` are written there."""
+def _there_and_back(
+    smoother: Smoother, rows: Records, intensity: FloatArray, jerk: FloatArray, begin: int, told: int
+) -> None:
+    """Over all rows but the first, where the chain stands; the states of rows `begin` .. `told` are written there."""
     filters, back, steps, marks = smoother.filters[0], smoother.back[0], smoother.steps, smoother.marks
     count, owing, width = rows.size, told > 0, 2 * lanes.WAVES[filters.lead]
     pieces = (count - 2) // MARK + 1
@@ -113,7 +115,7 @@ def _there_and_back(smoother: Smoother, rows: Records, intensity: FloatArray, je
                 step_there(filters, steps[i - first], rows[i], intensity[i], owing)
         for i in range(end - 1, first - 1, -1):
             at, row = steps[i - first], rows[i]
-            if i <= told:
+            if begin <= i <= told:
                 tell(filters, back, at, row)
                 put_angle(row, row.phase)
             step_back(back, at, row.step, intensity[i], jerk[i], width, owing)

@@ -1,0 +1,51 @@
+"""A ripple that is another at another speed, as that of a machine with gravity, load and a drive that gives way is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.shaft.shaft_motion import Law, ShaftMotion
+from tests.shaft.textbook import textbook
+from textile_twin_core.shaft import create_estimator
+
+TURN = 2.0 * np.pi
+STEP = TURN / 2**14
+TAKES_S, AFTER_S = 3.0, 60.0
+"""For how long the machine takes to get to its other speed, and for how long it stays there."""
+
+
+def motion(seed: int, change_s: float) -> ShaftMotion:
+    rng = np.random.default_rng([seed, 5])
+    time = np.arange(0.0, change_s + AFTER_S, 5e-4)
+    x = np.clip((time - change_s) / TAKES_S, 0.0, 1.0)
+    changed = x * x * (3.0 - 2.0 * x)
+    speed = rng.uniform(60.0, 150.0) * TURN / 60.0 * (1.0 + 0.3 * changed)
+    depth = 1.0 + rng.choice((-0.5, -0.3, 0.3, 0.6)) * changed
+    waves = np.array([(order, size, rng.uniform(0.0, TURN)) for order, size in ((1.0, 4e-3), (2.0, 6e-3), (3.0, 1e-3))])
+    return ShaftMotion.solve(Law(5e-4, np.zeros(time.size), speed, 20.0, waves, depth), 0.3)
+
+
+def beside_the_textbook(view: str, seed: int, change_s: float, first_s: float, last_s: float) -> float:
+    """Error of the acceleration between two times over that of the textbook's tuned on the record."""
+    shaft, time = motion(seed, change_s), np.arange(1, int(500.0 * (change_s + AFTER_S)) - 100) / 500.0
+    stamps = time + 5e-6 * np.random.default_rng(seed).normal(size=time.size)
+    read, truth = np.round(shaft.at(time)[0] / STEP) * STEP, shaft.at(stamps)[2]
+    estimator = create_estimator(view)
+    states = [estimator.step(stamps, np.mod(read, TURN)), estimator.finish()][view == "smooth"]
+    counts = (time[states.index] > first_s) & (time[states.index] < last_s)
+    rows, book = states.index[counts], getattr(textbook(stamps, read), view)
+    off = states.alpha_rad_s2[counts] - truth[rows]
+    return float(np.sqrt(np.mean(off**2) / np.mean((book[rows, 2] - truth[rows]) ** 2)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_smooth_knows_each_parts_own_ripple(seed: int) -> None:
+    assert beside_the_textbook("smooth", seed, 60.0, 20.0, 59.0) < 0.4
+    assert beside_the_textbook("smooth", seed, 60.0, 80.0, 119.0) < 1.25
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_live_the_new_ripple_is_found_soon(seed: int) -> None:
+    """However long the machine ran at the speed of before."""
+    assert beside_the_textbook("causal", seed, 300.0, 310.0, 350.0) < 0.2
