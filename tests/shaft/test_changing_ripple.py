@@ -41,11 +41,40 @@ def beside_the_textbook(view: str, seed: int, change_s: float, first_s: float, l
 
 @pytest.mark.parametrize("seed", range(4))
 def test_smooth_knows_each_parts_own_ripple(seed: int) -> None:
-    assert beside_the_textbook("smooth", seed, 60.0, 20.0, 59.0) < 0.4
-    assert beside_the_textbook("smooth", seed, 60.0, 80.0, 119.0) < 1.25
+    assert beside_the_textbook("smooth", seed, 60.0, 20.0, 59.0) < 0.7
+    assert beside_the_textbook("smooth", seed, 60.0, 80.0, 119.0) < 0.7
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_live_the_new_ripple_is_found_soon(seed: int) -> None:
     """However long the machine ran at the speed of before."""
     assert beside_the_textbook("causal", seed, 300.0, 310.0, 350.0) < 0.2
+
+
+def test_an_estimator_begins_anew_after_the_end() -> None:
+    """What was before leaves no trace, not even in where it looks at the ripple."""
+    shaft, time = motion(1, 20.0), np.arange(1, 39_900) / 500.0
+    read = np.round(shaft.at(time)[0] / STEP) * STEP
+    told = {"resolution_rad": STEP, "stamp_jitter_s": 1e-6}
+    again, fresh = create_estimator("smooth", **told), create_estimator("smooth", **told)
+    again.step(time[:3000], read[:3000])
+    again.finish()
+    for estimator in (again, fresh):
+        estimator.step(time[3000:], read[3000:])
+    states, expected = again.finish(), fresh.finish()
+    assert np.array_equal(states.alpha_rad_s2, expected.alpha_rad_s2)
+
+
+def test_wild_readings_at_the_end_cost_no_knowledge_of_the_ripple() -> None:
+    shaft, time = motion(1, 30.0), np.arange(1, 14_000) / 500.0
+    read, truth = np.round(shaft.at(time)[0] / STEP) * STEP, shaft.at(time)[2]
+    spoilt = read.copy()
+    spoilt[-1200:-1186] += np.random.default_rng(1).uniform(-1.0, 1.0, 14)
+    off = []
+    for angles in (read, spoilt):
+        estimator = create_estimator("smooth")
+        estimator.step(time, angles)
+        states = estimator.finish()
+        good = (time[states.index] > 5.0) & (states.index < 12_500)
+        off.append(np.sqrt(np.mean((states.alpha_rad_s2[good] - truth[states.index[good]]) ** 2)))
+    assert off[1] < 1.5 * off[0]

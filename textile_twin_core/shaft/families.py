@@ -128,5 +128,6 @@ def weigh(status: Record, noise: float, turning: bool) -> None:
 
 @compiled
 def memory_for(status: Record, f: int) -> float:
-    """Log memory for a family: its own while it has weight, else the plain one's."""
-    return status.log_memory[f if status.weight[f] > NO_WEIGHT else lanes.PLAIN]  # type: ignore[no-any-return]
+    """Log memory for a family: its own while it has weight, else the leading one's, to be compared alike."""
+    own = f == 0 or status.weight[f] > NO_WEIGHT
+    return status.log_memory[f if own else status.lead]  # type: ignore[no-any-return]

@@ -16,34 +16,52 @@ CHANGED, UNSURE = 0.25, 3.0
 reading, and so many of their own."""
 
 
+MOST_KNOWN = 64
+"""Of a ripple that never stays the same every second is forgotten beyond."""
+
+
 class RippleHistory:
     """Statuses of the filter.
 
     Attributes:
-        known: each the last before the ripple changed, or the end.
+        known: each as the filter knew its ripple best; `received` says until when it was the same.
     """
 
     def __init__(self) -> None:
         self.known: list[Records] = []
+        self._taken = 0
 
-    def until_look(self, status: Records) -> int:
+    @property
+    def until_look(self) -> int:
         """Samples until the next look."""
-        return LOOK_EVERY - int(status["received"][0]) % LOOK_EVERY
+        return LOOK_EVERY - self._taken % LOOK_EVERY
 
-    def look(self, status: Records) -> None:
-        """Remember the status where its ripple is known."""
-        _, off, reading = _ripple(status)
-        if 0.0 < off < CHANGED * reading:
-            self.remember(status)
+    def follow(self, status: Records, samples: int) -> None:
+        """Take note that so many samples, `until_look` at most, led to a status."""
+        self._taken += samples
+        if self._taken % LOOK_EVERY == 0:
+            self._look(status)
 
-    def remember(self, status: Records) -> None:
-        """Remember a status, in place of the one before if the ripple is the same."""
+    def end(self, status: Records) -> None:
+        """The record ends."""
+        self._look(status)
+        if not self.known or self.known[-1]["received"][0] != status["received"][0]:
+            self.known.append(status.copy())
+
+    def _look(self, status: Records) -> None:
         ripple, off, reading = _ripple(status)
+        if not 0.0 < off < CHANGED * reading:
+            return
         if self.known:
             before, off_before, _ = _ripple(self.known[-1])
             if _rms(ripple - before) < max(CHANGED * reading, UNSURE * float(np.hypot(off, off_before))):
+                if off > UNSURE * off_before:
+                    self.known[-1]["received"] = status["received"]
+                    return
                 self.known.pop()
         self.known.append(status.copy())
+        if len(self.known) > MOST_KNOWN:
+            del self.known[1::2]
 
 
 def _ripple(status: Records) -> tuple[FloatArray, float, float]:

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from textile_twin_core.arrays import BoolArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.breaks import set_start
@@ -24,10 +25,12 @@ LESSONS = 4
 """Times that the teeth's pitch errors are made what the smoothed motion says."""
 LEAST_LED = 0.05
 """Part of a stretch that a family must have led to be asked."""
-ASKED_PARTS, ASKED_ROWS = 16, 256
+ASKED_PARTS, ASKED_ROWS = 32, 256
 """Of a stretch that is longer so many parts are asked for the family, of so many rows: they tell it as well as all."""
 OVERLAP = 512
 """Rows on either side of a part that are smoothed along with it."""
+AROUND = 1
+"""Parts before and after one whose ripples are tried on it, too."""
 FEWEST = 4
 """Rows below which a stretch keeps the filter's states."""
 
@@ -43,33 +46,35 @@ class SmoothEstimator(ShaftEstimator):
         self._history = RippleHistory()
         self._blocks: list[Part] = []
         self._new: list[Part] = []
+        self._count = 0
 
     def step(
         self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
     ) -> ShaftStates:
         """Take a block of samples; no state is ready before `finish`."""
-        self._new.extend(self._walk(stamps, angles, velocities))
-        if sum(len(rows) for _, rows in self._new) >= PIECE:
+        parts = self._walk(stamps, angles, velocities)
+        self._new.extend(parts)
+        self._count += sum(len(rows) for _, rows in parts)
+        if self._count >= PIECE:
             self._blocks.append(joined(self._new))
+            self._count = 0
         return ShaftStates.empty(self._last)
 
     def _piece(self) -> int:
-        return self._history.until_look(self._status)
+        return self._history.until_look
 
     def _take(self, block: Block) -> Part:
-        looks = block.stamps.size == self._piece()
         part = super()._take(block)
-        if looks:
-            self._history.look(self._status)
+        self._history.follow(self._status, block.stamps.size)
         return part
 
     def finish(self) -> ShaftStates:
         """The states of all samples from the third on."""
-        blocks, self._blocks, self._new = self._blocks + self._new, [], []
+        blocks, self._blocks, self._new, self._count = self._blocks + self._new, [], [], 0
         if not blocks:
             return ShaftStates.empty(self._last)
         stamps, rows = joined(blocks)
-        self._history.remember(self._status)
+        self._history.end(self._status)
         self._smooth(rows)
         super().finish()
         self._history = RippleHistory()
@@ -91,36 +96,45 @@ class SmoothEstimator(ShaftEstimator):
     def _smooth_stretch(self, rows: Records) -> None:
         """Part by part, where the ripple was another."""
         known = self._history.known
-        last, count = len(known) - 1, [status["received"][0] for status in known[:-1]]
+        count = [status["received"][0] for status in known[:-1]]
         edges = [0, *np.searchsorted(rows["index"], count).tolist(), len(rows)]
+        led = np.bincount(rows["lead"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
+        parts: list[tuple[int, Records, int]] = []
         for i, (first, end) in enumerate(pairwise(edges)):
             if end > first:
-                around = sorted({max(i - 1, 0), i, min(i + 1, last), last})
-                self._smooth_part(rows, first, end, [known[k] for k in around])
+                around = known[max(i - AROUND, 0) : i + AROUND + 1]
+                status, family = self._likeliest(rows[max(first - OVERLAP, 0) : end + OVERLAP], led, around)
+                if not parts or parts[-1][1] is not status or parts[-1][2] != family:
+                    parts.append((first, status, family))
+        for (first, status, family), end in zip(parts, [first for first, _, _ in parts[1:]] + [len(rows)], strict=True):
+            begin = max(first - OVERLAP, 0)
+            begin += int(np.argmax(rows["noise"][begin:] > 0.0))
+            part = rows[begin : end + OVERLAP]
+            if len(part) >= FEWEST:
+                smoother = new_smoother(self._settings, len(part))
+                _smooth_rows(smoother, status, family, part, max(first - begin, 1), end - begin - 1)
 
-    def _smooth_part(self, rows: Records, first: int, end: int, known: list[Records]) -> None:
-        """Rows first .. end - 1, along with some on either side."""
-        begin = max(first - OVERLAP, 0)
-        begin += int(np.argmax(rows["noise"][begin:] > 0.0))
-        part = rows[begin : end + OVERLAP]
-        if len(part) >= FEWEST:
-            smoother = new_smoother(self._settings, len(part))
-            status, family = self._likeliest(smoother, rows[first:end], known)
-            _smooth_rows(smoother, status, family, part, max(first - begin, 1), end - begin - 1)
-
-    def _likeliest(self, smoother: Smoother, rows: Records, known: list[Records]) -> tuple[Records, int]:
-        """The ripple, as the filter came to know it, under which the readings are likeliest (Schwarz 1978)."""
-        led = np.bincount(rows["lead"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
-        tried = [(known[-1], 0)] if led[0] else []
-        for status in known:
-            seen = status["travelled"][0] >= SEEN_CYCLES * self._settings.cycle_turns * TURN
-            tried += [(status, f) for f in range(1, lanes.FAMILIES) if led[f] and seen[f]]
+    def _likeliest(self, rows: Records, led: BoolArray, known: list[Records]) -> tuple[Records, int]:
+        """The ripple and the family under which the readings are likeliest (Schwarz 1978)."""
+        tried = self._candidates(led, known)
         if len(tried) < 2:
-            return tried[0] if tried else (known[-1], 0)
+            return tried[0]
         asked = _asked(rows)
-        size = np.log(sum(map(len, asked)))
+        smoother, size = new_smoother(self._settings, max(map(len, asked))), np.log(sum(map(len, asked)))
         told = [sum(_foretold(smoother, status, each, f) for each in asked) for status, f in tried]
         return tried[int(np.argmax(np.asarray(told) - size * np.take(lanes.WAVES, [f for _, f in tried])))]
+
+    def _candidates(self, led: BoolArray, known: list[Records]) -> list[tuple[Records, int]]:
+        """Ripples as the filter came to know them, and families that led."""
+        plain = [(self._history.known[-1], int(lanes.PLAIN))]
+        cycle = self._settings.cycle_turns * TURN
+        ripples = [
+            (status, f)
+            for status in known
+            for f in range(1, lanes.FAMILIES)
+            if led[f] and status["travelled"][0][f] >= SEEN_CYCLES * cycle
+        ]
+        return plain + ripples if led[0] else ripples or plain
 
 
 def _asked(rows: Records) -> list[Records]:
