@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from textile_twin_core.shaft import SampleReport
 from textile_twin_ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from textile_twin_ros.health import (
     MeasuredTorque,
@@ -15,6 +16,7 @@ from textile_twin_ros.health import (
     judged,
     publisher_findings,
     residual_findings,
+    sample_counts,
     sample_findings,
     stalled_findings,
     stamp_findings,
@@ -39,10 +41,15 @@ def level(growth: dict[str, float]) -> bytes:
         ({"jumps": 1}, WARN),
         ({"set_back": 1}, WARN),
         ({"reversals": 40, "knocks": 12, "standstills": 3}, OK),
+        ({"repeats": 800}, OK),
     ],
 )
 def test_levels_of_a_thousand_samples(counts: dict[str, float], expected: bytes) -> None:
     assert level({"received": 1000.0, **counts}) == expected
+
+
+def test_readings_that_a_sensor_says_again_are_counted() -> None:
+    assert sample_counts(SampleReport(received=5, accepted=5, repeats=4), set_back=0)["repeats"] == 4
 
 
 def test_nothing_received_is_no_share() -> None:

@@ -42,3 +42,10 @@ def test_the_family_leads_that_has_the_orders_of_the_ripple(view: str, seed: int
     """Not the one whose memories happen to be near the motion's: orders that are none shook the acceleration."""
     made = score(package, "slow", seed, view)
     assert np.all(made.rms < 1.1 * made.book)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 4, 7])
+def test_a_family_that_rested_is_asked_at_the_memory_of_the_leading_one(seed: int) -> None:
+    """At its own, of where it rested, orders that are there looked unlikely."""
+    made = score(package, "teeth", seed, "smooth")
+    assert np.all(made.rms < made.book)

@@ -86,7 +86,8 @@ def sample_counts(report: SampleReport, set_back: int) -> dict[str, float]:
     """What became of angle samples: counts of the shaft's report, and how often their stamps were set back."""
     counts: dict[str, float] = {"accepted": report.accepted}
     counts |= {f"rejected_{cause}": count for cause, count in report.rejected.items()}
-    counts |= {name: getattr(report, name) for name in ("outliers", "jumps", "gaps", "reversals", "longest_gap_s")}
+    told = ("repeats", "outliers", "jumps", "gaps", "reversals", "longest_gap_s")
+    counts |= {name: getattr(report, name) for name in told}
     return counts | {"set_back": set_back}
 
 
