@@ -1,11 +1,14 @@
-"""Stamps of an operating system's making: the first two at once, or several readings at the end of each wait."""
+"""Stamps of others' making: two at once, several at the end of each wait, readings as old as a controller's cycle."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from tests.shaft.disturbances import wander
+from tests.shaft.shaft_motion import Law, ShaftMotion
 from tests.shaft.shaft_signal import make_signal
+from tests.shaft.textbook import textbook
 from textile_twin_core.shaft import create_estimator
 
 
@@ -33,3 +36,29 @@ def test_readings_that_are_stamped_in_bunches(view: str) -> None:
     assert states.settled[late].all()
     assert np.abs(states.omega_rad_s - signal.omega[states.index])[late].max() < 0.02
     assert np.abs(states.alpha_rad_s2[late]).max() < 0.1
+
+
+@pytest.mark.parametrize("view", ["causal", "smooth"])
+@pytest.mark.parametrize("seed", [0, 2, 3, 4, 5, 6])
+def test_readings_of_a_controller_whose_cycle_drifts_past_the_polls(seed: int, view: str) -> None:
+    """Asked at 50 Hz, it reads each 4 ms by a clock of its own: for seconds readings are new or a cycle old by chance.
+
+    Few of them are there in a turn, so that the ripple alternates, too. Taken for motion, that was up to 2000 times the
+    error of the textbook.
+    """
+    rng = np.random.default_rng([seed, 99])
+    count, drift = 240_001, 4e-3 * (1.0 + 1e-4)
+    speed = rng.uniform(80.0, 180.0) * 2.0 * np.pi / 60.0
+    push = wander(rng, count, 5e-4, rng.uniform(0.5, 5.0), 0.01 * speed)
+    waves = np.array([[1.0, 0.01, 1.0], [2.0, 0.003, 2.0]])[: 2 * (seed % 2)].reshape(-1, 3)
+    motion = ShaftMotion.solve(Law(5e-4, push, np.full(count, speed), 2.0, waves, np.ones(count)), 0.3)
+    stamps = np.arange(2, 5980) / 50.0
+    stamps += np.abs(rng.normal(0.0, 5e-4, stamps.size))
+    step = 2.0 * np.pi / 4096
+    read = np.round(motion.at(np.floor((stamps - 0.013) / drift) * drift + 0.013)[0] / step) * step
+    estimator = create_estimator(view)
+    states = [estimator.step(stamps, read), estimator.finish()][view == "smooth"]
+    late = states.index > 0.25 * stamps.size
+    rows, truth = states.index[late], motion.at(stamps)[2]
+    off, book = states.alpha_rad_s2[late] - truth[rows], getattr(textbook(stamps, read), view)[rows, 2] - truth[rows]
+    assert np.sqrt(np.mean(off**2)) < 4.0 * np.sqrt(np.mean(book**2))

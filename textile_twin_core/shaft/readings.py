@@ -20,8 +20,9 @@ FIRST_JITTER = 0.01
 """First guess of the stamps' error, in intervals; learnt within some dozens of samples."""
 SMOOTHLY = TURN / 48.0
 """Move from a reading to the next up to which there are 4 readings in the shortest wave of ripple at least."""
-UNREST_SAMPLES, MOST_UNREST = 100.0, 64.0
-"""Readings that other noise is learnt from, and the most that one tells, in variances: it may have leapt."""
+UNREST_SAMPLES, UNREST_FEW, MOST_UNREST = 100.0, 50.0, 256.0
+"""Readings that other noise is learnt from, and where they are few in a turn; the most that one tells, in variances: it
+may have leapt."""
 HELD_MOVES, OFTEN_HELD = 10.0, 0.3
 """Moves that are looked at for such as come after repetitions, and their part from which the sensor holds readings."""
 LEAP, LEAP_GUESSED = 2.5, 4.5
@@ -86,20 +87,25 @@ def set_alike(status: Record) -> None:
 
 
 @compiled
-def learn_unrest(status: Record, reading: float) -> None:
+def learn_unrest(status: Record, reading: float, even: float) -> None:
     """Learn the noise that jitter does not account for: by how much second differences of the readings alternate.
 
     Those of white noise have the covariance -4 sigma^2 with the one before; what the shaft does between samples adds to
-    it as long as they are many in each wave of its ripple, and is no noise.
+    it as long as they are many in each wave of its ripple, and is no noise. Where they are few, the ripple that is
+    known is left out: `even` is the reading of the leading clock.
     """
-    moved = (reading - status.kept) * status.interval / max(status.time - status.kept_at, FINEST_S)
-    smoothly = max(abs(moved), abs(status.moved)) <= SMOOTHLY
+    intervals = max(status.time - status.kept_at, FINEST_S) / status.interval
+    moved = (reading - status.kept) / intervals
+    smoothly, samples = max(abs(moved), abs(status.moved)) <= SMOOTHLY, UNREST_SAMPLES
+    if not smoothly and status.judged > 0.0 and status.lead == status.kept_lead:
+        smoothly, samples, moved = True, UNREST_FEW, (even - status.kept_even) / intervals
     bent = moved - status.moved if smoothly else 0.0
     if smoothly:
         told = -0.25 * bent * status.bent - status.jitter * status.speed**2
         noise = noise_of(status, status.speed)
-        status.unrest += (min(max(told, -noise), MOST_UNREST * noise) - status.unrest) / UNREST_SAMPLES
+        status.unrest += (min(max(told, -noise), MOST_UNREST * noise) - status.unrest) / samples
     status.kept, status.kept_at, status.moved, status.bent = reading, status.time, moved, bent
+    status.kept_even, status.kept_lead = even, float(status.lead)
 
 
 @compiled
