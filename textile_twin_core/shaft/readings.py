@@ -20,7 +20,7 @@ FIRST_JITTER = 0.01
 """First guess of the stamps' error, in intervals; learnt within some dozens of samples."""
 SMOOTHLY = TURN / 48.0
 """Move from a reading to the next up to which there are 4 readings in the shortest wave of ripple at least."""
-UNREST_SAMPLES, UNREST_FEW, MOST_UNREST = 100.0, 50.0, 256.0
+UNREST_SAMPLES, UNREST_FEW, MOST_UNREST = 100.0, 50.0, 128.0
 """Readings that other noise is learnt from, and where they are few in a turn; the most that one tells, in variances: it
 may have leapt."""
 HELD_MOVES, OFTEN_HELD = 10.0, 0.3
