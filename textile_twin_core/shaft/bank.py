@@ -121,14 +121,6 @@ def expect_angle(status: Record, f: int, step: float, reading: float, at: float,
 
 
 @compiled
-def even_reading(status: Record, reading: float) -> float:
-    """Of the leading family's clock, by the ripple that was foreseen in it last."""
-    f = status.lead
-    known = known_part(status.second[f], 4 * lanes.WAVES[f], status.basis)
-    return float(reading + known + status.told[status.best[f]])
-
-
-@compiled
 def density(status: Record, f: int) -> float:
     """The probability density that the family gives to what was foreseen last, but for the constant of Student's t."""
     total = 0.0

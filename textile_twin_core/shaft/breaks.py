@@ -44,7 +44,6 @@ def begin_motion(status: Record, step: float, angle: float) -> None:
     if status.jitter_told == 0.0:
         status.jitter = (FIRST_JITTER * step) ** 2
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
-    status.kept_even, status.kept_lead = angle, 0.0
     status.read, status.kept, status.kept_at, status.moved, status.bent = angle, angle, status.time, 0.0, 0.0
     set_alike(status)
     start, root = status.start, math.sqrt(noise_of(status, rate))

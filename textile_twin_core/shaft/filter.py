@@ -8,7 +8,7 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import density, even_reading, expect_angle, predict
+from textile_twin_core.shaft.bank import density, expect_angle, predict
 from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_foretold, is_motion, lose
 from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, weigh
 from textile_twin_core.shaft.gate import Block, admit
@@ -186,7 +186,7 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(row.noise)
     weigh(status, noise, turning)
     learn_hold(status, reading, repeated)
-    learn_unrest(status, reading, even_reading(status, reading))
+    learn_unrest(status, reading)
     if status.samples % RECALIBRATE_EVERY == 0.0 and turning and status.since > RECALIBRATE_EVERY / 2.0:
         recalibrate(status, noise)
 

@@ -87,25 +87,24 @@ def set_alike(status: Record) -> None:
 
 
 @compiled
-def learn_unrest(status: Record, reading: float, even: float) -> None:
+def learn_unrest(status: Record, reading: float) -> None:
     """Learn the noise that jitter does not account for: by how much second differences of the readings alternate.
 
     Those of white noise have the covariance -4 sigma^2 with the one before; what the shaft does between samples adds to
-    it as long as they are many in each wave of its ripple, and is no noise. Where they are few, the ripple that is
-    known is left out: `even` is the reading of the leading clock.
+    it as long as they are many in each wave of its ripple, and is no noise. Where they are few, ripple could be taken
+    for noise: there it counts once the ripple was looked for.
     """
-    intervals = max(status.time - status.kept_at, FINEST_S) / status.interval
-    moved = (reading - status.kept) / intervals
-    smoothly, samples = max(abs(moved), abs(status.moved)) <= SMOOTHLY, UNREST_SAMPLES
-    if not smoothly and status.judged > 0.0 and status.lead == status.kept_lead:
-        smoothly, samples, moved = True, UNREST_FEW, (even - status.kept_even) / intervals
-    bent = moved - status.moved if smoothly else 0.0
-    if smoothly:
+    moved = (reading - status.kept) * status.interval / max(status.time - status.kept_at, FINEST_S)
+    smoothly = max(abs(moved), abs(status.moved)) <= SMOOTHLY
+    tells = smoothly or status.judged > 0.0
+    bent = moved - status.moved if tells else 0.0
+    if tells:
         told = -0.25 * bent * status.bent - status.jitter * status.speed**2
         noise = noise_of(status, status.speed)
-        status.unrest += (min(max(told, -noise), MOST_UNREST * noise) - status.unrest) / samples
+        status.unrest += (min(max(told, -noise), MOST_UNREST * noise) - status.unrest) / (
+            UNREST_SAMPLES if smoothly else UNREST_FEW
+        )
     status.kept, status.kept_at, status.moved, status.bent = reading, status.time, moved, bent
-    status.kept_even, status.kept_lead = even, float(status.lead)
 
 
 @compiled

@@ -29,8 +29,7 @@ _FIELDS = (
     "angle", "speed", "acceleration", "first", "origin", "period", "slips", "auto", "low", "high", "rounding", "jitter",
     "jitter_told", "sensor_speed", "aside", "doubt", "off_before", "off_last", "step_last", "motion", "sense", "still",
     "judged", "lowest", "basis_at", "basis_waves", "speed_sigma", "acceleration_sigma", "alike", "unrest", "kept",
-    "kept_at", "kept_even", "kept_lead", "moved", "bent", "read", "held", "holding", "longest_hold", "fastest",
-    "guessed",
+    "kept_at", "moved", "bent", "read", "held", "holding", "longest_hold", "fastest", "guessed",
 )  # fmt: skip
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
@@ -71,9 +70,8 @@ STATUS = np.dtype(
 """All in samples, seconds and radians. `unit` is that of the stamps [s]; `period` what the angle wraps by, 0 when it
 counts its turns; `rounding` the encoder's step, `guessed` 1 until it is known, `alike` the readings that count as one;
 `jitter` the variance of the stamps; `unrest` the variance that neither of both accounts for, learnt from `kept`, the
-last reading that was not set aside, its time, its like of the clock that led (`kept_even`, `kept_lead`), what it had
-`moved` in an interval and by how much more than before (`bent`); `speed_sigma`, `acceleration_sigma` of the state;
-`fastest` the full speed that is known; `sensor_speed` the
+last reading that was not set aside, and its time, what it had `moved` in an interval and by how much more than before
+(`bent`); `speed_sigma`, `acceleration_sigma` of the state; `fastest` the full speed that is known; `sensor_speed` the
 sensor's own, NaN for none; `held` the part of the moves that come after repetitions, `holding` how many there are now
 and `longest_hold` were at most of late; `aside` the readings set aside in a row, `doubt` those that must fit until a
 state is settled again; `lowest` order of the ripple.
