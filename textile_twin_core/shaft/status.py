@@ -24,25 +24,46 @@ STARTING, RUNNING, STANDSTILL = 0.0, 1.0, 2.0
 MOTIONS = ("starting", "running", "standstill")
 
 COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
-_FIELDS = (
-    *COUNTS, "received", "not_finite", "duplicate", "older", "unit", "samples", "since", "time", "interval", "longest",
-    "angle", "speed", "acceleration", "first", "origin", "period", "slips", "auto", "low", "high", "rounding", "jitter",
-    "jitter_told", "sensor_speed", "aside", "doubt", "off_before", "off_last", "step_last", "motion", "sense", "still",
-    "judged", "lowest", "basis_at", "basis_waves", "speed_sigma", "acceleration_sigma", "alike", "unrest", "kept",
-    "kept_at", "moved", "bent", "read", "held", "holding", "longest_hold", "fastest", "guessed",
+_OF_SAMPLES = ("received", "not_finite", "duplicate", "older", "unit", "samples", "time", "interval", "longest")
+"""Samples that came in, and those refused by cause; the stamps' unit [s]; samples since the estimator began; time [s]
+since the first of them, usual one from each to the next, and the longest."""
+_OF_MOTION = (
+    "angle", "speed", "acceleration", "speed_sigma", "acceleration_sigma", "sensor_speed", "fastest", "motion", "sense",
+    "still", "since", "lowest", "judged",
 )  # fmt: skip
+"""The state told and its sigmas, the speed that a sensor tells (NaN: none), full speed as far as it is known; what the
+shaft does, its sense, samples at rest, samples since the motion was found; lowest order of ripple, 1 once it was looked
+for."""
+_OF_ANGLES = ("first", "origin", "period", "slips", "auto", "low", "high")
+"""The first reading and its whole turns; what the angle wraps by, 0 where it counts its turns, and by how much it did;
+whether that is for the readings to tell, which lay between these two."""
+_OF_NOISE = ("rounding", "guessed", "alike", "jitter", "jitter_told", "unrest", "kept", "kept_at", "moved", "bent")
+"""The encoder's step, 1 until it is known, readings that count as one; variance of the stamps, 1 where it was told;
+variance that neither of both accounts for, learnt from the last reading that was not set aside, its time, what it had
+moved by in an interval and by how much more than the one before."""
+_OF_REPEATS = ("read", "held", "holding", "longest_hold")
+"""The last reading; part of the moves that come after repetitions; repetitions now, and at most of late."""
+_OF_TROUBLE = ("aside", "doubt", "off_before", "off_last", "step_last")
+"""Readings set aside in a row, and those that must fit until a state is settled again; by how much the last two were
+off, and the time before the last."""
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
     "motion", "speed", "lead", "best", "ripple", "guessed",
 )  # fmt: skip
 """Counts, and what outlasts the end of a motion."""
+_NUMBERS = (*_OF_SAMPLES, *_OF_MOTION, *_OF_ANGLES, *_OF_NOISE, *_OF_REPEATS, *_OF_TROUBLE)
 _BY_FAMILY = ("weight", "active", "travelled", "began", "rest", "pause", "log_memory")
+"""Weight; 1 while it works; angle [rad] since it began, and the speed then; angle to turn until it wakes or, below 0,
+turned since it had weight; cycles that it rests next; mean logarithm of its memory."""
 _BY_LANE = (
     "logarithm", "weakness", "scale", "learnt", "probability", "used", "standing", "innovation", "spread", "common",
     "told", "likelihood", "own_noise",
 )  # fmt: skip
+"""Logarithm of the samples that the filter looks back, strength of its jerk; variance of the readings relative to what
+is expected, and the innovations it was learnt from; probability, and its mean of late; likelihood ratio to the family
+since it was best; what a reading told, see `kinematics`."""
 STATUS = np.dtype(
-    [(name, np.float64) for name in _FIELDS]
+    [(name, np.float64) for name in (*COUNTS, *_NUMBERS, "basis_at", "basis_waves")]
     + [("lead", np.int64), ("best", np.int64, (lanes.FAMILIES,))]
     + [(name, np.float64, (lanes.FAMILIES,)) for name in _BY_FAMILY]
     + [(name, np.float64, (lanes.COUNT,)) for name in _BY_LANE]
@@ -67,25 +88,11 @@ STATUS = np.dtype(
         ("common_part", np.float64, (6,)),
     ]
 )
-"""All in samples, seconds and radians. `unit` is that of the stamps [s]; `period` what the angle wraps by, 0 when it
-counts its turns; `rounding` the encoder's step, `guessed` 1 until it is known, `alike` the readings that count as one;
-`jitter` the variance of the stamps; `unrest` the variance that neither of both accounts for, learnt from `kept`, the
-last reading that was not set aside, and its time, what it had `moved` in an interval and by how much more than before
-(`bent`); `speed_sigma`, `acceleration_sigma` of the state; `fastest` the full speed that is known; `sensor_speed` the
-sensor's own, NaN for none; `held` the part of the moves that come after repetitions, `holding` how many there are now
-and `longest_hold` were at most of late; `aside` the readings set aside in a row, `doubt` those that must fit until a
-state is settled again; `lowest` order of the ripple.
-
-Of each family: its weight; 1 while it works; angle [rad] since it began, and the speed then; angle to turn until it
-wakes or, below 0, turned since it had weight; cycles that it rests next; mean logarithm of its memory; its best lane,
-and the coefficients of g2 that follow from that one's ripple (see `clock`).
-
-Of each lane: logarithm of the samples that the filter looks back; strength of its jerk; variance of the readings
-relative to what is expected, and the innovations it was learnt from; probability, and its mean of late; likelihood
-ratio to the family since it was best; state and factor of the clock, what a reading sees of the factor's columns, gains
-(see `kinematics`); sensitivity of the state to the coefficients of ripple; those and their factor, and what an
-innovation is shown of its columns (see `ripple`). Factors are in units of the root of the scale. The rest is room to
-work in."""
+"""All in samples, seconds and radians. After the numbers above the leading family and the best lane of each. Of each
+lane: state and factor of the clock, what a reading sees of the factor's columns, gains (see `kinematics`); sensitivity
+of the state to the coefficients of ripple; what an innovation feels of these and is shown of their factor's columns;
+they and the factor (see `ripple`). Factors are in units of the root of the scale. Of each family the coefficients of g2
+that follow from its best lane's ripple (see `clock`). The rest is room to work in."""
 
 STATE = np.dtype(
     [(name, np.float64) for name in ("phase", "speed", "acceleration", "turns", "settled", "index")]
