@@ -79,7 +79,7 @@ def step_back(
 
 @compiled
 def _undo_motion(x: FloatArray, step: float) -> None:
-    """F' X F, with F the motion over a step."""
+    """F' X F, with F the motion over a step, and alike on both sides: what differs would not fade."""
     half = 0.5 * step * step
     for j in range(3):
         x[0, j] += step * x[1, j] + half * x[2, j]
@@ -87,6 +87,7 @@ def _undo_motion(x: FloatArray, step: float) -> None:
     for i in range(3):
         x[i, 0] += step * x[i, 1] + half * x[i, 2]
         x[i, 1] += step * x[i, 2]
+    x[1, 0], x[2, 0], x[2, 1] = x[0, 1], x[0, 2], x[1, 2]
 
 
 @compiled
