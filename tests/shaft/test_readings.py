@@ -7,6 +7,7 @@ import pytest
 
 from tests.generators.mill_recordings import healthy, record
 from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft.encoder import encoder_step
 from textile_twin_core.shaft.readings import MOST_ALIKE, set_alike
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import new_status
@@ -53,3 +54,13 @@ def test_the_step_of_a_shaft_that_hardly_moves_is_found() -> None:
     estimator = create_estimator("causal")
     estimator.step(time, np.round(0.004 * time * 1e3) * step)
     assert estimator.report.resolution_rad == pytest.approx(step, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_outliers_at_rest_do_not_hide_the_encoders_step(seed: int) -> None:
+    """As many values that come once are wrong as come again and again; the step must not be taken for none."""
+    rng, step = np.random.default_rng(seed), 2.0 * np.pi / 4096.0
+    angles = np.round(5.0 * np.sin(np.arange(768) * 0.02)) * step
+    wrong = rng.random(angles.size) < 0.03
+    angles[wrong] += rng.uniform(-0.5, 0.5, wrong.sum())
+    assert encoder_step(np.arange(768.0), angles) == pytest.approx(step, rel=1e-9)

@@ -77,7 +77,9 @@ def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TUR
 
 def _common_divisor(values: FloatArray, grain: float) -> float | None:
     """What the gaps between most values are multiples of; 0 for nothing, None when it is not clear."""
-    ordered, place = np.unique(values, return_index=True)
+    ordered, place, times = np.unique(values, return_index=True, return_counts=True)
+    if np.sum(times[times > 1]) > MOST_FIT * values.size:  # a shaft at rest: what comes once are outliers
+        ordered, place = ordered[times > 1], place[times > 1]
     gaps = np.diff(ordered)
     differs = gaps > max(10.0 * grain, FINEST_STEP_RAD)
     gaps, first = gaps[differs], np.sort(np.append(place[0], place[1:][differs]))
