@@ -89,3 +89,26 @@ def test_wild_readings_towards_the_end_cost_no_knowledge_of_the_ripple(from_the_
         good = (time[states.index] > 5.0) & (states.index < 9000)
         off.append(np.sqrt(np.mean((states.alpha_rad_s2[good] - truth[states.index[good]]) ** 2)))
     assert off[1] < 1.5 * off[0]
+
+
+@pytest.mark.parametrize("seed", [13, 30])
+def test_a_chain_of_fewer_orders_than_led_knows_how_long_it_remembers(seed: int) -> None:
+    """Ripple by angle, and a vibration by time that more orders than are there take up: the chain must not.
+
+    At the long memory of those it lost the shaft for some dozens of readings, off by more than all the acceleration.
+    """
+    rng, time = np.random.default_rng([5, seed]), np.arange(12_000) * 1e-3
+    speed, rate = TURN * rng.uniform(3.0, 15.0), TURN * rng.uniform(11.0, 35.0)
+    size, phases = rng.uniform(0.003, 0.02) * speed / rate, rng.uniform(0.0, TURN, 3)
+    first, second = 0.5 * rng.uniform(0.02, 0.06), 0.15 * rng.uniform(0.02, 0.06)
+    one, two, shaken = speed * time + phases[0], 2.0 * speed * time + phases[1], rate * time + phases[2]
+    theta = speed * time + first * np.sin(one) + 0.5 * second * np.sin(two) + size * np.sin(shaken)
+    alpha = -(speed**2) * (first * np.sin(one) + 2.0 * second * np.sin(two)) - size * rate**2 * np.sin(shaken)
+    step = TURN / 2 ** int(rng.integers(12, 16))
+    angles = np.round(theta / step) * step
+    angles += np.where(rng.random(time.size) < 0.01, 0.5 * rng.choice((-1, 1), time.size), 0.0)
+    estimator = create_estimator("smooth")
+    estimator.step(time, angles)
+    states = estimator.finish()
+    off = np.abs(states.alpha_rad_s2 - alpha[states.index])[300:-50]
+    assert off.max() < 0.7 * np.sqrt(np.mean(alpha**2))

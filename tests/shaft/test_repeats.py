@@ -62,3 +62,35 @@ def test_outliers_at_rest_are_no_moves_after_repetitions(seed: int) -> None:
     estimator = create_estimator("causal")
     estimator.step(record.time_s, record.fed_rad)
     assert estimator.report.repeats == 0
+
+
+@pytest.mark.parametrize("length", [1, 3, 5, 8])
+@pytest.mark.parametrize("view", ["causal", "smooth"])
+def test_a_bus_that_drops_out_is_no_stop(view: str, length: int) -> None:
+    """Some readings only say again what the last one said, then the motion goes on where it would be."""
+    signal = make_signal(5, duration_s=16.0, dropped=0.0, bits=13)
+    stuck = signal.angles.copy()
+    for first in range(1000, stuck.size - 20, 97):
+        stuck[first : first + length] = stuck[first - 1]
+    worst = []
+    for angles in (signal.angles, stuck):
+        estimator = create_estimator(view)
+        states = [estimator.step(signal.stamps_ns, angles), estimator.finish()][view == "smooth"]
+        late = states.settled & (states.index > 900)
+        off = np.abs(states.omega_rad_s - signal.omega[states.index])[late]
+        worst.append(off.max())
+        assert np.mean(late) > 0.7
+    assert worst[1] < 2.0 * worst[0]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_small_outliers_at_rest_are_no_moves_after_repetitions(seed: int) -> None:
+    """Ten steps of the encoder, either way, which the gate lets through; the shaft is inched between rests."""
+    rng, step = np.random.default_rng(seed), 2.0 * np.pi / 4096.0
+    time = np.arange(20_000) * 2e-3
+    angles = np.round(0.1 * np.floor(time / 2.0) / step + np.clip(time % 2.0, 0.0, 0.2) * 0.5 / step) * step
+    wrong = rng.random(time.size) < 0.01
+    angles[wrong] += rng.choice((-1.0, 1.0), wrong.sum()) * rng.uniform(3.0, 15.0, wrong.sum()).round() * step
+    estimator = create_estimator("causal", resolution_rad=step)
+    estimator.step(time, angles)
+    assert estimator.report.repeats == 0

@@ -10,7 +10,7 @@ from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import RIPPLE_SIZE, begin, expect_angle, open_motion, stand_at, take_angle
 from textile_twin_core.shaft.clock import wave
 from textile_twin_core.shaft.families import FIRST_REST, can_tell
-from textile_twin_core.shaft.readings import FIRST_JITTER, noise_of, set_alike, unwrapped
+from textile_twin_core.shaft.readings import FIRST_JITTER, LEAP_GUESSED, noise_of, set_alike, unwrapped
 from textile_twin_core.shaft.status import Record
 
 SET_ASIDE = 2
@@ -18,6 +18,8 @@ SET_ASIDE = 2
 FORETOLD = 0.05
 """Standard deviation [rad] of a reading after a gap up to which the motion may go on: that one of another motion is
 within three of it happens in 1 case of 20 at most, and the next readings tell."""
+FALSE = 4.0
+"""A start is false from which a reading is so many times farther off than from a line through those since."""
 TOLD = 0.02
 """Part of a speed that a sensor tells by which it may be off."""
 
@@ -62,6 +64,28 @@ def begin_motion(status: Record, step: float, angle: float) -> None:
 
 
 @compiled
+def is_false_start(status: Record, reading: float, off: float, step: float) -> bool:
+    """Whether the three readings after the first two follow a line, but not that of these: one of them was wrong.
+
+    Readings whose stamps come in bunches follow lines, too, that are none.
+    """
+    if status.samples != 5.0 or step < 0.5 * status.interval:
+        return False
+    bend = reading - status.kept - status.moved * step / status.interval
+    return abs(off) > FALSE * (abs(bend) + math.sqrt(noise_of(status, status.speed)))  # type: ignore[no-any-return]
+
+
+@compiled
+def is_stuck(status: Record) -> bool:
+    """Whether those set aside only say again what the last reading said of a shaft that moved by many steps.
+
+    A bus has dropped out; what lasts is a stop after all.
+    """
+    moved = abs(status.moved) > LEAP_GUESSED * status.rounding
+    return moved and status.holding > status.aside  # type: ignore[no-any-return]
+
+
+@compiled
 def is_motion(status: Record, off: float, step: float, noise: float, row: Record) -> bool:
     """Whether readings far off are the shaft's motion and not outliers: the third of three that follow a line.
 
@@ -72,7 +96,7 @@ def is_motion(status: Record, off: float, step: float, noise: float, row: Record
     ahead = min(off, status.off_last, status.off_before) > 0.0
     behind = max(off, status.off_last, status.off_before) < 0.0
     straight = abs(bend) <= 0.5 * max(abs(off), abs(status.off_before))
-    if status.aside < SET_ASIDE or not (ahead or behind) or not straight:
+    if status.aside < SET_ASIDE or is_stuck(status) or not (ahead or behind) or not straight:
         status.off_before, status.off_last, status.step_last = status.off_last, off, step
         return False
     span, grown = step + status.step_last, off - status.off_before
@@ -125,10 +149,10 @@ def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
 
 
 @compiled
-def lose(status: Record, reading: float, step: float, row: Record) -> None:
-    """Readings that follow no motion: begin anew."""
+def lose(status: Record, reading: float, rate: float, step: float, row: Record) -> None:
+    """Readings that follow no motion: begin anew with this one and a speed."""
     status.losses += 1.0
-    status.first = reading - status.speed * step
+    status.first = reading - rate * step
     begin_motion(status, step, reading)
-    row.cut = 1.0
+    row.reading, row.cut = reading, 1.0
     row.noise = row.unit = noise_of(status, status.speed)

@@ -79,7 +79,8 @@ def is_at_work(status: Record, f: int, turned: float) -> bool:
         for row in range(9):
             status.start[row] = status.clock[row, m]
         begin(status, f, status.scale[m])
-        for lane in range(lanes.FIRST[f], lanes.END[f]):
+        # How good sampled readings are is not learnt anew from a few; what passed for noise of edges is mostly ripple.
+        for lane in range(lanes.FIRST[f], lanes.FIRST[f] if status.edges > 0.0 else lanes.END[f]):
             status.learnt[lane] = status.learnt[m]
         status.active[f], status.rest[f], status.travelled[f], status.weight[f] = 1.0, 0.0, 0.0, 0.0
         status.began[f] = max(speed, hardly(status))
@@ -128,6 +129,10 @@ def weigh(status: Record, noise: float, turning: bool) -> None:
 
 @compiled
 def memory_for(status: Record, f: int) -> float:
-    """Log memory for a family: its own while it has weight, else the leading one's, to be compared alike."""
-    own = f == 0 or status.weight[f] > NO_WEIGHT
+    """Log memory for a family: its own while it has weight or works with fewer orders than the leading one has.
+
+    Else that of the leading one, to be compared alike.
+    """
+    simpler = f < status.lead and status.active[f] > 0.0 and has_seen(status, f)
+    own = f == 0 or status.weight[f] > NO_WEIGHT or simpler
     return status.log_memory[f if own else status.lead]  # type: ignore[no-any-return]

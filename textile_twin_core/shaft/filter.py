@@ -9,7 +9,7 @@ import numpy as np
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import density, expect_angle, predict
-from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_foretold, is_motion, lose
+from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_false_start, is_foretold, is_motion, lose
 from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, weigh
 from textile_twin_core.shaft.gate import Block, admit
 from textile_twin_core.shaft.mixture import mix
@@ -107,7 +107,9 @@ def _tell(status: Record, row: Record) -> None:
     set_alike(status)
     _watch(status, sigma)
     if status.samples > 2.0:
-        sure = sigma <= max(UNSURE * max(abs(status.speed), SLOW * status.fastest), hardly(status))
+        # A speed above all that were seen tells little of how sure one must be: outliers give such.
+        speed = abs(status.speed) if status.fastest == 0.0 else min(abs(status.speed), status.fastest)
+        sure = sigma <= max(UNSURE * max(speed, SLOW * status.fastest), hardly(status))
         row.settled = 1.0 if sure and status.doubt == 0.0 and status.since >= SETTLING else 0.0
     if row.noise > 0.0:
         status.doubt = max(status.doubt - 1.0, 0.0)
@@ -146,11 +148,13 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
         # Where a gap follows another the interval was none. And an angle that wraps tells no such speed: its readings
         # would fit this one and any that is whole periods faster.
         reading = unwrapped(status, raw, status.read)
-        status.speed = (reading - status.read) / step
-        lose(status, reading, step, row)
-        row.reading = reading
+        lose(status, reading, (reading - status.read) / step, step, row)
         return
     reading = unwrapped(status, raw, expected)
+    if is_false_start(status, reading, reading - expected, step):
+        status.unrest = status.sense = 0.0
+        lose(status, reading, (reading - status.read) / step, step, row)
+        return
     guess_rounding(status, abs(reading - status.read))
     repeated, held = status.holding, is_held(status, reading)
     status.read, noise = reading, noise_of(status, status.speed)
@@ -178,7 +182,7 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
             status.doubt += 1.0
             status.outliers += 1.0
             if status.doubt > LOST:
-                lose(status, reading, step, row)
+                lose(status, reading, 0.0 if status.holding > 0.0 else status.speed, step, row)
             return
         for f in range(lanes.FAMILIES):
             expect_angle(status, f, 0.0, reading, reading, noise)

@@ -122,12 +122,19 @@ def is_held(status: Record, reading: float) -> bool:
 
 @compiled
 def learn_hold(status: Record, reading: float, repeated: float) -> None:
-    """Learn whether the sensor holds readings: a move after so many repetitions is of more than rounding hides."""
-    moved, usual = abs(reading - status.kept), status.held > OFTEN_HELD
-    if moved > (LEAP_GUESSED if status.guessed > 0.0 else LEAP) * max(status.rounding, FINEST_STEP_RAD):
-        status.held += ((1.0 if repeated > 0.0 else 0.0) - status.held) / HELD_MOVES
+    """Learn whether the sensor holds readings: moves after repetitions are of more than rounding hides.
+
+    Each leap is a lesson once the next one goes on in its sense: what turns back at once was an outlier.
+    """
+    moved, usual = reading - status.kept, status.held > OFTEN_HELD
+    if abs(moved) <= (LEAP_GUESSED if status.guessed > 0.0 else LEAP) * max(status.rounding, FINEST_STEP_RAD):
+        return
+    if moved * status.leapt > 0.0:
+        before = status.leapt_after
+        status.held += ((1.0 if before > 0.0 else 0.0) - status.held) / HELD_MOVES
         most = status.longest_hold + 1.0 if usual else SETTLING
-        status.longest_hold = max(FORGET_HOLD * status.longest_hold, min(repeated, most))
+        status.longest_hold = max(FORGET_HOLD * status.longest_hold, min(before, most))
+    status.leapt, status.leapt_after = moved, repeated
 
 
 @compiled

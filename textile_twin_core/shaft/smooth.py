@@ -31,6 +31,8 @@ OVERLAP = 512
 """Rows on either side of a part that are smoothed along with it."""
 AROUND = 1
 """Parts before and after one whose ripples are tried on it, too."""
+FINDING = 128
+"""Rows at the beginning of a stretch in which the filter finds its memory first: they take the shortest of the next."""
 FEWEST = 4
 """Rows below which a stretch keeps the filter's states."""
 
@@ -84,11 +86,15 @@ class SmoothEstimator(ShaftEstimator):
         """Smooth stretch by stretch; with a toothed wheel again, its pitch errors as the smoothed motion tells them."""
         wheel = self._wheel
         cuts = np.flatnonzero(rows["cut"] == 1.0).tolist()
+        stretches = [rows[first:end] for first, end in pairwise([*cuts, len(rows)])]
+        for stretch in stretches:
+            found = min(FINDING, len(stretch) // 2)
+            stretch["memory"][:found] = np.min(stretch["memory"][found : 2 * found + 1], axis=0)
         lessons = LESSONS if wheel is not None and wheel.learning else 0
         for lesson in range(lessons + 1):
-            for first, end in zip(cuts, [*cuts, len(rows)][1:], strict=True):
-                if end - first >= FEWEST:
-                    self._smooth_stretch(rows[first:end])
+            for stretch in stretches:
+                if len(stretch) >= FEWEST:
+                    self._smooth_stretch(stretch)
             if wheel is not None and lesson < lessons:
                 off = rows["reading"] - rows["phase"] - (rows["turns"] - rows["origin"]) * TURN
                 rows["reading"] += wheel.learn(rows["reading"], off)

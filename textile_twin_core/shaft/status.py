@@ -37,12 +37,15 @@ for."""
 _OF_ANGLES = ("first", "origin", "period", "slips", "auto", "low", "high")
 """The first reading and its whole turns; what the angle wraps by, 0 where it counts its turns, and by how much it did;
 whether that is for the readings to tell, which lay between these two."""
-_OF_NOISE = ("rounding", "guessed", "alike", "jitter", "jitter_told", "unrest", "kept", "kept_at", "moved", "bent")
-"""The encoder's step, 1 until it is known, readings that count as one; variance of the stamps, 1 where it was told;
-variance that neither of both accounts for, learnt from the last reading that was not set aside, its time, what it had
-moved by in an interval and by how much more than the one before."""
-_OF_REPEATS = ("read", "held", "holding", "longest_hold")
-"""The last reading; part of the moves that come after repetitions; repetitions now, and at most of late."""
+_OF_NOISE = (
+    "edges", "rounding", "guessed", "alike", "jitter", "jitter_told", "unrest", "kept", "kept_at", "moved", "bent",
+)  # fmt: skip
+"""1 where readings are edges; the encoder's step, 1 until it is known, readings that count as one; variance of the
+stamps, 1 where it was told; variance that neither of both accounts for, learnt from the last reading that was not set
+aside, its time, what it had moved by in an interval and by how much more than the one before."""
+_OF_REPEATS = ("read", "leapt", "leapt_after", "held", "holding", "longest_hold")
+"""The last reading; the last leap, and the repetitions before it; part of the leaps that come after repetitions;
+repetitions now, and at most of late."""
 _OF_TROUBLE = ("aside", "doubt", "off_before", "off_last", "step_last")
 """Readings set aside in a row, and those that must fit until a state is settled again; by how much the last two were
 off, and the time before the last."""
@@ -121,6 +124,7 @@ def new_status(settings: ShaftSettings, rounding: float) -> Records:
     record["auto"] = settings.wrapping == "auto"
     record["rounding"] = rounding
     record["guessed"] = settings.step_rad is None
+    record["edges"] = settings.teeth > 0
     record["lowest"] = 1.0 / settings.cycle_turns
     record["logarithm"], record["weakness"] = np.log(lanes.MEMORIES), lanes.MEMORIES**-3.0
     if settings.stamp_jitter_s is not None:
