@@ -12,6 +12,7 @@ from textile_twin_core.shaft.bank import density, expect_angle, predict
 from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_false_start, is_foretold, is_motion, lose
 from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, weigh
 from textile_twin_core.shaft.gate import Block, admit
+from textile_twin_core.shaft.lacked_orders import add_lacked, listen
 from textile_twin_core.shaft.mixture import mix
 from textile_twin_core.shaft.readings import (
     SETTLING,
@@ -111,6 +112,7 @@ def _tell(status: Record, row: Record) -> None:
         speed = abs(status.speed) if status.fastest == 0.0 else min(abs(status.speed), status.fastest)
         sure = sigma <= max(UNSURE * max(speed, SLOW * status.fastest), hardly(status))
         row.settled = 1.0 if sure and status.doubt == 0.0 and status.since >= SETTLING else 0.0
+    add_lacked(status, row)
     if row.noise > 0.0:
         status.doubt = max(status.doubt - 1.0, 0.0)
     row.theta, row.origin, row.lead = status.angle, status.origin, float(status.lead)
@@ -189,6 +191,8 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
     status.aside = status.off_before = status.off_last = 0.0
     turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(row.noise)
     weigh(status, noise, turning)
+    if turning:
+        listen(status, noise)
     learn_hold(status, reading, repeated)
     learn_unrest(status, reading)
     if status.samples % RECALIBRATE_EVERY == 0.0 and turning and status.since > RECALIBRATE_EVERY / 2.0:

@@ -66,7 +66,7 @@ _BY_LANE = (
 is expected, and the innovations it was learnt from; probability, and its mean of late; likelihood ratio to the family
 since it was best; what a reading told, see `kinematics`."""
 STATUS = np.dtype(
-    [(name, np.float64) for name in (*COUNTS, *_NUMBERS, "basis_at", "basis_waves")]
+    [(name, np.float64) for name in (*COUNTS, *_NUMBERS, "basis_at", "basis_waves", "white")]
     + [("lead", np.int64), ("best", np.int64, (lanes.FAMILIES,))]
     + [(name, np.float64, (lanes.FAMILIES,)) for name in _BY_FAMILY]
     + [(name, np.float64, (lanes.COUNT,)) for name in _BY_LANE]
@@ -82,6 +82,7 @@ STATUS = np.dtype(
         ("second", np.float64, (lanes.FAMILIES, 2 * lanes.WIDEST)),
         ("basis", np.float64, (2 * lanes.WIDEST,)),
         ("change", np.float64, (lanes.WIDEST,)),
+        ("heard", np.float64, (2 * lanes.WIDEST,)),
         ("part", np.float64, (2, lanes.WIDEST)),
         ("owed", np.float64, (3, lanes.WIDEST)),
         ("slopes", np.float64, (6,)),
@@ -95,7 +96,8 @@ STATUS = np.dtype(
 lane: state and factor of the clock, what a reading sees of the factor's columns, gains (see `kinematics`); sensitivity
 of the state to the coefficients of ripple; what an innovation feels of these and is shown of their factor's columns;
 they and the factor (see `ripple`). Factors are in units of the root of the scale. Of each family the coefficients of g2
-that follow from its best lane's ripple (see `clock`). The rest is room to work in."""
+that follow from its best lane's ripple (see `clock`). Variance and orders of the innovations of late (see
+`lacked_orders`). The rest is room to work in."""
 
 STATE = np.dtype(
     [(name, np.float64) for name in ("phase", "speed", "acceleration", "turns", "settled", "index")]
@@ -109,12 +111,12 @@ ROW = np.dtype(
         (name, "<f8")
         for name in ("reading", "noise", "unit", "theta", "origin", "alike", "time", "step", "cut", "lead", "clock")
     ]
-    + [("memory", "<f8", (lanes.FAMILIES,))]
+    + [("memory", "<f8", (lanes.FAMILIES,)), ("lacked", "<f8", (3,))]
 )
 """And what smoothing works on: unwrapped reading; its variance (0: set aside), that before it was learnt how good
 readings are; angle found; whole turns before both; time since the first sample and since the one before; 1 where a new
 stretch begins, 2 where the readings set aside before were motion; leading family; reading of the clock; mean logarithm
-of each family's memory."""
+of each family's memory; variances by orders that the state lacks."""
 
 
 def new_status(settings: ShaftSettings, rounding: float) -> Records:

@@ -18,6 +18,7 @@ from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.chain import wave_at
 from textile_twin_core.shaft.clock import add_spread, shaft_state
 from textile_twin_core.shaft.kinematics import HALF_JERK, LAST_JERK
+from textile_twin_core.shaft.lacked_orders import add_again
 from textile_twin_core.shaft.mixture import owe
 from textile_twin_core.shaft.status import Record
 
@@ -162,6 +163,7 @@ def tell(filters: Record, back: Record, at: Record, row: Record) -> None:
         for q in range(p, 3):
             row.covariance[3 * p + q] = row.covariance[3 * q + p] = spread[place]
             place += 1
+    add_again(row)
 
 
 @compiled
