@@ -40,3 +40,18 @@ def test_outliers_on_both_sides_of_the_motion_are_no_motion() -> None:
     states = estimator.step(stamps, angles)
     assert estimator.report.outliers == 3
     assert np.allclose(states.omega_rad_s[states.index > 100], 15.0, rtol=1e-3)
+
+
+@pytest.mark.parametrize("seed", [199, 274])
+def test_a_speed_above_all_that_were_seen_is_not_settled_by_its_size(seed: int) -> None:
+    """Outliers on one side that follow a line look like speeds of many times full speed, of which a quarter is much."""
+    rng, time = np.random.default_rng([11, seed]), np.arange(20_000) * 1e-3
+    top = rng.uniform(10.0, 25.0)
+    knots = np.cumsum(rng.uniform(0.5, 2.0, 20))
+    omega = np.interp(time, knots, np.repeat(rng.choice((0.0, 0.0, 1.0, 0.5), 10), 2) * top)
+    step = 2.0 * np.pi / 2**13
+    angles = np.round(np.cumsum(omega) * 1e-3 / step) * step
+    angles += np.where(rng.random(time.size) < 0.03, rng.uniform(0.0, 0.5, time.size), 0.0)
+    states = create_estimator("causal").step(time, angles)
+    off = np.abs(states.omega_rad_s - omega[states.index])[states.settled & (states.index > 2000)]
+    assert off.max() < top
