@@ -94,3 +94,14 @@ def test_small_outliers_at_rest_are_no_moves_after_repetitions(seed: int) -> Non
     estimator = create_estimator("causal", resolution_rad=step)
     estimator.step(time, angles)
     assert estimator.report.repeats == 0
+
+
+@pytest.mark.parametrize(("speed", "rate_hz"), [(15.0, 500.0), (40.0, 1000.0), (12.0, 50.0)])
+def test_a_dead_stop_is_a_rest_once_it_is_no_dropout(speed: float, rate_hz: float) -> None:
+    """Until then no state is settled."""
+    time, step = np.arange(3000) / rate_hz, 2.0 * np.pi / 4096.0
+    angles = np.round(speed * np.minimum(time, time[2000]) / step) * step
+    states = create_estimator("causal").step(time, angles)
+    moving = (states.index > 2000) & (np.abs(states.omega_rad_s) > 0.02 * speed)
+    assert np.sum(moving) < 12
+    assert not np.any(moving & states.settled)
