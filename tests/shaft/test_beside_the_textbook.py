@@ -49,3 +49,9 @@ def test_a_family_that_rested_is_asked_at_the_memory_of_the_leading_one(seed: in
     """At its own, of where it rested, orders that are there looked unlikely."""
     made = score(package, "teeth", seed, "smooth")
     assert np.all(made.rms < made.book)
+
+
+def test_all_ripples_that_are_known_may_be_wrong_for_a_part() -> None:
+    """Found before a reversal and after it: in between the plain family is likelier."""
+    made = score(package, "runs", 1, "smooth")
+    assert np.all(made.rms < 0.7 * made.book)

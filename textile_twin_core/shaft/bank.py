@@ -27,8 +27,9 @@ BEHIND = math.exp(-10.0)
 """Likelihood ratio to the family, since it was best, at which a filter begins again from the best one (Page 1954)."""
 FEW = 0.01
 """Probability of a filter that may begin again."""
-FIRST_SCALE_WEIGHT = 0.5
-"""What the first guess of the noise weighs beside the innovations that a filter's scale of it is learnt from."""
+FIRST_SCALE_WEIGHT = 0.1
+"""What the first guess of the noise weighs beside the innovations that a filter's scale of it is learnt from: it may be
+hundreds of times too large, and while it lasts filters of short memory fall behind."""
 SCALE_SAMPLES = 500.0
 """Innovations that a filter's scale of the noise is learnt from."""
 RIPPLE_SIZE = 0.05

@@ -34,7 +34,7 @@ AS_GOOD = 1e-3
 """Weight of a newcomer that foretells as well as the leading family: of two such that of fewer orders is believed."""
 SAMPLES_A_WAVE = 2.5
 """Samples a turn that the highest order of a family needs, per order: 2 (Nyquist), and some for speeds that change."""
-UNBIASED = 1
+UNBIASED = 2
 """Lane of the plain filter that ripple biases least, that of a short memory."""
 SECOND_EVERY = 8.0
 """Samples between two looks at what the ripple's square adds: it changes slowly."""

@@ -1,7 +1,8 @@
 """Orders of ripple that the leading family lacks: they show in the innovations, and the state is off by them.
 
 A filter without them takes them for noise of the readings, which foretells best where they are too fast to follow, and
-is sure of a speed that ripples. White innovations have as much of each order as the next; what is beyond is ripple.
+is sure of a speed that ripples. What white innovations leave has as much of each order as the next; what is beyond is
+ripple.
 """
 
 from __future__ import annotations
@@ -25,13 +26,14 @@ MANY, ABOVE = 8, 3.0
 
 @compiled
 def listen(status: Record, noise: float) -> None:
-    """Take note of the leading family's newest innovation."""
+    """Take note of what the leading family's best filter left of its newest innovation: the rest it followed."""
     m = status.best[status.lead]
+    left = noise / (noise + status.spread[m])
     stand_at(status, status.angle, ORDERS // 2)
-    off = 2.0 * status.innovation[m] / HEARD
+    off = 2.0 * left * status.innovation[m] / HEARD
     for i in range(2 * ORDERS):
         status.heard[i] += off * status.basis[i] - status.heard[i] / HEARD
-    status.white += (status.scale[m] * (noise + status.spread[m]) - status.white) / HEARD
+    status.white += (status.scale[m] * left * noise - status.white) / HEARD
 
 
 @compiled

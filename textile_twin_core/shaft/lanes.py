@@ -11,12 +11,13 @@ WAVES: Final = (0, 2, 6, 12)
 FAMILIES: Final = len(WAVES)
 WIDEST: Final = 2 * WAVES[-1]
 _ALIKE = (1.0, 2.0, 4.0, 8.0, 16.0, 34.0, 82.0, 210.0, 580.0, 1800.0)
-_LONG = (1020.0, 3200.0, 5600.0, 10000.0, 17400.0)
-_OF_FAMILIES = (tuple(sorted((0.5, *_ALIKE, *_LONG))), _ALIKE, _ALIKE, (4.0, 34.0, 210.0, 1800.0))
+_MORE = (0.5, 0.7, 3200.0, 5600.0, 10000.0, 17400.0)
+_OF_FAMILIES = (tuple(sorted((*_ALIKE, *_MORE))), _ALIKE, _ALIKE, (4.0, 34.0, 210.0, 1800.0))
 """Memories of the filters, in samples, up to longer than any record is steady. Those of the ripple's families are among
 the plain one's: else that would lead whose memories happen to be near the motion's. Readings tell less of long ones (of
 the logarithm of N a Fisher information of 5 / N each, after Whittle 1953), and so the ratio from one to the next grows;
-only the plain family, whose filters cost least, is as fine among the long ones as an even shaft's speed can use."""
+only the plain family, whose filters cost least, has those for motions that change within a sample, and is as fine among
+the long ones as an even shaft's speed can use."""
 VECTOR = 4
 """Lanes that go through the processor at once: each family begins with a whole vector."""
 

@@ -131,7 +131,10 @@ class SmoothEstimator(ShaftEstimator):
         return tried[int(np.argmax(np.asarray(told) - size * np.take(lanes.WAVES, [f for _, f in tried])))]
 
     def _candidates(self, led: BoolArray, known: list[Records]) -> list[tuple[Records, int]]:
-        """Ripples as the filter came to know them, and families that led."""
+        """Ripples as the filter came to know them, and families that led.
+
+        The plain one is among them but where there is only one ripple: all that are known may be wrong for a part.
+        """
         plain = [(self._history.known[-1], int(lanes.PLAIN))]
         cycle = self._settings.cycle_turns * TURN
         ripples = [
@@ -140,7 +143,7 @@ class SmoothEstimator(ShaftEstimator):
             for f in range(1, lanes.FAMILIES)
             if led[f] and status["travelled"][0][f] >= SEEN_CYCLES * cycle
         ]
-        return plain + ripples if led[0] else ripples or plain
+        return ripples if len(ripples) == 1 and not led[0] else plain + ripples
 
 
 def _asked(rows: Records) -> list[Records]:

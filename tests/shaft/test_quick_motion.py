@@ -1,0 +1,61 @@
+"""Motion that changes within a few samples: as good as the textbook's filter, and its sigma is that of the errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.shaft.kinds import TURN
+from tests.shaft.textbook import textbook
+from textile_twin_core.shaft import create_estimator
+
+RATE, FINE, NOISE = 1400.0, 20, 2e-4
+
+
+def pushed(seed: int, count: int, push: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, states (count, 3) and readings of a shaft at 300 rad/s under pushes that last for five samples or so.
+
+    `push` is their acceleration [rad per sample squared]; the speed goes back to its mean within fifty samples.
+    """
+    rng, h = np.random.default_rng(seed), 1.0 / RATE / FINE
+    kicks = push * RATE**2 * np.sqrt(2.0 / FINE / 5.0) * rng.normal(size=count * FINE)
+    states = np.zeros((count * FINE, 3))
+    theta, omega, pull = 0.0, 300.0, 0.0
+    for i, kick in enumerate(kicks):
+        alpha = pull - (omega - 300.0) * RATE / 50.0
+        states[i] = theta, omega, alpha
+        theta, omega = theta + h * omega + 0.5 * h * h * alpha, omega + h * alpha
+        pull += kick - pull / 5.0 / FINE
+    states = states[::FINE]
+    return np.arange(count) / RATE, states, states[:, 0] + NOISE * rng.normal(size=count)
+
+
+@pytest.mark.parametrize("view", ["causal", "smooth"])
+@pytest.mark.parametrize("push", [2.5e-3, 1e-3, 4e-4])
+def test_filters_of_short_memory_find_their_own_noise(push: float, view: str) -> None:
+    """The first guess of the noise is some hundred times too large; the tuned filter looks back 0.5, 0.7, 1 samples."""
+    ratios = []
+    for seed in range(6):
+        time, states, readings = pushed(seed, 800, push)
+        estimator = create_estimator(view)
+        found = [estimator.step(time, readings), estimator.finish()][view == "smooth"]
+        late = found.index > 120
+        rows, book = found.index[late], getattr(textbook(time, readings), view)
+        off = np.stack([found.theta_rad, found.omega_rad_s, found.alpha_rad_s2], axis=1)[late] - states[rows]
+        ratios.append(np.sqrt(np.mean(off**2, axis=0) / np.mean((book[rows] - states[rows]) ** 2, axis=0)))
+    assert np.all(np.median(ratios, axis=0) < 1.15)
+
+
+@pytest.mark.parametrize(("push", "error"), [(2.5e-3, 1e-3), (2.5e-3, 3e-3), (1e-3, 1e-3)])
+def test_what_a_filter_follows_is_not_lacked(push: float, error: float) -> None:
+    """An encoder's errors, 28 to the turn, show in the innovations; a filter that looks back a sample takes them in."""
+    inside = []
+    for seed in range(6):
+        time, states, readings = pushed(seed, 1500, push)
+        errors = np.random.default_rng([seed, 1]).normal(0.0, error, 28)
+        readings += errors[np.rint(readings * 28.0 / TURN).astype(int) % 28]
+        found = create_estimator("causal").step(time, readings)
+        late = found.index > 300
+        off = found.omega_rad_s[late] - states[found.index[late], 1]
+        inside.append(np.mean(np.abs(off) < found.sigma[late, 1]))
+    assert 0.55 < np.median(inside) < 0.8
