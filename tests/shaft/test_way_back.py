@@ -6,7 +6,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled, records
-from textile_twin_core.shaft.chain import STEP
+from textile_twin_core.shaft.chain import STAND, STEP
 from textile_twin_core.shaft.status import Record, Records
 from textile_twin_core.shaft.way_back import BACK, step_back
 
@@ -18,7 +18,7 @@ def test_what_the_later_readings_tell_stays_a_covariance() -> None:
     steps["gain"], steps["keep"], steps["trust"] = (1750.0, 28.0), 0.776, 3e9
     rest["gain"], rest["keep"], rest["trust"] = (1e-7, 1e-4), 0.97, 1e17
     told = np.zeros((4000, 3, 3))
-    _walk(records(BACK), steps, told)
+    _walk(records(BACK), records(STAND), steps, told)
     exact = np.zeros((3, 3), np.longdouble)
     motion = np.array([[1.0, 0.0, 0.0], [1e-3, 1.0, 0.0], [5e-7, 1e-3, 1.0]], np.longdouble)
     for i, at in enumerate(steps):
@@ -34,13 +34,13 @@ def test_what_the_later_readings_tell_stays_a_covariance() -> None:
 
 
 @compiled
-def _walk(back: Records, steps: Records, told: FloatArray) -> None:
+def _walk(back: Records, stands: Records, steps: Records, told: FloatArray) -> None:
     jerk = np.zeros(2)
     for i in range(steps.size):
-        _step(back[0], steps[i], told[i], jerk)
+        _step(back[0], stands[0], steps[i], told[i], jerk)
 
 
 @compiled
-def _step(back: Record, at: Record, told: FloatArray, jerk: FloatArray) -> None:
-    step_back(back, at, 1e-3, 1.0, jerk, 0, False)
+def _step(back: Record, stand: Record, at: Record, told: FloatArray, jerk: FloatArray) -> None:
+    step_back(back, at, stand, 1e-3, 1.0, jerk, 0, False)
     told[:] = back.certainty

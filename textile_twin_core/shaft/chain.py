@@ -22,19 +22,24 @@ from textile_twin_core.shaft.status import Record
 
 STEP: Final = np.dtype(
     [
-        ("clock", np.float64, (9,)),
         ("gain", np.float64, (2,)),
         ("surprise", np.float64),
         ("trust", np.float64),
         ("own_trust", np.float64),
         ("keep", np.float64),
+    ]
+)
+"""What a step leaves behind: gain; innovation over its variance, the inverse of this and of the reading's own, 0 where
+there was none; what is kept of the angle."""
+STAND: Final = np.dtype(
+    [
+        ("clock", np.float64, (9,)),
         ("felt", np.float64, (lanes.WIDEST,)),
         ("sensitivity", np.float64, (3, lanes.WIDEST)),
     ]
 )
-"""What a step leaves behind. After its reading: state and factor of the clock, gain; innovation over its variance, the
-inverse of this and of the reading's own, 0 where there was none; what is kept of the angle; how much the innovation
-felt of the ripple, and the state's sensitivity to it."""
+"""Where the chain stands after it: state and factor of the clock; how much the innovation felt of the ripple, and the
+state's sensitivity to it."""
 
 
 @compiled
@@ -87,33 +92,33 @@ def stand_on(filters: Record, row: Record) -> None:
 
 
 @compiled
-def write_down(filters: Record, at: Record) -> None:
+def write_down(filters: Record, stand: Record) -> None:
     """Write down where the chain stands."""
     for row in range(9):
-        at.clock[row] = filters.clock[row, lanes.CHAIN]
+        stand.clock[row] = filters.clock[row, lanes.CHAIN]
     for row in range(3):
         for i in range(2 * lanes.WAVES[filters.lead]):
-            at.sensitivity[row, i] = filters.sensitivity[lanes.CHAIN, row, i]
+            stand.sensitivity[row, i] = filters.sensitivity[lanes.CHAIN, row, i]
 
 
 @compiled
-def stand_as(filters: Record, at: Record) -> None:
+def stand_as(filters: Record, stand: Record) -> None:
     """Put the chain where it stood when that was written down."""
     for row in range(9):
-        filters.clock[row, lanes.CHAIN] = at.clock[row]
+        filters.clock[row, lanes.CHAIN] = stand.clock[row]
     for row in range(3):
         for i in range(2 * lanes.WAVES[filters.lead]):
-            filters.sensitivity[lanes.CHAIN, row, i] = at.sensitivity[row, i]
+            filters.sensitivity[lanes.CHAIN, row, i] = stand.sensitivity[row, i]
 
 
 @compiled
-def step_there(filters: Record, at: Record, row: Record, intensity: float, owing: bool) -> None:
+def step_there(filters: Record, at: Record, stand: Record, row: Record, intensity: float, owing: bool) -> None:
     """Move on and take a row's reading of the clock; `owing`: with what the state owes to the ripple."""
     m, clock, seen, gain, width = lanes.CHAIN, filters.clock, filters.seen, filters.gain, 2 * lanes.WAVES[filters.lead]
     move_on(filters, math.sqrt(intensity * row.step), row.step, m, m + 1)
     if owing:
         stand_at(filters, row.theta, lanes.WAVES[filters.lead])
-        feel(filters.sensitivity[m], row.step, filters.basis, at.felt, width)
+        feel(filters.sensitivity[m], row.step, filters.basis, stand.felt, width)
     at.surprise = at.trust = at.own_trust = at.gain[0] = at.gain[1] = 0.0
     at.keep = 1.0
     if row.noise > 0.0:
@@ -129,6 +134,6 @@ def step_there(filters: Record, at: Record, row: Record, intensity: float, owing
         at.own_trust = 1.0 / filters.own_noise[m]
         at.keep, at.surprise = filters.own_noise[m] * at.trust, off * at.trust
         if owing:
-            absorb(filters.sensitivity[m], at.felt, gain[0, m], gain[1, m], gain[2, m], width)
+            absorb(filters.sensitivity[m], stand.felt, gain[0, m], gain[1, m], gain[2, m], width)
     if owing:
-        write_down(filters, at)
+        write_down(filters, stand)

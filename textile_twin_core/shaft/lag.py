@@ -73,7 +73,7 @@ class LagEstimator(ShaftEstimator):
     def _begin(self) -> None:
         self._window = Window(records(HELD), records(ROW, MOST_ROWS), records(ROW), np.zeros(MOST_ROWS, np.int64))
         self._window.held["lag"] = self._lag
-        self._smoother = new_smoother(self._settings, 1)
+        self._smoother = new_smoother(self._settings, MOST_ROWS)
 
     def _take(self, block: Block) -> Part:
         if self._window.stamps.dtype != block.stamps.dtype:
@@ -146,7 +146,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
         know_ripple(filters, status, status.best[filters.lead])
     window.filtered[0] = window.rows[due]
     smooth_rows(smoother, status, window.rows[: held.rows], 1, due)
-    stand_as(filters, smoother.steps[due - 1])
+    stand_as(filters, smoother.stands[due - 1])
     for k in range(1, due + 1):
         _let_go(window, k, ready, table)
     for k in range(due, held.rows):

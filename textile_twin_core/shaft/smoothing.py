@@ -10,8 +10,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled, records
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.chain import STEP as ONE_STEP
-from textile_twin_core.shaft.chain import stand_as, step_there, wave_at, write_down
+from textile_twin_core.shaft.chain import STAND, STEP, stand_as, step_there, wave_at, write_down
 from textile_twin_core.shaft.filter import put_angle
 from textile_twin_core.shaft.intensity import set_intensities, sharpen
 from textile_twin_core.shaft.settings import ShaftSettings
@@ -21,7 +20,7 @@ from textile_twin_core.shaft.way_back import BACK, step_back, tell, turn_round
 ROUNDS = 2
 """Times that the jerk's intensity is made what the smoothed jerk says."""
 MARK = 512
-"""Steps between two marks from which the way there is walked again: room for MARK steps is enough."""
+"""Steps between two marks from which the way there is walked again: room for where it stood after MARK is enough."""
 
 
 @by_reference
@@ -31,13 +30,15 @@ class Smoother(NamedTuple):
     Attributes:
         filters: (1,) a status, a lane of which is the chain.
         back: (1,) the way back of the chain.
-        steps: (MARK + 1,) what its steps left behind, and the start.
-        marks: (k,) where the chain stood at every MARK-th row.
+        steps: (n,) what its steps left behind.
+        stands: (MARK + 1,) where it stood after the last MARK of them, and at the start.
+        marks: (n / MARK,) where it stood at every MARK-th row.
     """
 
     filters: Records
     back: Records
     steps: Records
+    stands: Records
     marks: Records
 
 
@@ -45,16 +46,17 @@ def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
     """What smoothing so many rows at a time needs."""
     filters = new_status(settings, 0.0)
     filters["weakness"][0, lanes.CHAIN] = 1.0
-    return Smoother(filters, records(BACK), records(ONE_STEP, MARK + 1), records(ONE_STEP, rows // MARK + 1))
+    marks = records(STAND, rows // MARK + 1)
+    return Smoother(filters, records(BACK), records(STEP, rows), records(STAND, MARK + 1), marks)
 
 
 @compiled
 def evidence(smoother: Smoother, status: Record, rows: Records) -> float:
     """Logarithm of the readings' likelihood under the chain, which stands on the first row."""
-    filters, at, total = smoother.filters[0], smoother.steps[0], 0.0
+    filters, at, stand, total = smoother.filters[0], smoother.steps[0], smoother.stands[0], 0.0
     intensity = _found_intensities(smoother, rows, status.interval)
     for i in range(1, rows.size):
-        step_there(filters, at, rows[i], intensity[i], False)
+        step_there(filters, at, stand, rows[i], intensity[i], False)
         if at.trust > 0.0:
             total += 0.5 * (math.log(at.trust) - at.surprise * at.surprise / at.trust)
     return total
@@ -75,11 +77,11 @@ def _found_intensities(smoother: Smoother, rows: Records, interval: float) -> Fl
     for i in range(rows.size):
         rows[i].clock = rows[i].reading + wave_at(filters, rows[i].theta)[0]
     set_intensities(rows, filters.lead, interval, intensity)
-    write_down(filters, smoother.steps[MARK])
+    write_down(filters, smoother.stands[MARK])
     for _ in range(ROUNDS):
         _there_and_back(smoother, rows, intensity, jerk, 0, 0)
         sharpen(rows, jerk, interval, intensity)
-        stand_as(filters, smoother.steps[MARK])
+        stand_as(filters, smoother.stands[MARK])
     return intensity
 
 
@@ -99,23 +101,23 @@ def _there_and_back(
     smoother: Smoother, rows: Records, intensity: FloatArray, jerk: FloatArray, begin: int, told: int
 ) -> None:
     """Over all rows but the first, where the chain stands; the states of rows `begin` .. `told` are written there."""
-    filters, back, steps, marks = smoother.filters[0], smoother.back[0], smoother.steps, smoother.marks
-    count, owing, width = rows.size, told > 0, 2 * lanes.WAVES[filters.lead]
-    pieces = (count - 2) // MARK + 1
-    for k in range(pieces):
-        write_down(filters, marks[k])
-        for i in range(1 + k * MARK, min(1 + (k + 1) * MARK, count)):
-            step_there(filters, steps[i - 1 - k * MARK], rows[i], intensity[i], owing)
+    filters, back, marks = smoother.filters[0], smoother.back[0], smoother.marks
+    steps, stands = smoother.steps, smoother.stands
+    owing, width, first = told > 0, 2 * lanes.WAVES[filters.lead], 1
+    for i in range(1, rows.size):
+        if owing and (i - 1) % MARK == 0:
+            first = i
+            write_down(filters, marks[i // MARK])
+        step_there(filters, steps[i], stands[(i - 1) % MARK], rows[i], intensity[i], owing)
     turn_round(back)
-    for k in range(pieces - 1, -1, -1):
-        first, end = 1 + k * MARK, min(1 + (k + 1) * MARK, count)
-        if k < pieces - 1:
-            stand_as(filters, marks[k])
-            for i in range(first, end):
-                step_there(filters, steps[i - first], rows[i], intensity[i], owing)
-        for i in range(end - 1, first - 1, -1):
-            at, row = steps[i - first], rows[i]
-            if begin <= i <= told:
-                tell(filters, back, at, row)
-                put_angle(row, row.phase)
-            step_back(back, at, row.step, intensity[i], jerk[i], width, owing)
+    for i in range(rows.size - 1, 0, -1):
+        if i < first:
+            first -= MARK
+            stand_as(filters, marks[first // MARK])
+            for k in range(first, first + MARK):
+                step_there(filters, steps[k], stands[k - first], rows[k], intensity[k], owing)
+        at, stand, row = steps[i], stands[(i - 1) % MARK], rows[i]
+        if begin <= i <= told:
+            tell(filters, back, stand, row)
+            put_angle(row, row.phase)
+        step_back(back, at, stand, row.step, intensity[i], jerk[i], width, owing)

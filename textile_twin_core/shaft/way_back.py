@@ -50,7 +50,7 @@ def turn_round(back: Record) -> None:
 
 @compiled
 def step_back(
-    back: Record, at: Record, step: float, intensity: float, jerk: FloatArray, width: int, owing: bool
+    back: Record, at: Record, stand: Record, step: float, intensity: float, jerk: FloatArray, width: int, owing: bool
 ) -> None:
     """From after the reading of a step to after that of the step before; `owing`: with what states are told from.
 
@@ -74,7 +74,7 @@ def step_back(
         _inform(back, math.sqrt(at.own_trust), step, math.sqrt(unit))
     for w in range(width if owing else 0):
         f0, f1, f2 = felt[0, w], felt[1, w], felt[2, w]
-        f2 = at.keep * f2 - k0 * f0 - k1 * f1 - at.trust * at.felt[w]
+        f2 = at.keep * f2 - k0 * f0 - k1 * f1 - at.trust * stand.felt[w]
         felt[0, w], felt[1, w], felt[2, w] = f0 + step * f1 + half * f2, f1 + step * f2, f2
 
 
@@ -139,17 +139,17 @@ def _jerk(h: float, x00: float, x01: float, x02: float, x11: float, x12: float, 
 
 
 @compiled
-def tell(filters: Record, back: Record, at: Record, row: Record) -> None:
+def tell(filters: Record, back: Record, stand: Record, row: Record) -> None:
     """Angle (as `phase`), speed, acceleration and covariance after a step, all readings considered."""
     a, felt, waves, owed = back.adjoint, back.felt, lanes.WAVES[filters.lead], filters.sensitivity[lanes.CHAIN]
-    g, clock, factor, spread = wave_at(filters, row.theta), at.clock, back.factor, filters.common_part
+    g, clock, factor, spread = wave_at(filters, row.theta), stand.clock, back.factor, filters.common_part
     factor[0, 0], factor[1, 0], factor[2, 0] = clock[lanes.L00], clock[lanes.L10], clock[lanes.L20]
     factor[1, 1], factor[2, 1], factor[2, 2] = clock[lanes.L11], clock[lanes.L21], clock[lanes.L22]
     x0, x1, x2 = _corrected(factor, a[0], a[1], a[2], clock)
     row.phase, row.speed, row.acceleration = shaft_state(x2, x1, x0, row.theta, g, filters.slopes)
     for w in range(2 * waves):
         owed[0, w], owed[1, w], owed[2, w] = _corrected(
-            factor, felt[0, w], felt[1, w], felt[2, w], at.sensitivity[:, w]
+            factor, felt[0, w], felt[1, w], felt[2, w], stand.sensitivity[:, w]
         )
     owe(filters, waves, owed, filters.factor[lanes.CHAIN])
     for j in range(3):
