@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.shaft.kinds import make
-from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft import ShaftStates, create_estimator
 
 
 def test_lag_finds_the_shaft_again() -> None:
@@ -50,3 +50,14 @@ def test_ripple_that_has_a_say_now_moves_no_state(view: str) -> None:
     late = states.index > 0.15 * record.time_s.size
     truth = record.alpha[states.index]
     assert np.max(np.abs(states.alpha_rad_s2 - truth)[late]) < 2.0 * np.abs(truth).max()
+
+
+@pytest.mark.parametrize("block", [1, 700, 4000])
+def test_a_lag_of_more_samples_than_may_be_held_is_cut_to_what_fits(block: int) -> None:
+    stamps, angles = np.arange(4000) * 1_000_000, 20.0 * np.arange(4000) * 1e-3
+    estimator = create_estimator("lag", shaft_lag_s=0.6)
+    found = [estimator.step(stamps[k : k + block], angles[k : k + block]) for k in range(0, 4000, block)]
+    states = ShaftStates.join([*found, estimator.finish()])
+    assert np.array_equal(states.index, np.arange(2, 4000))
+    assert sum(map(len, found)) > 4000 - 512
+    assert np.allclose(states.omega_rad_s[500:], 20.0, rtol=1e-6)

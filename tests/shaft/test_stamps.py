@@ -43,10 +43,12 @@ def test_readings_of_a_controller_whose_cycle_drifts_past_the_polls(view: str) -
     """Asked at 50 Hz, it reads each 4 ms by a clock of its own: for seconds readings are new or a cycle old by chance.
 
     Few of them are there in a turn, so that the ripple alternates, too. Where nothing is learnt of that noise it is
-    motion in five of these records, up to 2000 times the error of the textbook; live the clocks' first seconds beside
-    each other can still be.
+    motion in five of these records, up to 2000 times the error of the textbook. Live the first half second of such a
+    stretch still is, in one record of three (docs/shaft.md tells how many): these are some of the others, and one.
     """
-    assert sorted(_polled(seed, view) for seed in (0, 2, 3, 4, 5, 6))[-2] < 4.0
+    *others, worst = sorted(_polled(seed, view) for seed in (0, 2, 3, 4, 5, 6))
+    assert max(others) < 4.0
+    assert worst < (4.0 if view == "smooth" else 200.0)
 
 
 def _polled(seed: int, view: str) -> float:

@@ -16,7 +16,8 @@ from textile_twin_core.shaft.status import Record
 SET_ASIDE = 2
 """Readings in a row that may be set aside as outliers before the motion is believed to have changed."""
 UNHEARD_OF = 2.0
-"""Full speeds, as far as they are known, beyond which it takes one more: of outliers a few are on a line by chance."""
+"""Full speeds, as far as they are known, beyond which one more must have been set aside before: of many outliers a few
+are on a line by chance."""
 FORETOLD = 0.05
 """Standard deviation [rad] of a reading after a gap up to which the motion may go on: that one of another motion is
 within three of it happens in 1 case of 20 at most, and the next readings tell."""
@@ -89,7 +90,7 @@ def is_stuck(status: Record) -> bool:
 
 @compiled
 def is_motion(status: Record, off: float, step: float, noise: float, row: Record) -> bool:
-    """Whether readings far off are the shaft's motion and not outliers: the third of three that follow a line.
+    """Whether readings far off are the shaft's motion and not outliers: the last three, at least, follow a line.
 
     Outliers on both sides of the motion follow one, too: all three must lie on one side. Then the motion is opened:
     where they are equally far off (an encoder that slipped) the angle alone, else speed and acceleration too.
@@ -99,12 +100,12 @@ def is_motion(status: Record, off: float, step: float, noise: float, row: Record
     behind = max(off, status.off_last, status.off_before) < 0.0
     straight = abs(bend) <= 0.5 * max(abs(off), abs(status.off_before))
     span, grown = step + status.step_last, off - status.off_before
-    unheard_of = 0.0 < UNHEARD_OF * status.fastest < abs(status.speed + grown / span)
+    slipped = abs(grown) < 0.25 * abs(off)
+    unheard_of = not slipped and 0.0 < UNHEARD_OF * status.fastest < abs(status.speed + grown / span)
     few = status.aside < SET_ASIDE + (1 if unheard_of else 0)
     if few or is_stuck(status) or not (ahead or behind) or not straight:
         status.off_before, status.off_last, status.step_last = status.off_last, off, step
         return False
-    slipped = abs(grown) < 0.25 * abs(off)
     rate = 0.0 if slipped else grown / span
     by_rate = 0.0 if slipped else (math.sqrt(noise) + abs(grown)) / span
     for f in range(lanes.FAMILIES):

@@ -1,8 +1,9 @@
 """The chain, one filter that smooths, on its way there: each step leaves behind what the way back needs.
 
-There, a filter to which the ripple is known goes in lane CHAIN of `filters`; each step leaves the state x behind, the
-factor L of its covariance P = L L', the gain and the innovation, for the modified Bryson-Frazier smoother (Bierman
-1973) of `way_back`. What a state owes to the ripple goes both ways along with it (see `ripple`).
+There, a filter to which the ripple is known goes in lane CHAIN of `filters`; each step leaves gain and innovation
+behind, and where states are told of it the state x and the factor L of its covariance P = L L', for the modified
+Bryson-Frazier smoother (Bierman 1973) of `way_back`. What a state owes to the ripple goes both ways along with it (see
+`ripple`).
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ STAND: Final = np.dtype(
         ("sensitivity", np.float64, (3, lanes.WIDEST)),
     ]
 )
-"""Where the chain stands after it: state and factor of the clock; how much the innovation felt of the ripple, and the
-state's sensitivity to it."""
+"""Where the chain stands after a step: state and factor of the clock; how much the innovation felt of the ripple, and
+the state's sensitivity to it."""
 
 
 @compiled

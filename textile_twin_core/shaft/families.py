@@ -6,6 +6,8 @@ Their weights are their likelihoods, with a fixed share; a family with ripple ha
 
 from __future__ import annotations
 
+import numpy as np
+
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import begin, log_memory, renew_second, take_angle
@@ -34,8 +36,8 @@ AS_GOOD = 1e-3
 """Weight of a newcomer that foretells as well as the leading family: of two such that of fewer orders is believed."""
 SAMPLES_A_WAVE = 2.5
 """Samples a turn that the highest order of a family needs, per order: 2 (Nyquist), and some for speeds that change."""
-UNBIASED = 2
-"""Lane of the plain filter that ripple biases least, that of a short memory."""
+UNBIASED = int(np.argmin(np.abs(lanes.MEMORIES[: lanes.END[lanes.PLAIN]] - 1.0)))
+"""Lane of the plain filter whose memory is a sample: ripple biases longer ones, shorter ones are noisy."""
 SECOND_EVERY = 8.0
 """Samples between two looks at what the ripple's square adds: it changes slowly."""
 

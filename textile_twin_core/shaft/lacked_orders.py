@@ -1,4 +1,4 @@
-"""Orders of ripple that the leading family lacks: they show in the innovations, and the state is off by them.
+"""Orders of ripple that the leading family lacks: they show in what it leaves of innovations; the state is off by them.
 
 A filter without them takes them for noise of the readings, which foretells best where they are too fast to follow, and
 is sure of a speed that ripples. What white innovations leave has as much of each order as the next; what is beyond is
@@ -17,9 +17,9 @@ from textile_twin_core.shaft.status import Record
 ORDERS = lanes.WIDEST
 """That are listened for: as many as the basis has room for."""
 HEARD = 500.0
-"""Readings over which an order of the innovations is averaged."""
+"""Readings over which an order is averaged."""
 BEYOND = 7.0
-"""So many times what white innovations have of an order on average is ripple: these have it in one case of 1000."""
+"""So many times what white noise has of an order on average is ripple: these have it in one case of 1000."""
 MANY, ABOVE = 8, 3.0
 """Orders whose highest third tells what all have, as an encoder's pitch errors do; ripple is so many times more."""
 

@@ -120,6 +120,8 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
         due = 0
         while due < at and row.time - rows[due + 1].time >= held.lag:
             due += 1
+        if at == MOST_ROWS - 1:
+            due = max(due, at // (BATCH + 1))
         if due > 0 and (due >= (at - due) // BATCH or at == MOST_ROWS - 1):
             _release(record, due, window, smoother, ready, table)
     return held.ready  # type: ignore[no-any-return]

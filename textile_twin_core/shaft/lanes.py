@@ -16,8 +16,8 @@ _OF_FAMILIES = (tuple(sorted((*_ALIKE, *_MORE))), _ALIKE, _ALIKE, (4.0, 34.0, 21
 """Memories of the filters, in samples, up to longer than any record is steady. Those of the ripple's families are among
 the plain one's: else that would lead whose memories happen to be near the motion's. Readings tell less of long ones (of
 the logarithm of N a Fisher information of 5 / N each, after Whittle 1953), and so the ratio from one to the next grows;
-only the plain family, whose filters cost least, has those for motions that change within a sample, and is as fine among
-the long ones as an even shaft's speed can use."""
+only the plain family, whose filters cost least, has those for motions that change within a sample, and beyond 1800 is
+as fine as an even shaft's speed can use."""
 VECTOR = 4
 """Lanes that go through the processor at once: each family begins with a whole vector."""
 

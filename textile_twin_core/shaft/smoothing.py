@@ -87,7 +87,7 @@ def _found_intensities(smoother: Smoother, rows: Records, interval: float) -> Fl
 
 @compiled
 def _readmit(rows: Records) -> None:
-    """Readings set aside that turned out to be motion are readings again, of a motion that changes fast."""
+    """The last two readings set aside before motion was seen are readings again, of a motion that changes fast."""
     for i in range(3, rows.size):
         if rows[i].cut == 2.0:
             for j in range(i - 2, i + 1):

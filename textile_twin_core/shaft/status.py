@@ -96,7 +96,7 @@ STATUS = np.dtype(
 lane: state and factor of the clock, what a reading sees of the factor's columns, gains (see `kinematics`); sensitivity
 of the state to the coefficients of ripple; what an innovation feels of these and is shown of their factor's columns;
 they and the factor (see `ripple`). Factors are in units of the root of the scale. Of each family the coefficients of g2
-that follow from its best lane's ripple (see `clock`). Variance and orders of the innovations of late (see
+that follow from its best lane's ripple (see `clock`). Variance and orders of what is left of innovations of late (see
 `lacked_orders`). The rest is room to work in."""
 
 STATE = np.dtype(
