@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tests.benchmarks.shaft_judge.kinds_score import not_positive
+from tests.shaft.kinds import make
 from tests.shaft.shaft_signal import make_signal
 from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft import ShaftStates, create_estimator
@@ -243,3 +245,9 @@ def test_a_crash_within_two_samples_is_followed(bits: int) -> None:
         off_by = (states.omega_rad_s - omega[states.index])[around]
         assert np.sqrt(np.mean(off_by**2)) < by_speed, name
         assert np.sqrt(np.mean(off(states, theta)[around] ** 2)) < max(by_steps * step, 0.01), name
+
+
+def test_the_covariance_of_a_mixture_does_not_cancel() -> None:
+    """A shaft stops, read to 1e-12 rad: the speed changes by a billion times its sigma."""
+    record = make("runs", 636)
+    assert not_positive(create_estimator("causal").step(record.time_s, record.fed_rad).covariance) == 0

@@ -8,7 +8,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import stand_at
-from textile_twin_core.shaft.clock import STEEPEST, add_products, add_spread, gradient, shaft_state, wave
+from textile_twin_core.shaft.clock import add_products, add_spread, gradient, shaft_state, wave
 from textile_twin_core.shaft.status import Record
 
 MINOR = 0.05
@@ -27,7 +27,10 @@ def mix(status: Record, row: Record) -> None:
     best, about = status.best[lead], status.angle
     stand_at(status, about, lanes.WAVES[lead])
     g = wave(status.ripple[best], status.second[lead], lanes.WAVES[lead], status.lowest, status.basis)
-    about += (status.clock[lanes.ANGLE, best] - about - g[0]) / max(1.0 + g[1], STEEPEST)
+    clock = status.clock[:, best]
+    about, status.speed, status.acceleration = shaft_state(
+        clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION], about, g, status.slopes
+    )
     moments[:] = 0.0
     status.products[:] = 0.0
     for f in range(lanes.FAMILIES):
@@ -48,7 +51,7 @@ def mix(status: Record, row: Record) -> None:
 
 @compiled
 def _blend(status: Record, f: int, about: float, top: float) -> None:
-    """Add a family's filters to the moments about an angle and the speed and acceleration of before.
+    """Add a family's filters to the moments about the best one's angle, speed and acceleration: else all would cancel.
 
     They are the weight and the weighted sums of the three (4,), and those of 00, 01, 02, 11, 12, 22 of their products.
     """
