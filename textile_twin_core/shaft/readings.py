@@ -145,13 +145,16 @@ def hardly(status: Record) -> float:
 
 @compiled
 def least_scale(status: Record, noise: float) -> float:
-    """Least scale of the noise that filters may learn: no reading is better than its rounding, once that is known.
+    """Least scale of the noise that filters may learn: no reading is better than its rounding and its stamp, as far as
+    these are known.
 
-    At rest readings may all be equal for hours, and would be noisy if the shaft turned.
+    At rest readings may all be equal for hours, and would be noisy if the shaft turned. And those of a controller's
+    cycle are all as old for minutes, until its clock passes that of the polls.
     """
     if abs(status.speed) * status.interval <= max(status.rounding, 3.0 * math.sqrt(noise)):
         return 1.0
-    return LEAST_SCALE if status.guessed > 0.0 else max(rounding_noise(status) / noise, LEAST_SCALE)
+    known = 0.0 if status.guessed > 0.0 else rounding_noise(status)
+    return max((known + status.jitter_told * status.jitter * status.speed**2) / noise, LEAST_SCALE)
 
 
 @compiled
