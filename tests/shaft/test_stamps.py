@@ -54,9 +54,9 @@ def test_readings_of_a_controller_whose_cycle_drifts_past_the_polls(view: str) -
 @pytest.mark.parametrize("view", ["causal", "smooth"])
 @pytest.mark.parametrize(("cycle_s", "rate_hz"), [(4e-3, 50.0), (10e-3, 50.0), (10e-3, 100.0)])
 def test_a_controllers_cycle_that_is_told(view: str, cycle_s: float, rate_hz: float) -> None:
-    """Three tenths of it (1 / sqrt 12), as the stamps' error: readings that are all as old for minutes are not believed to be exact.
+    """Three tenths of it (1 / sqrt 12) are the stamps' error, and readings that are all as old for minutes not exact.
 
-    Else the cycles that pass each other are jumps and outliers, and up to 2000 times the textbook's error.
+    Else they are jumps and outliers where the clocks pass each other, and up to 1400 times the textbook's error.
     """
     told = [_polled(seed, view, cycle_s, rate_hz, 0.3 * cycle_s) for seed in range(4, 8)]
     assert max(told) < 1.4

@@ -13,7 +13,8 @@ ENCODER_OPTIONS: Mapping[str, str] = {
     "missing_teeth": "of these, how many are missing in the one gap before tooth 0",
     "cycle_turns": "turns of the shaft after which its motion repeats: 2 for half orders",
     "resolution_rad": "step of the encoder's angle in rad, estimated from the samples where it is not known",
-    "stamp_jitter_s": "standard deviation of the stamps in s, estimated from the samples where it is not known",
+    "stamp_jitter_s": "standard deviation of the stamps in s, estimated from the samples where it is not known "
+    "(0.3 of the cycle of a controller that is polled)",
 }
 """What commands and nodes may say of an encoder instead of the machine file, by the names of its settings."""
 

@@ -154,7 +154,7 @@ def least_scale(status: Record, noise: float) -> float:
     if abs(status.speed) * status.interval <= max(status.rounding, 3.0 * math.sqrt(noise)):
         return 1.0
     known = 0.0 if status.guessed > 0.0 else rounding_noise(status)
-    return max((known + status.jitter_told * status.jitter * status.speed**2) / noise, LEAST_SCALE)
+    return float(max((known + status.jitter_told * status.jitter * status.speed**2) / noise, LEAST_SCALE))
 
 
 @compiled
