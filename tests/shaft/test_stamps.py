@@ -62,9 +62,7 @@ def test_a_controllers_cycle_that_is_told(view: str, cycle_s: float, rate_hz: fl
     assert max(told) < 1.4
 
 
-def _polled(
-    seed: int, view: str, cycle_s: float = 4e-3, rate_hz: float = 50.0, told_s: float | None = None
-) -> float:
+def _polled(seed: int, view: str, cycle_s: float = 4e-3, rate_hz: float = 50.0, told_s: float | None = None) -> float:
     """Error of the acceleration over the textbook's, of two minutes."""
     rng = np.random.default_rng([seed, 99])
     count, drift = 240_001, cycle_s * (1.0 + 1e-4)
