@@ -84,6 +84,22 @@ def test_gaps_do_no_harm_and_are_told(tmp_path: Path, capsys: pytest.CaptureFixt
     assert low - 2e-3 < 0.0 < high + 2e-3 and high - low < 0.01
 
 
+def test_a_controller_that_is_polled_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It reads the encoder each 10 ms by its own clock and is asked at 100 Hz by another one, late at random."""
+    made, cycle_ns = record(CASE), 1.003e7
+    first, last = made.angle_stamps_ns[[0, -1]]
+    stamps = np.arange(first + 3e7, last, 1e7)
+    stamps += np.random.default_rng(1).exponential(3e5, stamps.size)
+    read = np.floor((stamps - first) / cycle_ns) * cycle_ns
+    angle = np.interp(read, made.angle_stamps_ns - first, np.unwrap(made.angle))
+    bag = write(tmp_path / "polled", replace(made, angle_stamps_ns=stamps.astype(np.int64), angle=angle))
+    command = ["compare", str(bag), "--machine", "tufting"]
+    assert main(command) == 0
+    assert "as no shaft does" in capsys.readouterr().out
+    assert main([*command, "--stamp-jitter", "0.003"]) == 0
+    assert "as no shaft does" not in capsys.readouterr().out
+
+
 def test_clocks_that_drift_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = write(tmp_path / "drift", record(replace(CASE, torque=replace(CASE.torque, drift=8e-4))))
     assert run("compare", bag, tmp_path) == 0

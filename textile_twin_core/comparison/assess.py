@@ -20,6 +20,8 @@ from textile_twin_core.machine import Machine
 
 OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
 """Units that are tried for an angle that never begins anew, when radians explain little."""
+SOME_LEAPS = 3
+"""Of the angle, from which they are told: a single one is an encoder's that slipped, and the verdict knows it."""
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
 _WHEEL = (
     "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
@@ -194,6 +196,11 @@ def _notes(evidence: Evidence, found: Explanation) -> tuple[str, ...]:
         notes.append(
             f"{np.count_nonzero(gaps)} gaps in the shaft angle, {float(step[gaps].sum()):.2f} s in all, the longest"
             f" {longest:.2f} s: torque inside them does not count"
+        )
+    if evidence.track.leaps >= SOME_LEAPS:
+        notes.append(
+            f"the shaft angle leaps {evidence.track.leaps} times as no shaft does, and torque there is wrong: an"
+            " encoder that slips, or a controller that is polled by another clock (--stamp-jitter, 0.3 of its cycle)"
         )
     if found.others:
         other = found.others[0].fit.settings

@@ -28,6 +28,7 @@ class ShaftTrack:
         time_s: increasing, from the record's origin.
         theta_rad, omega_rad_s, alpha_rad_s2: the shaft's state there.
         longest_s: longer intervals are gaps.
+        leaps: of the angle as no shaft makes them.
         pitch_errors_rad: of a toothed wheel's edges, as told or as this record's motion tells them; else empty.
     """
 
@@ -36,6 +37,7 @@ class ShaftTrack:
     omega_rad_s: FloatArray
     alpha_rad_s2: FloatArray
     longest_s: float
+    leaps: int = 0
     pitch_errors_rad: tuple[float, ...] = ()
 
     @property
@@ -116,7 +118,8 @@ def shaft_track(
     states = [part for part in (blocks, estimator.finish()) if len(part)]
     if not states:
         raise RecordingError(f"too few shaft angles for a motion; {estimator.report.text()}")
-    return replace(track_of(states, origin_ns), pitch_errors_rad=estimator.report.pitch_errors_rad)
+    report = estimator.report
+    return replace(track_of(states, origin_ns), leaps=report.jumps, pitch_errors_rad=report.pitch_errors_rad)
 
 
 def track_of(states: Sequence[ShaftStates], origin_ns: int, direction: int = 1, zero_rad: float = 0.0) -> ShaftTrack:
