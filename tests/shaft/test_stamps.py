@@ -56,7 +56,7 @@ def test_readings_of_a_controller_whose_cycle_drifts_past_the_polls(view: str) -
 def test_a_controllers_cycle_that_is_told(view: str, cycle_s: float, rate_hz: float) -> None:
     """Three tenths of it (1 / sqrt 12) are the stamps' error, and readings that are all as old for minutes not exact.
 
-    Else they are jumps and outliers where the clocks pass each other, and up to 1400 times the textbook's error.
+    Where filters learn that they are, clocks that pass each other make leaps and outliers of them.
     """
     told = [_polled(seed, view, cycle_s, rate_hz, 0.3 * cycle_s) for seed in range(4, 8)]
     assert max(told) < 1.4
