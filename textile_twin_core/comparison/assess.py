@@ -21,7 +21,7 @@ from textile_twin_core.machine import Machine
 OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
 """Units that are tried for an angle that never begins anew, when radians explain little."""
 SOME_LEAPS = 3
-"""Of the angle, from which they are told: a single one may be an encoder that slipped once, which `FaultWatch` names."""
+"""Of the angle, from which they are told: a single one may be an encoder that slipped, which `FaultWatch` names."""
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
 _WHEEL = (
     "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
