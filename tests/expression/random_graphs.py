@@ -104,9 +104,9 @@ def _apply(op: str, a: Carried, b: Carried, c: Carried) -> Carried | None:
             made = at_least(a.expression, b.expression), mp.mpf(v >= w), mp.mpf(0)
         case "reached" if abs((level := (factor := math.copysign(1.7, w)) * v + 0.5) - 0.3) > 0.001:
             made = at_least(factor * a.expression + 0.5, 0.3), mp.mpf(level >= 0.3), mp.mpf(0)
-        case "select" if v == 0 or abs(v) > 0.001:
-            yes = v != 0
-            made = select(a.expression, b.expression, c.expression), w if yes else c.value, b.bound + c.bound
+        case "select" if abs(v - 0.3) > 0.001:  # of a condition, which is 0 or 1 around x, too
+            chosen = w if v >= 0.3 else c.value
+            made = select(at_least(a.expression, 0.3), b.expression, c.expression), chosen, b.bound + c.bound
         case "atan2" if mp.hypot(v, w) > 0.01 and (w > 0.001 or abs(v) > 0.001):
             made = atan2(a.expression, b.expression), mp.atan2(v, w), (a.bound + b.bound) / mp.hypot(v, w) + 4 * _UNIT
     if made is None:
