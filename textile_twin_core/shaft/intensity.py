@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft.readings import MOST_ALIKE
 from textile_twin_core.shaft.status import Record, Records
@@ -22,7 +21,7 @@ LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25
 
 
 @compiled
-def set_intensities(rows: Records, family: int, interval: float, intensity: FloatArray) -> None:
+def set_intensities(rows: Records, family: int, interval: float) -> None:
     """Intensity of the white jerk at each row from the family's memory there, as in `bank.predict`.
 
     The filter notices a change some samples late: the memory is the shortest that it has around the row.
@@ -46,7 +45,7 @@ def set_intensities(rows: Records, family: int, interval: float, intensity: Floa
             for j in range(oldest, newest + 1):
                 if rows[j].memory[family] <= rows[shortest].memory[family]:
                     shortest = j
-        intensity[i] = noise / (math.exp(6.0 * rows[shortest].memory[family]) * interval**5)
+        rows[i].intensity = noise / (math.exp(6.0 * rows[shortest].memory[family]) * interval**5)
 
 
 @compiled
@@ -56,28 +55,28 @@ def _counts(row: Record, family: int) -> float:
 
 
 @compiled
-def sharpen(rows: Records, jerk: FloatArray, interval: float, intensity: FloatArray) -> None:
+def sharpen(rows: Records, interval: float) -> None:
     """Make each row's intensity what the smoothed jerk around it says.
 
     The ratio of the jerk's mean squared to the variance that the readings took away (MacKay 1992) is 1 where the
-    intensity is right. `jerk` (n, 2) as `way_back.step_back` gives it; it becomes the sums up to each row.
+    intensity is right. Each row's `jerk` becomes the sums of both up to it.
     """
     count, noise, half = rows.size, 0.0, 2
     for i in range(1, count):
-        jerk[i, 0] += jerk[i - 1, 0]
-        jerk[i, 1] += jerk[i - 1, 1]
+        rows[i].jerk[0] += rows[i - 1].jerk[0]
+        rows[i].jerk[1] += rows[i - 1].jerk[1]
     for i in range(count):
         if rows[i].noise > 0.0:
             noise = rows[i].noise
         unit = noise / interval**5
-        if unit == 0.0 or intensity[i] == 0.0:
+        if unit == 0.0 or rows[i].intensity == 0.0:
             continue
         half = max(half - half // 3, 2)
         before, last = max(i - half - 1, 0), min(i + half, count - 1)
-        while jerk[last, 1] - jerk[before, 1] < FOUND and half < min(WIDEST, count):
+        while rows[last].jerk[1] - rows[before].jerk[1] < FOUND and half < min(WIDEST, count):
             half += half // 2
             before, last = max(i - half - 1, 0), min(i + half, count - 1)
-        found = jerk[last, 0] - jerk[before, 0] + PRIOR_WEIGHT
-        expected = jerk[last, 1] - jerk[before, 1] + PRIOR_WEIGHT
+        found = rows[last].jerk[0] - rows[before].jerk[0] + PRIOR_WEIGHT
+        expected = rows[last].jerk[1] - rows[before].jerk[1] + PRIOR_WEIGHT
         change = min(max(found / expected, 1e-3), 1e3)
-        intensity[i] = min(max(intensity[i] * change, unit / LONGEST**6), unit / SHORTEST**6)
+        rows[i].intensity = min(max(rows[i].intensity * change, unit / LONGEST**6), unit / SHORTEST**6)

@@ -7,26 +7,29 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from textile_twin_core.compiling import by_reference, compiled, records
-from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.chain import know_ripple, stand_as, stand_on, wave_at
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
 from textile_twin_core.shaft.filter import take
 from textile_twin_core.shaft.gate import Block, Stamps
 from textile_twin_core.shaft.settings import require_positive
-from textile_twin_core.shaft.smoothing import MARK, Smoother, new_smoother, smooth_rows
+from textile_twin_core.shaft.smoother import (
+    Smoother,
+    begin_at,
+    is_far,
+    know_ripple,
+    new_smoother,
+    smooth,
+)
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import ROW, Record, Records
+from textile_twin_core.shaft.status import ROW, Records
 
-MOST_ROWS = MARK
+MOST_ROWS = 512
 """Samples that may be held; a longer lag at a high rate is cut to what fits."""
 BATCH = 3
 """Samples within a lag that become ready at once, one part in so many: the way back is shared by them."""
 
-FAR = 9.0
-"""Square of how far the chain is from the filter, over the variance of the filter's angle, from which it is lost."""
-
-HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("ready", np.int64)])
-"""Lag [s]; rows held, of which the first is where the chain stands; rows that became ready."""
+HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("ready", np.int64), ("anew", np.int64)])
+"""Lag [s]; rows held, of which the first is where the filter of `smoother` stands; rows that became ready; 1 where that
+filter begins anew."""
 
 
 @by_reference
@@ -111,8 +114,7 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
         if row.cut == 1.0:
             _flush(record, window, smoother, ready, table)
             rows[0], window.stamps[0] = rows[at], window.stamps[at]
-            window.filtered[0], held.rows = rows[0], 1
-            _stand(record[0], smoother.filters[0], rows[0])
+            window.filtered[0], held.rows, held.anew = rows[0], 1, 1
             if rows[0].settled >= 0.0:
                 _let_go(window, 0, ready, table)
             continue
@@ -140,15 +142,17 @@ def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, t
 def _release(record: Records, due: int, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> None:
     """Smooth the window and let go of the `due` rows after the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
-    if _is_lost(filters, window.filtered[0]):
-        _stand(status, filters, window.filtered[0])
-    elif status.active[filters.lead] == 0.0 or status.lead != filters.lead:
-        _stand(status, filters, window.rows[0])
-    else:
-        know_ripple(filters, status, status.best[filters.lead])
+    same = held.anew == 0 and status.lead == filters.lead
+    know_ripple(filters, status, status.lead)
+    if not same:
+        begin_at(filters, window.rows[0])
+    if is_far(filters, window.filtered[0]):
+        begin_at(filters, window.filtered[0])
+    held.anew = 0
     window.filtered[0] = window.rows[due]
-    smooth_rows(smoother, status, window.rows[: held.rows], 1, due)
-    stand_as(filters, smoother.stands[due - 1])
+    smooth(smoother, status, window.rows[: held.rows], 1, due)
+    for k in range(9):
+        filters.start[k] = smoother.filtered[due, k]
     for k in range(1, due + 1):
         _let_go(window, k, ready, table)
     for k in range(due, held.rows):
@@ -162,19 +166,3 @@ def _let_go(window: Window, k: int, ready: Stamps, table: Records) -> None:
     held = window.held[0]
     table[held.ready], ready[held.ready] = window.rows[k], window.stamps[k]
     held.ready += 1
-
-
-@compiled
-def _is_lost(filters: Record, row: Record) -> bool:
-    """Whether the chain stands far from where the filter told that the shaft was, and the row's reading does not."""
-    stands = filters.clock[lanes.ANGLE, lanes.CHAIN] - wave_at(filters, row.theta)[0]
-    far = (stands - row.theta) ** 2 > FAR * row.covariance[0] and row.noise > 0.0
-    return far and abs(row.reading - stands) > 2.0 * abs(row.reading - row.theta)  # type: ignore[no-any-return]
-
-
-@compiled
-def _stand(status: Record, filters: Record, row: Record) -> None:
-    """Put the chain where the filter told that the shaft was at a row, with the ripple that leads now."""
-    filters.lead = status.lead
-    know_ripple(filters, status, status.best[filters.lead])
-    stand_on(filters, row)

@@ -11,12 +11,11 @@ from textile_twin_core.arrays import BoolArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.breaks import set_start
-from textile_twin_core.shaft.chain import know_ripple, stand
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.gate import Block
 from textile_twin_core.shaft.ripple_history import RippleHistory
-from textile_twin_core.shaft.smoothing import Smoother, evidence, new_smoother, smooth_rows
+from textile_twin_core.shaft.smoother import Smoother, begin_with, know_ripple, log_likelihood, new_smoother, smooth
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, Records
 from textile_twin_core.shaft.turns import TURN
@@ -171,22 +170,21 @@ def _compact(rows: Records) -> Records:
 
 @compiled
 def _begin(smoother: Smoother, record: Records, rows: Records, family: int) -> None:
-    """The chain of a family begins at the first row with its reading and the filter's speed."""
+    """Begin at the first row with its reading and the filter's speed."""
     filters, first = smoother.filters[0], rows[0]
-    filters.lead = family
-    know_ripple(filters, record[0], record[0].best[family])
+    know_ripple(filters, record[0], family)
     set_start(filters.start, first.reading, first.speed, first.noise, rows[1].step)
-    stand(filters)
+    begin_with(filters, first.reading, first.speed, 0.0)
 
 
 @compiled
 def _foretold(smoother: Smoother, record: Records, rows: Records, family: int) -> float:
     """Logarithm of the readings' likelihood under a family."""
     _begin(smoother, record, rows, family)
-    return evidence(smoother, record[0], rows)
+    return log_likelihood(smoother, record[0], rows)
 
 
 @compiled
 def _smooth_rows(smoother: Smoother, record: Records, family: int, rows: Records, first: int, told: int) -> None:
     _begin(smoother, record, rows, family)
-    smooth_rows(smoother, record[0], rows, first, told)
+    smooth(smoother, record[0], rows, first, told)

@@ -109,9 +109,22 @@ ROW = np.dtype(
     STATE.descr
     + [
         (name, "<f8")
-        for name in ("reading", "noise", "unit", "theta", "origin", "alike", "time", "step", "cut", "lead", "clock")
+        for name in (
+            "reading",
+            "noise",
+            "unit",
+            "theta",
+            "origin",
+            "alike",
+            "time",
+            "step",
+            "cut",
+            "lead",
+            "clock",
+            "intensity",
+        )
     ]
-    + [("memory", "<f8", (lanes.FAMILIES,)), ("lacked", "<f8", (3,))]
+    + [("jerk", "<f8", (2,)), ("memory", "<f8", (lanes.FAMILIES,)), ("lacked", "<f8", (3,))]
 )
 """And what smoothing works on: unwrapped reading; its variance (0: set aside), that before it was learnt how good
 readings are; angle found; whole turns before both; time since the first sample and since the one before; 1 where a new

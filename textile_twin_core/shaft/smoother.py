@@ -1,0 +1,296 @@
+"""Fixed-interval smoothing: one Kalman filter whose ripple is known goes over the rows, and a smoother comes back.
+
+The smoother is that of Rauch, Tung and Striebel (1965) in triangular factors: covariances are positive by form. With
+the factors L filtered, L- predicted and S smoothed at the next reading, G that of the white jerk's covariance and F the
+motion over a step let K = L-^-1 F L, M = L-^-1 G, W = L-^-1 S and d = L-^-1 (x+ - x-): the smoothed factor is L times
+that of [I - K'K, K'M, K'W], the smoothed state x + L K'd, and M'd the jerk that the readings speak for.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import by_reference, compiled
+from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft.bank import stand_at
+from textile_twin_core.shaft.clock import add_spread, shaft_state, wave
+from textile_twin_core.shaft.filter import put_angle
+from textile_twin_core.shaft.intensity import set_intensities, sharpen
+from textile_twin_core.shaft.kinematics import HALF_JERK, LAST_JERK, WIDE, correct, move_on
+from textile_twin_core.shaft.lacked_orders import add_again
+from textile_twin_core.shaft.mixture import owe
+from textile_twin_core.shaft.ripple import set_sensitivity
+from textile_twin_core.shaft.settings import ShaftSettings
+from textile_twin_core.shaft.status import Record, Records, new_status
+
+FAR = 9.0
+"""Square of how far the filter may be from the bank's, over the variance of that one's angle."""
+
+
+@by_reference
+class Smoother(NamedTuple):
+    """What smoothing works with.
+
+    Attributes:
+        filters: (1,) a status, of which one lane is the filter's.
+        filtered: (n, 9) its state and factor after each row.
+        smoothed: (9,) state and factor, on the way back.
+        work: (4, 3, 3) K, M, W and a triangular factor.
+        columns: (3, 9) of a covariance, to be made a triangular factor.
+    """
+
+    filters: Records
+    filtered: FloatArray
+    smoothed: FloatArray
+    work: FloatArray
+    columns: FloatArray
+
+
+def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
+    """What smoothing so many rows at a time needs."""
+    filters = new_status(settings, 0.0)
+    filters["weakness"][0, lanes.CHAIN] = 1.0
+    return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((4, 3, 3)), np.zeros((3, 9)))
+
+
+@compiled
+def know_ripple(filters: Record, status: Record, family: int) -> None:
+    """Take over a family's ripple as the best filter of a status knows it."""
+    lane, width, root = status.best[family], 2 * lanes.WAVES[family], math.sqrt(status.scale[status.best[family]])
+    filters.lead = family
+    for i in range(2 * width):
+        filters.second[family, i] = status.second[family, i]
+    for i in range(width):
+        filters.ripple[lanes.CHAIN, i] = status.ripple[lane, i]
+        for j in range(i + 1):
+            filters.factor[lanes.CHAIN, j, i] = status.factor[lane, j, i] * root
+
+
+@compiled
+def begin_with(filters: Record, theta: float, omega: float, alpha: float) -> None:
+    """Begin where the shaft is, `filters.start[3:]` being the factor of the covariance."""
+    g = _wave_at(filters, theta)
+    filters.start[lanes.ANGLE] = theta + g[0]
+    filters.start[lanes.RATE] = omega * (1.0 + g[1])
+    filters.start[lanes.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
+
+
+@compiled
+def begin_at(filters: Record, row: Record) -> None:
+    """Begin with the state of a row."""
+    start, by = filters.start, row.covariance
+    start[lanes.L00] = math.sqrt(by[8])
+    start[lanes.L10], start[lanes.L20] = by[5] / start[lanes.L00], by[2] / start[lanes.L00]
+    start[lanes.L11] = math.sqrt(max(by[4] - start[lanes.L10] ** 2, 1e-9 * by[4]))
+    start[lanes.L21] = (by[1] - start[lanes.L10] * start[lanes.L20]) / start[lanes.L11]
+    start[lanes.L22] = math.sqrt(max(by[0] - start[lanes.L20] ** 2 - start[lanes.L21] ** 2, 1e-9 * by[0]))
+    begin_with(filters, row.theta, row.speed, row.acceleration)
+
+
+@compiled
+def is_far(filters: Record, row: Record) -> bool:
+    """Whether it would begin far from where the bank of filters was at a row, and that one's reading does not."""
+    at = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta)[0]
+    far = (at - row.theta) ** 2 > FAR * row.covariance[0] and row.noise > 0.0
+    return far and abs(row.reading - at) > 2.0 * abs(row.reading - row.theta)  # type: ignore[no-any-return]
+
+
+@compiled
+def log_likelihood(smoother: Smoother, status: Record, rows: Records) -> float:
+    """Of the readings of all rows but the first, under the ripple that is known."""
+    _find_intensities(smoother, rows, status.interval)
+    return filter_rows(smoother, rows)
+
+
+@compiled
+def smooth(smoother: Smoother, status: Record, rows: Records, first: int, last: int) -> None:
+    """Smooth (n,) rows, with which `begin_at` or `begin_with` began; states of `first` .. `last` are written there."""
+    _find_intensities(smoother, rows, status.interval)
+    filter_rows(smoother, rows)
+    smooth_back(smoother, rows, first, last)
+
+
+@compiled
+def _find_intensities(smoother: Smoother, rows: Records, interval: float) -> None:
+    """Find intensities of the white jerk [rad^2/s^5] that the readings speak for."""
+    _readmit(rows)
+    for i in range(rows.size):
+        rows[i].clock = rows[i].reading + _wave_at(smoother.filters[0], rows[i].theta)[0]
+    set_intensities(rows, smoother.filters[0].lead, interval)
+    filter_rows(smoother, rows)
+    smooth_back(smoother, rows, 1, 0)
+    sharpen(rows, interval)
+
+
+@compiled
+def _readmit(rows: Records) -> None:
+    """The last two readings set aside before motion was seen are readings again, of a motion that changes fast."""
+    for i in range(3, rows.size):
+        if rows[i].cut == 2.0:
+            for j in range(i - 2, i + 1):
+                for f in range(lanes.FAMILIES):
+                    rows[j].memory[f] = math.log(0.5)
+                rows[j].noise = max(rows[j].noise, rows[i].unit)
+
+
+@compiled
+def filter_rows(smoother: Smoother, rows: Records) -> float:
+    """The Kalman filter over all rows but the first; the readings' log likelihood, but for a constant."""
+    filters, m, total = smoother.filters[0], lanes.CHAIN, 0.0
+    clock, seen = filters.clock, filters.seen
+    for k in range(9):
+        clock[k, m] = smoother.filtered[0, k] = filters.start[k]
+    for i in range(1, rows.size):
+        row = rows[i]
+        move_on(filters, math.sqrt(row.intensity * row.step), row.step, m, m + 1)
+        if row.noise > 0.0:
+            innovation = row.clock - clock[lanes.ANGLE, m]
+            seen[0, m], seen[1, m], seen[2, m] = clock[lanes.L20, m], clock[lanes.L21, m], clock[lanes.L22, m]
+            spread = clock[lanes.L20, m] ** 2 + clock[lanes.L21, m] ** 2 + clock[lanes.L22, m] ** 2
+            believed = (row.reading - row.theta) ** 2 <= WIDE * row.noise
+            noise = row.noise if believed else max(row.noise, innovation * innovation / WIDE - spread)
+            filters.innovation[m], filters.own_noise[m] = innovation, noise
+            correct(filters, m, m + 1)
+            total -= 0.5 * (math.log(noise + spread) + innovation * innovation / (noise + spread))
+        for k in range(9):
+            smoother.filtered[i, k] = clock[k, m]
+    return total
+
+
+@compiled
+def smooth_back(smoother: Smoother, rows: Records, first: int, last: int) -> None:
+    """The way back. Rows `first` .. `last` get their states, all what the readings tell of their step's jerk: its
+    square relative to what was expected, and by how much its variance shrank.
+    """
+    filters, filtered, smoothed, m = smoother.filters[0], smoother.filtered, smoother.smoothed, lanes.CHAIN
+    noise = 0.0
+    for k in range(9):
+        smoothed[k] = filtered[rows.size - 1, k]
+    for i in range(rows.size - 1, 0, -1):
+        row = rows[i]
+        noise = row.noise if row.noise > 0.0 else noise
+        if first <= i <= last:
+            _write_state(smoother, row, noise)
+        for k in range(9):
+            filters.clock[k, m] = filtered[i - 1, k]
+        strength = math.sqrt(row.intensity * row.step)
+        move_on(filters, strength, row.step, m, m + 1)
+        _step_back(smoother, filters.clock[:, m], filtered[i - 1], row.step, strength, row.jerk)
+
+
+@compiled
+def _step_back(
+    smoother: Smoother, predicted: FloatArray, filtered: FloatArray, step: float, strength: float, jerk: FloatArray
+) -> None:
+    """From the smoothed state after a step to that before it."""
+    smoothed, columns = smoother.smoothed, smoother.columns
+    K, M, W, half = smoother.work[0], smoother.work[1], smoother.work[2], 0.5 * step * step
+    l00, l10, l20 = filtered[lanes.L00], filtered[lanes.L10], filtered[lanes.L20]
+    l11, l21, l22 = filtered[lanes.L11], filtered[lanes.L21], filtered[lanes.L22]
+    K[0, 0], K[1, 0], K[2, 0] = l00, l10 + step * l00, l20 + step * l10 + half * l00
+    K[1, 1], K[2, 1], K[2, 2] = l11, l21 + step * l11, l22
+    M[0, 0], M[1, 0], M[2, 0] = strength, 0.5 * strength * step, strength * half / 3.0
+    M[1, 1], M[2, 1] = strength * step * HALF_JERK, strength * half * HALF_JERK
+    M[2, 2] = strength * step * step * LAST_JERK
+    W[0, 0], W[1, 0], W[2, 0] = smoothed[lanes.L00], smoothed[lanes.L10], smoothed[lanes.L20]
+    W[1, 1], W[2, 1], W[2, 2] = smoothed[lanes.L11], smoothed[lanes.L21], smoothed[lanes.L22]
+    i00, i11, i22 = 1.0 / predicted[lanes.L00], 1.0 / predicted[lanes.L11], 1.0 / predicted[lanes.L22]
+    p10, p20, p21 = predicted[lanes.L10], predicted[lanes.L20], predicted[lanes.L21]
+    for factor in (K, M, W):
+        for j in range(3):
+            a = factor[0, j] * i00
+            b = (factor[1, j] - p10 * a) * i11
+            factor[0, j], factor[1, j], factor[2, j] = a, b, (factor[2, j] - p20 * a - p21 * b) * i22
+    d0 = (smoothed[0] - predicted[0]) * i00
+    d1 = (smoothed[1] - predicted[1] - p10 * d0) * i11
+    d2 = (smoothed[2] - predicted[2] - p20 * d0 - p21 * d1) * i22
+    jerk[0], jerk[1] = 0.0, 0.0
+    for j in range(3):
+        found = M[0, j] * d0 + M[1, j] * d1 + M[2, j] * d2
+        jerk[0] += found * found
+        for k in range(3):
+            open_ = M[0, j] * W[0, k] + M[1, j] * W[1, k] + M[2, j] * W[2, k]
+            jerk[1] += M[k, j] * M[k, j] - open_ * open_
+    jerk[1] = max(jerk[1], 0.0)
+    for i in range(3):
+        for j in range(3):
+            kk = km = kw = 0.0
+            for k in range(i, 3):
+                kk += K[k, i] * K[k, j]
+                km += K[k, i] * M[k, j]
+                kw += K[k, i] * W[k, j]
+            columns[i, j], columns[i, 3 + j], columns[i, 6 + j] = (1.0 if i == j else 0.0) - kk, km, kw
+    t00, t10, t20, t11, t21, t22 = _triangular(columns)
+    s0 = K[0, 0] * d0 + K[1, 0] * d1 + K[2, 0] * d2
+    s1, s2 = K[1, 1] * d1 + K[2, 1] * d2, K[2, 2] * d2
+    smoothed[0] = filtered[0] + l00 * s0
+    smoothed[1] = filtered[1] + l10 * s0 + l11 * s1
+    smoothed[2] = filtered[2] + l20 * s0 + l21 * s1 + l22 * s2
+    smoothed[lanes.L00], smoothed[lanes.L10], smoothed[lanes.L11] = l00 * t00, l10 * t00 + l11 * t10, l11 * t11
+    smoothed[lanes.L20] = l20 * t00 + l21 * t10 + l22 * t20
+    smoothed[lanes.L21], smoothed[lanes.L22] = l21 * t11 + l22 * t21, l22 * t22
+
+
+@compiled
+def _triangular(a: FloatArray) -> tuple[float, float, float, float, float, float]:
+    """T of A A' = T T' for A (3, 9), by Gram's and Schmidt's way on its rows: T00, T10, T20, T11, T21, T22."""
+    s00 = s10 = s20 = 0.0
+    for k in range(9):
+        s00 += a[0, k] * a[0, k]
+        s10 += a[1, k] * a[0, k]
+        s20 += a[2, k] * a[0, k]
+    t00 = math.sqrt(s00)
+    part1, part2 = (s10 / s00, s20 / s00) if s00 > 0.0 else (0.0, 0.0)
+    s11 = s21 = 0.0
+    for k in range(9):
+        a[1, k] -= part1 * a[0, k]
+        a[2, k] -= part2 * a[0, k]
+        s11 += a[1, k] * a[1, k]
+        s21 += a[2, k] * a[1, k]
+    t11 = math.sqrt(s11)
+    part = s21 / s11 if s11 > 0.0 else 0.0
+    s22 = 0.0
+    for k in range(9):
+        s22 += (a[2, k] - part * a[1, k]) ** 2
+    return t00, part1 * t00, part2 * t00, t11, part * t11, math.sqrt(s22)
+
+
+@compiled
+def _wave_at(filters: Record, theta: float) -> tuple[float, float, float, float]:
+    """g of the ripple that is known at an angle, and its first three derivatives."""
+    waves = lanes.WAVES[filters.lead]
+    stand_at(filters, theta, waves)
+    return wave(filters.ripple[lanes.CHAIN], filters.second[filters.lead], waves, filters.lowest, filters.basis)
+
+
+@compiled
+def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
+    """Angle, speed, acceleration and covariance of the shaft from the smoothed state of its clock.
+
+    The smoother follows a wave of frequency w but for 1 / (1 + q / (r T w^6)) of it: by so much of what is not known of
+    the ripple the state is off.
+    """
+    filters, s = smoother.filters[0], smoother.smoothed
+    waves, spread, sensitivity = lanes.WAVES[filters.lead], filters.common_part, filters.sensitivity[lanes.CHAIN]
+    g = _wave_at(filters, row.theta)
+    theta, row.speed, row.acceleration = shaft_state(s[2], s[1], s[0], row.theta, g, filters.slopes)
+    set_sensitivity(sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves)
+    for k in range(2 * waves):
+        left = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6
+        for i in range(3):
+            sensitivity[i, k] *= row.intensity / (row.intensity + left)
+    owe(filters, waves, sensitivity, filters.factor[lanes.CHAIN])
+    add_spread(s[lanes.L20], s[lanes.L10], s[lanes.L00], filters.slopes, 1.0, spread)
+    add_spread(s[lanes.L21], s[lanes.L11], 0.0, filters.slopes, 1.0, spread)
+    add_spread(s[lanes.L22], 0.0, 0.0, filters.slopes, 1.0, spread)
+    place = 0
+    for p in range(3):
+        for q in range(p, 3):
+            row.covariance[3 * p + q] = row.covariance[3 * q + p] = spread[place]
+            place += 1
+    add_again(row)
+    put_angle(row, theta)
