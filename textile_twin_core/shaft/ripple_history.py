@@ -9,23 +9,13 @@ from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.readings import noise_of
 from textile_twin_core.shaft.status import Records
 
-LOOK_EVERY = 1024
-"""Samples between two looks."""
-CHANGED, UNSURE = 0.25, 3.0
-"""By how much ripples that are not the same differ at least (RMS over a turn): by so many standard deviations of a
-reading, and so many of their own."""
-
-
-MOST_KNOWN = 64
-"""Of a ripple that never stays the same every second is forgotten beyond."""
+LOOK_EVERY = 1024  # samples between two looks
+CHANGED, UNSURE = 0.25, 3.0  # ripples that differ by so many sigmas of a reading, and of their own, are not the same
+MOST_KNOWN = 64  # of a ripple that never stays the same every second is forgotten beyond
 
 
 class RippleHistory:
-    """Statuses of the filter.
-
-    Attributes:
-        known: each as the filter knew its ripple best; `received` says until when it was the same.
-    """
+    """Statuses of the filter, each as it knew a ripple best; `received` says until when it was the same."""
 
     def __init__(self) -> None:
         self.known: list[Records] = []
@@ -49,13 +39,13 @@ class RippleHistory:
             self.known.append(status.copy())
 
     def _look(self, status: Records) -> None:
-        ripple, off, reading = _ripple(status)
-        if not 0.0 < off < CHANGED * reading:
+        ripple, sigma, reading = _ripple(status)
+        if not 0.0 < sigma < CHANGED * reading:
             return
         if self.known:
-            before, off_before, _ = _ripple(self.known[-1])
-            if _rms(ripple - before) < max(CHANGED * reading, UNSURE * float(np.hypot(off, off_before))):
-                if off > UNSURE * off_before:
+            before, sigma_before, _ = _ripple(self.known[-1])
+            if _rms(ripple - before) < max(CHANGED * reading, UNSURE * float(np.hypot(sigma, sigma_before))):
+                if sigma > UNSURE * sigma_before:
                     self.known[-1]["received"] = status["received"]
                     return
                 self.known.pop()
@@ -65,14 +55,12 @@ class RippleHistory:
 
 
 def _ripple(status: Records) -> tuple[FloatArray, float, float]:
-    """Coefficients (WIDEST,) of the leading ripple, its own uncertainty (RMS over a turn) and a reading's [rad]."""
+    """Coefficients (WIDEST,) of the leading ripple, their sigma (RMS over a turn) and a reading's [rad]."""
     now = status[0]
-    lead = int(now["lead"])
-    lane, width = int(now["best"][lead]), 2 * lanes.WAVES[lead]
-    ripple, scale = np.zeros(lanes.WIDEST), float(now["scale"][lane])
-    ripple[:width] = now["ripple"][lane, :width]
-    factor = now["factor"][lane, :width, :width]
-    return ripple, _rms(factor) * np.sqrt(scale), float(np.sqrt(scale * noise_of(now, float(now["speed"]))))
+    lane, width = int(now["best"][now["lead"]]), 2 * lanes.WAVES[int(now["lead"])]
+    ripple, scale = np.where(np.arange(lanes.WIDEST) < width, now["ripple"][lane], 0.0), float(now["scale"][lane])
+    sigma = _rms(now["factor"][lane, :width, :width]) * np.sqrt(scale)
+    return ripple, sigma, float(np.sqrt(scale * noise_of(now, float(now["speed"]))))
 
 
 def _rms(coefficients: FloatArray) -> float:

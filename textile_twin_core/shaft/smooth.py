@@ -17,27 +17,19 @@ from textile_twin_core.shaft.gate import Block
 from textile_twin_core.shaft.ripple_history import RippleHistory
 from textile_twin_core.shaft.smoother import Smoother, begin_with, know_ripple, log_likelihood, new_smoother, smooth
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import ROW, STATE, Records
+from textile_twin_core.shaft.status import STATE, Records
 from textile_twin_core.shaft.turns import TURN
 
-LESSONS = 4
-"""Times that the teeth's pitch errors are made what the smoothed motion says."""
-LEAST_LED = 0.05
-"""Part of a stretch that a family must have led to be asked."""
-ASKED_PARTS, ASKED_ROWS = 32, 256
-"""Of a stretch that is longer so many parts are asked for the family, of so many rows: they tell it as well as all."""
-OVERLAP = 512
-"""Rows on either side of a part that are smoothed along with it."""
-AROUND = 1
-"""Parts before and after one whose ripples are tried on it, too."""
-FINDING = 128
-"""Rows at the beginning of a stretch in which the filter finds its memory first: they take the shortest of the next."""
-FEWEST = 4
-"""Rows below which a stretch keeps the filter's states."""
+LESSONS = 4  # times that the teeth's pitch errors are made what the smoothed motion says
+LEAST_LED = 0.05  # part of a stretch that a family must have led to be a candidate
+ASKED_PARTS, ASKED_ROWS = 32, 256  # of a longer stretch so many parts of so many rows choose the model, as well as all
+OVERLAP = 512  # rows on either side of a part that are smoothed along with it
+FINDING = 128  # first rows of a stretch, in which the filter finds its memory: they take the shortest of the next
+FEWEST = 4  # rows below which a stretch keeps the filter's states
 
 
 class SmoothEstimator(ShaftEstimator):
-    """Filters while samples come in and smooths at `finish` (see `smoothing`)."""
+    """Filters while samples come in and smooths at `finish` (see `smoother`)."""
 
     at_once = False
 
@@ -47,18 +39,14 @@ class SmoothEstimator(ShaftEstimator):
         self._history = RippleHistory()
         self._blocks: list[Part] = []
         self._new: list[Part] = []
-        self._count = 0
 
     def step(
         self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
     ) -> ShaftStates:
         """Take a block of samples; no state is ready before `finish`."""
-        parts = self._walk(stamps, angles, velocities)
-        self._new.extend(parts)
-        self._count += sum(len(rows) for _, rows in parts)
-        if self._count >= PIECE:
+        self._new.extend(self._walk(stamps, angles, velocities))
+        if len(self._new) >= PIECE:  # small arrays of rows take much more memory than one large one
             self._blocks.append(joined(self._new))
-            self._count = 0
         return ShaftStates.empty(self._last)
 
     def _piece(self) -> int:
@@ -71,7 +59,7 @@ class SmoothEstimator(ShaftEstimator):
 
     def finish(self) -> ShaftStates:
         """The states of all samples from the third on."""
-        blocks, self._blocks, self._new, self._count = self._blocks + self._new, [], [], 0
+        blocks, self._blocks, self._new = self._blocks + self._new, [], []
         if not blocks:
             return ShaftStates.empty(self._last)
         stamps, rows = joined(blocks)
@@ -79,7 +67,7 @@ class SmoothEstimator(ShaftEstimator):
         self._smooth(rows)
         super().finish()
         self._history = RippleHistory()
-        return states_of([(stamps, _compact(rows))])
+        return states_of([(stamps, rows[list(STATE.names or ())].astype(STATE))])
 
     def _smooth(self, rows: Records) -> None:
         """Smooth stretch by stretch; with a toothed wheel again, its pitch errors as the smoothed motion tells them."""
@@ -107,7 +95,7 @@ class SmoothEstimator(ShaftEstimator):
         parts: list[tuple[int, Records, int]] = []
         for i, (first, end) in enumerate(pairwise(edges)):
             if end > first:
-                around = known[max(i - AROUND, 0) : i + AROUND + 1]
+                around = known[max(i - 1, 0) : i + 2]
                 status, family = self._likeliest(rows[max(first - OVERLAP, 0) : end + OVERLAP], led, around)
                 if not parts or parts[-1][1] is not status or parts[-1][2] != family:
                     parts.append((first, status, family))
@@ -152,20 +140,6 @@ def _asked(rows: Records) -> list[Records]:
         starts = np.linspace(0, len(rows) - ASKED_ROWS, ASKED_PARTS).astype(np.int64)
         parts = [rows[start : start + ASKED_ROWS] for start in starts]
     return [part[int(np.argmax(part["noise"] > 0.0)) :] for part in parts]
-
-
-def _compact(rows: Records) -> Records:
-    """The states of the rows, in the memory of the rows: hours of both would be too much."""
-    if not rows.flags.owndata:
-        rows = rows.copy()
-    width, kept, count = ROW.itemsize // 8, STATE.itemsize // 8, len(rows)
-    numbers = rows.view(np.float64).reshape(-1)
-    for first in range(0, count, PIECE):
-        part = numbers[first * width : (first + PIECE) * width].reshape(-1, width)[:, :kept].copy()
-        numbers[first * kept : first * kept + part.size] = part.reshape(-1)
-    del numbers
-    rows.resize(-(-count * kept // width), refcheck=False)
-    return rows.view(np.float64).reshape(-1)[: count * kept].view(STATE)
 
 
 @compiled
