@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import TypeGuard
+from typing import Any
 
 import numpy as np
 
@@ -13,23 +13,23 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.turns import TURN
 
 WRAPPINGS = ("auto", "wrapped", "unwrapped")
-MOST_TEETH = 10_000
+MAX_TEETH, MAX_CYCLE_TURNS = 10_000, 64
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShaftSettings:
-    """What an estimator can be told; the defaults need no tuning.
+    """Settings of an estimator; the defaults need no tuning.
 
     Attributes:
-        encoder_bits: bits of the encoder per turn of its own; None: the step is found.
-        resolution_rad: or its step, in shaft angle.
+        encoder_bits: resolution of the encoder in bits per period; None: found from the readings.
+        resolution_rad: or its step, as an angle of the shaft; None: found.
         stamp_jitter_s: standard deviation of the stamps; None: learnt.
-        teeth: samples are edges of a wheel with so many teeth a turn (missing ones counted); 0: sampled angles.
+        teeth: number of teeth in a turn, missing ones counted, where samples are edges of a wheel; 0: sampled angles.
         tooth_zero_rad: angle of tooth 0.
-        pitch_errors_rad: (teeth,) how far each tooth's edge lies beyond its nominal angle; None: `smooth` finds them.
+        pitch_errors_rad: (teeth,) pitch errors, true less nominal angle of each edge; None: `smooth` learns them.
         cycle_turns: turns after which the motion repeats, for ripple of half orders and lower.
         wrapping: "auto", "wrapped" or "unwrapped".
-        period_rad: what a wrapping angle wraps by.
+        period_rad: period of a wrapped angle.
 
     Raises:
         SceneError: a setting of the wrong kind or value.
@@ -46,18 +46,18 @@ class ShaftSettings:
     period_rad: float = TURN
 
     def __post_init__(self) -> None:
+        require_positive("period_rad", self.period_rad)
         for name in ("encoder_bits", "resolution_rad"):
             if getattr(self, name) is not None:
                 require_positive(name, getattr(self, name))
-        jitter: object = self.stamp_jitter_s
-        if jitter is not None and not (_is_finite(jitter) and jitter >= 0):
-            raise SceneError(f"stamp_jitter_s is {jitter!r}: give a finite number, 0 or more, or None")
-        _require_whole("teeth", self.teeth, 0, MOST_TEETH)
-        _require_whole("cycle_turns", self.cycle_turns, 1, 64)
-        require_positive("period_rad", self.period_rad)
-        if self.wrapping not in WRAPPINGS:
-            raise SceneError(f"wrapping is {self.wrapping!r}: choose one of {', '.join(WRAPPINGS)}")
-        errors = self.pitch_errors_rad
+        jitter, errors = self.stamp_jitter_s, self.pitch_errors_rad
+        valid = jitter is None or (_is_finite(jitter) and jitter >= 0)
+        _require(valid, "stamp_jitter_s", jitter, "give a finite number, 0 or more, or None")
+        for name, least, most in (("teeth", 0, MAX_TEETH), ("cycle_turns", 1, MAX_CYCLE_TURNS)):
+            value = getattr(self, name)
+            whole = isinstance(value, Integral) and not isinstance(value, bool)
+            _require(whole and least <= value <= most, name, value, f"give a whole number from {least} to {most}")
+        _require(self.wrapping in WRAPPINGS, "wrapping", self.wrapping, f"choose one of {', '.join(WRAPPINGS)}")
         if errors is not None and (len(errors) != self.teeth or not np.all(np.isfinite(errors))):
             raise SceneError(
                 f"pitch_errors_rad has {len(errors)} values: give one finite number for each of {self.teeth} teeth"
@@ -65,26 +65,25 @@ class ShaftSettings:
 
     @property
     def step_rad(self) -> float | None:
-        """The encoder's step, when given; 0 for edges, which are exact."""
+        """The encoder's step, None where it is not given; 0 for edges, which are not rounded."""
         if self.teeth:
             return 0.0
         return self.resolution_rad if self.encoder_bits is None else self.period_rad / 2.0**self.encoder_bits
 
 
-def require_positive(name: str, value: object) -> None:
-    """Refuse a setting that is no positive finite number.
+def require_positive(name: str, value: Any) -> None:
+    """Check a setting.
 
     Raises:
-        SceneError: it is none.
+        SceneError: it is no positive finite number.
     """
-    if not (_is_finite(value) and value > 0):
-        raise SceneError(f"{name} is {value!r}: give a positive finite number")
+    _require(_is_finite(value) and value > 0, name, value, "give a positive finite number")
 
 
-def _require_whole(name: str, value: object, least: int, most: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
-        raise SceneError(f"{name} is {value!r}: give a whole number from {least} to {most}")
+def _require(valid: bool, name: str, value: object, wanted: str) -> None:
+    if not valid:
+        raise SceneError(f"{name} is {value!r}: {wanted}")
 
 
-def _is_finite(value: object) -> TypeGuard[float]:
+def _is_finite(value: object) -> bool:
     return not isinstance(value, bool) and isinstance(value, Real) and math.isfinite(value)
