@@ -1,40 +1,37 @@
-"""What became of the samples: counts of accepted and rejected samples, events, and what was learnt of the encoder."""
+"""What an estimator reports: counts of accepted and rejected samples and of events, and what it learnt."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 
 REJECTION_CAUSES = ("not_finite", "duplicate_stamp", "older_stamp")
-FEW_SAMPLES_A_TURN = 5.0
-"""Below this not even the second order of ripple can be told: 2.5 samples a wave."""
+EVENTS = ("repeat", "gap", "jump", "outlier", "reversal", "standstill", "loss")
+FEW_SAMPLES_A_TURN = 5.0  # below this even the second order of ripple has fewer than 2.5 samples a wave
 
 
 @dataclass
 class SampleReport:
-    """Counts since the start or the last reset; a plain record that turns into JSON with `to_json`.
+    """Counts since the start or the last reset.
 
     Attributes:
-        received: samples that came in.
-        accepted: samples that were used.
+        received, accepted: samples that came in, and of these the ones that were used.
         rejected: count by cause: not_finite (NaN or infinite angle or stamp), duplicate_stamp (that of the newest
             accepted sample), older_stamp (late or reversed).
-        repeats: readings that only say the one before again, of a sensor that measures less often than it is asked.
-        gaps: pauses between samples of more than 50 intervals; where the reading after one was not foretold, the motion
-            was found anew.
-        jumps: lasting leaps of the angle that no shaft can make.
-        outliers: readings far off, set aside.
+        repeats: readings equal to the one before, of a sensor that measures less often than it is asked.
+        gaps: pauses of more than 50 intervals; where the prediction failed after one, the filter was restarted.
+        jumps: lasting offsets of the angle that no shaft can make.
+        outliers: readings rejected because of their residual.
         reversals: changes of the sense of rotation.
         standstills: times that the shaft came to rest.
-        losses: times that readings followed no motion and everything began anew.
-        longest_gap_s: the longest time between two accepted samples.
-        period_s: typical time between samples.
-        samples_per_turn: at the speed of now; infinite at rest.
+        losses: times that readings fitted no motion and the filter was restarted.
+        longest_gap_s, period_s: longest and typical time between accepted samples.
+        samples_per_turn: at the present speed; infinite at rest.
         resolution_rad: encoder step, given or found; 0 while unknown, and where readings are not rounded.
         stamp_jitter_s: standard deviation of the stamps, given or found.
         pitch_errors_rad: of each tooth, given or learnt; empty for sampled angles.
         ripple: amplitude of the speed's ripple relative to the speed, by multiples of the lowest order,
             1 / cycle_turns; empty where none is seen.
-        state: waiting, starting, running, standstill or lost (began anew within the last 25 samples).
+        state: waiting, starting, running, standstill or lost (restarted within the last 25 samples).
     """
 
     received: int = 0
@@ -63,24 +60,19 @@ class SampleReport:
 
     def to_json(self) -> dict[str, object]:
         """A dictionary of plain numbers, lists and texts; an infinite number is None."""
-        rate = self.samples_per_turn
-        return {
-            **asdict(self),
-            "ripple": list(self.ripple),
-            "pitch_errors_rad": list(self.pitch_errors_rad),
-            "samples_per_turn": rate if rate < float("inf") else None,
-        }
+        values = {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+        return {name: None if value == float("inf") else value for name, value in values.items()}
 
     def text(self) -> str:
-        """One line for people: what was used, what was not and why, and how the estimator stands."""
-        causes = ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in self.rejected.items() if count)
+        """One line for people: samples used, samples rejected by cause, events, and the state."""
         parts = [f"{self.state}: {self.accepted} of {self.received} samples used"]
-        if causes:
-            parts.append(f"rejected {causes}")
-        for name in ("repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses"):
-            count = getattr(self, name)
-            if count:
-                parts.append(f"{count} {name if count > 1 else name[:-1] if name != 'losses' else 'loss'}")
+        if self.rejected_total:
+            causes = [f"{count} {cause.replace('_', ' ')}" for cause, count in self.rejected.items() if count]
+            parts.append(f"rejected {', '.join(causes)}")
+        for event in EVENTS:
+            plural = "losses" if event == "loss" else f"{event}s"
+            if count := getattr(self, plural):
+                parts.append(f"{count} {plural if count > 1 else event}")
         if self.samples_per_turn < FEW_SAMPLES_A_TURN:
             parts.append(
                 f"{self.samples_per_turn:.1f} samples a turn: too few to tell the ripple of the speed within a turn;"
