@@ -1,4 +1,4 @@
-"""Angles as whole turns and phase: no precision is lost at a billion radians."""
+"""Angles as whole turns and phase, so that no precision is lost at a billion radians."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.compiling import compiled
 
 TURN = 2.0 * math.pi
-TURN_TAIL = 2.4492935982947064e-16
-"""2 pi minus its float64 value."""
+TURN_TAIL = 2.4492935982947064e-16  # 2 pi minus its float64 value
 
 
 def split_turns(angle: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Whole turns, and phase in about [-pi, pi], of angles [rad], exact to the input's own rounding."""
-    turns = np.rint(np.asarray(angle, dtype=np.float64) / TURN)
+    """Whole turns (n,) and phase (n,) in about [-pi, pi] of angles (n,) [rad], exact to the input's own rounding."""
     phase = np.fmod(angle, TURN)  # exact, in the float64 period
-    phase = phase - np.rint(phase / TURN) * TURN
+    phase -= np.rint(phase / TURN) * TURN
     turns = np.rint((angle - phase) / TURN)
     return turns.astype(np.int64), phase - turns * TURN_TAIL
 
