@@ -11,18 +11,16 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.shaft.status import STATE, Records
 from textile_twin_core.shaft.turns import join_turns
 
-UNMODELLED = np.array([1.0, 1.15, 1.15])
-"""Motions are no white jerk: how much wider than the model says errors of angle, speed and acceleration are, at the
-median over kinds of records with known truth (see tests/shaft/kinds.py)."""
+INFLATION = np.array([1.0, 1.15, 1.15])  # of sigmas, as real motions are no white jerk: median in tests/shaft/kinds.py
 
 
 @dataclass(frozen=True)
 class ShaftStates:
-    """States of the shaft, one row per accepted sample, in the order of the samples.
+    """Estimated states of the shaft, one for each accepted sample, in the order of the samples.
 
     Attributes:
-        stamps: (n,) the samples' own stamps, with the dtype and the values they came with.
-        rows: (n,) records that begin as STATE (see `status`), which the properties give units.
+        stamps: (n,) stamps of the samples, unchanged.
+        rows: (n,) records whose first fields are those of STATE (see `status`).
     """
 
     stamps: FloatArray | IntArray
@@ -33,61 +31,61 @@ class ShaftStates:
 
     @property
     def index(self) -> IntArray:
-        """(n,) running number, from 0, of the input sample (accepted or not) that the state speaks of."""
+        """(n,) index of the state's sample among all received samples, accepted or not."""
         return self.rows["index"].astype(np.int64)
 
     @property
     def turns(self) -> IntArray:
-        """(n,) whole turns of the shaft; with `phase_rad` the angle without loss, however many turns there are."""
+        """(n,) whole turns; together with `phase_rad` the angle at full precision."""
         return self.rows["turns"].astype(np.int64)
 
     @property
     def phase_rad(self) -> FloatArray:
-        """(n,) angle beyond the whole turns, in [-pi, pi)."""
+        """(n,) angle beyond the whole turns [rad], in [-pi, pi)."""
         return self.rows["phase"]
 
     @property
     def theta_rad(self) -> FloatArray:
-        """(n,) unwrapped angle; follows the input's own turn count when the input is unwrapped."""
+        """(n,) unwrapped angle [rad]; keeps the turn count of an unwrapped input."""
         return join_turns(self.turns, self.phase_rad)
 
     @property
     def omega_rad_s(self) -> FloatArray:
-        """(n,) speed."""
+        """(n,) speed [rad/s]."""
         return self.rows["speed"]
 
     @property
     def alpha_rad_s2(self) -> FloatArray:
-        """(n,) acceleration."""
+        """(n,) acceleration [rad/s^2]."""
         return self.rows["acceleration"]
 
     @property
     def settled(self) -> BoolArray:
-        """(n,) True where the estimator has found its feet."""
+        """(n,) True where the estimate has converged after a start."""
         return self.rows["settled"] > 0.5
 
     @property
     def covariance(self) -> FloatArray:
-        """(n, 3, 3) of (theta, omega, alpha)."""
-        return np.asarray(self.rows["covariance"].reshape(-1, 3, 3) * np.outer(UNMODELLED, UNMODELLED))
+        """(n, 3, 3) covariance of (theta, omega, alpha) [rad, s]."""
+        return np.asarray(self.rows["covariance"].reshape(-1, 3, 3) * np.outer(INFLATION, INFLATION))
 
     @property
     def sigma(self) -> FloatArray:
         """(n, 3) standard deviations of theta [rad], omega [rad/s], alpha [rad/s^2]."""
-        return np.asarray(np.sqrt(self.rows["covariance"][:, ::4]) * UNMODELLED)
+        return np.asarray(np.sqrt(self.rows["covariance"][:, ::4]) * INFLATION)
 
     def variance_of(self, gradient: FloatArray) -> FloatArray:
-        """Variance of a quantity with the given (n, 3) gradient by (theta, omega, alpha)."""
+        """(n,) variance of a quantity with this gradient (n, 3) by (theta, omega, alpha)."""
         return np.asarray(np.einsum("ni,nij,nj->n", gradient, self.covariance, gradient))
 
     @classmethod
     def empty(cls, stamps: FloatArray | IntArray | None = None) -> ShaftStates:
-        """No states; `stamps` lends its dtype."""
-        return cls(np.zeros(0, dtype=np.float64 if stamps is None else stamps.dtype), np.zeros(0, STATE))
+        """No states; with the dtype of `stamps`."""
+        return cls(np.zeros(0, np.float64 if stamps is None else stamps.dtype), np.zeros(0, STATE))
 
     @classmethod
     def join(cls, parts: Sequence[ShaftStates]) -> ShaftStates:
-        """One after the other; the parts must be of one stamp dtype."""
+        """Concatenated states; the parts must have stamps of the same dtype."""
         if len(parts) == 1:
             return parts[0]
         rows = [part.rows[list(STATE.names or ())].astype(STATE) for part in parts]
