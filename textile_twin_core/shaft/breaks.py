@@ -15,6 +15,10 @@ from textile_twin_core.shaft.status import Record
 
 SET_ASIDE = 2
 """Readings in a row that may be set aside as outliers before the motion is believed to have changed."""
+OFTEN, ALWAYS = 4.0, 12.0
+"""Times in a row that readings far off were motion, from which only one is set aside first, or none."""
+FASTER = 1.25
+"""By how much farther off the second must be."""
 UNHEARD_OF = 2.0
 """Full speeds, as far as they are known, beyond which one more must have been set aside before: of many outliers a few
 are on a line by chance."""
@@ -89,23 +93,33 @@ def is_stuck(status: Record) -> bool:
 
 
 @compiled
+def goes_on(status: Record, off: float) -> bool:
+    """Whether a reading is off to the same side as the last one that was set aside, and farther."""
+    return off * status.off_last >= 0.0 and abs(off) > FASTER * abs(status.off_last)  # type: ignore[no-any-return]
+
+
+@compiled
 def is_motion(status: Record, off: float, step: float, noise: float, row: Record) -> bool:
     """Whether readings far off are the shaft's motion and not outliers: the last three, at least, follow a line.
 
-    Outliers on both sides of the motion follow one, too: all three must lie on one side. Then the motion is opened:
-    where they are equally far off (an encoder that slipped) the angle alone, else speed and acceleration too.
+    Outliers on both sides of the motion follow one, too: all three must lie on one side. Where such were motion
+    again and again two are enough, or this one. Then the motion is opened: where they are equally far off (an encoder
+    that slipped) the angle alone, else speed and acceleration too.
     """
-    bend = off - 2.0 * status.off_last + status.off_before
-    ahead = min(off, status.off_last, status.off_before) > 0.0
-    behind = max(off, status.off_last, status.off_before) < 0.0
-    straight = abs(bend) <= 0.5 * max(abs(off), abs(status.off_before))
-    span, grown = step + status.step_last, off - status.off_before
-    slipped = abs(grown) < 0.25 * abs(off)
+    if status.aside < SET_ASIDE and status.aside >= SET_ASIDE - (status.motions >= OFTEN) - (status.motions >= ALWAYS):
+        span, grown, slipped = step, off - status.off_last, False
+        straight = goes_on(status, off)
+    else:
+        span, grown = step + status.step_last, off - status.off_before
+        slipped = abs(grown) < 0.25 * abs(off)
+        one_side = min(off * status.off_last, off * status.off_before) > 0.0
+        bend = off - 2.0 * status.off_last + status.off_before
+        straight = one_side and abs(bend) <= 0.5 * max(abs(off), abs(status.off_before)) and status.aside >= SET_ASIDE
     unheard_of = not slipped and 0.0 < UNHEARD_OF * status.fastest < abs(status.speed + grown / span)
-    few = status.aside < SET_ASIDE + (1 if unheard_of else 0)
-    if few or is_stuck(status) or not (ahead or behind) or not straight:
+    if not straight or is_stuck(status) or (unheard_of and status.aside <= SET_ASIDE):
         status.off_before, status.off_last, status.step_last = status.off_last, off, step
         return False
+    status.motions += 1.0
     rate = 0.0 if slipped else grown / span
     by_rate = 0.0 if slipped else (math.sqrt(noise) + abs(grown)) / span
     for f in range(lanes.FAMILIES):
@@ -114,7 +128,7 @@ def is_motion(status: Record, off: float, step: float, noise: float, row: Record
     row.unit += (RIPPLE_SIZE * off) ** 2
     status.jumps += row.cut == 1.0
     status.outliers -= status.aside
-    status.doubt += status.aside
+    status.doubt += max(status.aside, 1.0)
     return True
 
 

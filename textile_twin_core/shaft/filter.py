@@ -9,7 +9,15 @@ import numpy as np
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import density, expect_angle, predict
-from textile_twin_core.shaft.breaks import begin_motion, bridge_gap, is_false_start, is_foretold, is_motion, lose
+from textile_twin_core.shaft.breaks import (
+    begin_motion,
+    bridge_gap,
+    goes_on,
+    is_false_start,
+    is_foretold,
+    is_motion,
+    lose,
+)
 from textile_twin_core.shaft.families import has_seen, is_at_work, memory_for, weigh
 from textile_twin_core.shaft.gate import Block, admit
 from textile_twin_core.shaft.lacked_orders import add_lacked, listen
@@ -40,6 +48,8 @@ UNSURE, SLOW = 0.25, 0.3
 """Standard deviation of the speed, in parts of it and of this part of full speed at least, above which a state is not
 called settled: so it is for some samples where the motion changed at once.
 """
+APART = 1.5
+"""Steps of the encoder beyond the foretold move from which a reading is not rounded as the last one was."""
 MOVES_OFF = 1.5
 """Moves from a reading to the next, off by which one set aside is heard where the encoder's step is looked for."""
 RECALIBRATE_EVERY = 32.0
@@ -158,6 +168,8 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
         lose(status, reading, (reading - status.read) / step, step, row)
         return
     guess_rounding(status, abs(reading - status.read))
+    if abs(reading - status.read - status.speed * step) > APART * status.rounding:
+        status.alike = 1.0
     repeated, held = status.holding, is_held(status, reading)
     status.read, noise = reading, noise_of(status, status.speed)
     off = reading - expected
@@ -188,6 +200,8 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
             return
         for f in range(lanes.FAMILIES):
             expect_angle(status, f, 0.0, reading, reading, noise)
+    if status.aside > 0.0 and row.cut == 0.0:
+        status.motions = status.motions + 1.0 if goes_on(status, off) else 0.0
     status.aside = status.off_before = status.off_last = 0.0
     turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(row.noise)
     weigh(status, noise, turning)
