@@ -15,8 +15,10 @@ from textile_twin_core.shaft.status import Record
 
 SET_ASIDE = 2
 """Readings in a row that may be set aside as outliers before the motion is believed to have changed."""
-OFTEN, ALWAYS = 4.0, 12.0
-"""Times in a row that readings far off were motion, from which only one is set aside first, or none."""
+CLEAN = 100.0
+"""Readings without an outlier, from which only one is set aside first if the next is farther off to the same side."""
+ALWAYS = 12.0
+"""Times in a row that readings far off were motion, from which none is set aside first."""
 FASTER = 1.25
 """By how much farther off the second must be."""
 UNHEARD_OF = 2.0
@@ -102,11 +104,11 @@ def goes_on(status: Record, off: float) -> bool:
 def is_motion(status: Record, off: float, step: float, noise: float, row: Record) -> bool:
     """Whether readings far off are the shaft's motion and not outliers: the last three, at least, follow a line.
 
-    Outliers on both sides of the motion follow one, too: all three must lie on one side. Where such were motion
-    again and again two are enough, or this one. Then the motion is opened: where they are equally far off (an encoder
-    that slipped) the angle alone, else speed and acceleration too.
+    Outliers on both sides of the motion follow one, too: all three must lie on one side. Where there were no outliers of
+    late two are enough, or this one where such were always motion. Then the motion is opened: where they are equally far
+    off (an encoder that slipped) the angle alone, else speed and acceleration too.
     """
-    if status.aside < SET_ASIDE and status.aside >= SET_ASIDE - (status.motions >= OFTEN) - (status.motions >= ALWAYS):
+    if status.aside < SET_ASIDE and status.aside >= SET_ASIDE - (status.clean >= CLEAN) - (status.motions >= ALWAYS):
         span, grown, slipped = step, off - status.off_last, False
         straight = goes_on(status, off)
     else:

@@ -200,8 +200,11 @@ def _take_angle(status: Record, step: float, raw: float, row: Record) -> None:
             return
         for f in range(lanes.FAMILIES):
             expect_angle(status, f, 0.0, reading, reading, noise)
+    status.clean += 1.0
     if status.aside > 0.0 and row.cut == 0.0:
-        status.motions = status.motions + 1.0 if goes_on(status, off) else 0.0
+        gone_on = goes_on(status, off)
+        status.motions = status.motions + 1.0 if gone_on else 0.0
+        status.clean = status.clean if gone_on else 0.0
     status.aside = status.off_before = status.off_last = 0.0
     turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(row.noise)
     weigh(status, noise, turning)

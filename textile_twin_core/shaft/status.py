@@ -46,9 +46,10 @@ aside, its time, what it had moved by in an interval and by how much more than t
 _OF_REPEATS = ("read", "leapt", "leapt_after", "held", "holding", "longest_hold")
 """The last reading; the last leap, and the repetitions before it; part of the leaps that come after repetitions;
 repetitions now, and at most of late."""
-_OF_TROUBLE = ("aside", "doubt", "off_before", "off_last", "step_last", "motions")
+_OF_TROUBLE = ("aside", "doubt", "off_before", "off_last", "step_last", "motions", "clean")
 """Readings set aside in a row, and those that must fit until a state is settled again; by how much the last two were
-off, and the time before the last; times that such were motion, since they were outliers."""
+off, and the time before the last; times that such were motion, and readings, since they were
+outliers."""
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
     "motion", "speed", "lead", "best", "ripple", "guessed",
