@@ -14,7 +14,8 @@ RATE_HZ, STEP_RAD = 50.0, 2.0 * np.pi / 42
 def _drive(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stamps, readings and speeds of a wheel of 42 ticks a turn that is at one speed or at rest, for 1 to 2 s each."""
     rng = np.random.default_rng(seed)
-    speed = np.concatenate([np.full(rng.integers(50, 100), top) for _ in range(25) for top in (rng.uniform(15, 30), 0.0)])
+    tops = [top for _ in range(25) for top in (rng.uniform(15.0, 30.0), 0.0)]
+    speed = np.concatenate([np.full(rng.integers(50, 100), top) for top in tops])
     angle = np.cumsum(np.repeat(speed, 20)) / (20.0 * RATE_HZ)
     first = int(rng.integers(20))
     return np.arange(speed.size) / RATE_HZ, np.round(angle[first::20] / STEP_RAD) * STEP_RAD, speed

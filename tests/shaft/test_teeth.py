@@ -12,6 +12,19 @@ TEETH = 60
 """In a turn of `kinds.teeth`, the three that are missing counted."""
 
 
+@pytest.mark.parametrize("seed", [0, 1, 3, 5, 6])
+def test_pitch_errors_of_the_ripples_orders_are_learnt_too(seed: int) -> None:
+    """They are in all orders alike; taken for motion they are most of the acceleration."""
+    record, off = make("pitch", seed), []
+    for settings in ({"teeth": TEETH}, {}):
+        estimator = create_estimator("smooth", cycle_turns=2, **settings)
+        estimator.step(record.time_s, record.angle_rad)
+        states = estimator.finish()
+        late = states.index > 0.15 * record.time_s.size
+        off.append(np.sqrt(np.mean((states.alpha_rad_s2 - record.alpha[states.index])[late] ** 2)))
+    assert off[0] < 0.85 * off[1]
+
+
 @pytest.mark.parametrize("kind", ["teeth", "teeth+1%"])
 def test_smooth_learns_the_teeth(kind: str) -> None:
     """But for orders of the turn that the motion has too, 0 to 6; one tooth stands wrong by 0.8 degrees."""

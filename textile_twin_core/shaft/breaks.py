@@ -104,9 +104,9 @@ def goes_on(status: Record, off: float) -> bool:
 def is_motion(status: Record, off: float, step: float, noise: float, row: Record) -> bool:
     """Whether readings far off are the shaft's motion and not outliers: the last three, at least, follow a line.
 
-    Outliers on both sides of the motion follow one, too: all three must lie on one side. Where there were no outliers of
-    late two are enough, or this one where such were always motion. Then the motion is opened: where they are equally far
-    off (an encoder that slipped) the angle alone, else speed and acceleration too.
+    Outliers on both sides of the motion follow one, too: all three must lie on one side. Where there were no outliers
+    of late two are enough, or this one where such were always motion. Then the motion is opened: where they are equally
+    far off (an encoder that slipped) the angle alone, else speed and acceleration too.
     """
     if status.aside < SET_ASIDE and status.aside >= SET_ASIDE - (status.clean >= CLEAN) - (status.motions >= ALWAYS):
         span, grown, slipped = step, off - status.off_last, False

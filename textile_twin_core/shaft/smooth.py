@@ -7,10 +7,11 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from textile_twin_core.arrays import BoolArray
+from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.breaks import set_start
+from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.gate import Block
@@ -18,6 +19,7 @@ from textile_twin_core.shaft.ripple_history import RippleHistory
 from textile_twin_core.shaft.smoother import Smoother, begin_with, know_ripple, log_likelihood, new_smoother, smooth
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import STATE, Records
+from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
 LESSONS = 4  # times that the teeth's pitch errors are made what the smoothed motion says
@@ -85,6 +87,23 @@ class SmoothEstimator(ShaftEstimator):
             if wheel is not None and lesson < lessons:
                 off = rows["reading"] - rows["phase"] - (rows["turns"] - rows["origin"]) * TURN
                 rows["reading"] += wheel.learn(rows["reading"], off)
+                if lesson == lessons // 2:
+                    rows["reading"] += self._part_ripple(wheel, rows["reading"])
+
+    def _part_ripple(self, wheel: ToothWheel, readings: FloatArray) -> FloatArray:
+        """Leave to the wheel what of the ripples is its own; by how much each reading (n,) is to be corrected."""
+        every = self._settings.cycle_turns
+        last = self._history.known[-1][0]
+        lead = int(last["lead"])
+        whole = last["ripple"][last["best"][lead], : 2 * lanes.WAVES[lead]].reshape(-1, 2)[every - 1 :: every]
+        kept, correction = wheel.take_from_ripple(whole, readings)
+        for status in self._history.known:
+            for f in range(1, lanes.FAMILIES):
+                ripple = status[0]["ripple"][status[0]["best"][f], : 2 * lanes.WAVES[f]]
+                part = ripple.reshape(-1, 2)[every - 1 :: every][: kept.size]
+                part *= kept[: len(part), None]
+                set_second(ripple, lanes.WAVES[f], 1.0 / every, status[0]["second"][f], np.zeros(lanes.WIDEST))
+        return correction
 
     def _smooth_stretch(self, rows: Records) -> None:
         """Part by part, where the ripple was another."""

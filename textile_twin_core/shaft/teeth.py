@@ -16,8 +16,8 @@ FORGETTING = 0.01  # part of an error forgotten at each lesson, so that what onl
 class ToothWheel:
     """Nominal angles of a wheel's edges, corrected by each tooth's pitch error.
 
-    Whatever repeats every turn in the readings can be the wheel's or the motion's: the model's ripple takes the low
-    orders that it has evidence for, the wheel takes the rest.
+    Whatever repeats every turn can be the wheel's or the motion's. Pitch errors are in all orders alike:
+    those above the model's ripple are the wheel's, and tell how much of each order of the ripple is.
 
     Args:
         teeth: number of teeth in a turn, missing ones counted.
@@ -58,6 +58,27 @@ class ToothWheel:
         change = -FORGETTING * self.errors_rad - found
         self.errors_rad = self.errors_rad + change
         return np.asarray(change[tooth])
+
+    def take_from_ripple(self, ripple: FloatArray, readings: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Take over what each order of the ripple owes to pitch errors, as Wiener's filter tells it from its power.
+
+        Args:
+            ripple: (m, 2) cosine and sine of orders 1 to m [rad], which readings lack.
+            readings: (n,) corrected readings [rad].
+
+        Returns:
+            (m,) part of each order that is the motion's; (n,) by how much each reading is to be corrected further.
+        """
+        orders, angles = (
+            np.arange(1, self.errors_rad.size // 2),
+            self._zero + self._pitch * np.arange(self.errors_rad.size),
+        )
+        waves = np.exp(1j * np.outer(orders, angles))
+        power = np.abs(2.0 * np.mean(waves * self.errors_rad, axis=1)) ** 2
+        mine = np.minimum(1.0, np.mean(power[len(ripple) :]) / np.maximum(np.sum(ripple**2, axis=1), 1e-300))
+        change = np.real((mine * (ripple @ (1.0, -1j))) @ waves[: len(ripple)])
+        self.errors_rad = self.errors_rad + change
+        return 1.0 - mine, np.asarray(change[self._tooth(readings)])
 
 
 def _trimmed_mean(values: FloatArray) -> float:
