@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft import kinematics
+from textile_twin_core.shaft import kalman
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import new_status
 
@@ -19,7 +19,7 @@ LANES = (np.int64(0), np.int64(16))
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="names the instructions of x86-64")
-@pytest.mark.parametrize(("function", "numbers"), [(kinematics.move_on, (1.0, 0.1)), (kinematics.correct, ())])
+@pytest.mark.parametrize(("function", "numbers"), [(kalman.time_update, (1.0, 0.1)), (kalman.measurement_update, ())])
 def test_roots_are_taken_of_several_lanes_at_once(
     function: Any, numbers: tuple[float, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

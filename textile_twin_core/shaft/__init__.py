@@ -6,9 +6,9 @@ from typing import Any
 
 from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.estimator import ShaftEstimator
-from textile_twin_core.shaft.lag import LagEstimator
+from textile_twin_core.shaft.fixed_interval import SmoothEstimator
+from textile_twin_core.shaft.fixed_lag import LagEstimator
 from textile_twin_core.shaft.report import SampleReport
-from textile_twin_core.shaft.smooth import SmoothEstimator
 from textile_twin_core.shaft.states import ShaftStates
 
 _VIEWS: dict[str, Any] = {"causal": ShaftEstimator, "lag": LagEstimator, "smooth": SmoothEstimator}

@@ -113,19 +113,19 @@ def gradient(
 
 @compiled
 def add_spread(
-    clock: float, rate: float, acceleration: float, slopes: FloatArray, scale: float, spread: FloatArray
+    clock: float, rate: float, acceleration: float, slopes: FloatArray, scale: float, covariance: FloatArray
 ) -> None:
     """Add to a covariance (6,) of the shaft that of a column of its clock's factor."""
     d0, d1, d2 = gradient(clock, rate, acceleration, 0.0, 0.0, 0.0, slopes)
-    add_products(d0, d1, d2, scale, spread)
+    add_products(d0, d1, d2, scale, covariance)
 
 
 @compiled
-def add_products(d0: float, d1: float, d2: float, scale: float, spread: FloatArray) -> None:
+def add_products(d0: float, d1: float, d2: float, scale: float, covariance: FloatArray) -> None:
     """Add scale times the products 00, 01, 02, 11, 12, 22 to a covariance (6,)."""
-    spread[0] += scale * d0 * d0
-    spread[1] += scale * d0 * d1
-    spread[2] += scale * d0 * d2
-    spread[3] += scale * d1 * d1
-    spread[4] += scale * d1 * d2
-    spread[5] += scale * d2 * d2
+    covariance[0] += scale * d0 * d0
+    covariance[1] += scale * d0 * d1
+    covariance[2] += scale * d0 * d2
+    covariance[3] += scale * d1 * d1
+    covariance[4] += scale * d1 * d2
+    covariance[5] += scale * d2 * d2

@@ -10,10 +10,10 @@ import numpy.typing as npt
 from textile_twin_core.compiling import records
 from textile_twin_core.errors import MotionError
 from textile_twin_core.shaft.encoder import UNKNOWN_STEP_RAD, StepFinder
-from textile_twin_core.shaft.filter import follow
-from textile_twin_core.shaft.gate import Block, Stamps, as_samples
-from textile_twin_core.shaft.readings import know_rounding
+from textile_twin_core.shaft.filter import run_filter
+from textile_twin_core.shaft.measurement_noise import set_resolution
 from textile_twin_core.shaft.report import SampleReport
+from textile_twin_core.shaft.samples import Block, Stamps, as_samples
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.single import OneSample, OneState
 from textile_twin_core.shaft.states import ShaftStates
@@ -83,7 +83,7 @@ class ShaftEstimator:
 
     def finish(self) -> ShaftStates:
         """The states that are still held; the estimator is then as after `reset`, but for report and newest stamp."""
-        fresh = new_status(self._settings, float(self._status["rounding"][0]))
+        fresh = new_status(self._settings, float(self._status["resolution"][0]))
         for name in KEPT:
             fresh[name] = self._status[name]
         self._status = fresh
@@ -102,7 +102,7 @@ class ShaftEstimator:
             longest_gap_s=float(now["longest"]),
             period_s=float(now["interval"]),
             samples_per_turn=float(TURN / travel) if travel > 0.0 else float("inf"),
-            resolution_rad=float(now["rounding"]) if self._finder.step else 0.0,
+            resolution_rad=float(now["resolution"]) if self._finder.step else 0.0,
             stamp_jitter_s=float(np.sqrt(now["jitter"])),
             pitch_errors_rad=() if self._wheel is None else tuple(self._wheel.errors_rad.tolist()),
             ripple=tuple(ripple_amplitudes(self._status).tolist()),
@@ -131,7 +131,7 @@ class ShaftEstimator:
                 used = ~np.isnan(block.heard)
                 step = self._finder.take(block.stamps[used].astype(np.float64), block.heard[used])
                 if step is not None:
-                    know_rounding(self._status, step)
+                    set_resolution(self._status, step)
             done = end
         return parts
 
@@ -154,7 +154,7 @@ class ShaftEstimator:
     def _filtered(self, block: Block) -> Part:
         """Stamps and rows of the accepted samples, filtered."""
         stamps, rows = block.stamps, records(ROW, block.stamps.size)
-        count = follow(self._status, block, rows)
+        count = run_filter(self._status, block, rows)
         if count < stamps.size:
             rows = rows[:count]
             stamps = stamps[rows["index"].astype(np.int64) - (int(self._status["received"][0]) - stamps.size)]

@@ -10,8 +10,8 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import begin, log_memory, renew_second, take_angle
-from textile_twin_core.shaft.readings import hardly, least_scale
+from textile_twin_core.shaft.bank import initialise, log_memory, update_filters, update_second_order
+from textile_twin_core.shaft.measurement_noise import least_scale, standstill_speed
 from textile_twin_core.shaft.status import Record
 from textile_twin_core.shaft.turns import TURN
 
@@ -49,92 +49,92 @@ def samples_a_turn(status: Record) -> float:
 
 
 @compiled
-def can_tell(status: Record, f: int, margin: float) -> bool:
+def is_resolved(status: Record, f: int, margin: float) -> bool:
     """Whether there are samples enough in a turn for the family's highest order."""
     return samples_a_turn(status) >= margin * SAMPLES_A_WAVE * status.lowest * lanes.WAVES[f]  # type: ignore[no-any-return]
 
 
 @compiled
-def has_seen(status: Record, f: int) -> bool:
+def is_observed(status: Record, f: int) -> bool:
     """Whether the family saw enough of the motion to know its ripple."""
     return status.travelled[f] * status.lowest >= SEEN_CYCLES * TURN  # type: ignore[no-any-return]
 
 
 @compiled
-def is_at_work(status: Record, f: int, turned: float) -> bool:
+def is_active(status: Record, f: int, turned: float) -> bool:
     """Whether a family works at this sample, `turned` [rad] after the one before; in the middle of a motion it begins,
     or begins anew, from the plain filter that ripple has biased least.
     """
     if f == 0:
         return True
-    idle, speed = status.weight[f] <= NO_WEIGHT, abs(status.speed)
+    idle, speed = status.mode_probability[f] <= NO_WEIGHT, abs(status.speed)
     if idle and status.rest[f] > 0.0:
-        memory = lanes.MEMORIES[status.best[status.lead]]
+        memory = lanes.MEMORIES[status.best[status.leading]]
         status.rest[f] -= turned * min(max(samples_a_turn(status) / memory, 1.0), MOST_HURRY)
     elif idle:
         status.rest[f] -= turned
     else:
         status.rest[f], status.pause[f] = 0.0, FIRST_REST
     working = status.active[f] > 0.0 and not (idle and speed > FASTER * status.began[f])
-    if not working and status.rest[f] <= 0.0 and can_tell(status, f, 1.1):
+    if not working and status.rest[f] <= 0.0 and is_resolved(status, f, 1.1):
         m = UNBIASED
         for row in range(9):
             status.start[row] = status.clock[row, m]
-        begin(status, f, status.scale[m])
+        initialise(status, f, status.scale[m])
         # How good sampled readings are is not learnt anew from a few; what passed for noise of edges is mostly ripple.
         for lane in range(lanes.FIRST[f], lanes.FIRST[f] if status.edges > 0.0 else lanes.END[f]):
-            status.learnt[lane] = status.learnt[m]
-        status.active[f], status.rest[f], status.travelled[f], status.weight[f] = 1.0, 0.0, 0.0, 0.0
-        status.began[f] = max(speed, hardly(status))
-    elif status.active[f] > 0.0 and not can_tell(status, f, 0.9):
-        status.active[f] = status.weight[f] = 0.0
-        status.weight[0] = max(status.weight[0], NEWCOMER)
+            status.scale_samples[lane] = status.scale_samples[m]
+        status.active[f], status.rest[f], status.travelled[f], status.mode_probability[f] = 1.0, 0.0, 0.0, 0.0
+        status.began[f] = max(speed, standstill_speed(status))
+    elif status.active[f] > 0.0 and not is_resolved(status, f, 0.9):
+        status.active[f] = status.mode_probability[f] = 0.0
+        status.mode_probability[0] = max(status.mode_probability[0], NEWCOMER)
     elif status.active[f] > 0.0 and status.rest[f] * status.lowest < -RESTLESS_CYCLES * TURN:
-        if f < status.lead and status.weight[f] > AS_GOOD:
-            status.weight[f] = 1.0
+        if f < status.leading and status.mode_probability[f] > AS_GOOD:
+            status.mode_probability[f] = 1.0
         else:
-            status.active[f] = status.weight[f] = 0.0
-            status.rest[f] = status.pause[f] * (SIMPLER if f < status.lead else 1.0) * TURN / status.lowest
+            status.active[f] = status.mode_probability[f] = 0.0
+            status.rest[f] = status.pause[f] * (SIMPLER if f < status.leading else 1.0) * TURN / status.lowest
             status.pause[f] = min(2.0 * status.pause[f], LONGEST_REST)
     return status.active[f] > 0.0  # type: ignore[no-any-return]
 
 
 @compiled
-def weigh(status: Record, noise: float, turning: bool) -> None:
+def update_mode_probabilities(status: Record, noise: float, turning: bool) -> None:
     """Take the reading in, and weigh the families by their likelihoods while the shaft turns."""
     least = least_scale(status, noise)
     plain, total, count = 0.0, 0.0, 0
-    weight = status.weight
+    mode_probability = status.mode_probability
     for f in range(lanes.FAMILIES):
         if status.active[f] > 0.0:
-            together = take_angle(status, f, noise, least)
-            seen = f > 0 and has_seen(status, f)
-            if seen and status.samples % SECOND_EVERY == 0.0:
-                renew_second(status, f)
+            together = update_filters(status, f, noise, least)
+            observed = f > 0 and is_observed(status, f)
+            if observed and status.samples % SECOND_EVERY == 0.0:
+                update_second_order(status, f)
             plain = together if f == 0 else plain
-            weight[f] *= together if turning else plain
-            if seen and turning and weight[f] == 0.0:
-                weight[f] = -1.0
+            mode_probability[f] *= together if turning else plain
+            if observed and turning and mode_probability[f] == 0.0:
+                mode_probability[f] = -1.0
             status.log_memory[f] = log_memory(status, f)
-            total += max(weight[f], 0.0)
+            total += max(mode_probability[f], 0.0)
             count += 1
-    known = total * (NEWCOMER if status.judged > 0.0 else 1.0)
+    known = total * (NEWCOMER if status.ripple_tried > 0.0 else 1.0)
     for f in range(lanes.FAMILIES):
-        if weight[f] < 0.0:
-            weight[f] = known
+        if mode_probability[f] < 0.0:
+            mode_probability[f] = known
             total += known
-            status.judged = 1.0
+            status.ripple_tried = 1.0
     for f in range(lanes.FAMILIES):
-        if weight[f] > 0.0:
-            weight[f] = weight[f] / total * (1.0 - BANK_SHARE) + BANK_SHARE / count
+        if mode_probability[f] > 0.0:
+            mode_probability[f] = mode_probability[f] / total * (1.0 - BANK_SHARE) + BANK_SHARE / count
 
 
 @compiled
-def memory_for(status: Record, f: int) -> float:
+def memory_of(status: Record, f: int) -> float:
     """Log memory for a family: its own while it has weight or works with fewer orders than the leading one has.
 
     Else that of the leading one, to be compared alike.
     """
-    simpler = f < status.lead and status.active[f] > 0.0 and has_seen(status, f)
-    own = f == 0 or status.weight[f] > NO_WEIGHT or simpler
-    return status.log_memory[f if own else status.lead]  # type: ignore[no-any-return]
+    simpler = f < status.leading and status.active[f] > 0.0 and is_observed(status, f)
+    own = f == 0 or status.mode_probability[f] > NO_WEIGHT or simpler
+    return status.log_memory[f if own else status.leading]  # type: ignore[no-any-return]

@@ -2,7 +2,7 @@
 
 Friedland's (1969) separation: the coefficients c do not change, and so a filter that takes them as known has the state
 x + V (c - c0), where V, the sensitivity, goes through the same gains as the state. An innovation is foreseen to change
-by `felt` . (c - c0): recursive least squares on it find c, in square-root form (Carlson 1973).
+by `regressor` . (c - c0): recursive least squares on it find c, in square-root form (Carlson 1973).
 """
 
 from __future__ import annotations
@@ -27,8 +27,10 @@ def set_sensitivity(sensitivity: FloatArray, basis: FloatArray, lowest: float, r
 
 
 @partial(compiled, apart=True)
-def feel(sensitivity: FloatArray, step: float, basis: FloatArray, felt: FloatArray, width: int) -> None:
-    """Move a sensitivity (3, .) on by `step` [s]; `felt` (.) becomes what an innovation feels of the coefficients.
+def propagate_sensitivity(
+    sensitivity: FloatArray, step: float, basis: FloatArray, regressor: FloatArray, width: int
+) -> None:
+    """Move a sensitivity (3, .) on by `step` [s]; `regressor` (.) becomes what an innovation feels of the coefficients.
 
     A reading of the angle itself owes `basis` (.) to them.
     """
@@ -37,43 +39,45 @@ def feel(sensitivity: FloatArray, step: float, basis: FloatArray, felt: FloatArr
         acceleration, rate = sensitivity[0, i], sensitivity[1, i]
         sensitivity[1, i] = rate + step * acceleration
         sensitivity[2, i] += step * rate + half * acceleration
-        felt[i] = basis[i] - sensitivity[2, i]
+        regressor[i] = basis[i] - sensitivity[2, i]
 
 
 @partial(compiled, apart=True)
-def foretell(
-    ripple: FloatArray, factor: FloatArray, regressor: FloatArray, felt: FloatArray, seen: FloatArray, width: int
+def predict_ripple(
+    ripple: FloatArray, factor: FloatArray, basis: FloatArray, regressor: FloatArray, projected: FloatArray, width: int
 ) -> tuple[float, float]:
     """The ripple in a reading, and the variance that its uncertainty gives the innovation.
 
-    `factor` (., .) has rows j of columns j of L; `seen` (.) becomes what the innovation sees of each.
+    `factor` (., .) has rows j of columns j of L; `projected` (.) becomes what the innovation sees of each.
     """
-    told, spread, count = 0.0, 0.0, np.uint64(width)
+    reading, variance, count = 0.0, 0.0, np.uint64(width)
     for j in range(count):
-        told += regressor[j] * ripple[j]
+        reading += basis[j] * ripple[j]
         total = 0.0
         for i in range(j, count):
-            total += factor[j, i] * felt[i]
-        seen[j] = total
-        spread += total * total
-    return told, spread
+            total += factor[j, i] * regressor[i]
+        projected[j] = total
+        variance += total * total
+    return reading, variance
 
 
 @partial(compiled, apart=True)
-def absorb(sensitivity: FloatArray, felt: FloatArray, gain0: float, gain1: float, gain2: float, width: int) -> None:
+def correct_sensitivity(
+    sensitivity: FloatArray, regressor: FloatArray, gain0: float, gain1: float, gain2: float, width: int
+) -> None:
     """Correct a sensitivity by the gains that corrected the state."""
     for i in range(width):
-        sensitivity[0, i] += gain0 * felt[i]
-        sensitivity[1, i] += gain1 * felt[i]
-        sensitivity[2, i] += gain2 * felt[i]
+        sensitivity[0, i] += gain0 * regressor[i]
+        sensitivity[1, i] += gain1 * regressor[i]
+        sensitivity[2, i] += gain2 * regressor[i]
 
 
 @partial(compiled, apart=True)
-def learn(
-    ripple: FloatArray, factor: FloatArray, seen: FloatArray, innovation: float, noise: float, sensitivity: FloatArray,
-    part: FloatArray, change: FloatArray, width: int,
+def update_coefficients(
+    ripple: FloatArray, factor: FloatArray, projected: FloatArray, innovation: float, noise: float,
+    sensitivity: FloatArray, part: FloatArray, change: FloatArray, width: int,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Correct the coefficients by an innovation of variance `noise` beside `seen`; by how much the state changes along.
+    """Correct the coefficients by an innovation of variance `noise` beside `projected`; by how much the state follows.
 
     `part` (2, .) and `change` (.) are room to work in.
     """
@@ -81,15 +85,15 @@ def learn(
     for back in range(count):
         j = last - back
         part[0, j] = total
-        total += seen[j] * seen[j]
+        total += projected[j] * projected[j]
         part[1, j] = total
     for i in range(count):
         inverse = 1.0 / math.sqrt(part[0, i] * part[1, i])
-        part[0, i], part[1, i] = part[0, i] * inverse, seen[i] * inverse
+        part[0, i], part[1, i] = part[0, i] * inverse, projected[i] * inverse
         change[i] = 0.0
     for back in range(count):
         j = last - back
-        keep, mix, by = part[0, j], part[1, j], seen[j]
+        keep, mix, by = part[0, j], part[1, j], projected[j]
         for i in range(j, count):
             old = factor[j, i]
             factor[j, i] = keep * old - mix * change[i]
@@ -105,7 +109,7 @@ def learn(
 
 
 @compiled
-def along(sensitivity: FloatArray, change: FloatArray, width: int) -> float:
+def dot(sensitivity: FloatArray, change: FloatArray, width: int) -> float:
     """By how much what has this sensitivity (.) changes with the coefficients."""
     total = 0.0
     for i in range(width):

@@ -6,7 +6,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.readings import noise_of
+from textile_twin_core.shaft.measurement_noise import measurement_variance
 from textile_twin_core.shaft.status import Records
 
 LOOK_EVERY = 1024  # samples between two looks
@@ -57,10 +57,10 @@ class RippleHistory:
 def _ripple(status: Records) -> tuple[FloatArray, float, float]:
     """Coefficients (WIDEST,) of the leading ripple, their sigma (RMS over a turn) and a reading's [rad]."""
     now = status[0]
-    lane, width = int(now["best"][now["lead"]]), 2 * lanes.WAVES[int(now["lead"])]
+    lane, width = int(now["best"][now["leading"]]), 2 * lanes.WAVES[int(now["leading"])]
     ripple, scale = np.where(np.arange(lanes.WIDEST) < width, now["ripple"][lane], 0.0), float(now["scale"][lane])
     sigma = _rms(now["factor"][lane, :width, :width]) * np.sqrt(scale)
-    return ripple, sigma, float(np.sqrt(scale * noise_of(now, float(now["speed"]))))
+    return ripple, sigma, float(np.sqrt(scale * measurement_variance(now, float(now["speed"]))))
 
 
 def _rms(coefficients: FloatArray) -> float:

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from textile_twin_core.compiling import entry, records
-from textile_twin_core.shaft.filter import follow
-from textile_twin_core.shaft.gate import Block, Stamps
+from textile_twin_core.shaft.filter import run_filter
+from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.status import ROW, STATE, Records
 
 _STATE = struct.Struct(f"={STATE.names.index('settled') + 1}d" if STATE.names else "")
@@ -35,15 +35,15 @@ class OneSample:
         self._stamps, self._angles, self._velocities = np.zeros(1, np.int64), np.zeros(1), np.zeros(1)
         self._row: Any = records(ROW)
         self._block = Block(np.zeros(0, np.int64), self._stamps, self._angles, self._velocities, np.zeros(1))
-        self._follow = follow
+        self._run = run_filter
 
     def take(self, status: Records, last: Stamps, stamp: int, angle: float, velocity: float) -> OneState | None:
         """Take a sample: stamp [ns], angle [rad], speed [rad/s] or NaN; its state, None where it has none."""
         if last is not self._block.last:
             self._block = self._block._replace(last=last)
-            self._follow = entry(follow, status, self._block, self._row)
+            self._run = entry(run_filter, status, self._block, self._row)
         self._stamps[0], self._angles[0], self._velocities[0] = stamp, angle, velocity
-        if not self._follow(status, self._block, self._row):
+        if not self._run(status, self._block, self._row):
             return None
         phase, omega, alpha, turns, settled = _STATE.unpack_from(self._row)
         return None if settled < 0.0 else OneState(phase, omega, alpha, turns)

@@ -17,16 +17,16 @@ from textile_twin_core.shaft.status import Record
 
 FREEDOM = 6.0
 """Of Student's t for the innovations: delays of an operating system have tails, and one reading far off says little."""
-WIDE = 9.0
+ROBUST = 9.0
 """A normalised innovation squared above this widens its own reading until it is this."""
 HALF_JERK = math.sqrt(1.0 / 12.0)
 LAST_JERK = math.sqrt(1.0 / 720.0)
-"""The factor of white jerk's covariance (see `move_on`) is sqrt(q h) times (1, h/2, h^2/6), (0, HALF_JERK h,
+"""The factor of white jerk's covariance (see `time_update`) is sqrt(q h) times (1, h/2, h^2/6), (0, HALF_JERK h,
 HALF_JERK h^2/2) and (0, 0, LAST_JERK h^2), in the order acceleration, rate, angle."""
 
 
 @compiled
-def move_on(filters: Record, strength: float, step: float, first: int, end: int) -> None:
+def time_update(filters: Record, strength: float, step: float, first: int, end: int) -> None:
     """Time update of lanes first .. end - 1 by `step` [s] at constant acceleration, with white jerk.
 
     Its covariance over a step h is q [[h^5/20, h^4/8, h^3/6], [., h^3/3, h^2/2], [., ., h]] for angle, rate,
@@ -37,7 +37,7 @@ def move_on(filters: Record, strength: float, step: float, first: int, end: int)
     acceleration, rate, angle = x[lanes.ACCELERATION], x[lanes.RATE], x[lanes.ANGLE]
     l00, l10, l20 = x[lanes.L00], x[lanes.L10], x[lanes.L20]
     l11, l21, l22 = x[lanes.L11], x[lanes.L21], x[lanes.L22]
-    weakness = filters.weakness
+    jerk_strength = filters.jerk_strength
     half = 0.5 * step * step
     for m in range(np.uint64(first), np.uint64(end)):
         angle[m] += step * rate[m] + half * acceleration[m]
@@ -46,7 +46,7 @@ def move_on(filters: Record, strength: float, step: float, first: int, end: int)
         f10 = l10[m] + step * f00
         f20 = l20[m] + step * l10[m] + half * f00
         f21 = l21[m] + step * f11
-        root = weakness[m] * strength
+        root = jerk_strength[m] * strength
         a1, a2 = root * step * 0.5, root * half / 3.0
         b1, b2 = root * step * HALF_JERK, root * half * HALF_JERK
         length = math.sqrt(f00 * f00 + root * root)
@@ -67,42 +67,58 @@ def move_on(filters: Record, strength: float, step: float, first: int, end: int)
 
 
 @compiled
-def foresee(filters: Record, reading: float, noise: float, first: int, end: int) -> None:
+def innovate(filters: Record, reading: float, noise: float, first: int, end: int) -> None:
     """Innovations of a reading in lanes first .. end - 1, and their likelihoods but for a constant.
 
-    `told` and `common` (.) are what the ripple adds to the reading, and its uncertainty to the innovation's variance.
+    `ripple_reading` and `ripple_variance` (.) are what ripple adds to the reading, and to the innovation's variance.
     """
-    x, seen, told, common, scale = filters.clock, filters.seen, filters.told, filters.common, filters.scale
+    x, projected, ripple_reading, ripple_variance, scale = (
+        filters.clock,
+        filters.projected,
+        filters.ripple_reading,
+        filters.ripple_variance,
+        filters.scale,
+    )
     angle, l20, l21, l22 = x[lanes.ANGLE], x[lanes.L20], x[lanes.L21], x[lanes.L22]
-    seen0, seen1, seen2, own_noise = seen[0], seen[1], seen[2], filters.own_noise
-    innovation, spread, likelihood = filters.innovation, filters.spread, filters.likelihood
+    projected0, projected1, projected2, noise_variance = (
+        projected[0],
+        projected[1],
+        projected[2],
+        filters.noise_variance,
+    )
+    innovation, prior_variance, likelihood = filters.innovation, filters.prior_variance, filters.likelihood
     for m in range(np.uint64(first), np.uint64(end)):
         p0, p1, p2 = l20[m], l21[m], l22[m]
-        seen0[m], seen1[m], seen2[m] = p0, p1, p2
-        off = reading + told[m] - angle[m]
-        by = common[m] + p0 * p0 + p1 * p1 + p2 * p2
+        projected0[m], projected1[m], projected2[m] = p0, p1, p2
+        off = reading + ripple_reading[m] - angle[m]
+        by = ripple_variance[m] + p0 * p0 + p1 * p1 + p2 * p2
         squared = off * off / scale[m]
         rest = 1.0 + squared / (FREEDOM * (noise + by))
-        innovation[m], spread[m] = off, by
-        wide = squared / WIDE - by
-        own_noise[m] = wide if wide > noise else noise
+        innovation[m], prior_variance[m] = off, by
+        wide = squared / ROBUST - by
+        noise_variance[m] = wide if wide > noise else noise
         likelihood[m] = 1.0 / (rest * rest * rest * math.sqrt(rest * scale[m] * (noise + by)))
 
 
 @compiled
-def correct(filters: Record, first: int, end: int) -> None:
+def measurement_update(filters: Record, first: int, end: int) -> None:
     """Measurement update of lanes first .. end - 1 (Carlson 1973), from the last column to the first.
 
-    `seen` (3, .) is L' h, what the reading sees of each column. The gains of the three states are written down.
+    `projected` (3, .) is L' h, what the reading sees of each column. The gains of the three states are written down.
     """
     x = filters.clock
     acceleration, rate, angle = x[lanes.ACCELERATION], x[lanes.RATE], x[lanes.ANGLE]
     l00, l10, l20 = x[lanes.L00], x[lanes.L10], x[lanes.L20]
     l11, l21, l22 = x[lanes.L11], x[lanes.L21], x[lanes.L22]
-    seen, gain, own_noise, innovation = filters.seen, filters.gain, filters.own_noise, filters.innovation
+    projected, gain, noise_variance, innovation = (
+        filters.projected,
+        filters.gain,
+        filters.noise_variance,
+        filters.innovation,
+    )
     for m in range(np.uint64(first), np.uint64(end)):
-        p0, p1, p2 = seen[0, m], seen[1, m], seen[2, m]
-        before = own_noise[m]
+        p0, p1, p2 = projected[0, m], projected[1, m], projected[2, m]
+        before = noise_variance[m]
         total = before + p2 * p2
         keep = before / math.sqrt(before * total)
         g2 = l22[m] * p2

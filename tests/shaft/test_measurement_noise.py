@@ -8,7 +8,7 @@ import pytest
 from tests.generators.mill_recordings import healthy, record
 from textile_twin_core.shaft import create_estimator
 from textile_twin_core.shaft.encoder import encoder_step
-from textile_twin_core.shaft.readings import MOST_ALIKE, set_alike
+from textile_twin_core.shaft.measurement_noise import MOST_CORRELATED, set_correlated
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import new_status
 
@@ -16,7 +16,7 @@ from textile_twin_core.shaft.status import new_status
 @pytest.mark.parametrize(
     ("steps", "bend", "jitter", "count"),
     [
-        (0.0, 0.0, 0.0, MOST_ALIKE),
+        (0.0, 0.0, 0.0, MOST_CORRELATED),
         (0.1, 0.0, 0.0, 5.0),
         (3.1, 0.0, 0.0, 5.0),
         (2.9, 0.0, 0.0, 5.0),
@@ -35,8 +35,8 @@ def test_half_the_readings_until_the_shaft_moved_by_a_step_count_as_one(
     status["interval"] = 0.01
     status["speed"], status["acceleration"] = steps * 0.1, bend * 10.0
     status["jitter"] = (jitter * 1e-3 / (steps * 0.1)) ** 2 if jitter else 0.0
-    set_alike(status)
-    assert float(status["alike"]) == pytest.approx(count, rel=1e-9)
+    set_correlated(status)
+    assert float(status["correlated"]) == pytest.approx(count, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", [2003, 2007])

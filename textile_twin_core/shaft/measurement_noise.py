@@ -14,13 +14,13 @@ from textile_twin_core.shaft.turns import TURN
 
 SETTLING = 25.0
 """Samples until a state is called settled, and at rest until it is called standstill."""
-MOST_ALIKE = 16.0
+MOST_CORRELATED = 16.0
 """Readings that count as one at most: a shaft at rest stays for hours within a step of its encoder."""
 FIRST_JITTER = 0.01
 """First guess of the stamps' error, in intervals; learnt within some dozens of samples."""
 SMOOTHLY = TURN / 48.0
 """Move from a reading to the next up to which there are 4 readings in the shortest wave of ripple at least."""
-UNREST_SAMPLES, UNREST_FEW, MOST_UNREST = 100.0, 50.0, 128.0
+ADDITIVE_SAMPLES, ADDITIVE_FEW, MOST_ADDITIVE = 100.0, 50.0, 128.0
 """Readings that other noise is learnt from, and where they are few in a turn; the most that one tells, in variances: it
 may have leapt."""
 HELD_MOVES, OFTEN_HELD = 10.0, 0.3
@@ -42,7 +42,7 @@ FORGET_SPEED = 0.99
 
 
 @compiled
-def unwrapped(status: Record, raw: float, expected: float) -> float:
+def unwrap_reading(status: Record, raw: float, expected: float) -> float:
     """The reading nearest to where the shaft should be; an angle that leaves one period counts its turns."""
     if status.auto > 0.0 and status.period > 0.0:
         status.low, status.high = min(status.low, raw), max(status.high, raw)
@@ -54,19 +54,19 @@ def unwrapped(status: Record, raw: float, expected: float) -> float:
 
 
 @compiled
-def noise_of(status: Record, speed: float) -> float:
+def measurement_variance(status: Record, speed: float) -> float:
     """Variance of a reading [rad^2]: rounding and jitter, or other noise where that is more."""
-    return float(max(rounding_noise(status) + status.jitter * speed**2, status.unrest) + FINEST_RAD2)
+    return float(max(rounding_variance(status) + status.jitter * speed**2, status.additive) + FINEST_RAD2)
 
 
 @compiled
-def rounding_noise(status: Record) -> float:
+def rounding_variance(status: Record) -> float:
     """What rounding adds to the variance of a reading [rad^2]."""
-    return float(status.alike * status.rounding**2 / 12.0)
+    return float(status.correlated * status.resolution**2 / 12.0)
 
 
 @compiled
-def set_alike(status: Record) -> None:
+def set_correlated(status: Record) -> None:
     """Set how many readings count as one, because they are rounded by about as much.
 
     From reading to reading a shaft moves within the encoder's step by what it turns beyond whole steps: slowly when
@@ -74,20 +74,20 @@ def set_alike(status: Record) -> None:
     1; half of them count as one. Jitter of the stamps blurs it: of the sawtooth that the rounding then follows the
     first wave's variance shrinks by exp(-(2 pi s)^2), with s the jitter in steps (Widrow and Kollar 2008).
     """
-    step = status.rounding
+    step = status.resolution
     moved = abs(status.speed) * status.interval / step if step > 0.0 else 1.0
     if step == 0.0 or (status.guessed > 0.0 and moved > 0.5):
-        status.alike = 1.0
+        status.correlated = 1.0
         return
     rate = math.hypot(moved - np.rint(moved), status.speed_sigma * status.interval / step)
     bend = math.hypot(status.acceleration, status.acceleration_sigma) * status.interval**2 / step
-    apart = min(1.0 / max(rate + math.sqrt(rate * rate + 2.0 * bend), 1e-30), MOST_ALIKE)
+    apart = min(1.0 / max(rate + math.sqrt(rate * rate + 2.0 * bend), 1e-30), MOST_CORRELATED)
     blur = math.exp(-4.0 * math.pi**2 * status.jitter * (status.speed / step) ** 2)
-    status.alike = max(1.0 + (apart - 1.0) * blur, 1.0)
+    status.correlated = max(1.0 + (apart - 1.0) * blur, 1.0)
 
 
 @compiled
-def learn_unrest(status: Record, reading: float) -> None:
+def adapt_additive_noise(status: Record, reading: float) -> None:
     """Learn the noise that jitter does not account for: by how much second differences of the readings alternate.
 
     Those of white noise have the covariance -4 sigma^2 with the one before; what the shaft does between samples adds to
@@ -96,19 +96,19 @@ def learn_unrest(status: Record, reading: float) -> None:
     """
     moved = (reading - status.kept) * status.interval / max(status.time - status.kept_at, FINEST_S)
     smoothly = max(abs(moved), abs(status.moved)) <= SMOOTHLY
-    tells = smoothly or status.judged > 0.0
+    tells = smoothly or status.ripple_tried > 0.0
     bent = moved - status.moved if tells else 0.0
     if tells:
         told = -0.25 * bent * status.bent - status.jitter * status.speed**2
-        noise = noise_of(status, status.speed)
-        status.unrest += (min(max(told, -noise), MOST_UNREST * noise) - status.unrest) / (
-            UNREST_SAMPLES if smoothly else UNREST_FEW
+        noise = measurement_variance(status, status.speed)
+        status.additive += (min(max(told, -noise), MOST_ADDITIVE * noise) - status.additive) / (
+            ADDITIVE_SAMPLES if smoothly else ADDITIVE_FEW
         )
     status.kept, status.kept_at, status.moved, status.bent = reading, status.time, moved, bent
 
 
 @compiled
-def is_held(status: Record, reading: float) -> bool:
+def is_repetition(status: Record, reading: float) -> bool:
     """Whether a reading is none: a sensor that measures less often than it is asked says again what it said.
 
     What lasts longer than its repetitions do is a stop.
@@ -121,13 +121,13 @@ def is_held(status: Record, reading: float) -> bool:
 
 
 @compiled
-def learn_hold(status: Record, reading: float, repeated: float) -> None:
+def learn_repetitions(status: Record, reading: float, repeated: float) -> None:
     """Learn whether the sensor holds readings: moves after repetitions are of more than rounding hides.
 
     Each leap is a lesson once the next one goes on in its sense: what turns back at once was an outlier.
     """
     moved, usual = reading - status.kept, status.held > OFTEN_HELD
-    if abs(moved) <= (LEAP_GUESSED if status.guessed > 0.0 else LEAP) * max(status.rounding, FINEST_STEP_RAD):
+    if abs(moved) <= (LEAP_GUESSED if status.guessed > 0.0 else LEAP) * max(status.resolution, FINEST_STEP_RAD):
         return
     if moved * status.leapt > 0.0:
         before = status.leapt_after
@@ -138,9 +138,12 @@ def learn_hold(status: Record, reading: float, repeated: float) -> None:
 
 
 @compiled
-def hardly(status: Record) -> float:
+def standstill_speed(status: Record) -> float:
     """The speed [rad/s] below which a shaft hardly moves: it stays within its reading's noise until a state settles."""
-    return float(max(status.rounding, 3.0 * math.sqrt(noise_of(status, status.speed))) / (SETTLING * status.interval))
+    return float(
+        max(status.resolution, 3.0 * math.sqrt(measurement_variance(status, status.speed)))
+        / (SETTLING * status.interval)
+    )
 
 
 @compiled
@@ -151,45 +154,48 @@ def least_scale(status: Record, noise: float) -> float:
     At rest readings may all be equal for hours, and would be noisy if the shaft turned. And those of a controller's
     cycle are all as old for minutes, until its clock passes that of the polls.
     """
-    if abs(status.speed) * status.interval <= max(status.rounding, 3.0 * math.sqrt(noise)):
+    if abs(status.speed) * status.interval <= max(status.resolution, 3.0 * math.sqrt(noise)):
         return 1.0
-    known = 0.0 if status.guessed > 0.0 else rounding_noise(status)
+    known = 0.0 if status.guessed > 0.0 else rounding_variance(status)
     return float(max((known + status.jitter_told * status.jitter * status.speed**2) / noise, LEAST_SCALE))
 
 
 @compiled
-def know_rounding(record: Records, rounding: float) -> None:
+def set_resolution(record: Records, resolution: float) -> None:
     """From now on this is the encoder's step [rad], 0 for none."""
     record[0].guessed = record[0].held = 0.0
-    _set_rounding(record[0], rounding)
+    _set_resolution(record[0], resolution)
 
 
 @compiled
-def guess_rounding(status: Record, moved: float) -> None:
+def guess_resolution(status: Record, moved: float) -> None:
     """While the encoder's step is not known: it is at most what a reading differs by from the one before."""
-    if status.guessed > 0.0 and FINEST_STEP_RAD < moved < status.rounding:
-        _set_rounding(status, moved)
+    if status.guessed > 0.0 and FINEST_STEP_RAD < moved < status.resolution:
+        _set_resolution(status, moved)
 
 
 @compiled
-def _set_rounding(status: Record, rounding: float) -> None:
+def _set_resolution(status: Record, resolution: float) -> None:
     """What a turning shaft has told of the noise stays; one at rest tells nothing."""
-    before, turning = noise_of(status, status.speed), abs(status.speed) * status.interval > status.rounding
-    status.rounding = rounding
-    set_alike(status)
+    before, turning = (
+        measurement_variance(status, status.speed),
+        abs(status.speed) * status.interval > status.resolution,
+    )
+    status.resolution = resolution
+    set_correlated(status)
     if turning:
-        _rescale(status, before / noise_of(status, status.speed))
+        _rescale(status, before / measurement_variance(status, status.speed))
 
 
 @compiled
-def recalibrate(status: Record, noise: float) -> None:
+def adapt_jitter(status: Record, noise: float) -> None:
     """Give what the leading filter has learnt of the noise to the jitter, so that it follows the speed."""
-    found = status.scale[status.best[status.lead]] * noise
+    found = status.scale[status.best[status.leading]] * noise
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
-        learnt = max(found - rounding_noise(status), 0.01 * found) / status.speed**2
-        status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (learnt - status.jitter)
-    _rescale(status, noise / noise_of(status, status.speed))
+        scale_samples = max(found - rounding_variance(status), 0.01 * found) / status.speed**2
+        status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (scale_samples - status.jitter)
+    _rescale(status, noise / measurement_variance(status, status.speed))
 
 
 @compiled

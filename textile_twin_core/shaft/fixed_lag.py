@@ -8,17 +8,17 @@ import numpy as np
 
 from textile_twin_core.compiling import by_reference, compiled, records
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
-from textile_twin_core.shaft.filter import take
-from textile_twin_core.shaft.gate import Block, Stamps
-from textile_twin_core.shaft.settings import require_positive
-from textile_twin_core.shaft.smoother import (
+from textile_twin_core.shaft.filter import process_sample
+from textile_twin_core.shaft.rts_smoother import (
     Smoother,
-    begin_at,
+    begin_at_row,
     is_far,
-    know_ripple,
     new_smoother,
+    set_ripple,
     smooth,
 )
+from textile_twin_core.shaft.samples import Block, Stamps
+from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, Records
 
@@ -102,13 +102,13 @@ class LagEstimator(ShaftEstimator):
 
 @compiled
 def _follow(record: Records, block: Block, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> int:
-    """As `filter.follow`; the rows of the states that are ready go to `table`, their stamps to `ready`."""
+    """As `filter.run_filter`; the rows of the states that are ready go to `table`, their stamps to `ready`."""
     held, rows = window.held[0], window.rows
     held.ready = 0
     for i in range(block.stamps.size):
         at = held.rows
         row = rows[at]
-        if not take(record[0], block, i, row) or record[0].samples == 1.0:
+        if not process_sample(record[0], block, i, row) or record[0].samples == 1.0:
             continue
         window.stamps[at] = block.stamps[i]
         if row.cut == 1.0:
@@ -116,7 +116,7 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
             rows[0], window.stamps[0] = rows[at], window.stamps[at]
             window.filtered[0], held.rows, held.anew = rows[0], 1, 1
             if rows[0].settled >= 0.0:
-                _let_go(window, 0, ready, table)
+                _emit(window, 0, ready, table)
             continue
         held.rows += 1
         due = 0
@@ -142,26 +142,26 @@ def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, t
 def _release(record: Records, due: int, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> None:
     """Smooth the window and let go of the `due` rows after the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
-    same = held.anew == 0 and status.lead == filters.lead
-    know_ripple(filters, status, status.lead)
+    same = held.anew == 0 and status.leading == filters.leading
+    set_ripple(filters, status, status.leading)
     if not same:
-        begin_at(filters, window.rows[0])
+        begin_at_row(filters, window.rows[0])
     if is_far(filters, window.filtered[0]):
-        begin_at(filters, window.filtered[0])
+        begin_at_row(filters, window.filtered[0])
     held.anew = 0
     window.filtered[0] = window.rows[due]
     smooth(smoother, status, window.rows[: held.rows], 1, due)
     for k in range(9):
         filters.start[k] = smoother.filtered[due, k]
     for k in range(1, due + 1):
-        _let_go(window, k, ready, table)
+        _emit(window, k, ready, table)
     for k in range(due, held.rows):
         window.rows[k - due], window.stamps[k - due] = window.rows[k], window.stamps[k]
     held.rows -= due
 
 
 @compiled
-def _let_go(window: Window, k: int, ready: Stamps, table: Records) -> None:
+def _emit(window: Window, k: int, ready: Stamps, table: Records) -> None:
     """A row of the window is ready."""
     held = window.held[0]
     table[held.ready], ready[held.ready] = window.rows[k], window.stamps[k]

@@ -10,13 +10,20 @@ import numpy.typing as npt
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.breaks import set_start
 from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
-from textile_twin_core.shaft.gate import Block
+from textile_twin_core.shaft.gating import set_start
 from textile_twin_core.shaft.ripple_history import RippleHistory
-from textile_twin_core.shaft.smoother import Smoother, begin_with, know_ripple, log_likelihood, new_smoother, smooth
+from textile_twin_core.shaft.rts_smoother import (
+    Smoother,
+    begin_at_state,
+    log_likelihood,
+    new_smoother,
+    set_ripple,
+    smooth,
+)
+from textile_twin_core.shaft.samples import Block
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import STATE, Records
 from textile_twin_core.shaft.teeth import ToothWheel
@@ -94,7 +101,7 @@ class SmoothEstimator(ShaftEstimator):
         """Leave to the wheel what of the ripples is its own; by how much each reading (n,) is to be corrected."""
         every = self._settings.cycle_turns
         last = self._history.known[-1][0]
-        lead = int(last["lead"])
+        lead = int(last["leading"])
         whole = last["ripple"][last["best"][lead], : 2 * lanes.WAVES[lead]].reshape(-1, 2)[every - 1 :: every]
         kept, correction = wheel.take_from_ripple(whole, readings)
         for status in self._history.known:
@@ -110,7 +117,7 @@ class SmoothEstimator(ShaftEstimator):
         known = self._history.known
         count = [status["received"][0] for status in known[:-1]]
         edges = [0, *np.searchsorted(rows["index"], count).tolist(), len(rows)]
-        led = np.bincount(rows["lead"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
+        led = np.bincount(rows["leading"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
         parts: list[tuple[int, Records, int]] = []
         for i, (first, end) in enumerate(pairwise(edges)):
             if end > first:
@@ -133,7 +140,7 @@ class SmoothEstimator(ShaftEstimator):
             return tried[0]
         asked = _asked(rows)
         smoother, size = new_smoother(self._settings, max(map(len, asked))), np.log(sum(map(len, asked)))
-        told = [sum(_foretold(smoother, status, each, f) for each in asked) for status, f in tried]
+        told = [sum(_evidence(smoother, status, each, f) for each in asked) for status, f in tried]
         return tried[int(np.argmax(np.asarray(told) - size * np.take(lanes.WAVES, [f for _, f in tried])))]
 
     def _candidates(self, led: BoolArray, known: list[Records]) -> list[tuple[Records, int]]:
@@ -165,13 +172,13 @@ def _asked(rows: Records) -> list[Records]:
 def _begin(smoother: Smoother, record: Records, rows: Records, family: int) -> None:
     """Begin at the first row with its reading and the filter's speed."""
     filters, first = smoother.filters[0], rows[0]
-    know_ripple(filters, record[0], family)
+    set_ripple(filters, record[0], family)
     set_start(filters.start, first.reading, first.speed, first.noise, rows[1].step)
-    begin_with(filters, first.reading, first.speed, 0.0)
+    begin_at_state(filters, first.reading, first.speed, 0.0)
 
 
 @compiled
-def _foretold(smoother: Smoother, record: Records, rows: Records, family: int) -> float:
+def _evidence(smoother: Smoother, record: Records, rows: Records, family: int) -> float:
     """Logarithm of the readings' likelihood under a family."""
     _begin(smoother, record, rows, family)
     return log_likelihood(smoother, record[0], rows)

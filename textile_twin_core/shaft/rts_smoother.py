@@ -16,16 +16,16 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import stand_at
+from textile_twin_core.shaft.bank import set_basis_at
 from textile_twin_core.shaft.clock import add_spread, shaft_state, wave
 from textile_twin_core.shaft.filter import put_angle
-from textile_twin_core.shaft.intensity import set_intensities, sharpen
-from textile_twin_core.shaft.kinematics import HALF_JERK, LAST_JERK, WIDE, correct, move_on
-from textile_twin_core.shaft.lacked_orders import add_again
-from textile_twin_core.shaft.mixture import owe
+from textile_twin_core.shaft.kalman import HALF_JERK, LAST_JERK, ROBUST, measurement_update, time_update
+from textile_twin_core.shaft.mixture import set_ripple_covariance
+from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial_intensities
 from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import Record, Records, new_status
+from textile_twin_core.shaft.unmodelled_orders import add_unmodelled_again
 
 FAR = 9.0
 """Square of how far the filter may be from the bank's, over the variance of that one's angle."""
@@ -53,15 +53,15 @@ class Smoother(NamedTuple):
 def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
     """What smoothing so many rows at a time needs."""
     filters = new_status(settings, 0.0)
-    filters["weakness"][0, lanes.CHAIN] = 1.0
+    filters["jerk_strength"][0, lanes.CHAIN] = 1.0
     return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((4, 3, 3)), np.zeros((3, 9)))
 
 
 @compiled
-def know_ripple(filters: Record, status: Record, family: int) -> None:
+def set_ripple(filters: Record, status: Record, family: int) -> None:
     """Take over a family's ripple as the best filter of a status knows it."""
     lane, width, root = status.best[family], 2 * lanes.WAVES[family], math.sqrt(status.scale[status.best[family]])
-    filters.lead = family
+    filters.leading = family
     for i in range(2 * width):
         filters.second[family, i] = status.second[family, i]
     for i in range(width):
@@ -71,7 +71,7 @@ def know_ripple(filters: Record, status: Record, family: int) -> None:
 
 
 @compiled
-def begin_with(filters: Record, theta: float, omega: float, alpha: float) -> None:
+def begin_at_state(filters: Record, theta: float, omega: float, alpha: float) -> None:
     """Begin where the shaft is, `filters.start[3:]` being the factor of the covariance."""
     g = _wave_at(filters, theta)
     filters.start[lanes.ANGLE] = theta + g[0]
@@ -80,7 +80,7 @@ def begin_with(filters: Record, theta: float, omega: float, alpha: float) -> Non
 
 
 @compiled
-def begin_at(filters: Record, row: Record) -> None:
+def begin_at_row(filters: Record, row: Record) -> None:
     """Begin with the state of a row."""
     start, by = filters.start, row.covariance
     start[lanes.L00] = math.sqrt(by[8])
@@ -88,7 +88,7 @@ def begin_at(filters: Record, row: Record) -> None:
     start[lanes.L11] = math.sqrt(max(by[4] - start[lanes.L10] ** 2, 1e-9 * by[4]))
     start[lanes.L21] = (by[1] - start[lanes.L10] * start[lanes.L20]) / start[lanes.L11]
     start[lanes.L22] = math.sqrt(max(by[0] - start[lanes.L20] ** 2 - start[lanes.L21] ** 2, 1e-9 * by[0]))
-    begin_with(filters, row.theta, row.speed, row.acceleration)
+    begin_at_state(filters, row.theta, row.speed, row.acceleration)
 
 
 @compiled
@@ -108,7 +108,7 @@ def log_likelihood(smoother: Smoother, status: Record, rows: Records) -> float:
 
 @compiled
 def smooth(smoother: Smoother, status: Record, rows: Records, first: int, last: int) -> None:
-    """Smooth (n,) rows, with which `begin_at` or `begin_with` began; states of `first` .. `last` are written there."""
+    """Smooth (n,) rows from where it began; the states of rows `first` .. `last` are written there."""
     _find_intensities(smoother, rows, status.interval)
     filter_rows(smoother, rows)
     smooth_back(smoother, rows, first, last)
@@ -120,10 +120,10 @@ def _find_intensities(smoother: Smoother, rows: Records, interval: float) -> Non
     _readmit(rows)
     for i in range(rows.size):
         rows[i].clock = rows[i].reading + _wave_at(smoother.filters[0], rows[i].theta)[0]
-    set_intensities(rows, smoother.filters[0].lead, interval)
+    set_initial_intensities(rows, smoother.filters[0].leading, interval)
     filter_rows(smoother, rows)
     smooth_back(smoother, rows, 1, 0)
-    sharpen(rows, interval)
+    adapt_intensities(rows, interval)
 
 
 @compiled
@@ -141,21 +141,25 @@ def _readmit(rows: Records) -> None:
 def filter_rows(smoother: Smoother, rows: Records) -> float:
     """The Kalman filter over all rows but the first; the readings' log likelihood, but for a constant."""
     filters, m, total = smoother.filters[0], lanes.CHAIN, 0.0
-    clock, seen = filters.clock, filters.seen
+    clock, projected = filters.clock, filters.projected
     for k in range(9):
         clock[k, m] = smoother.filtered[0, k] = filters.start[k]
     for i in range(1, rows.size):
         row = rows[i]
-        move_on(filters, math.sqrt(row.intensity * row.step), row.step, m, m + 1)
+        time_update(filters, math.sqrt(row.intensity * row.step), row.step, m, m + 1)
         if row.noise > 0.0:
             innovation = row.clock - clock[lanes.ANGLE, m]
-            seen[0, m], seen[1, m], seen[2, m] = clock[lanes.L20, m], clock[lanes.L21, m], clock[lanes.L22, m]
-            spread = clock[lanes.L20, m] ** 2 + clock[lanes.L21, m] ** 2 + clock[lanes.L22, m] ** 2
-            believed = (row.reading - row.theta) ** 2 <= WIDE * row.noise
-            noise = row.noise if believed else max(row.noise, innovation * innovation / WIDE - spread)
-            filters.innovation[m], filters.own_noise[m] = innovation, noise
-            correct(filters, m, m + 1)
-            total -= 0.5 * (math.log(noise + spread) + innovation * innovation / (noise + spread))
+            projected[0, m], projected[1, m], projected[2, m] = (
+                clock[lanes.L20, m],
+                clock[lanes.L21, m],
+                clock[lanes.L22, m],
+            )
+            prior_variance = clock[lanes.L20, m] ** 2 + clock[lanes.L21, m] ** 2 + clock[lanes.L22, m] ** 2
+            believed = (row.reading - row.theta) ** 2 <= ROBUST * row.noise
+            noise = row.noise if believed else max(row.noise, innovation * innovation / ROBUST - prior_variance)
+            filters.innovation[m], filters.noise_variance[m] = innovation, noise
+            measurement_update(filters, m, m + 1)
+            total -= 0.5 * (math.log(noise + prior_variance) + innovation * innovation / (noise + prior_variance))
         for k in range(9):
             smoother.filtered[i, k] = clock[k, m]
     return total
@@ -178,7 +182,7 @@ def smooth_back(smoother: Smoother, rows: Records, first: int, last: int) -> Non
         for k in range(9):
             filters.clock[k, m] = filtered[i - 1, k]
         strength = math.sqrt(row.intensity * row.step)
-        move_on(filters, strength, row.step, m, m + 1)
+        time_update(filters, strength, row.step, m, m + 1)
         _step_back(smoother, filters.clock[:, m], filtered[i - 1], row.step, strength, row.jerk)
 
 
@@ -262,9 +266,9 @@ def _triangular(a: FloatArray) -> tuple[float, float, float, float, float, float
 @compiled
 def _wave_at(filters: Record, theta: float) -> tuple[float, float, float, float]:
     """g of the ripple that is known at an angle, and its first three derivatives."""
-    waves = lanes.WAVES[filters.lead]
-    stand_at(filters, theta, waves)
-    return wave(filters.ripple[lanes.CHAIN], filters.second[filters.lead], waves, filters.lowest, filters.basis)
+    waves = lanes.WAVES[filters.leading]
+    set_basis_at(filters, theta, waves)
+    return wave(filters.ripple[lanes.CHAIN], filters.second[filters.leading], waves, filters.lowest, filters.basis)
 
 
 @compiled
@@ -275,7 +279,11 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
     the ripple the state is off.
     """
     filters, s = smoother.filters[0], smoother.smoothed
-    waves, spread, sensitivity = lanes.WAVES[filters.lead], filters.common_part, filters.sensitivity[lanes.CHAIN]
+    waves, prior_variance, sensitivity = (
+        lanes.WAVES[filters.leading],
+        filters.covariance_part,
+        filters.sensitivity[lanes.CHAIN],
+    )
     g = _wave_at(filters, row.theta)
     theta, row.speed, row.acceleration = shaft_state(s[2], s[1], s[0], row.theta, g, filters.slopes)
     set_sensitivity(sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves)
@@ -283,14 +291,14 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
         left = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6
         for i in range(3):
             sensitivity[i, k] *= row.intensity / (row.intensity + left)
-    owe(filters, waves, sensitivity, filters.factor[lanes.CHAIN])
-    add_spread(s[lanes.L20], s[lanes.L10], s[lanes.L00], filters.slopes, 1.0, spread)
-    add_spread(s[lanes.L21], s[lanes.L11], 0.0, filters.slopes, 1.0, spread)
-    add_spread(s[lanes.L22], 0.0, 0.0, filters.slopes, 1.0, spread)
+    set_ripple_covariance(filters, waves, sensitivity, filters.factor[lanes.CHAIN])
+    add_spread(s[lanes.L20], s[lanes.L10], s[lanes.L00], filters.slopes, 1.0, prior_variance)
+    add_spread(s[lanes.L21], s[lanes.L11], 0.0, filters.slopes, 1.0, prior_variance)
+    add_spread(s[lanes.L22], 0.0, 0.0, filters.slopes, 1.0, prior_variance)
     place = 0
     for p in range(3):
         for q in range(p, 3):
-            row.covariance[3 * p + q] = row.covariance[3 * q + p] = spread[place]
+            row.covariance[3 * p + q] = row.covariance[3 * q + p] = prior_variance[place]
             place += 1
-    add_again(row)
+    add_unmodelled_again(row)
     put_angle(row, theta)

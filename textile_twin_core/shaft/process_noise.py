@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft.readings import MOST_ALIKE
+from textile_twin_core.shaft.measurement_noise import MOST_CORRELATED
 from textile_twin_core.shaft.status import Record, Records
 
 LATE, STEADY = 20.5, 80.0
@@ -21,7 +21,7 @@ LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25
 
 
 @compiled
-def set_intensities(rows: Records, family: int, interval: float) -> None:
+def set_initial_intensities(rows: Records, family: int, interval: float) -> None:
     """Intensity of the white jerk at each row from the family's memory there, as in `bank.predict`.
 
     The filter notices a change some samples late: the memory is the shortest that it has around the row.
@@ -51,11 +51,11 @@ def set_intensities(rows: Records, family: int, interval: float) -> None:
 @compiled
 def _counts(row: Record, family: int) -> float:
     """Part of a sample for which a row counts."""
-    return float(1.0 / max(row.alike, min(math.exp(row.memory[family]) / STEADY, MOST_ALIKE), 1.0))
+    return float(1.0 / max(row.correlated, min(math.exp(row.memory[family]) / STEADY, MOST_CORRELATED), 1.0))
 
 
 @compiled
-def sharpen(rows: Records, interval: float) -> None:
+def adapt_intensities(rows: Records, interval: float) -> None:
     """Make each row's intensity what the smoothed jerk around it says.
 
     The ratio of the jerk's mean squared to the variance that the readings took away (MacKay 1992) is 1 where the
