@@ -1,8 +1,9 @@
 """Wheels of real robots, as their public recordings tell them: starts, stops and turns of a drive within a reading.
 
 From git directories of fetched copies of gabrieleginestroni/ros-robotics-2022 (project1/bags: 49 Hz, 42 ticks a turn),
-yschen13/SLAM_ParticleFilter (Encoders*.npz: 40 Hz, 360 counts a turn, stamps of the host) and opatiny/micromouse
-(matlab/data: 1 degree, 5 to 10 ms). They are fetched beside the project, never committed.
+yschen13/SLAM_ParticleFilter (Encoders*.npz: 40 Hz, 360 counts a turn, stamps of the host), opatiny/micromouse
+(matlab/data: 1 degree, 5 to 10 ms) and FOME-Tech/fome-fw (an engine's start, 260 to 1680 rpm, edges of 60 teeth less 1,
+fed as sampled angles). They are fetched beside the project, never committed.
 
 Run from the root of the repository: python -m tests.benchmarks.wheel_records GIT_DIRECTORY ..
 Every second reading is fed, the others are predicted; RMS error over that of the textbook's filter tuned on the record.
@@ -25,7 +26,7 @@ from rosbags.typesys import Stores, get_typestore
 from tests.benchmarks.shaft_judge.engine_score import predict
 from tests.benchmarks.shaft_judge.views import package, tuned
 
-TICKS_A_TURN, COUNTS_A_TURN = 42, 360
+TICKS_A_TURN, COUNTS_A_TURN, TEETH = 42, 360, 60
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,7 @@ def wheels(repository: Path) -> Iterator[Wheel]:
     """All wheels that move in a repository's recordings."""
     listing = ["git", "-C", str(repository), "ls-tree", "-r", "--name-only", "HEAD"]
     for path in subprocess.run(listing, check=True, capture_output=True, text=True).stdout.splitlines():
-        readers = {"project1/bags/bag": _bag, "Encoders": _counts, "matlab/data/encoders": _robot}
-        for begin, reader in readers.items():
+        for begin, reader in READERS.items():
             if path.startswith(begin):
                 show = ["git", "-C", str(repository), "show", f"HEAD:{path}"]
                 data = subprocess.run(show, check=True, capture_output=True).stdout
@@ -74,6 +74,23 @@ def _counts(data: bytes) -> list[tuple[np.ndarray, np.ndarray]]:
 def _robot(data: bytes) -> list[tuple[np.ndarray, np.ndarray]]:
     told = np.genfromtxt(io.BytesIO(data), delimiter=",", skip_header=1)
     return [(1e-3 * (told[:, 0] - told[0, 0]), np.deg2rad(told[:, column])) for column in (1, 2)]
+
+
+def _crank(data: bytes) -> list[tuple[np.ndarray, np.ndarray]]:
+    told = np.genfromtxt(io.BytesIO(data), delimiter=",", skip_header=1)
+    edges = told[1:, 0][np.diff(told[:, 1]) > 0.0][8:]  # the first are no edges of a wheel that turns
+    interval = np.diff(edges)
+    teeth = np.ones(interval.size)
+    teeth[1:-1][interval[1:-1] > 1.6 * np.sqrt(interval[:-2] * interval[2:])] = 2.0
+    return [(edges - edges[0], np.append(0.0, np.cumsum(teeth)) * 2.0 * np.pi / TEETH)]
+
+
+READERS = {
+    "project1/bags/bag": _bag,
+    "Encoders": _counts,
+    "matlab/data/encoders": _robot,
+    "unit_tests/tests/trigger/resources/nick_1.csv": _crank,
+}
 
 
 def main() -> None:
