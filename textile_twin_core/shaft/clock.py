@@ -1,8 +1,8 @@
-"""Ripple by angle, as a clock phi = theta + g(theta) that runs evenly while the shaft's speed ripples.
+"""Ripple as a function of the angle: a clock phi = theta + g(theta) that runs evenly while the shaft's speed ripples.
 
-g = sum(a_k cos(k theta) + b_k sin(k theta)) + g2. The coefficients enter a reading linearly: theta = phi - g. With the
-speed's ripple h = -dg/dtheta to first order, an even clock wants 1 / (1 + h) = 1 + g', so that g2' = g1'^2 less its
-mean: few orders of h then are few coefficients.
+g = g1 + g2 with g1 = sum(a_k cos(k theta) + b_k sin(k theta)), linear in the coefficients. For a relative speed ripple
+h, to first order -dg/dtheta, an even clock needs 1 / (1 + h) = 1 + g', hence g2' = g1'^2 less its mean: few orders of h
+then take few coefficients.
 """
 
 from __future__ import annotations
@@ -12,8 +12,7 @@ import math
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 
-STEEPEST = 0.3
-"""Least slope of a clock over the angle: one that stood still would tell nothing."""
+LEAST_SLOPE = 0.3  # of a clock over the angle, dphi/dtheta: one that stands still measures nothing
 
 
 @compiled
@@ -29,14 +28,13 @@ def set_basis(theta: float, lowest: float, size: int, basis: FloatArray) -> None
 
 @compiled
 def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray, change: FloatArray) -> None:
-    """Coefficients of g2 from those of the ripple: g1' = sum(p cos + q sin) squared and integrated.
+    """Coefficients of g2 from those of g1: g1' = sum(p cos + q sin), squared and integrated.
 
-    `change` (.) grows by that of those which are of the ripple's own orders.
+    Adds to `change` (.) how those of g1's own orders change.
     """
     for i in range(2 * waves):
         change[i] -= second[i]
-    for i in range(4 * waves):
-        second[i] = 0.0
+    second[: 4 * waves] = 0.0
     for i in range(1, waves + 1):
         pi, qi = lowest * i * ripple[2 * i - 1], -lowest * i * ripple[2 * i - 2]
         for j in range(1, waves + 1):
@@ -53,7 +51,7 @@ def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray
 
 @compiled
 def known_part(second: FloatArray, size: int, basis: FloatArray) -> float:
-    """g2, or with the coefficients of the ripple g1, at the angle of the basis."""
+    """g2 (or g1, by its coefficients) at the angle of the basis."""
     g = 0.0
     for k in range(size):
         g += second[k] * basis[k]
@@ -86,16 +84,16 @@ def shaft_state(
     clock: float, rate: float, acceleration: float, theta: float, g: tuple[float, float, float, float], slopes:
     FloatArray,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Angle, speed, acceleration of the shaft from those of its clock, near `theta`, where g stands.
+    """Angle, speed and acceleration of the shaft from those of its clock, by a Newton step from `theta`, where `g` is.
 
-    One Newton step from `theta`. `slopes` (6,) is set for `gradient`.
+    Sets `slopes` (.) for `gradient`.
     """
-    shift = (clock - theta - g[0]) / max(1.0 + g[1], STEEPEST)
+    shift = (clock - theta - g[0]) / max(1.0 + g[1], LEAST_SLOPE)
     slope, bend = g[1] + shift * g[2], g[2] + shift * g[3]
-    even = 1.0 / max(1.0 + slope, STEEPEST)
+    even = 1.0 / max(1.0 + slope, LEAST_SLOPE)
     omega = rate * even
     alpha = (acceleration - omega * omega * bend) * even
-    slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], slopes[5] = even, omega, alpha, bend, g[3], shift
+    slopes[0], slopes[1], slopes[2], slopes[3], slopes[4] = even, omega, alpha, bend, g[3]
     return theta + shift, omega, alpha
 
 
@@ -103,7 +101,7 @@ def shaft_state(
 def gradient(
     clock: float, rate: float, acceleration: float, d0: float, d1: float, d2: float, slopes: FloatArray
 ) -> tuple[float, float, float]:
-    """How the shaft's angle, speed, acceleration change when the clock's do by so much and g, g', g'' by d0, d1, d2."""
+    """Change of the shaft's angle, speed, acceleration for small ones of the clock's and of g, g', g'' (d0, d1, d2)."""
     even, omega, alpha, bend = slopes[0], slopes[1], slopes[2], slopes[3]
     by0 = (clock - d0) * even
     by1 = (rate - omega * (d1 + bend * by0)) * even
@@ -115,7 +113,7 @@ def gradient(
 def add_spread(
     clock: float, rate: float, acceleration: float, slopes: FloatArray, scale: float, covariance: FloatArray
 ) -> None:
-    """Add to a covariance (6,) of the shaft that of a column of its clock's factor."""
+    """Add scale times the share of a column of the clock's factor to a covariance (6,) of the shaft."""
     d0, d1, d2 = gradient(clock, rate, acceleration, 0.0, 0.0, 0.0, slopes)
     add_products(d0, d1, d2, scale, covariance)
 

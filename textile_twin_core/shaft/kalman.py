@@ -1,8 +1,8 @@
-"""Square-root Kalman filters of angle, speed and acceleration, side by side in lanes: a covariance stays positive.
+"""Square-root Kalman filters of angle, rate and acceleration, vectorised over lanes; covariances stay positive.
 
-Each lane of `filters` (see `status`) holds acceleration, rate and angle of its clock, and the lower triangular factor L
-of their covariance P = L L' in that order, in which moving on in time keeps the triangle. Lanes are counted without a
-sign: a place that might be negative would be looked at in each lane, and none of them would go side by side in vectors.
+Each lane of `filters` (see `status`) holds acceleration, rate and angle of its clock and the lower triangular factor L
+of their covariance P = L L' in that order, in which the time update keeps the triangle. Lane indices are unsigned: the
+check for negative ones would prevent vectorisation.
 """
 
 from __future__ import annotations
@@ -15,23 +15,20 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.status import Record
 
-FREEDOM = 6.0
-"""Of Student's t for the innovations: delays of an operating system have tails, and one reading far off says little."""
-ROBUST = 9.0
-"""A normalised innovation squared above this widens its own reading until it is this."""
-HALF_JERK = math.sqrt(1.0 / 12.0)
-LAST_JERK = math.sqrt(1.0 / 720.0)
-"""The factor of white jerk's covariance (see `time_update`) is sqrt(q h) times (1, h/2, h^2/6), (0, HALF_JERK h,
-HALF_JERK h^2/2) and (0, 0, LAST_JERK h^2), in the order acceleration, rate, angle."""
+FREEDOM = 6.0  # degrees of freedom of the innovations' Student t: delays of an operating system have heavy tails
+ROBUST = 9.0  # normalised innovation squared at most: beyond it the measurement's variance is inflated
+# Factor of the white jerk's covariance over a step h, in the order acceleration, rate, angle: sqrt(q h) times the
+# columns (1, h/2, h^2/6), (0, HALF_JERK h, HALF_JERK h^2/2) and (0, 0, LAST_JERK h^2).
+HALF_JERK, LAST_JERK = math.sqrt(1.0 / 12.0), math.sqrt(1.0 / 720.0)
 
 
 @compiled
 def time_update(filters: Record, strength: float, step: float, first: int, end: int) -> None:
-    """Time update of lanes first .. end - 1 by `step` [s] at constant acceleration, with white jerk.
+    """Time update of lanes first .. end - 1 over `step` [s]: constant acceleration driven by white jerk.
 
-    Its covariance over a step h is q [[h^5/20, h^4/8, h^3/6], [., h^3/3, h^2/2], [., ., h]] for angle, rate,
-    acceleration (Bar-Shalom, Li and Kirubarajan 2001, 6.2.3), with sqrt(q h) = weakness strength; rotations fold its
-    factor into the lane's.
+    The process noise over a step h is q [[h^5/20, h^4/8, h^3/6], [., h^3/3, h^2/2], [., ., h]] for angle, rate and
+    acceleration (Bar-Shalom, Li and Kirubarajan 2001, 6.2.3), sqrt(q h) = jerk_strength * strength. A Givens rotation
+    and a Householder reflection merge its factor with the lane's.
     """
     x = filters.clock
     acceleration, rate, angle = x[lanes.ACCELERATION], x[lanes.RATE], x[lanes.ANGLE]
@@ -68,54 +65,39 @@ def time_update(filters: Record, strength: float, step: float, first: int, end: 
 
 @compiled
 def innovate(filters: Record, reading: float, noise: float, first: int, end: int) -> None:
-    """Innovations of a reading in lanes first .. end - 1, and their likelihoods but for a constant.
+    """Innovations of a measurement in lanes first .. end - 1 and their Student-t likelihoods, up to a constant.
 
-    `ripple_reading` and `ripple_variance` (.) are what ripple adds to the reading, and to the innovation's variance.
+    `ripple_reading` and `ripple_variance` (.) are what ripple adds to the measurement and to the innovation's variance.
     """
-    x, projected, ripple_reading, ripple_variance, scale = (
-        filters.clock,
-        filters.projected,
-        filters.ripple_reading,
-        filters.ripple_variance,
-        filters.scale,
-    )
+    x, scale, innovation, likelihood = filters.clock, filters.scale, filters.innovation, filters.likelihood
     angle, l20, l21, l22 = x[lanes.ANGLE], x[lanes.L20], x[lanes.L21], x[lanes.L22]
-    projected0, projected1, projected2, noise_variance = (
-        projected[0],
-        projected[1],
-        projected[2],
-        filters.noise_variance,
-    )
-    innovation, prior_variance, likelihood = filters.innovation, filters.prior_variance, filters.likelihood
+    projected0, projected1, projected2 = filters.projected[0], filters.projected[1], filters.projected[2]
+    ripple_reading, ripple_variance = filters.ripple_reading, filters.ripple_variance
+    prior_variance, noise_variance = filters.prior_variance, filters.noise_variance
     for m in range(np.uint64(first), np.uint64(end)):
         p0, p1, p2 = l20[m], l21[m], l22[m]
         projected0[m], projected1[m], projected2[m] = p0, p1, p2
-        off = reading + ripple_reading[m] - angle[m]
-        by = ripple_variance[m] + p0 * p0 + p1 * p1 + p2 * p2
-        squared = off * off / scale[m]
-        rest = 1.0 + squared / (FREEDOM * (noise + by))
-        innovation[m], prior_variance[m] = off, by
-        wide = squared / ROBUST - by
-        noise_variance[m] = wide if wide > noise else noise
-        likelihood[m] = 1.0 / (rest * rest * rest * math.sqrt(rest * scale[m] * (noise + by)))
+        residual = reading + ripple_reading[m] - angle[m]
+        prior = ripple_variance[m] + p0 * p0 + p1 * p1 + p2 * p2
+        squared = residual * residual / scale[m]
+        tail = 1.0 + squared / (FREEDOM * (noise + prior))
+        innovation[m], prior_variance[m] = residual, prior
+        inflated = squared / ROBUST - prior
+        noise_variance[m] = inflated if inflated > noise else noise
+        likelihood[m] = 1.0 / (tail * tail * tail * math.sqrt(tail * scale[m] * (noise + prior)))
 
 
 @compiled
 def measurement_update(filters: Record, first: int, end: int) -> None:
-    """Measurement update of lanes first .. end - 1 (Carlson 1973), from the last column to the first.
+    """Measurement update of lanes first .. end - 1 (Carlson 1973), from the last column of L to the first.
 
-    `projected` (3, .) is L' h, what the reading sees of each column. The gains of the three states are written down.
+    `projected` (3, .) is L' h with h the measurement's row; the gains are kept in `gain` (3, .).
     """
-    x = filters.clock
+    x, projected, gain = filters.clock, filters.projected, filters.gain
     acceleration, rate, angle = x[lanes.ACCELERATION], x[lanes.RATE], x[lanes.ANGLE]
     l00, l10, l20 = x[lanes.L00], x[lanes.L10], x[lanes.L20]
     l11, l21, l22 = x[lanes.L11], x[lanes.L21], x[lanes.L22]
-    projected, gain, noise_variance, innovation = (
-        filters.projected,
-        filters.gain,
-        filters.noise_variance,
-        filters.innovation,
-    )
+    noise_variance, innovation = filters.noise_variance, filters.innovation
     for m in range(np.uint64(first), np.uint64(end)):
         p0, p1, p2 = projected[0, m], projected[1, m], projected[2, m]
         before = noise_variance[m]
@@ -138,9 +120,9 @@ def measurement_update(filters: Record, first: int, end: int) -> None:
         l00[m] = keep * f00
         l10[m] = keep * f10 - mix * g1
         l20[m] = keep * f20 - mix * g2
-        trust = 1.0 / total
-        k0, k1, k2, off = f00 * p0 * trust, (g1 + f10 * p0) * trust, (g2 + f20 * p0) * trust, innovation[m]
+        inverse = 1.0 / total
+        k0, k1, k2 = f00 * p0 * inverse, (g1 + f10 * p0) * inverse, (g2 + f20 * p0) * inverse
         gain[0, m], gain[1, m], gain[2, m] = k0, k1, k2
-        acceleration[m] += k0 * off
-        rate[m] += k1 * off
-        angle[m] += k2 * off
+        acceleration[m] += k0 * innovation[m]
+        rate[m] += k1 * innovation[m]
+        angle[m] += k2 * innovation[m]

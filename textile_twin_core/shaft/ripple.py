@@ -1,8 +1,8 @@
-"""Coefficients of ripple, apart from the state: what a filter's state owes to them, and what they are found to be.
+"""Ripple coefficients estimated apart from the state (Friedland 1969), by recursive least squares.
 
-Friedland's (1969) separation: the coefficients c do not change, and so a filter that takes them as known has the state
-x + V (c - c0), where V, the sensitivity, goes through the same gains as the state. An innovation is foreseen to change
-by `regressor` . (c - c0): recursive least squares on it find c, in square-root form (Carlson 1973).
+The coefficients c are constant: a filter that takes them as c0 estimates x where c would give x + V (c - c0). The
+sensitivity V (3, .) goes through the same updates as the state, and an innovation changes by `regressor` . (c - c0).
+The least squares are in square-root form (Carlson 1973).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from textile_twin_core.compiling import compiled
 
 @compiled
 def set_sensitivity(sensitivity: FloatArray, basis: FloatArray, lowest: float, rate: float, width: int) -> None:
-    """What the state of a clock that stands where the shaft is, turning at `rate` [rad/s], owes to the coefficients."""
+    """Sensitivity (3, .) of the state of a clock initialised at the shaft's angle and turning at `rate` [rad/s]."""
     for i in range(width):
-        turning = lowest * (i // 2 + 1) * rate
-        sensitivity[0, i] = -turning * turning * basis[i]
-        sensitivity[1, i] = turning * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
+        frequency = lowest * (i // 2 + 1) * rate
+        sensitivity[0, i] = -frequency * frequency * basis[i]
+        sensitivity[1, i] = frequency * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
         sensitivity[2, i] = basis[i]
 
 
@@ -30,9 +30,9 @@ def set_sensitivity(sensitivity: FloatArray, basis: FloatArray, lowest: float, r
 def propagate_sensitivity(
     sensitivity: FloatArray, step: float, basis: FloatArray, regressor: FloatArray, width: int
 ) -> None:
-    """Move a sensitivity (3, .) on by `step` [s]; `regressor` (.) becomes what an innovation feels of the coefficients.
+    """Time update of a sensitivity (3, .) over `step` [s]; sets `regressor` (.), that of the innovation.
 
-    A reading of the angle itself owes `basis` (.) to them.
+    The measured clock angle has the sensitivity `basis` (.).
     """
     half = 0.5 * step * step
     for i in range(width):
@@ -46,9 +46,9 @@ def propagate_sensitivity(
 def predict_ripple(
     ripple: FloatArray, factor: FloatArray, basis: FloatArray, regressor: FloatArray, projected: FloatArray, width: int
 ) -> tuple[float, float]:
-    """The ripple in a reading, and the variance that its uncertainty gives the innovation.
+    """The ripple in a measurement, and what its uncertainty adds to the innovation's variance.
 
-    `factor` (., .) has rows j of columns j of L; `projected` (.) becomes what the innovation sees of each.
+    Row j of `factor` (., .) is column j of the covariance factor L; sets `projected` (.) = L' regressor.
     """
     reading, variance, count = 0.0, 0.0, np.uint64(width)
     for j in range(count):
@@ -65,7 +65,7 @@ def predict_ripple(
 def correct_sensitivity(
     sensitivity: FloatArray, regressor: FloatArray, gain0: float, gain1: float, gain2: float, width: int
 ) -> None:
-    """Correct a sensitivity by the gains that corrected the state."""
+    """Measurement update of a sensitivity, by the gains of the state's."""
     for i in range(width):
         sensitivity[0, i] += gain0 * regressor[i]
         sensitivity[1, i] += gain1 * regressor[i]
@@ -77,9 +77,9 @@ def update_coefficients(
     ripple: FloatArray, factor: FloatArray, projected: FloatArray, innovation: float, noise: float,
     sensitivity: FloatArray, part: FloatArray, change: FloatArray, width: int,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Correct the coefficients by an innovation of variance `noise` beside `projected`; by how much the state follows.
+    """Measurement update of the coefficients; returns how acceleration, rate and angle of the clock change with them.
 
-    `part` (2, .) and `change` (.) are room to work in.
+    `noise` is the innovation's variance without that of the coefficients; `part` (2, .), `change` (.) are scratch.
     """
     total, count, last = noise, np.uint64(width), np.uint64(width - 1)
     for back in range(count):
@@ -93,24 +93,24 @@ def update_coefficients(
         change[i] = 0.0
     for back in range(count):
         j = last - back
-        keep, mix, by = part[0, j], part[1, j], projected[j]
+        keep, mix, seen = part[0, j], part[1, j], projected[j]
         for i in range(j, count):
             old = factor[j, i]
             factor[j, i] = keep * old - mix * change[i]
-            change[i] += old * by
-    by0 = by1 = by2 = 0.0
+            change[i] += old * seen
+    acceleration = rate = angle = 0.0
     for i in range(width):
         change[i] *= -innovation / total
         ripple[i] += change[i]
-        by0 += sensitivity[0, i] * change[i]
-        by1 += sensitivity[1, i] * change[i]
-        by2 += sensitivity[2, i] * change[i]
-    return by0, by1, by2
+        acceleration += sensitivity[0, i] * change[i]
+        rate += sensitivity[1, i] * change[i]
+        angle += sensitivity[2, i] * change[i]
+    return acceleration, rate, angle
 
 
 @compiled
 def dot(sensitivity: FloatArray, change: FloatArray, width: int) -> float:
-    """By how much what has this sensitivity (.) changes with the coefficients."""
+    """Change of what has this sensitivity (.) for a change (.) of the coefficients."""
     total = 0.0
     for i in range(width):
         total += sensitivity[i] * change[i]
