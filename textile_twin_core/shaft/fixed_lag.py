@@ -1,4 +1,4 @@
-"""Fixed lag: each state considers all samples up to a time after its own."""
+"""Fixed-lag smoothing: each state uses all samples up to a time after its own (the view `lag`)."""
 
 from __future__ import annotations
 
@@ -9,48 +9,31 @@ import numpy as np
 from textile_twin_core.compiling import by_reference, compiled, records
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
 from textile_twin_core.shaft.filter import process_sample
-from textile_twin_core.shaft.rts_smoother import (
-    Smoother,
-    begin_at_row,
-    is_far,
-    new_smoother,
-    set_ripple,
-    smooth,
-)
+from textile_twin_core.shaft.rts_smoother import Smoother, begin_at_row, is_far, new_smoother, set_ripple, smooth
 from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, Records
 
-MOST_ROWS = 512
-"""Samples that may be held; a longer lag at a high rate is cut to what fits."""
-BATCH = 3
-"""Samples within a lag that become ready at once, one part in so many: the way back is shared by them."""
+MOST_ROWS = 512  # rows in the window at most: a longer lag at a high rate is cut
+BATCH = 3  # rows are released when they are 1 / BATCH of those beyond them: one backward pass serves all of them
 
-HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("ready", np.int64), ("anew", np.int64)])
-"""Lag [s]; rows held, of which the first is where the filter of `smoother` stands; rows that became ready; 1 where that
-filter begins anew."""
+# Lag [s]; rows in the window; rows released by this call; 1 where the smoother must be initialised again.
+HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("ready", np.int64), ("restart", np.int64)])
 
 
 @by_reference
 class Window(NamedTuple):
-    """Rows that wait, and their stamps.
+    """Rows that wait to be smoothed; the first is the smoother's initial state and already released."""
 
-    Attributes:
-        held: (1,) see HELD.
-        rows: (MOST_ROWS,) of which the first is told already.
-        filtered: (1,) this one as the filter told it.
-        stamps: (MOST_ROWS,) those of the samples.
-    """
-
-    held: Records
-    rows: Records
-    filtered: Records
-    stamps: Stamps
+    held: Records  # (1,) HELD
+    rows: Records  # (MOST_ROWS,)
+    filtered: Records  # (1,) the first row as it was filtered
+    stamps: Stamps  # (MOST_ROWS,)
 
 
 class LagEstimator(ShaftEstimator):
-    """Filters, and smooths over a window of the lag (see `smoothing`); states become ready up to a third of it later.
+    """Filters, and smooths over a window of the lag; states become ready up to a third of the lag later than that.
 
     Args:
         shaft_lag_s: the lag [s].
@@ -86,12 +69,12 @@ class LagEstimator(ShaftEstimator):
         return ready[:count], rows[:count]
 
     def _room(self, more: int) -> Part:
-        """Room for all rows that are held and so many more."""
+        """Room for all rows of the window and so many more."""
         size = int(self._window.held["rows"][0]) + more
         return np.empty(size, self._window.stamps.dtype), records(ROW, size)
 
     def finish(self) -> ShaftStates:
-        """The states still held; then the estimator begins anew, but for the report and the newest stamp."""
+        """The states still held; then the estimator begins again, but for the report and the newest stamp."""
         self._window.held["ready"] = 0
         ready, rows = self._room(0)
         count = _flush(self._status, self._window, self._smoother, ready, rows)
@@ -102,36 +85,36 @@ class LagEstimator(ShaftEstimator):
 
 @compiled
 def _follow(record: Records, block: Block, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> int:
-    """As `filter.run_filter`; the rows of the states that are ready go to `table`, their stamps to `ready`."""
+    """Filter a block; released rows go to `table` and their stamps to `ready`. Returns their number."""
     held, rows = window.held[0], window.rows
     held.ready = 0
     for i in range(block.stamps.size):
-        at = held.rows
-        row = rows[at]
+        last = held.rows
+        row = rows[last]
         if not process_sample(record[0], block, i, row) or record[0].samples == 1.0:
             continue
-        window.stamps[at] = block.stamps[i]
+        window.stamps[last] = block.stamps[i]
         if row.cut == 1.0:
             _flush(record, window, smoother, ready, table)
-            rows[0], window.stamps[0] = rows[at], window.stamps[at]
-            window.filtered[0], held.rows, held.anew = rows[0], 1, 1
+            rows[0], window.stamps[0] = rows[last], window.stamps[last]
+            window.filtered[0], held.rows, held.restart = rows[0], 1, 1
             if rows[0].settled >= 0.0:
                 _emit(window, 0, ready, table)
             continue
         held.rows += 1
-        due = 0
-        while due < at and row.time - rows[due + 1].time >= held.lag:
+        full, due = last == MOST_ROWS - 1, 0
+        while due < last and row.time - rows[due + 1].time >= held.lag:
             due += 1
-        if at == MOST_ROWS - 1:
-            due = max(due, at // (BATCH + 1))
-        if due > 0 and (due >= (at - due) // BATCH or at == MOST_ROWS - 1):
+        if full:
+            due = max(due, last // (BATCH + 1))
+        if due > 0 and (due >= (last - due) // BATCH or full):
             _release(record, due, window, smoother, ready, table)
     return held.ready  # type: ignore[no-any-return]
 
 
 @compiled
 def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> int:
-    """Let go of all rows held: nothing more will be learnt of them. Returns how many rows became ready in all."""
+    """Smooth and release all rows of the window; returns how many were released by this call of `_follow`."""
     held = window.held[0]
     if held.rows > 1:
         _release(record, held.rows - 1, window, smoother, ready, table)
@@ -140,19 +123,18 @@ def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, t
 
 @compiled
 def _release(record: Records, due: int, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> None:
-    """Smooth the window and let go of the `due` rows after the first."""
+    """Smooth the window and release the `due` rows after the first; the last of these becomes the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
-    same = held.anew == 0 and status.leading == filters.leading
+    restart = held.restart != 0 or status.leading != filters.leading
     set_ripple(filters, status, status.leading)
-    if not same:
+    if restart:
         begin_at_row(filters, window.rows[0])
     if is_far(filters, window.filtered[0]):
         begin_at_row(filters, window.filtered[0])
-    held.anew = 0
+    held.restart = 0
     window.filtered[0] = window.rows[due]
-    smooth(smoother, status, window.rows[: held.rows], 1, due)
-    for k in range(9):
-        filters.start[k] = smoother.filtered[due, k]
+    smooth(smoother, status.interval, window.rows[: held.rows], 1, due)
+    filters.start[:] = smoother.filtered[due]
     for k in range(1, due + 1):
         _emit(window, k, ready, table)
     for k in range(due, held.rows):
@@ -162,7 +144,6 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
 
 @compiled
 def _emit(window: Window, k: int, ready: Stamps, table: Records) -> None:
-    """A row of the window is ready."""
     held = window.held[0]
     table[held.ready], ready[held.ready] = window.rows[k], window.stamps[k]
     held.ready += 1

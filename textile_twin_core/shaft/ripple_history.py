@@ -1,4 +1,4 @@
-"""The ripple as the filter knew it in the course of a record: where it changed, what was before keeps that of then."""
+"""Ripples of a record in the order of time: after a change, earlier samples are smoothed with the earlier ripple."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.measurement_noise import measurement_variance
 from textile_twin_core.shaft.status import Records
 
-LOOK_EVERY = 1024  # samples between two looks
-CHANGED, UNSURE = 0.25, 3.0  # ripples that differ by so many sigmas of a reading, and of their own, are not the same
-MOST_KNOWN = 64  # of a ripple that never stays the same every second is forgotten beyond
+LOOK_EVERY = 1024  # samples between two checks
+CHANGED, UNSURE = 0.25, 3.0  # a change exceeds so many sigmas of a measurement and of the ripples' difference
+MOST_KNOWN = 64  # ripples kept; beyond, every second one is dropped
 
 
 class RippleHistory:
-    """Statuses of the filter, each as it knew a ripple best; `received` says until when it was the same."""
+    """Copies of the filter's status where each ripple was known best; `received` is the last sample it holds for."""
 
     def __init__(self) -> None:
         self.known: list[Records] = []
@@ -23,22 +23,23 @@ class RippleHistory:
 
     @property
     def until_look(self) -> int:
-        """Samples until the next look."""
+        """Samples until the next check."""
         return LOOK_EVERY - self._taken % LOOK_EVERY
 
     def follow(self, status: Records, samples: int) -> None:
-        """Take note that so many samples, `until_look` at most, led to a status."""
+        """Count the samples that led to a status (at most `until_look`) and check it when due."""
         self._taken += samples
         if self._taken % LOOK_EVERY == 0:
-            self._look(status)
+            self._check(status)
 
     def end(self, status: Records) -> None:
-        """The record ends."""
-        self._look(status)
+        """Check the record's last status, and keep it in any case."""
+        self._check(status)
         if not self.known or self.known[-1]["received"][0] != status["received"][0]:
             self.known.append(status.copy())
 
-    def _look(self, status: Records) -> None:
+    def _check(self, status: Records) -> None:
+        """Keep a status whose ripple is certain: in place of the last one unless the ripple changed."""
         ripple, sigma, reading = _ripple(status)
         if not 0.0 < sigma < CHANGED * reading:
             return
@@ -55,7 +56,7 @@ class RippleHistory:
 
 
 def _ripple(status: Records) -> tuple[FloatArray, float, float]:
-    """Coefficients (WIDEST,) of the leading ripple, their sigma (RMS over a turn) and a reading's [rad]."""
+    """Coefficients (WIDEST,) of the leading ripple, their sigma (RMS over a turn) and a measurement's [rad]."""
     now = status[0]
     lane, width = int(now["best"][now["leading"]]), 2 * lanes.WAVES[int(now["leading"])]
     ripple, scale = np.where(np.arange(lanes.WIDEST) < width, now["ripple"][lane], 0.0), float(now["scale"][lane])
@@ -64,5 +65,5 @@ def _ripple(status: Records) -> tuple[FloatArray, float, float]:
 
 
 def _rms(coefficients: FloatArray) -> float:
-    """Over a turn, of the ripple with these coefficients."""
+    """Of the ripple with these coefficients, over a turn."""
     return float(np.sqrt(0.5 * np.sum(coefficients**2)))

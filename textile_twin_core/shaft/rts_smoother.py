@@ -1,9 +1,9 @@
-"""Fixed-interval smoothing: one Kalman filter whose ripple is known goes over the rows, and a smoother comes back.
+"""Rauch-Tung-Striebel (1965) smoother over rows of readings whose ripple is known, in square-root form.
 
-The smoother is that of Rauch, Tung and Striebel (1965) in triangular factors: covariances are positive by form. With
-the factors L filtered, L- predicted and S smoothed at the next reading, G that of the white jerk's covariance and F the
-motion over a step let K = L-^-1 F L, M = L-^-1 G, W = L-^-1 S and d = L-^-1 (x+ - x-): the smoothed factor is L times
-that of [I - K'K, K'M, K'W], the smoothed state x + L K'd, and M'd the jerk that the readings speak for.
+Let L, L- and S be the factors of the filtered, the predicted and the next smoothed covariance, G that of the process
+noise and F the transition over a step, with x, x- and x+ the states. With K = L-^-1 F L, M = L-^-1 G, W = L-^-1 S and
+d = L-^-1 (x+ - x-) the smoothed factor is L times that of [I - K'K, K'M, K'W], positive by form, the smoothed state
+x + L K'd, and M'd the smoothed normalised jerk.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
 from textile_twin_core.shaft.clock import add_spread, shaft_state, wave
 from textile_twin_core.shaft.filter import put_angle
+from textile_twin_core.shaft.gating import set_start
 from textile_twin_core.shaft.kalman import HALF_JERK, LAST_JERK, ROBUST, measurement_update, time_update
 from textile_twin_core.shaft.mixture import set_ripple_covariance
 from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial_intensities
@@ -27,52 +28,43 @@ from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import Record, Records, new_status
 from textile_twin_core.shaft.unmodelled_orders import add_unmodelled_again
 
-FAR = 9.0
-"""Square of how far the filter may be from the bank's, over the variance of that one's angle."""
+FAR = 9.0  # squared distance from the bank's angle beyond which a filter is far from it, in variances of that angle
 
 
 @by_reference
 class Smoother(NamedTuple):
-    """What smoothing works with.
+    """Arrays of a smoothing pass over n rows."""
 
-    Attributes:
-        filters: (1,) a status, of which one lane is the filter's.
-        filtered: (n, 9) its state and factor after each row.
-        smoothed: (9,) state and factor, on the way back.
-        work: (4, 3, 3) K, M, W and a triangular factor.
-        columns: (3, 9) of a covariance, to be made a triangular factor.
-    """
-
-    filters: Records
-    filtered: FloatArray
-    smoothed: FloatArray
-    work: FloatArray
-    columns: FloatArray
+    filters: Records  # (1,) a status, of which lane CHAIN is the filter
+    filtered: FloatArray  # (n, 9) its filtered state and factor at each row
+    smoothed: FloatArray  # (9,) smoothed state and factor in the backward pass
+    work: FloatArray  # (3, 3, 3) K, M, W
+    columns: FloatArray  # (3, 9) of the factor [I - K'K, K'M, K'W]
 
 
 def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
-    """What smoothing so many rows at a time needs."""
+    """Arrays for passes over at most so many rows."""
     filters = new_status(settings, 0.0)
     filters["jerk_strength"][0, lanes.CHAIN] = 1.0
-    return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((4, 3, 3)), np.zeros((3, 9)))
+    return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((3, 3, 3)), np.zeros((3, 9)))
 
 
 @compiled
 def set_ripple(filters: Record, status: Record, family: int) -> None:
-    """Take over a family's ripple as the best filter of a status knows it."""
-    lane, width, root = status.best[family], 2 * lanes.WAVES[family], math.sqrt(status.scale[status.best[family]])
+    """Copy the ripple of a family's best filter, the covariance factor of its coefficients in radians."""
+    lane, width = status.best[family], 2 * lanes.WAVES[family]
+    root = math.sqrt(status.scale[lane])
     filters.leading = family
-    for i in range(2 * width):
-        filters.second[family, i] = status.second[family, i]
+    filters.second[family] = status.second[family]
+    filters.ripple[lanes.CHAIN] = status.ripple[lane]
     for i in range(width):
-        filters.ripple[lanes.CHAIN, i] = status.ripple[lane, i]
         for j in range(i + 1):
             filters.factor[lanes.CHAIN, j, i] = status.factor[lane, j, i] * root
 
 
 @compiled
 def begin_at_state(filters: Record, theta: float, omega: float, alpha: float) -> None:
-    """Begin where the shaft is, `filters.start[3:]` being the factor of the covariance."""
+    """Initial clock state from the shaft's; `filters.start[3:]` is already the initial covariance's factor."""
     g = _wave_at(filters, theta)
     filters.start[lanes.ANGLE] = theta + g[0]
     filters.start[lanes.RATE] = omega * (1.0 + g[1])
@@ -81,43 +73,68 @@ def begin_at_state(filters: Record, theta: float, omega: float, alpha: float) ->
 
 @compiled
 def begin_at_row(filters: Record, row: Record) -> None:
-    """Begin with the state of a row."""
-    start, by = filters.start, row.covariance
-    start[lanes.L00] = math.sqrt(by[8])
-    start[lanes.L10], start[lanes.L20] = by[5] / start[lanes.L00], by[2] / start[lanes.L00]
-    start[lanes.L11] = math.sqrt(max(by[4] - start[lanes.L10] ** 2, 1e-9 * by[4]))
-    start[lanes.L21] = (by[1] - start[lanes.L10] * start[lanes.L20]) / start[lanes.L11]
-    start[lanes.L22] = math.sqrt(max(by[0] - start[lanes.L20] ** 2 - start[lanes.L21] ** 2, 1e-9 * by[0]))
+    """Initial state and covariance factor from the state of a row."""
+    start, p = filters.start, row.covariance
+    start[lanes.L00] = math.sqrt(p[8])
+    start[lanes.L10], start[lanes.L20] = p[5] / start[lanes.L00], p[2] / start[lanes.L00]
+    start[lanes.L11] = math.sqrt(max(p[4] - start[lanes.L10] ** 2, 1e-9 * p[4]))
+    start[lanes.L21] = (p[1] - start[lanes.L10] * start[lanes.L20]) / start[lanes.L11]
+    start[lanes.L22] = math.sqrt(max(p[0] - start[lanes.L20] ** 2 - start[lanes.L21] ** 2, 1e-9 * p[0]))
     begin_at_state(filters, row.theta, row.speed, row.acceleration)
 
 
 @compiled
-def is_far(filters: Record, row: Record) -> bool:
-    """Whether it would begin far from where the bank of filters was at a row, and that one's reading does not."""
-    at = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta)[0]
-    far = (at - row.theta) ** 2 > FAR * row.covariance[0] and row.noise > 0.0
-    return far and abs(row.reading - at) > 2.0 * abs(row.reading - row.theta)  # type: ignore[no-any-return]
+def _begin_at_reading(smoother: Smoother, record: Records, family: int, rows: Records) -> None:
+    """Initial state and covariance factor from the first row's reading and filtered speed; ripple of a family."""
+    filters, first = smoother.filters[0], rows[0]
+    set_ripple(filters, record[0], family)
+    set_start(filters.start, first.reading, first.speed, first.noise, rows[1].step)
+    begin_at_state(filters, first.reading, first.speed, 0.0)
 
 
 @compiled
-def log_likelihood(smoother: Smoother, status: Record, rows: Records) -> float:
-    """Of the readings of all rows but the first, under the ripple that is known."""
-    _find_intensities(smoother, rows, status.interval)
+def is_far(filters: Record, row: Record) -> bool:
+    """Whether the initial angle is far from the bank's at a row, whose reading is much closer to the bank's."""
+    angle = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta)[0]
+    far = (angle - row.theta) ** 2 > FAR * row.covariance[0] and row.noise > 0.0
+    return far and abs(row.reading - angle) > 2.0 * abs(row.reading - row.theta)  # type: ignore[no-any-return]
+
+
+@compiled
+def log_likelihood(smoother: Smoother, record: Records, family: int, rows: Records) -> float:
+    """Log-likelihood of the readings of all rows but the first under a family's ripple, up to a constant."""
+    _begin_at_reading(smoother, record, family, rows)
+    _find_intensities(smoother, record[0].interval, rows)
     return filter_rows(smoother, rows)
 
 
 @compiled
-def smooth(smoother: Smoother, status: Record, rows: Records, first: int, last: int) -> None:
-    """Smooth (n,) rows from where it began; the states of rows `first` .. `last` are written there."""
-    _find_intensities(smoother, rows, status.interval)
+def smooth_family(smoother: Smoother, record: Records, family: int, rows: Records, first: int, last: int) -> None:
+    """Smooth (n,) rows under a family's ripple; rows `first` .. `last` get their states."""
+    _begin_at_reading(smoother, record, family, rows)
+    smooth(smoother, record[0].interval, rows, first, last)
+
+
+@compiled
+def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last: int) -> None:
+    """Smooth (n,) rows from the initial state on; rows `first` .. `last` get their states."""
+    _find_intensities(smoother, interval, rows)
     filter_rows(smoother, rows)
     smooth_back(smoother, rows, first, last)
 
 
 @compiled
-def _find_intensities(smoother: Smoother, rows: Records, interval: float) -> None:
-    """Find intensities of the white jerk [rad^2/s^5] that the readings speak for."""
-    _readmit(rows)
+def _find_intensities(smoother: Smoother, interval: float, rows: Records) -> None:
+    """Estimate each row's process noise intensity [rad^2/s^5] from the filter's memories and a first smoothing pass.
+
+    Before, the readings rejected ahead of a detected manoeuvre are used again, with the shortest memory.
+    """
+    for i in range(3, rows.size):
+        if rows[i].cut == 2.0:
+            for j in range(i - 2, i + 1):
+                for f in range(lanes.FAMILIES):
+                    rows[j].memory[f] = math.log(0.5)
+                rows[j].noise = max(rows[j].noise, rows[i].unit)
     for i in range(rows.size):
         rows[i].clock = rows[i].reading + _wave_at(smoother.filters[0], rows[i].theta)[0]
     set_initial_intensities(rows, smoother.filters[0].leading, interval)
@@ -127,60 +144,44 @@ def _find_intensities(smoother: Smoother, rows: Records, interval: float) -> Non
 
 
 @compiled
-def _readmit(rows: Records) -> None:
-    """The last two readings set aside before motion was seen are readings again, of a motion that changes fast."""
-    for i in range(3, rows.size):
-        if rows[i].cut == 2.0:
-            for j in range(i - 2, i + 1):
-                for f in range(lanes.FAMILIES):
-                    rows[j].memory[f] = math.log(0.5)
-                rows[j].noise = max(rows[j].noise, rows[i].unit)
-
-
-@compiled
 def filter_rows(smoother: Smoother, rows: Records) -> float:
-    """The Kalman filter over all rows but the first; the readings' log likelihood, but for a constant."""
+    """Forward pass over all rows but the first; returns the readings' log-likelihood, up to a constant."""
     filters, m, total = smoother.filters[0], lanes.CHAIN, 0.0
     clock, projected = filters.clock, filters.projected
-    for k in range(9):
-        clock[k, m] = smoother.filtered[0, k] = filters.start[k]
+    clock[:, m] = filters.start
+    smoother.filtered[0] = filters.start
     for i in range(1, rows.size):
         row = rows[i]
         time_update(filters, math.sqrt(row.intensity * row.step), row.step, m, m + 1)
         if row.noise > 0.0:
             innovation = row.clock - clock[lanes.ANGLE, m]
-            projected[0, m], projected[1, m], projected[2, m] = (
-                clock[lanes.L20, m],
-                clock[lanes.L21, m],
-                clock[lanes.L22, m],
-            )
-            prior_variance = clock[lanes.L20, m] ** 2 + clock[lanes.L21, m] ** 2 + clock[lanes.L22, m] ** 2
-            believed = (row.reading - row.theta) ** 2 <= ROBUST * row.noise
-            noise = row.noise if believed else max(row.noise, innovation * innovation / ROBUST - prior_variance)
+            p0, p1, p2 = clock[lanes.L20, m], clock[lanes.L21, m], clock[lanes.L22, m]
+            projected[0, m], projected[1, m], projected[2, m] = p0, p1, p2
+            prior = p0**2 + p1**2 + p2**2
+            fits_bank = (row.reading - row.theta) ** 2 <= ROBUST * row.noise
+            noise = row.noise if fits_bank else max(row.noise, innovation * innovation / ROBUST - prior)
             filters.innovation[m], filters.noise_variance[m] = innovation, noise
             measurement_update(filters, m, m + 1)
-            total -= 0.5 * (math.log(noise + prior_variance) + innovation * innovation / (noise + prior_variance))
-        for k in range(9):
-            smoother.filtered[i, k] = clock[k, m]
+            total -= 0.5 * (math.log(noise + prior) + innovation * innovation / (noise + prior))
+        smoother.filtered[i] = clock[:, m]
     return total
 
 
 @compiled
 def smooth_back(smoother: Smoother, rows: Records, first: int, last: int) -> None:
-    """The way back. Rows `first` .. `last` get their states, all what the readings tell of their step's jerk: its
-    square relative to what was expected, and by how much its variance shrank.
+    """Backward pass: states of rows `first` .. `last`, and of every row the jerk over the step to it.
+
+    Its `jerk` (2,) is the smoothed normalised jerk squared, and by how much the readings reduced its variance.
     """
     filters, filtered, smoothed, m = smoother.filters[0], smoother.filtered, smoother.smoothed, lanes.CHAIN
     noise = 0.0
-    for k in range(9):
-        smoothed[k] = filtered[rows.size - 1, k]
+    smoothed[:] = filtered[rows.size - 1]
     for i in range(rows.size - 1, 0, -1):
         row = rows[i]
         noise = row.noise if row.noise > 0.0 else noise
         if first <= i <= last:
             _write_state(smoother, row, noise)
-        for k in range(9):
-            filters.clock[k, m] = filtered[i - 1, k]
+        filters.clock[:, m] = filtered[i - 1]
         strength = math.sqrt(row.intensity * row.step)
         time_update(filters, strength, row.step, m, m + 1)
         _step_back(smoother, filters.clock[:, m], filtered[i - 1], row.step, strength, row.jerk)
@@ -190,7 +191,7 @@ def smooth_back(smoother: Smoother, rows: Records, first: int, last: int) -> Non
 def _step_back(
     smoother: Smoother, predicted: FloatArray, filtered: FloatArray, step: float, strength: float, jerk: FloatArray
 ) -> None:
-    """From the smoothed state after a step to that before it."""
+    """Smoothed state and factor before a step from those after it, and the step's jerk."""
     smoothed, columns = smoother.smoothed, smoother.columns
     K, M, W, half = smoother.work[0], smoother.work[1], smoother.work[2], 0.5 * step * step
     l00, l10, l20 = filtered[lanes.L00], filtered[lanes.L10], filtered[lanes.L20]
@@ -214,11 +215,11 @@ def _step_back(
     d2 = (smoothed[2] - predicted[2] - p20 * d0 - p21 * d1) * i22
     jerk[0], jerk[1] = 0.0, 0.0
     for j in range(3):
-        found = M[0, j] * d0 + M[1, j] * d1 + M[2, j] * d2
-        jerk[0] += found * found
+        mean = M[0, j] * d0 + M[1, j] * d1 + M[2, j] * d2
+        jerk[0] += mean * mean
         for k in range(3):
-            open_ = M[0, j] * W[0, k] + M[1, j] * W[1, k] + M[2, j] * W[2, k]
-            jerk[1] += M[k, j] * M[k, j] - open_ * open_
+            left = M[0, j] * W[0, k] + M[1, j] * W[1, k] + M[2, j] * W[2, k]
+            jerk[1] += M[k, j] * M[k, j] - left * left
     jerk[1] = max(jerk[1], 0.0)
     for i in range(3):
         for j in range(3):
@@ -241,7 +242,7 @@ def _step_back(
 
 @compiled
 def _triangular(a: FloatArray) -> tuple[float, float, float, float, float, float]:
-    """T of A A' = T T' for A (3, 9), by Gram's and Schmidt's way on its rows: T00, T10, T20, T11, T21, T22."""
+    """T of A A' = T T' for A (3, 9), by modified Gram-Schmidt on its rows: T00, T10, T20, T11, T21, T22."""
     s00 = s10 = s20 = 0.0
     for k in range(9):
         s00 += a[0, k] * a[0, k]
@@ -265,7 +266,7 @@ def _triangular(a: FloatArray) -> tuple[float, float, float, float, float, float
 
 @compiled
 def _wave_at(filters: Record, theta: float) -> tuple[float, float, float, float]:
-    """g of the ripple that is known at an angle, and its first three derivatives."""
+    """g of the known ripple and its first three derivatives at an angle."""
     waves = lanes.WAVES[filters.leading]
     set_basis_at(filters, theta, waves)
     return wave(filters.ripple[lanes.CHAIN], filters.second[filters.leading], waves, filters.lowest, filters.basis)
@@ -273,32 +274,28 @@ def _wave_at(filters: Record, theta: float) -> tuple[float, float, float, float]
 
 @compiled
 def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
-    """Angle, speed, acceleration and covariance of the shaft from the smoothed state of its clock.
+    """State and covariance of the shaft from the smoothed clock, the uncertainty of its ripple included.
 
-    The smoother follows a wave of frequency w but for 1 / (1 + q / (r T w^6)) of it: by so much of what is not known of
-    the ripple the state is off.
+    An error of the ripple at frequency w makes the smoothed clock follow q / (q + r T w^6) of it (q process noise
+    intensity, r measurement noise, T sampling interval); the rest is an error of the state.
     """
     filters, s = smoother.filters[0], smoother.smoothed
-    waves, prior_variance, sensitivity = (
-        lanes.WAVES[filters.leading],
-        filters.covariance_part,
-        filters.sensitivity[lanes.CHAIN],
-    )
+    waves, sensitivity = lanes.WAVES[filters.leading], filters.sensitivity[lanes.CHAIN]
     g = _wave_at(filters, row.theta)
     theta, row.speed, row.acceleration = shaft_state(s[2], s[1], s[0], row.theta, g, filters.slopes)
     set_sensitivity(sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves)
     for k in range(2 * waves):
-        left = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6
+        rejected = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6
         for i in range(3):
-            sensitivity[i, k] *= row.intensity / (row.intensity + left)
+            sensitivity[i, k] *= row.intensity / (row.intensity + rejected)
     set_ripple_covariance(filters, waves, sensitivity, filters.factor[lanes.CHAIN])
-    add_spread(s[lanes.L20], s[lanes.L10], s[lanes.L00], filters.slopes, 1.0, prior_variance)
-    add_spread(s[lanes.L21], s[lanes.L11], 0.0, filters.slopes, 1.0, prior_variance)
-    add_spread(s[lanes.L22], 0.0, 0.0, filters.slopes, 1.0, prior_variance)
-    place = 0
+    covariance, place = filters.covariance_part, 0
+    add_spread(s[lanes.L20], s[lanes.L10], s[lanes.L00], filters.slopes, 1.0, covariance)
+    add_spread(s[lanes.L21], s[lanes.L11], 0.0, filters.slopes, 1.0, covariance)
+    add_spread(s[lanes.L22], 0.0, 0.0, filters.slopes, 1.0, covariance)
     for p in range(3):
         for q in range(p, 3):
-            row.covariance[3 * p + q] = row.covariance[3 * q + p] = prior_variance[place]
+            row.covariance[3 * p + q] = row.covariance[3 * q + p] = covariance[place]
             place += 1
     add_unmodelled_again(row)
     put_angle(row, theta)
