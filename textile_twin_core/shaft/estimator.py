@@ -1,11 +1,11 @@
-"""The filter's own states, at once (the view `causal`); what the two other views share with it and build upon."""
+"""The filtered states (the view `causal`), and what the smoothing views share with it."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from textile_twin_core.compiling import records
 from textile_twin_core.errors import MotionError
@@ -21,17 +21,16 @@ from textile_twin_core.shaft.status import COUNTS, KEPT, MOTIONS, ROW, Records, 
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
-Part = tuple[Stamps, Records]
-"""Stamps and rows of accepted samples."""
-PIECE = 262_144
-"""Samples whose rows are held together, so many that their memory goes back to the computer when they are let go."""
+Part = tuple[Stamps, Records]  # stamps and rows of accepted samples
+PIECE = 262_144  # samples filtered at once: an array of so many rows is returned to the system when it is freed
+REJECTED = {"not_finite": "not_finite", "duplicate_stamp": "duplicate", "older_stamp": "older"}  # cause: status field
 
 
 class ShaftEstimator:
-    """Angle samples in, shaft states out; state lives between the calls.
+    """Recursive estimator: angle samples in, shaft states out.
 
-    The same samples give identical states however they are cut into blocks. From the third accepted sample on each
-    accepted sample gets exactly one state, now (`step`) or later (`step`, `finish`).
+    The same samples give identical states however they are cut into blocks. From the third on each accepted sample gets
+    exactly one state, from the same or a later `step` or from `finish`.
 
     Args:
         settings: fields of `ShaftSettings`.
@@ -41,8 +40,7 @@ class ShaftEstimator:
         TypeError: a setting that does not exist.
     """
 
-    at_once = True
-    """Whether a sample's state is ready with the sample."""
+    at_once = True  # whether a sample's state is ready with the sample
 
     def __init__(self, **settings: Any) -> None:
         self._settings = ShaftSettings(**settings)
@@ -50,16 +48,14 @@ class ShaftEstimator:
 
     def reset(self) -> None:
         """Forget everything, the report included."""
-        told = self._settings
-        self._finder = StepFinder(told.period_rad, told.step_rad)
-        self._status = new_status(told, UNKNOWN_STEP_RAD if told.step_rad is None else told.step_rad)
+        given = self._settings
+        self._finder = StepFinder(given.period_rad, given.step_rad)
+        self._status = new_status(given, UNKNOWN_STEP_RAD if given.step_rad is None else given.step_rad)
         self._last: Stamps = np.zeros(1, np.int64)
         self._kind, self._one = "", OneSample()
-        self._wheel = ToothWheel(told.teeth, told.tooth_zero_rad, told.pitch_errors_rad) if told.teeth else None
+        self._wheel = ToothWheel(given.teeth, given.tooth_zero_rad, given.pitch_errors_rad) if given.teeth else None
 
-    def step(
-        self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
-    ) -> ShaftStates:
+    def step(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None = None) -> ShaftStates:
         """Take a block of samples of any size; the states that are ready.
 
         Args:
@@ -91,14 +87,13 @@ class ShaftEstimator:
 
     @property
     def report(self) -> SampleReport:
-        """Counts of what came in and what became of it, and what was learnt."""
+        """Counts of accepted and rejected samples and of events, and the estimated parameters."""
         now = self._status[0]
         travel = abs(now["speed"]) * now["interval"]
         state = "waiting" if now["accepted"] == 0 else MOTIONS[int(now["motion"])]
         return SampleReport(
             received=int(now["received"]),
-            rejected={"not_finite": int(now["not_finite"]), "duplicate_stamp": int(now["duplicate"]), "older_stamp":
-            int(now["older"])},
+            rejected={cause: int(now[name]) for cause, name in REJECTED.items()},
             longest_gap_s=float(now["longest"]),
             period_s=float(now["interval"]),
             samples_per_turn=float(TURN / travel) if travel > 0.0 else float("inf"),
@@ -108,13 +103,16 @@ class ShaftEstimator:
             ripple=tuple(ripple_amplitudes(self._status).tolist()),
             state="lost" if state == "starting" and now["losses"] > 0 else state,
             **{name: int(now[name]) for name in COUNTS},
-        )  # fmt: skip
+        )
 
-    def _walk(self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None) -> list[Part]:
-        """Take samples piece by piece, learning about the encoder between the pieces; what each piece gave."""
+    def _walk(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None) -> list[Part]:
+        """Take samples piece by piece, the encoder's resolution estimated between them; the rows of each piece."""
         stamp, angle, velocity = as_samples(stamps, angles, velocities)
         if self._kind != stamp.dtype.char:
-            self._mind_kind(stamp)
+            if self._last.dtype != stamp.dtype and self._status["accepted"][0] > 0:
+                raise MotionError("stamps changed between integer nanoseconds and float seconds: keep to one, or reset")
+            self._last, self._kind = self._last.astype(stamp.dtype), stamp.dtype.char
+            self._status["unit"] = 1e-9 if stamp.dtype == np.int64 else 1.0
         if self._wheel is not None:
             angle = self._wheel.corrected(angle)
         heard = np.empty(stamp.size)
@@ -135,24 +133,12 @@ class ShaftEstimator:
             done = end
         return parts
 
-    def _mind_kind(self, stamps: Stamps) -> None:
-        if self._last.dtype != stamps.dtype:
-            if self._status["accepted"][0] > 0:
-                raise MotionError("stamps changed between integer nanoseconds and float seconds: keep to one, or reset")
-            self._last = np.zeros(1, stamps.dtype)
-        self._status["unit"] = 1e-9 if stamps.dtype == np.int64 else 1.0
-        self._kind = stamps.dtype.char
-
     def _piece(self) -> int:
-        """Samples that are taken together at most."""
+        """Most samples in a piece."""
         return PIECE
 
     def _take(self, block: Block) -> Part:
-        """Stamps and rows of the samples whose states are ready."""
-        return self._filtered(block)
-
-    def _filtered(self, block: Block) -> Part:
-        """Stamps and rows of the accepted samples, filtered."""
+        """Filter a block; stamps and rows of the samples whose states are ready."""
         stamps, rows = block.stamps, records(ROW, block.stamps.size)
         count = run_filter(self._status, block, rows)
         if count < stamps.size:
@@ -162,7 +148,7 @@ class ShaftEstimator:
 
 
 def joined(parts: list[Part]) -> Part:
-    """Stamps and rows of all parts, which are taken out of their list on the way: the rows of hours are large."""
+    """Stamps and rows of all parts; empties the list on the way, as the rows of hours are large."""
     if len(parts) == 1:
         return parts.pop()
     count = sum(stamps.size for stamps, _ in parts)
@@ -175,9 +161,9 @@ def joined(parts: list[Part]) -> Part:
 
 
 def states_of(parts: list[Part]) -> ShaftStates:
-    """States of the rows, but for those of a motion's first two samples."""
+    """States of the rows, but for the first two samples of a record, which have none."""
     stamps, rows = joined(parts)
     first = 0
     while first < min(2, stamps.size) and rows["settled"][first] < 0.0:
         first += 1
-    return ShaftStates(stamps[first:], rows[first:]) if first else ShaftStates(stamps, rows)
+    return ShaftStates(stamps[first:], rows[first:])

@@ -1,4 +1,4 @@
-"""The gate for samples: refuses what cannot be used and counts why."""
+"""Input samples: conversion to arrays, and rejection, with its cause, of those that cannot be used."""
 
 from __future__ import annotations
 
@@ -13,41 +13,30 @@ from textile_twin_core.compiling import by_reference, compiled
 from textile_twin_core.errors import MotionError
 from textile_twin_core.shaft.status import Record
 
-Stamps = npt.NDArray[Any]
-"""int64 nanoseconds or float64 seconds."""
+Stamps = npt.NDArray[Any]  # int64 nanoseconds or float64 seconds
 
 
 @by_reference
 class Block(NamedTuple):
-    """Samples on their way in.
+    """A block of n input samples."""
 
-    Attributes:
-        last: (1,) the newest stamp that passed.
-        stamps: (n,) as they came.
-        angles: (n,) [rad].
-        velocities: (n,) [rad/s], NaN for none, or empty.
-        heard: (n,) becomes each sample's unwrapped reading, NaN where it tells nothing of the encoder.
-    """
-
-    last: Stamps
-    stamps: Stamps
-    angles: FloatArray
-    velocities: FloatArray
-    heard: FloatArray
+    last: Stamps  # (1,) the newest stamp accepted
+    stamps: Stamps  # (n,)
+    angles: FloatArray  # (n,) [rad]
+    velocities: FloatArray  # (n,) [rad/s], NaN for none, or empty
+    heard: FloatArray  # (n,) set: unwrapped readings that tell of the encoder's resolution, else NaN
 
 
 @compiled
 def admit(status: Record, last: Stamps, stamp: float, angle: float) -> bool:
-    """Whether a sample may pass: angle and stamp finite, the stamp newer than `last` (1,), the newest that passed."""
+    """Whether to accept a sample: angle and stamp finite, the stamp newer than `last` (1,); counts the cause if not."""
     status.received += 1.0
     if not (math.isfinite(angle) and math.isfinite(stamp)):
         status.not_finite += 1.0
         return False
     if status.accepted > 0.0 and stamp <= last[0]:
-        if stamp == last[0]:
-            status.duplicate += 1.0
-        else:
-            status.older += 1.0
+        status.duplicate += stamp == last[0]
+        status.older += stamp < last[0]
         return False
     status.accepted += 1.0
     return True

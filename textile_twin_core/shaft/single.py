@@ -1,7 +1,7 @@
-"""One sample at a time, as a live machine gives them: the same loop as for blocks, in a block that is made once.
+"""One sample at a time, by the same loop as for blocks, in a block that is made once.
 
-A live node wakes for each sample with cold caches, where what surrounds the loop (arrays made, checked, looked up by
-field) takes five times as long as the loop itself.
+A live node wakes for each sample with cold caches, where making, checking and looking up arrays around the loop takes
+five times as long as the loop.
 """
 
 from __future__ import annotations
@@ -29,12 +29,11 @@ class OneState(NamedTuple):
 
 
 class OneSample:
-    """A block of one sample, and the row that comes of it."""
+    """A block of one sample and the row of its state."""
 
     def __init__(self) -> None:
-        self._stamps, self._angles, self._velocities = np.zeros(1, np.int64), np.zeros(1), np.zeros(1)
         self._row: Any = records(ROW)
-        self._block = Block(np.zeros(0, np.int64), self._stamps, self._angles, self._velocities, np.zeros(1))
+        self._block = Block(np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(1), np.zeros(1), np.zeros(1))
         self._run = run_filter
 
     def take(self, status: Records, last: Stamps, stamp: int, angle: float, velocity: float) -> OneState | None:
@@ -42,8 +41,9 @@ class OneSample:
         if last is not self._block.last:
             self._block = self._block._replace(last=last)
             self._run = entry(run_filter, status, self._block, self._row)
-        self._stamps[0], self._angles[0], self._velocities[0] = stamp, angle, velocity
-        if not self._run(status, self._block, self._row):
+        block = self._block
+        block.stamps[0], block.angles[0], block.velocities[0] = stamp, angle, velocity
+        if not self._run(status, block, self._row):
             return None
         phase, omega, alpha, turns, settled = _STATE.unpack_from(self._row)
         return None if settled < 0.0 else OneState(phase, omega, alpha, turns)
