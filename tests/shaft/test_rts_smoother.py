@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from textile_twin_core.compiling import records
-from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.rts_smoother import begin_at_state, filter_rows, new_smoother, smooth_back
+from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import ROW
 
 COUNT = 24

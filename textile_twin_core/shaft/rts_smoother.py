@@ -104,7 +104,7 @@ def is_far(filters: Record, row: Record) -> bool:
 def log_likelihood(smoother: Smoother, record: Records, family: int, rows: Records) -> float:
     """Log-likelihood of the readings of all rows but the first under a family's ripple, up to a constant."""
     _begin_at_reading(smoother, record, family, rows)
-    _find_intensities(smoother, record[0].interval, rows)
+    _find_intensities(smoother, record[0].interval, rows, 1)
     return filter_rows(smoother, rows)
 
 
@@ -112,20 +112,23 @@ def log_likelihood(smoother: Smoother, record: Records, family: int, rows: Recor
 def smooth_family(smoother: Smoother, record: Records, family: int, rows: Records, first: int, last: int) -> None:
     """Smooth (n,) rows under a family's ripple; rows `first` .. `last` get their states."""
     _begin_at_reading(smoother, record, family, rows)
-    smooth(smoother, record[0].interval, rows, first, last)
+    smooth(smoother, record[0].interval, rows, first, last, 2)
 
 
 @compiled
-def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last: int) -> None:
-    """Smooth (n,) rows from the initial state on; rows `first` .. `last` get their states."""
-    _find_intensities(smoother, interval, rows)
+def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last: int, passes: int) -> None:
+    """Smooth (n,) rows from the initial state on, after so many passes for the process noise.
+
+    Rows `first` .. `last` get their states.
+    """
+    _find_intensities(smoother, interval, rows, passes)
     filter_rows(smoother, rows)
     smooth_back(smoother, rows, first, last)
 
 
 @compiled
-def _find_intensities(smoother: Smoother, interval: float, rows: Records) -> None:
-    """Estimate each row's process noise intensity [rad^2/s^5] from the filter's memories and a first smoothing pass.
+def _find_intensities(smoother: Smoother, interval: float, rows: Records, passes: int) -> None:
+    """Estimate each row's process noise intensity [rad^2/s^5] from the filter's memories, then from smoothing passes.
 
     Before, the readings rejected ahead of a detected manoeuvre are used again, with the shortest memory.
     """
@@ -138,9 +141,10 @@ def _find_intensities(smoother: Smoother, interval: float, rows: Records) -> Non
     for i in range(rows.size):
         rows[i].clock = rows[i].reading + _wave_at(smoother.filters[0], rows[i].theta)[0]
     set_initial_intensities(rows, smoother.filters[0].leading, interval)
-    filter_rows(smoother, rows)
-    smooth_back(smoother, rows, 1, 0)
-    adapt_intensities(rows, interval)
+    for _ in range(passes):
+        filter_rows(smoother, rows)
+        smooth_back(smoother, rows, 1, 0)
+        adapt_intensities(rows, interval)
 
 
 @compiled
