@@ -1,4 +1,4 @@
-"""Where a motion begins or breaks: the first two readings, leaps and changes, gaps, readings that follow nothing."""
+"""Track initiation, gating: outliers against manoeuvres, gaps in the record, and restarts."""
 
 from __future__ import annotations
 
@@ -26,29 +26,20 @@ from textile_twin_core.shaft.measurement_noise import (
 )
 from textile_twin_core.shaft.status import Record
 
-SET_ASIDE = 2
-"""Readings in a row that may be set aside as outliers before the motion is believed to have changed."""
-CLEAN = 100.0
-"""Readings without an outlier, from which only one is set aside first if the next is farther off to the same side."""
-ALWAYS = 12.0
-"""Times in a row that readings far off were motion, from which none is set aside first."""
-FASTER = 1.25
-"""By how much farther off the second must be."""
-UNHEARD_OF = 2.0
-"""Full speeds, as far as they are known, beyond which one more must have been set aside before: of many outliers a few
-are on a line by chance."""
-FORETOLD = 0.05
-"""Standard deviation [rad] of a reading after a gap up to which the motion may go on: that one of another motion is
-within three of it happens in 1 case of 20 at most, and the next readings tell."""
-FALSE = 4.0
-"""A start is false from which a reading is so many times farther off than from a line through those since."""
-TOLD = 0.02
-"""Part of a speed that a sensor tells by which it may be off."""
+MAX_OUTLIERS = 2  # consecutive measurements rejected as outliers before a manoeuvre may be declared
+MAX_UNCONFIRMED = 9  # rejected measurements, less those accepted since, beyond which the track is lost
+CLEAN_SAMPLES = 100.0  # samples without an outlier, from which one rejection fewer is enough
+SURE_MANOEUVRES = 12.0  # manoeuvres in a row, no outlier between them, from which one rejection fewer is enough
+GROWTH = 1.25  # ratio of two successive innovations from which they grow as in a manoeuvre
+MAX_SPEED_RATIO = 2.0  # of the highest speed seen, above which one rejection more is needed: outliers line up by chance
+MAX_GAP_SIGMA = 0.05  # [rad] predicted across a gap: at most 1 in 20 other motions passes a gate of 3 sigma by chance
+FALSE_START = 4.0  # innovation in deviations from the line through the latest measurements
+SENSOR_SPEED_SIGMA = 0.02  # standard deviation of a sensor's own speed, relative
 
 
 @compiled
 def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: float) -> None:
-    """State and factor (9,) after two readings: what their noise leaves open, and a tenth more speed in a step."""
+    """Two-point initiation: state and covariance factor (9,); acceleration may change the speed by a tenth a step."""
     root = math.sqrt(noise)
     start[lanes.ACCELERATION], start[lanes.RATE], start[lanes.ANGLE] = 0.0, rate, angle
     start[lanes.L00], start[lanes.L10], start[lanes.L20] = 0.1 * abs(rate) / step + root / step**2, 0.0, 0.0
@@ -56,12 +47,11 @@ def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: 
 
 
 @compiled
-def start(status: Record, step: float, angle: float) -> None:
-    """Begin with two readings: what a straight line through them leaves open is the filters' uncertainty.
+def initiate(status: Record, step: float, angle: float, row: Record) -> None:
+    """Initiate all families from `status.first` and the measurement `angle`, `step` [s] later.
 
-    A sensor's own speed that agrees with the line is better than its slope. It counts nowhere else: what a drive tells
-    is mostly the slope of the same angles, smoothed and late, and as a reading beside them it made the acceleration ten
-    times worse.
+    A sensor's own speed replaces the slope where it agrees. It is no measurement later: drives mostly differentiate the
+    same angles, smoothed and late, and updates with it made the acceleration's error ten times larger.
     """
     rate = (angle - status.first) / step
     status.interval = step
@@ -70,11 +60,12 @@ def start(status: Record, step: float, angle: float) -> None:
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
     status.read, status.kept, status.kept_at, status.moved, status.bent = angle, angle, status.time, 0.0, 0.0
     set_correlated(status)
-    start, root = status.start, math.sqrt(measurement_variance(status, rate))
-    set_start(start, angle, rate, root**2, step)
-    if abs(status.sensor_speed - rate) <= 3.0 * start[lanes.L11]:
-        start[lanes.RATE] = status.speed = status.sensor_speed
-        start[lanes.L11], start[lanes.L21], start[lanes.L22] = TOLD * (abs(status.speed) + start[lanes.L11]), 0.0, root
+    initial, noise = status.start, measurement_variance(status, rate)
+    set_start(initial, angle, rate, noise, step)
+    if abs(status.sensor_speed - rate) <= 3.0 * initial[lanes.L11]:
+        initial[lanes.RATE] = status.speed = status.sensor_speed
+        initial[lanes.L11] = SENSOR_SPEED_SIGMA * (abs(status.speed) + initial[lanes.L11])
+        initial[lanes.L21], initial[lanes.L22] = 0.0, math.sqrt(noise)
     for f in range(lanes.FAMILIES):
         initialise(status, f, 1.0)
         status.active[f] = 1.0 if is_resolved(status, f, 1.0) else 0.0
@@ -82,69 +73,77 @@ def start(status: Record, step: float, angle: float) -> None:
         status.pause[f] = FIRST_REST
     status.mode_probability[0] = 1.0
     status.leading = 0
-    status.since = status.rejected_run = status.unconfirmed = status.off_before = status.off_last = (
-        status.ripple_tried
-    ) = 0.0
+    status.since = status.rejected_run = status.unconfirmed = status.ripple_tried = 0.0
+    status.off_before = status.off_last = 0.0
+    row.reading, row.cut = angle, 1.0
+    row.noise = row.unit = measurement_variance(status, status.speed)
+
+
+@compiled
+def restart(status: Record, reading: float, rate: float, step: float, row: Record) -> None:
+    """Track loss: initiate again from a measurement and a speed [rad/s]."""
+    status.losses += 1.0
+    status.first = reading - rate * step
+    initiate(status, step, reading, row)
 
 
 @compiled
 def is_false_start(status: Record, reading: float, off: float, step: float) -> bool:
-    """Whether the three readings after the first two follow a line, but not that of these: one of them was wrong.
+    """Whether one of the first two measurements was an outlier: the next three lie on a line of their own.
 
-    Readings whose stamps come in bunches follow lines, too, that are none.
+    `off` is the innovation. Stamps that come in bunches are left out, as they feign lines.
     """
     if status.samples != 5.0 or step < 0.5 * status.interval:
         return False
     bend = reading - status.kept - status.moved * step / status.interval
-    return abs(off) > FALSE * (abs(bend) + math.sqrt(measurement_variance(status, status.speed)))  # type: ignore[no-any-return]
+    limit = FALSE_START * (abs(bend) + math.sqrt(measurement_variance(status, status.speed)))
+    return abs(off) > limit  # type: ignore[no-any-return]
 
 
 @compiled
-def is_dropout(status: Record) -> bool:
-    """Whether those set aside only say again what the last reading said of a shaft that moved by many steps.
+def is_growing(status: Record, off: float) -> bool:
+    """Whether an innovation has the sign of the last rejected one and is larger."""
+    return off * status.off_last >= 0.0 and abs(off) > GROWTH * abs(status.off_last)  # type: ignore[no-any-return]
 
-    A bus has dropped out; what lasts is a stop after all.
+
+@compiled
+def accept_manoeuvre(status: Record, reading: float, off: float, step: float, row: Record) -> bool:
+    """Whether an innovation outside the gate is a manoeuvre: it lies on a line with the last two rejected, on one side.
+
+    After many samples without an outlier, or many manoeuvres in a row, two that grow or this one alone are enough. A
+    manoeuvre shifts the state and inflates its covariance: of the angle alone where the innovations are alike (the
+    encoder slipped), else of speed and acceleration too; then the measurement is predicted again. Else it is rejected.
     """
-    moved = abs(status.moved) > LEAP_GUESSED * status.resolution
-    return moved and status.holding > status.rejected_run  # type: ignore[no-any-return]
-
-
-@compiled
-def is_continued(status: Record, off: float) -> bool:
-    """Whether a reading is off to the same side as the last one that was set aside, and farther."""
-    return off * status.off_last >= 0.0 and abs(off) > FASTER * abs(status.off_last)  # type: ignore[no-any-return]
-
-
-@compiled
-def is_manoeuvre(status: Record, off: float, step: float, noise: float, row: Record) -> bool:
-    """Whether readings far off are the shaft's motion and not outliers: the last three, at least, follow a line.
-
-    Outliers on both sides of the motion follow one, too: all three must lie on one side. Where there were no outliers
-    of late two are enough, or this one where such were always motion. Then the motion is opened: where they are equally
-    far off (an encoder that slipped) the angle alone, else speed and acceleration too.
-    """
-    if status.rejected_run < SET_ASIDE and status.rejected_run >= SET_ASIDE - (status.clean >= CLEAN) - (
-        status.motions >= ALWAYS
-    ):
+    needed = MAX_OUTLIERS - (status.clean >= CLEAN_SAMPLES) - (status.motions >= SURE_MANOEUVRES)
+    if status.rejected_run < MAX_OUTLIERS and status.rejected_run >= needed:
         span, grown, slipped = step, off - status.off_last, False
-        straight = is_continued(status, off)
+        straight = is_growing(status, off)
     else:
         span, grown = step + status.step_last, off - status.off_before
         slipped = abs(grown) < 0.25 * abs(off)
         one_side = min(off * status.off_last, off * status.off_before) > 0.0
         bend = off - 2.0 * status.off_last + status.off_before
-        straight = (
-            one_side and abs(bend) <= 0.5 * max(abs(off), abs(status.off_before)) and status.rejected_run >= SET_ASIDE
-        )
-    unheard_of = not slipped and 0.0 < UNHEARD_OF * status.fastest < abs(status.speed + grown / span)
-    if not straight or is_dropout(status) or (unheard_of and status.rejected_run <= SET_ASIDE):
+        on_line = abs(bend) <= 0.5 * max(abs(off), abs(status.off_before))
+        straight = one_side and on_line and status.rejected_run >= MAX_OUTLIERS
+    # A bus that dropped out repeats one measurement of a shaft that moved by many encoder steps; more lasts at a stop.
+    dropout = abs(status.moved) > LEAP_GUESSED * status.resolution and status.holding > status.rejected_run
+    too_fast = not slipped and 0.0 < MAX_SPEED_RATIO * status.fastest < abs(status.speed + grown / span)
+    if not straight or dropout or (too_fast and status.rejected_run <= MAX_OUTLIERS):
         status.off_before, status.off_last, status.step_last = status.off_last, off, step
+        row.noise = 0.0
+        status.rejected_run += 1.0
+        status.unconfirmed += 1.0
+        status.outliers += 1.0
+        if status.unconfirmed > MAX_UNCONFIRMED:
+            restart(status, reading, 0.0 if status.holding > 0.0 else status.speed, step, row)
         return False
     status.motions += 1.0
     rate = 0.0 if slipped else grown / span
-    by_rate = 0.0 if slipped else (math.sqrt(noise) + abs(grown)) / span
+    sigma = math.sqrt(row.noise)
+    by_rate = 0.0 if slipped else (sigma + abs(grown)) / span
     for f in range(lanes.FAMILIES):
-        open_manoeuvre(status, f, off, rate, math.sqrt(noise) + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
+        open_manoeuvre(status, f, off, rate, sigma + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
+        predict_reading(status, f, 0.0, reading, reading, row.unit)
     row.cut = 1.0 if slipped else 2.0
     row.unit += (RIPPLE_SIZE * off) ** 2
     status.jumps += row.cut == 1.0
@@ -155,9 +154,9 @@ def is_manoeuvre(status: Record, off: float, step: float, noise: float, row: Rec
 
 @compiled
 def is_predicted(status: Record, step: float, reading: float) -> bool:
-    """Whether the best filter foresees a reading [rad] `step` [s] after the one before: the motion goes on as it did.
+    """Whether the best filter predicts a measurement [rad] after a gap of `step` [s], so that the track continues.
 
-    The variance is that of `kinematics.time_update`, without its rotations: nothing is moved on yet.
+    The variance is that of `kalman.time_update`, without changing the state.
     """
     f, half, interval = status.leading, 0.5 * step * step, step / status.interval
     m, clock, noise = status.best[f], status.clock, measurement_variance(status, status.speed)
@@ -168,17 +167,16 @@ def is_predicted(status: Record, step: float, reading: float) -> bool:
     p1, p2 = clock[lanes.L21, m] + step * clock[lanes.L11, m], clock[lanes.L22, m]
     jerk = status.jerk_strength[m] ** 2 * interval**5 / 20.0
     variance = status.scale[m] * (p0 * p0 + p1 * p1 + p2 * p2 + (1.0 + jerk) * noise)
-    return variance <= FORETOLD**2 and off * off <= 9.0 * variance  # type: ignore[no-any-return]
+    return variance <= MAX_GAP_SIGMA**2 and off * off <= 9.0 * variance  # type: ignore[no-any-return]
 
 
 @compiled
 def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
-    """After a pause the ripple is still known, the motion is not."""
+    """After a gap: keep the ripple, shift the angle to the measurement and inflate the state's covariance."""
     reading = unwrap_reading(status, raw, status.angle + status.speed * step)
     row.unit = measurement_variance(status, status.speed)
     row.reading, row.cut, row.noise = reading, 1.0, row.unit * status.scale[status.best[status.leading]]
-    root = math.sqrt(row.noise)
-    by_rate = 0.5 * abs(status.speed) + root / status.interval
+    by_rate = 0.5 * abs(status.speed) + math.sqrt(row.noise) / status.interval
     for f in range(lanes.FAMILIES):
         open_manoeuvre(status, f, reading - status.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))
         if status.active[f] > 0.0:
@@ -186,13 +184,3 @@ def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
             update_filters(status, f, row.unit, 0.0)
     status.angle = status.read = reading
     status.since = 0.0
-
-
-@compiled
-def restart(status: Record, reading: float, rate: float, step: float, row: Record) -> None:
-    """Readings that follow no motion: begin anew with this one and a speed."""
-    status.losses += 1.0
-    status.first = reading - rate * step
-    start(status, step, reading)
-    row.reading, row.cut = reading, 1.0
-    row.noise = row.unit = measurement_variance(status, status.speed)
