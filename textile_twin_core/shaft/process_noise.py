@@ -1,4 +1,4 @@
-"""How strong the white jerk of the chain is, row by row: by the memory around it, then by the jerk found."""
+"""Process noise of the smoother: intensity of the white jerk by row, from filter memory, then from smoothed jerk."""
 
 from __future__ import annotations
 
@@ -8,38 +8,33 @@ from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft.measurement_noise import MOST_CORRELATED
 from textile_twin_core.shaft.status import Record, Records
 
-LATE, STEADY = 20.5, 80.0
-"""Samples that a filter takes at most to notice a change that matters, but the longer, the longer its memory is than
-so many; those that are alike count as one. No whole number: rounding shall not choose where sums of ones end."""
-FOUND, WIDEST = 8.0, 512
-"""Degrees of freedom that the readings tell of the jerk around a row where it is found, and the most rows that it is
-looked for in on either side."""
-PRIOR_WEIGHT = 0.5
-"""Degrees of freedom that the expectation weighs in this comparison."""
-LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25
-"""Memories that a chain may have, in samples."""
+DELAY = 20.5  # independent samples until a filter detects a change; no integer, lest rounding decide comparisons
+STEADY = 80.0  # memory in samples beyond which the delay grows in proportion to it
+FOUND, WIDEST = 8.0, 512  # degrees of freedom that a row's window holds, and its most rows on either side
+PRIOR_WEIGHT = 0.5  # degrees of freedom of the prior ratio 1
+LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25  # memories that bound the intensity, in samples
 
 
 @compiled
 def set_initial_intensities(rows: Records, family: int, interval: float) -> None:
-    """Intensity of the white jerk at each row from the family's memory there, as in `bank.predict`.
+    """Intensity [rad^2/s^5] of each row from the family's memory N and r / (N^6 T^5), as in `bank.predict`.
 
-    The filter notices a change some samples late: the memory is the shortest that it has around the row.
+    A filter detects a change some samples late, so N is the shortest memory within that delay on either side.
     """
     noise, shortest, oldest, newest, behind, ahead = 0.0, 0, 0, 0, 0.0, 0.0
     for i in range(rows.size):
         if rows[i].noise > 0.0:
             noise = rows[i].noise
         if i > 0:
-            behind, ahead = behind + _counts(rows[i], family), ahead - _counts(rows[i], family)
-        while newest + 1 < rows.size and ahead < LATE:
+            behind, ahead = behind + _independent(rows[i], family), ahead - _independent(rows[i], family)
+        while newest + 1 < rows.size and ahead < DELAY:
             newest += 1
-            ahead += _counts(rows[newest], family)
+            ahead += _independent(rows[newest], family)
             if rows[newest].memory[family] <= rows[shortest].memory[family]:
                 shortest = newest
-        while behind > LATE:
+        while behind > DELAY:
             oldest += 1
-            behind -= _counts(rows[oldest], family)
+            behind -= _independent(rows[oldest], family)
         if shortest < oldest:
             shortest = oldest
             for j in range(oldest, newest + 1):
@@ -49,17 +44,17 @@ def set_initial_intensities(rows: Records, family: int, interval: float) -> None
 
 
 @compiled
-def _counts(row: Record, family: int) -> float:
-    """Part of a sample for which a row counts."""
+def _independent(row: Record, family: int) -> float:
+    """Independent samples that a row counts for, at most 1."""
     return float(1.0 / max(row.correlated, min(math.exp(row.memory[family]) / STEADY, MOST_CORRELATED), 1.0))
 
 
 @compiled
 def adapt_intensities(rows: Records, interval: float) -> None:
-    """Make each row's intensity what the smoothed jerk around it says.
+    """Scale each row's intensity by the smoothed jerk's mean square over its expectation, in a window around the row.
 
-    The ratio of the jerk's mean squared to the variance that the readings took away (MacKay 1992) is 1 where the
-    intensity is right. Each row's `jerk` becomes the sums of both up to it.
+    The expectation is the variance that the measurements removed (MacKay 1992): the ratio is 1 where the intensity is
+    right. `jerk` (2,) of each row becomes the sums of both up to it.
     """
     count, noise, half = rows.size, 0.0, 2
     for i in range(1, count):
