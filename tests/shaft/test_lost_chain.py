@@ -52,6 +52,30 @@ def test_ripple_that_has_a_say_now_moves_no_state(view: str) -> None:
     assert np.max(np.abs(states.alpha_rad_s2 - truth)[late]) < 2.0 * np.abs(truth).max()
 
 
+def test_smooth_finds_a_shaft_that_its_filter_lost() -> None:
+    """Once its process noise was a million times too weak: one pass could not mend it, and a state was off by 70 rad/s."""
+    record = make("coarse+1%", 13)
+    estimator = create_estimator("smooth")
+    estimator.step(record.time_s, record.fed_rad)
+    states = estimator.finish()
+    off = (states.omega_rad_s - record.omega[states.index])[states.index > 0.15 * record.time_s.size]
+    assert np.abs(off).max() < 0.3 * np.abs(record.omega).max()
+
+
+@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
+def test_a_bus_that_drops_out_for_as_long_as_the_lag_leaves_no_nan(view: str) -> None:
+    """A window of rejected readings alone has no noise of its own: states were NaN to the record's end."""
+    record = make("slow", 3)
+    readings, n = record.fed_rad.copy(), record.time_s.size
+    for first, count in ((n // 3, 6), (n // 2, 40)):
+        readings[first : first + count] = readings[first]
+    estimator = create_estimator(view)
+    states = [estimator.step(record.time_s, readings), estimator.finish()][view == "smooth"]
+    late = states.index > n // 2 + 60
+    assert np.isfinite(states.covariance).all() and np.isfinite(states.theta_rad).all()
+    assert np.abs(states.omega_rad_s - record.omega[states.index])[late].max() < 0.2 * np.abs(record.omega).max()
+
+
 @pytest.mark.parametrize("block", [1, 700, 4000])
 def test_a_lag_of_more_samples_than_may_be_held_is_cut_to_what_fits(block: int) -> None:
     stamps, angles = np.arange(4000) * 1_000_000, 20.0 * np.arange(4000) * 1e-3

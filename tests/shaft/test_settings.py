@@ -45,3 +45,10 @@ def test_the_lag_must_be_positive() -> None:
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_settings_may_be_numpys_numbers(name: str) -> None:
     create_estimator(name, cycle_turns=np.int64(2), encoder_bits=np.float64(14))
+
+
+def test_angles_that_are_told_not_to_wrap_keep_their_turns() -> None:
+    """At 100 Hz a shaft of 400 rad/s moves by more than half a turn: wrapped it would look like one that runs backwards."""
+    time = np.arange(400) / 100.0
+    states = create_estimator("causal", wrapping="unwrapped").step(time, 400.0 * time)
+    assert np.allclose(states.omega_rad_s[50:], 400.0)

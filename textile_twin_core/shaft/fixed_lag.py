@@ -133,7 +133,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
         begin_at_row(filters, window.filtered[0])
     held.restart = 0
     window.filtered[0] = window.rows[due]
-    smooth(smoother, status.interval, window.rows[: held.rows], 1, due, 1)
+    smooth(smoother, status.interval, window.rows[: held.rows], 1, due)
     filters.start[:] = smoother.filtered[due]
     for k in range(1, due + 1):
         _emit(window, k, ready, table)

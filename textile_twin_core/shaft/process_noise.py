@@ -21,7 +21,7 @@ def set_initial_intensities(rows: Records, family: int, interval: float) -> None
 
     A filter detects a change some samples late, so N is the shortest memory within that delay on either side.
     """
-    noise, shortest, oldest, newest, behind, ahead = 0.0, 0, 0, 0, 0.0, 0.0
+    noise, shortest, oldest, newest, behind, ahead = rows[0].unit, 0, 0, 0, 0.0, 0.0
     for i in range(rows.size):
         if rows[i].noise > 0.0:
             noise = rows[i].noise
@@ -50,13 +50,13 @@ def _independent(row: Record, family: int) -> float:
 
 
 @compiled
-def adapt_intensities(rows: Records, interval: float) -> None:
+def adapt_intensities(rows: Records, interval: float) -> float:
     """Scale each row's intensity by the smoothed jerk's mean square over its expectation, in a window around the row.
 
     The expectation is the variance that the measurements removed (MacKay 1992): the ratio is 1 where the intensity is
-    right. `jerk` (2,) of each row becomes the sums of both up to it.
+    right. `jerk` (2,) of each row becomes the sums of both up to it. Returns the largest increase.
     """
-    count, noise, half = rows.size, 0.0, 2
+    count, noise, half, largest = rows.size, rows[0].unit, 2, 1.0
     for i in range(1, count):
         rows[i].jerk[0] += rows[i - 1].jerk[0]
         rows[i].jerk[1] += rows[i - 1].jerk[1]
@@ -74,4 +74,6 @@ def adapt_intensities(rows: Records, interval: float) -> None:
         found = rows[last].jerk[0] - rows[before].jerk[0] + PRIOR_WEIGHT
         expected = rows[last].jerk[1] - rows[before].jerk[1] + PRIOR_WEIGHT
         change = min(max(found / expected, 1e-3), 1e3)
+        largest = max(largest, change)
         rows[i].intensity = min(max(rows[i].intensity * change, unit / LONGEST**6), unit / SHORTEST**6)
+    return largest

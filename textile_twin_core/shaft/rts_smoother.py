@@ -29,6 +29,10 @@ from textile_twin_core.shaft.status import Record, Records, new_status
 from textile_twin_core.shaft.unmodelled_orders import add_unmodelled_again
 
 FAR = 9.0  # squared distance from the bank's angle beyond which a filter is far from it, in variances of that angle
+MOST_PASSES, FAR_OFF = (
+    3,
+    100.0,
+)  # smoothing passes, while process noise was too weak by so much: the filter lost the shaft
 
 
 @by_reference
@@ -88,7 +92,7 @@ def _begin_at_reading(smoother: Smoother, record: Records, family: int, rows: Re
     """Initial state and covariance factor from the first row's reading and filtered speed; ripple of a family."""
     filters, first = smoother.filters[0], rows[0]
     set_ripple(filters, record[0], family)
-    set_start(filters.start, first.reading, first.speed, first.noise, rows[1].step)
+    set_start(filters.start, first.reading, first.speed, first.noise or first.unit, rows[1].step)
     begin_at_state(filters, first.reading, first.speed, 0.0)
 
 
@@ -104,7 +108,7 @@ def is_far(filters: Record, row: Record) -> bool:
 def log_likelihood(smoother: Smoother, record: Records, family: int, rows: Records) -> float:
     """Log-likelihood of the readings of all rows but the first under a family's ripple, up to a constant."""
     _begin_at_reading(smoother, record, family, rows)
-    _find_intensities(smoother, record[0].interval, rows, 1)
+    _find_intensities(smoother, record[0].interval, rows)
     return filter_rows(smoother, rows)
 
 
@@ -112,22 +116,19 @@ def log_likelihood(smoother: Smoother, record: Records, family: int, rows: Recor
 def smooth_family(smoother: Smoother, record: Records, family: int, rows: Records, first: int, last: int) -> None:
     """Smooth (n,) rows under a family's ripple; rows `first` .. `last` get their states."""
     _begin_at_reading(smoother, record, family, rows)
-    smooth(smoother, record[0].interval, rows, first, last, 2)
+    smooth(smoother, record[0].interval, rows, first, last)
 
 
 @compiled
-def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last: int, passes: int) -> None:
-    """Smooth (n,) rows from the initial state on, after so many passes for the process noise.
-
-    Rows `first` .. `last` get their states.
-    """
-    _find_intensities(smoother, interval, rows, passes)
+def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last: int) -> None:
+    """Smooth (n,) rows from the initial state on; rows `first` .. `last` get their states."""
+    _find_intensities(smoother, interval, rows)
     filter_rows(smoother, rows)
     smooth_back(smoother, rows, first, last)
 
 
 @compiled
-def _find_intensities(smoother: Smoother, interval: float, rows: Records, passes: int) -> None:
+def _find_intensities(smoother: Smoother, interval: float, rows: Records) -> None:
     """Estimate each row's process noise intensity [rad^2/s^5] from the filter's memories, then from smoothing passes.
 
     Before, the readings rejected ahead of a detected manoeuvre are used again, with the shortest memory.
@@ -141,10 +142,11 @@ def _find_intensities(smoother: Smoother, interval: float, rows: Records, passes
     for i in range(rows.size):
         rows[i].clock = rows[i].reading + _wave_at(smoother.filters[0], rows[i].theta)[0]
     set_initial_intensities(rows, smoother.filters[0].leading, interval)
-    for _ in range(passes):
+    for _ in range(MOST_PASSES):
         filter_rows(smoother, rows)
         smooth_back(smoother, rows, 1, 0)
-        adapt_intensities(rows, interval)
+        if adapt_intensities(rows, interval) < FAR_OFF:
+            break
 
 
 @compiled
@@ -178,7 +180,7 @@ def smooth_back(smoother: Smoother, rows: Records, first: int, last: int) -> Non
     Its `jerk` (2,) is the smoothed normalised jerk squared, and by how much the readings reduced its variance.
     """
     filters, filtered, smoothed, m = smoother.filters[0], smoother.filtered, smoother.smoothed, lanes.CHAIN
-    noise = 0.0
+    noise = rows[0].unit
     smoothed[:] = filtered[rows.size - 1]
     for i in range(rows.size - 1, 0, -1):
         row = rows[i]
