@@ -1,10 +1,9 @@
-"""A family of Kalman filters with one clock and different memories, weighed by how well each foretold the readings.
+"""A family: Kalman filters with one ripple model and different memories, weighted by their likelihoods.
 
-Static multiple models (Magill 1965) with a fixed share of new probability (Herbster and Warmuth 1998), which goes to
-the memories that had it of late (Bousquet and Warmuth 2002): where no blow ever came, two late stamps in a row are
-none. But states are not mixed: where the states of the models are mixed at each step, as interacting multiple models
-do (Blom and Bar-Shalom 1988), those of long memory are overwritten and never become sharp. Instead a filter that has
-fallen behind begins again from the best one.
+Static multiple models (Magill 1965) with a fixed share of switching probability (Herbster and Warmuth 1998), given
+mostly to memories in recent use (Bousquet and Warmuth 2002). States are not mixed at each step as in interacting
+multiple models (Blom and Bar-Shalom 1988), as filters of long memory would never converge; a filter that has diverged
+restarts from the best one instead.
 """
 
 from __future__ import annotations
@@ -25,27 +24,21 @@ from textile_twin_core.shaft.ripple import (
 )
 from textile_twin_core.shaft.status import Record
 
-SHARE, TO_ALL = 1e-3, 0.01
-"""Probability that passes between memories at each sample, as motions change a few times in 1000 samples; and the part
-of it that goes to all alike."""
-USAGE_SAMPLES = 300.0
-"""Samples over which a memory's use is averaged."""
-RESTART_RATIO = math.exp(-10.0)
-"""Likelihood ratio to the family, since it was best, at which a filter begins again from the best one (Page 1954)."""
-RESTART_PROBABILITY = 0.01
-"""Probability of a filter that may begin again."""
-FIRST_SCALE_WEIGHT = 0.1
-"""What the first guess of the noise weighs beside the innovations that a filter's scale of it is learnt from: it may be
-hundreds of times too large, and while it lasts filters of short memory fall behind."""
-SCALE_SAMPLES = 500.0
-"""Innovations that a filter's scale of the noise is learnt from."""
-RIPPLE_SIZE = 0.05
-"""Prior of the speed's ripple in each order, relative to the speed."""
+SWITCH_PROBABILITY = 1e-3  # from one memory to another at each sample: motions change a few times in 1000 samples
+UNIFORM_PART = 0.01  # of it goes to all memories alike, the rest by their use
+USAGE_SAMPLES = 300.0  # over which a memory's probability is averaged as its use
+RESTART_RATIO = math.exp(
+    -10.0
+)  # likelihood ratio to the family since its peak, below which a filter restarts (Page 1954)
+RESTART_PROBABILITY = 0.01  # below which a filter may restart
+FIRST_SCALE_WEIGHT = 0.1  # of the first noise scale, in innovations: it may be hundreds of times too large
+SCALE_SAMPLES = 500.0  # innovations over which a filter's noise scale is averaged
+RIPPLE_SIZE = 0.05  # prior standard deviation of the speed's ripple in each order, relative to the speed
 
 
 @compiled
 def set_basis_at(status: Record, theta: float, waves: int) -> None:
-    """Let the basis be that of an angle."""
+    """Evaluate the ripple's basis at an angle unless it is already."""
     if waves > 0 and (status.basis_at != theta or status.basis_waves < waves):
         set_basis(theta, status.lowest, 4 * waves, status.basis)
         status.basis_at, status.basis_waves = theta, float(waves)
@@ -53,7 +46,7 @@ def set_basis_at(status: Record, theta: float, waves: int) -> None:
 
 @compiled
 def update_second_order(status: Record, f: int) -> None:
-    """Make g2 that of the best filter's ripple; the states follow, as they would a change of the ripple itself."""
+    """Recompute g2 from the best filter's ripple; all states shift as they would by a change of the coefficients."""
     waves, change = lanes.WAVES[f], status.change
     change[:] = 0.0
     set_second(status.ripple[status.best[f]], waves, status.lowest, status.second[f], change)
@@ -64,10 +57,9 @@ def update_second_order(status: Record, f: int) -> None:
 
 @compiled
 def initialise(status: Record, f: int, scale: float) -> None:
-    """Let all filters of family `f` begin with an angle, rate, acceleration and a ripple of which nothing is known.
+    """Initialise all filters of family `f` with one state and zero ripple coefficients of prior RIPPLE_SIZE.
 
-    `status.start` (9,) are state and factor, in units of the root of `scale`.
-    What the ripple may be makes the clock's angle, rate and acceleration uncertain along with it.
+    `status.start` (9,) holds state and covariance factor, the factor in units of the root of `scale`.
     """
     width, start, root = 2 * lanes.WAVES[f], status.start, math.sqrt(scale)
     set_basis_at(status, start[lanes.ANGLE], lanes.WAVES[f])
@@ -92,7 +84,7 @@ def initialise(status: Record, f: int, scale: float) -> None:
 def open_manoeuvre(
     status: Record, f: int, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float
 ) -> None:
-    """Shift angle and rate of all filters and make them less certain by so much [rad, rad/s, rad/s^2]."""
+    """Shift angle and rate of all filters, and add to their covariance factors' diagonal [rad, rad/s, rad/s^2]."""
     for m in range(lanes.FIRST[f], lanes.END[f]):
         root = math.sqrt(status.scale[m])
         status.clock[lanes.ANGLE, m] += angle
@@ -104,15 +96,15 @@ def open_manoeuvre(
 
 @compiled
 def predict(status: Record, f: int, step: float, noise: float, interval: float) -> None:
-    """Move all filters on. White jerk of intensity q = r / (N^6 T^5) makes a filter of memory N (Kalata 1984)."""
+    """Time update of all filters; memory N means white jerk of intensity q = r / (N^6 T^5) (Kalata 1984)."""
     time_update(status, math.sqrt(noise * step / interval**5), step, lanes.FIRST[f], lanes.END[f])
 
 
 @compiled
 def predict_reading(status: Record, f: int, step: float, reading: float, at: float, noise: float) -> None:
-    """Foresee a reading of the angle, `step` after the one before, the ripple taken at the angle `at`.
+    """Innovations and likelihoods of a reading `step` [s] after the last one, with the ripple evaluated at angle `at`.
 
-    Sets innovations and their likelihoods. A reading far off is widened in the filter that it surprises.
+    Where an innovation is too large, the filter's measurement variance is widened.
     """
     if lanes.WAVES[f] > 0:
         set_basis_at(status, at, lanes.WAVES[f])
@@ -122,17 +114,17 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
     for m in range(first, end):
         ripple_reading[m] = ripple_variance[m] = 0.0
     for m in range(first, end if width > 0 else first):
-        propagate_sensitivity(status.sensitivity[m], step, status.basis, status.regressor[m], width)
-        ripple, factor, regressor = status.ripple[m], status.factor[m], status.regressor[m]
+        regressor = status.regressor[m]
+        propagate_sensitivity(status.sensitivity[m], step, status.basis, regressor, width)
         ripple_reading[m], ripple_variance[m] = predict_ripple(
-            ripple, factor, status.basis, regressor, status.projected_ripple[m], width
+            status.ripple[m], status.factor[m], status.basis, regressor, status.projected_ripple[m], width
         )
     innovate(status, reading, noise, first, end)
 
 
 @compiled
 def predictive_density(status: Record, f: int) -> float:
-    """The probability density that the family gives to what was foreseen last, but for the constant of Student's t."""
+    """Predictive density of the latest reading under the family, but for the constant of Student's t."""
     total = 0.0
     for m in range(lanes.FIRST[f], lanes.END[f]):
         total += status.probability[m] * status.likelihood[m]
@@ -141,7 +133,7 @@ def predictive_density(status: Record, f: int) -> float:
 
 @compiled
 def _correct_filters(status: Record, f: int) -> None:
-    """Correct all filters by what was foreseen last."""
+    """Measurement update of all filters: state, sensitivity and ripple coefficients, which shift the state again."""
     first, end, width = lanes.FIRST[f], lanes.END[f], 2 * lanes.WAVES[f]
     measurement_update(status, first, end)
     for m in range(first, end if width > 0 else first):
@@ -159,28 +151,23 @@ def _correct_filters(status: Record, f: int) -> None:
 
 @compiled
 def update_filters(status: Record, f: int, noise: float, least_scale: float) -> float:
-    """Correct all filters by the angle foreseen last; its likelihood under the family.
+    """Measurement update of all filters by the latest reading; its likelihood under the family.
 
-    Learns the probabilities and each filter's scale of the noise; filters that fell behind begin again from the best.
+    Updates mode probabilities and noise scales (by the normalised innovation squared), and restarts diverged filters.
     """
     first, end = lanes.FIRST[f], lanes.END[f]
-    likelihood, probability, likelihood_ratio = status.likelihood, status.probability, status.likelihood_ratio
-    innovation, prior_variance, scale, scale_samples = (
-        status.innovation,
-        status.prior_variance,
-        status.scale,
-        status.scale_samples,
-    )
-    usage, together = status.usage, predictive_density(status, f)
+    probability, usage, likelihood_ratio = status.probability, status.usage, status.likelihood_ratio
+    innovation, scale, scale_samples = status.innovation, status.scale, status.scale_samples
+    density = predictive_density(status, f)
     _correct_filters(status, f)
-    correlated, kept = TO_ALL / (end - first), 1.0 / together
+    uniform, inverse = UNIFORM_PART / (end - first), 1.0 / density
     for m in range(first, end):
-        ratio = likelihood[m] * kept
-        share = correlated + (1.0 - TO_ALL) * usage[m]
-        probability[m] = (1.0 - SHARE) * probability[m] * ratio + SHARE * share
+        ratio = status.likelihood[m] * inverse
+        share = uniform + (1.0 - UNIFORM_PART) * usage[m]
+        probability[m] = (1.0 - SWITCH_PROBABILITY) * probability[m] * ratio + SWITCH_PROBABILITY * share
         usage[m] += (probability[m] - usage[m]) / USAGE_SAMPLES
         likelihood_ratio[m] = min(1.0, likelihood_ratio[m] * ratio)
-        squared = min(innovation[m] * innovation[m] / (scale[m] * (noise + prior_variance[m])), ROBUST)
+        squared = min(innovation[m] * innovation[m] / (scale[m] * (noise + status.prior_variance[m])), ROBUST)
         scale_samples[m] = min(scale_samples[m] + 1.0, SCALE_SAMPLES)
         scale[m] = max(scale[m] * (1.0 + (squared - 1.0) / scale_samples[m]), least_scale)
     best = first
@@ -191,12 +178,12 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
     for m in range(first, end):
         if likelihood_ratio[m] < RESTART_RATIO and probability[m] < RESTART_PROBABILITY and m != best:
             _restart_from(status, best, m, 2 * lanes.WAVES[f])
-    return together
+    return density
 
 
 @compiled
 def log_memory(status: Record, f: int) -> float:
-    """Mean logarithm of the memory."""
+    """Mean logarithm of the memory under the filters' probabilities."""
     total = 0.0
     for m in range(lanes.FIRST[f], lanes.END[f]):
         total += status.probability[m] * status.logarithm[m]
@@ -205,6 +192,7 @@ def log_memory(status: Record, f: int) -> float:
 
 @compiled
 def _restart_from(status: Record, source: int, target: int, width: int) -> None:
+    """Copy state, ripple and noise scale from one lane to another."""
     for row in range(9):
         status.clock[row, target] = status.clock[row, source]
     for i in range(width):

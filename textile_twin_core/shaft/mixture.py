@@ -1,4 +1,4 @@
-"""The state that a bank tells: mean and covariance of the mixture of all filters that count."""
+"""The estimated state: mean and covariance of the mixture of all filters with a sizeable probability."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from textile_twin_core.shaft.bank import set_basis_at
 from textile_twin_core.shaft.clock import add_products, add_spread, gradient, shaft_state, wave
 from textile_twin_core.shaft.status import Record
 
-MINOR = 0.05
-"""Filters of less than this part of the heaviest one's weight do not enter the mixture."""
+MINOR = 0.05  # filters of less than this part of the greatest probability do not enter the mixture
 
 
 @compiled
 def combine(status: Record, row: Record) -> None:
-    """Set the status's angle, speed, acceleration; those and their covariance into a row of the table."""
+    """Set angle, speed and acceleration of the status, and the row's speed, acceleration and covariance (9,)."""
     top = 0.0
     for f in range(lanes.FAMILIES):
         share = status.mode_probability[f] * status.probability[status.best[f]]
@@ -35,7 +34,7 @@ def combine(status: Record, row: Record) -> None:
     status.products[:] = 0.0
     for f in range(lanes.FAMILIES):
         if status.mode_probability[f] >= MINOR * top:
-            _add_filters(status, f, about, top)
+            _add_moments(status, f, about, top)
     for p in range(3):
         moments[1 + p] /= moments[0]
     place = 0
@@ -50,61 +49,58 @@ def combine(status: Record, row: Record) -> None:
 
 
 @compiled
-def _add_filters(status: Record, f: int, about: float, top: float) -> None:
-    """Add a family's filters to the moments about the best one's angle, speed and acceleration: else all would cancel.
+def _add_moments(status: Record, f: int, about: float, top: float) -> None:
+    """Add a family's filters to the moments about the best filter's state, which avoids cancellation.
 
-    They are the weight and the weighted sums of the three (4,), and those of 00, 01, 02, 11, 12, 22 of their products.
+    `moments` (4,): total probability, weighted deviations of angle, speed, acceleration; `products` (6,): second
+    moments 00, 01, 02, 11, 12, 22.
     """
-    waves, moments, slopes = lanes.WAVES[f], status.moments, status.slopes
+    waves, moments, products, slopes = lanes.WAVES[f], status.moments, status.products, status.slopes
     set_basis_at(status, about, waves)
     for m in range(lanes.FIRST[f], lanes.END[f]):
-        mode_probability = status.mode_probability[f] * status.probability[m]
-        if mode_probability < MINOR * top:
+        weight = status.mode_probability[f] * status.probability[m]
+        if weight < MINOR * top:
             continue
         g = wave(status.ripple[m], status.second[f], waves, status.lowest, status.basis)
         clock = status.clock[:, m]
         angle, rate, acceleration = clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION]
         theta, omega, alpha = shaft_state(angle, rate, acceleration, about, g, slopes)
-        scale, covariance = mode_probability * status.scale[m], status.products
-        add_spread(clock[lanes.L20], clock[lanes.L10], clock[lanes.L00], slopes, scale, covariance)
-        add_spread(clock[lanes.L21], clock[lanes.L11], 0.0, slopes, scale, covariance)
-        add_spread(clock[lanes.L22], 0.0, 0.0, slopes, scale, covariance)
+        scale = weight * status.scale[m]
+        add_spread(clock[lanes.L20], clock[lanes.L10], clock[lanes.L00], slopes, scale, products)
+        add_spread(clock[lanes.L21], clock[lanes.L11], 0.0, slopes, scale, products)
+        add_spread(clock[lanes.L22], 0.0, 0.0, slopes, scale, products)
         d0, d1, d2 = theta - about, omega - status.speed, alpha - status.acceleration
-        moments[0] += mode_probability
-        moments[1] += mode_probability * d0
-        moments[2] += mode_probability * d1
-        moments[3] += mode_probability * d2
-        add_products(d0, d1, d2, mode_probability, covariance)
+        moments[0] += weight
+        moments[1] += weight * d0
+        moments[2] += weight * d1
+        moments[3] += weight * d2
+        add_products(d0, d1, d2, weight, products)
         if waves > 0:
             set_ripple_covariance(status, waves, status.sensitivity[m], status.factor[m])
             for place in range(6):
-                covariance[place] += scale * status.covariance_part[place]
+                products[place] += scale * status.covariance_part[place]
 
 
 @compiled
 def set_ripple_covariance(status: Record, waves: int, sensitivity: FloatArray, factor: FloatArray) -> None:
-    """Covariance (6 of `covariance_part`) that uncertain ripple gives the shaft's state, where basis and slopes stand.
+    """Set `covariance_part` (6,), the shaft's covariance due to uncertain ripple, at the current basis and slopes.
 
-    `sensitivity` (3, .) is that of the clock, `factor` (., .) that of the coefficients.
+    `sensitivity` (3, .) of the clock's state to the coefficients, `factor` (., .) of the coefficients' covariance.
     """
-    width, ripple_jacobian, basis, ripple_variance = (
-        2 * waves,
-        status.ripple_jacobian,
-        status.basis,
-        status.covariance_part,
-    )
+    width, basis = 2 * waves, status.basis
+    jacobian, covariance = status.ripple_jacobian, status.covariance_part
     for i in range(width):
         order = status.lowest * (i // 2 + 1)
         value, slope = basis[i], order * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
-        ripple_jacobian[0, i], ripple_jacobian[1, i], ripple_jacobian[2, i] = gradient(
+        jacobian[0, i], jacobian[1, i], jacobian[2, i] = gradient(
             sensitivity[2, i], sensitivity[1, i], sensitivity[0, i], value, slope, -order * order * value, status.slopes
         )
     for place in range(6):
-        ripple_variance[place] = 0.0
+        covariance[place] = 0.0
     for j in range(np.uint64(width)):
         s0 = s1 = s2 = 0.0
         for i in range(j, np.uint64(width)):
-            s0 += factor[j, i] * ripple_jacobian[0, i]
-            s1 += factor[j, i] * ripple_jacobian[1, i]
-            s2 += factor[j, i] * ripple_jacobian[2, i]
-        add_products(s0, s1, s2, 1.0, ripple_variance)
+            s0 += factor[j, i] * jacobian[0, i]
+            s1 += factor[j, i] * jacobian[1, i]
+            s2 += factor[j, i] * jacobian[2, i]
+        add_products(s0, s1, s2, 1.0, covariance)

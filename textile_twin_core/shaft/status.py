@@ -1,4 +1,4 @@
-"""What lives between two readings: counts and state of the recursion, and the bank of filters; and a row for each."""
+"""What the recursion keeps between two readings (status), and what it gives for each accepted one (row)."""
 
 from __future__ import annotations
 
@@ -24,119 +24,96 @@ STARTING, RUNNING, STANDSTILL = 0.0, 1.0, 2.0
 MOTIONS = ("starting", "running", "standstill")
 
 COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
-_OF_SAMPLES = ("received", "not_finite", "duplicate", "older", "unit", "samples", "time", "interval", "longest")
-"""Samples that came in, and those refused by cause; the stamps' unit [s]; samples since the estimator began; time [s]
-since the first of them, usual one from each to the next, and the longest."""
-_OF_MOTION = (
-    "angle", "speed", "acceleration", "speed_sigma", "acceleration_sigma", "sensor_speed", "fastest", "motion", "sense",
-    "still", "since", "lowest", "ripple_tried",
-)  # fmt: skip
-"""The state told and its sigmas, the speed that a sensor tells (NaN: none), full speed as far as it is known; what the
-shaft does, its sense, samples at rest, samples since the motion was found; lowest order of ripple, 1 once it was looked
-for."""
-_OF_ANGLES = ("first", "origin", "period", "slips", "auto", "low", "high")
-"""The first reading and its whole turns; what the angle wraps by, 0 where it counts its turns, and by how much it did;
-whether that is for the readings to tell, which lay between these two."""
-_OF_NOISE = (
-    "edges", "resolution", "guessed", "correlated", "jitter", "jitter_told", "additive", "kept", "kept_at", "moved",
-    "bent",
-)  # fmt: skip
-"""1 where readings are edges; the encoder's step, 1 until it is known, readings that count as one; variance of the
-stamps, 1 where it was told; variance that neither of both accounts for, learnt from the last reading that was not set
-aside, its time, what it had moved by in an interval and by how much more than the one before."""
-_OF_REPEATS = ("read", "leapt", "leapt_after", "held", "holding", "longest_hold")
-"""The last reading; the last leap, and the repetitions before it; part of the leaps that come after repetitions;
-repetitions now, and at most of late."""
-_OF_TROUBLE = ("rejected_run", "unconfirmed", "off_before", "off_last", "step_last", "motions", "clean")
-"""Readings set aside in a row, and those that must fit until a state is settled again; by how much the last two were
-off, and the time before the last; times that such were motion, and readings, since they were
-outliers."""
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
     "motion", "speed", "leading", "best", "ripple", "guessed",
 )  # fmt: skip
-"""Counts, and what outlasts the end of a motion."""
-_NUMBERS = (*_OF_SAMPLES, *_OF_MOTION, *_OF_ANGLES, *_OF_NOISE, *_OF_REPEATS, *_OF_TROUBLE)
-_BY_FAMILY = ("mode_probability", "active", "travelled", "began", "rest", "pause", "log_memory")
-"""Weight; 1 while it works; angle [rad] since it began, and the speed then; angle to turn until it wakes or, below 0,
-turned since it had weight; cycles that it rests next; mean logarithm of its memory."""
-_BY_LANE = (
-    "logarithm", "jerk_strength", "scale", "scale_samples", "probability", "usage", "likelihood_ratio", "innovation",
-    "prior_variance", "ripple_variance",
-    "ripple_reading", "likelihood", "noise_variance",
+"""Fields that outlast the end of a record."""
+
+_NUMBERS = (
+    "received", "not_finite", "duplicate", "older",  # samples received, and rejected by cause
+    "unit", "samples", "time",  # unit of the stamps [s]; samples accepted and time [s] since the estimator began
+    "interval", "longest",  # sampling interval, longest time between samples [s]
+    "angle", "speed", "acceleration", "speed_sigma", "acceleration_sigma",  # estimate, standard deviations [rad, s]
+    "sensor_speed", "fastest",  # speed by the sensor (NaN: none), full speed as far as known [rad/s]
+    "motion", "sense", "still", "since",  # STARTING ..; +-1; samples at rest, and since the motion was initialised
+    "lowest", "ripple_tried",  # lowest order of ripple; 1 once a family with ripple has entered the comparison
+    "first", "origin",  # first reading [rad] and its whole turns
+    "period", "slips",  # angle at which readings wrap, 0 if they do not; what unwrapping adds [rad]
+    "auto", "low", "high",  # 1 if wrapping is found from the readings, and their range [rad]
+    "edges", "resolution", "guessed",  # 1 for edges of teeth; encoder's step [rad], 1 if that is only an upper bound
+    "correlated",  # readings that count as one, as their rounding errors are correlated
+    "jitter", "jitter_told", "additive",  # variance of the stamps [s^2], 1 if it is a setting; other noise [rad^2]
+    "kept", "kept_at", "moved", "bent",  # last reading not rejected, its time, first and second difference per interval
+    "read", "leapt", "leapt_after",  # last reading; last move beyond rounding, and the repetitions before it
+    "held", "holding", "longest_hold",  # part of such moves after repetitions; repetitions in a row, and the most
+    "rejected_run", "unconfirmed",  # readings rejected in a row; those that must fit until the state is settled
+    "off_before", "off_last", "step_last",  # prediction errors of the last two rejected [rad], the last's step [s]
+    "motions", "clean",  # times in a row that rejected readings were a manoeuvre; readings since the last outlier
+    "basis_at", "basis_waves",  # angle and orders for which `basis` is evaluated
+    "residual_variance",  # of the leading filter [rad^2], see `unmodelled_orders`
 )  # fmt: skip
-"""Logarithm of the samples that the filter looks back, strength of its jerk; variance of the readings relative to what
-is expected, and the innovations it was learnt from; probability, and its mean of late; likelihood ratio to the family
-since it was best; what a reading told, see `kalman`."""
+_BY_FAMILY = (
+    "mode_probability", "active", "travelled", "began",  # 1 if active; angle turned [rad] since it started, speed then
+    "rest", "pause",  # angle [rad] left to rest, or if negative turned since it was probable; cycles of its next rest
+    "log_memory",  # mean logarithm of its memory
+)  # fmt: skip
+_BY_LANE = (
+    "logarithm", "jerk_strength",  # log N; N^-3, root of the process noise intensity relative to other memories
+    "scale", "scale_samples",  # factor on the measurement variance, and the innovations it is averaged over
+    "probability", "usage", "likelihood_ratio",  # within the family, its mean; ratio to the family since its peak
+    "innovation", "prior_variance", "ripple_variance",  # variances of the predicted reading, in all and by ripple
+    "ripple_reading", "likelihood", "noise_variance",  # ripple in the reading; measurement variance, robust
+)  # fmt: skip
+_WIDTH = lanes.WIDEST
+_ARRAYS = {
+    "clock": (9, lanes.COUNT),  # state and covariance factor of each lane, rows as in `lanes`
+    "projected": (3, lanes.COUNT), "gain": (3, lanes.COUNT),  # L' h; gains
+    "sensitivity": (lanes.COUNT, 3, _WIDTH),  # of the state to the ripple coefficients, see `ripple`
+    "regressor": (lanes.COUNT, _WIDTH),  # of the innovation on the coefficients
+    "projected_ripple": (lanes.COUNT, _WIDTH),  # transposed factor of the coefficients times the regressor
+    "ripple": (lanes.COUNT, _WIDTH), "factor": (lanes.COUNT, _WIDTH, _WIDTH),  # coefficients of g1, covariance factor
+    "second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2, see `clock`
+    "basis": (2 * _WIDTH,), "change": (_WIDTH,),  # cosines and sines; change of the coefficients
+    "order_sums": (2 * _WIDTH,),  # Fourier coefficients of the residuals
+    "part": (2, _WIDTH), "ripple_jacobian": (3, _WIDTH), "slopes": (6,),  # work space
+    "start": (9,),  # initial state and covariance factor
+    "moments": (4,), "products": (6,), "covariance_part": (6,),  # work space of `mixture`
+}  # fmt: skip
 STATUS = np.dtype(
-    [(name, np.float64) for name in (*COUNTS, *_NUMBERS, "basis_at", "basis_waves", "residual_variance")]
+    [(name, np.float64) for name in (*COUNTS, *_NUMBERS)]
     + [("leading", np.int64), ("best", np.int64, (lanes.FAMILIES,))]
     + [(name, np.float64, (lanes.FAMILIES,)) for name in _BY_FAMILY]
     + [(name, np.float64, (lanes.COUNT,)) for name in _BY_LANE]
-    + [
-        ("clock", np.float64, (9, lanes.COUNT)),
-        ("projected", np.float64, (3, lanes.COUNT)),
-        ("gain", np.float64, (3, lanes.COUNT)),
-        ("sensitivity", np.float64, (lanes.COUNT, 3, lanes.WIDEST)),
-        ("regressor", np.float64, (lanes.COUNT, lanes.WIDEST)),
-        ("projected_ripple", np.float64, (lanes.COUNT, lanes.WIDEST)),
-        ("ripple", np.float64, (lanes.COUNT, lanes.WIDEST)),
-        ("factor", np.float64, (lanes.COUNT, lanes.WIDEST, lanes.WIDEST)),
-        ("second", np.float64, (lanes.FAMILIES, 2 * lanes.WIDEST)),
-        ("basis", np.float64, (2 * lanes.WIDEST,)),
-        ("change", np.float64, (lanes.WIDEST,)),
-        ("order_sums", np.float64, (2 * lanes.WIDEST,)),
-        ("part", np.float64, (2, lanes.WIDEST)),
-        ("ripple_jacobian", np.float64, (3, lanes.WIDEST)),
-        ("slopes", np.float64, (6,)),
-        ("start", np.float64, (9,)),
-        ("moments", np.float64, (4,)),
-        ("products", np.float64, (6,)),
-        ("covariance_part", np.float64, (6,)),
-    ]
+    + [(name, np.float64, shape) for name, shape in _ARRAYS.items()]
 )
-"""All in samples, seconds and radians. After the numbers above the leading family and the best lane of each. Of each
-lane: state and factor of the clock, what a reading sees of the factor's columns, gains (see `kalman`); sensitivity
-of the state to the coefficients of ripple; what an innovation feels of these and is shown of their factor's columns;
-they and the factor (see `ripple`). Factors are in units of the root of the scale. Of each family the coefficients of g2
-that follow from its best lane's ripple (see `clock`). Variance and orders of what is left of innovations of late (see
-`unmodelled_orders`). The rest is room to work in."""
+"""In seconds and radians. `leading` is the family of the most probable filter, `best` the most probable lane of each
+family. Covariance factors and variances of lanes are in units of `scale`."""
 
 STATE = np.dtype(
     [(name, np.float64) for name in ("phase", "speed", "acceleration", "turns", "settled", "index")]
     + [("covariance", np.float64, (9,))]
 )
-"""Of each accepted sample: angle beyond whole turns, speed, acceleration, turns, settled (-1: too few samples for a
-state), running number of the input sample, covariance."""
+"""State at an accepted sample: angle beyond whole turns, speed, acceleration, whole turns, 1 if settled (-1: no state
+yet), number of the input sample, covariance."""
+_FOR_SMOOTHING = (
+    "reading", "noise", "unit",  # unwrapped reading [rad]; its variance (0: rejected), and that without noise scale
+    "theta", "origin",  # estimated angle [rad]; whole turns to add to both
+    "correlated", "time", "step",  # as in the status; time since the first sample and the last one [s]
+    "cut",  # 1 at the start of a stretch, 2 where the readings rejected before were a manoeuvre
+    "leading", "clock", "intensity",  # leading family; reading of the clock [rad]; process noise intensity [rad^2/s^5]
+)  # fmt: skip
 ROW = np.dtype(
     STATE.descr
-    + [
-        (name, "<f8")
-        for name in (
-            "reading",
-            "noise",
-            "unit",
-            "theta",
-            "origin",
-            "correlated",
-            "time",
-            "step",
-            "cut",
-            "leading",
-            "clock",
-            "intensity",
-        )
-    ]
+    + [(name, "<f8") for name in _FOR_SMOOTHING]
     + [("jerk", "<f8", (2,)), ("memory", "<f8", (lanes.FAMILIES,)), ("unmodelled", "<f8", (3,))]
 )
-"""And what smoothing works on: unwrapped reading; its variance (0: set aside), that before it was learnt how good
-readings are; angle found; whole turns before both; time since the first sample and since the one before; 1 where a new
-stretch begins, 2 where the readings set aside before were motion; leading family; reading of the clock; mean logarithm
-of each family's memory; variances by orders that the state lacks."""
+"""State, and what smoothing needs; also `jerk`, see `process_noise`, each family's mean log memory, and variances by
+unmodelled orders."""
 
 
 def new_status(settings: ShaftSettings, resolution: float) -> Records:
-    """The status (1,) of an estimator that has seen nothing; `resolution` is the encoder's step, 0 while unknown."""
+    """Status (1,) before the first sample; `resolution` [rad] is the encoder's step, 0 for none."""
     record = records(STATUS)
     record["period"] = 0.0 if settings.wrapping == "unwrap_reading" else settings.period_rad
     record["auto"] = settings.wrapping == "auto"
@@ -151,8 +128,8 @@ def new_status(settings: ShaftSettings, resolution: float) -> Records:
 
 
 def ripple_amplitudes(record: Records) -> FloatArray:
-    """Amplitude of the speed's ripple relative to the speed, by orders of the leading family; empty for a plain one."""
-    now = record[0]
-    waves = lanes.WAVES[int(now["leading"])]
-    cosines, sines = now["ripple"][int(now["best"][int(now["leading"])]), : 2 * waves].reshape(-1, 2).T
-    return np.asarray(np.hypot(cosines, sines) * now["lowest"] * np.arange(1, waves + 1))
+    """Amplitude of the speed's ripple in each order of the leading family, relative to the speed."""
+    status = record[0]
+    waves = lanes.WAVES[int(status["leading"])]
+    cosines, sines = status["ripple"][int(status["best"][int(status["leading"])]), : 2 * waves].reshape(-1, 2).T
+    return np.asarray(np.hypot(cosines, sines) * status["lowest"] * np.arange(1, waves + 1))
