@@ -63,8 +63,7 @@ def initialise(status: Record, f: int, scale: float) -> None:
     """
     width, start, root = 2 * lanes.WAVES[f], status.start, math.sqrt(scale)
     set_basis_at(status, start[lanes.ANGLE], lanes.WAVES[f])
-    for i in range(2 * width):
-        status.second[f, i] = 0.0
+    status.second[f, :] = 0.0
     for m in range(lanes.FIRST[f], lanes.END[f]):
         for row in range(9):
             status.clock[row, m] = start[row]
@@ -85,13 +84,14 @@ def open_manoeuvre(
     status: Record, f: int, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float
 ) -> None:
     """Shift angle and rate of all filters, and add to their covariance factors' diagonal [rad, rad/s, rad/s^2]."""
+    clock = status.clock
     for m in range(lanes.FIRST[f], lanes.END[f]):
         root = math.sqrt(status.scale[m])
-        status.clock[lanes.ANGLE, m] += angle
-        status.clock[lanes.RATE, m] += rate
-        status.clock[lanes.L22, m] += by_angle / root
-        status.clock[lanes.L11, m] += by_rate / root
-        status.clock[lanes.L00, m] += by_acceleration / root
+        clock[lanes.ANGLE, m] += angle
+        clock[lanes.RATE, m] += rate
+        clock[lanes.L22, m] += by_angle / root
+        clock[lanes.L11, m] += by_rate / root
+        clock[lanes.L00, m] += by_acceleration / root
 
 
 @compiled

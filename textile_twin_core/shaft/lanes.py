@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import Final, cast
 
 import numpy as np
@@ -16,19 +17,11 @@ _OF_FAMILIES = (tuple(sorted((*_COMMON, *_PLAIN_ONLY))), _COMMON, _COMMON, (4.0,
 """Memories N of the filters, in samples. Families share memories, or the one with that nearest the motion's would lead.
 The Fisher information of a reading on log N is 5 / N (after Whittle 1953), and so the ratio between neighbours grows.
 The plain family, the cheapest, adds those for motions that change within a sample and for very even speeds."""
-
-
-def _first_lanes() -> tuple[int, ...]:
-    """First lane of each family, and the first after all of them."""
-    first = [0]
-    for memories in _OF_FAMILIES:
-        first.append(-(-(first[-1] + len(memories)) // VECTOR) * VECTOR)
-    return tuple(first)
-
-
-FIRST: Final = _first_lanes()[:-1]
+_VECTORS = accumulate((-(-len(memories) // VECTOR) for memories in _OF_FAMILIES), initial=0)
+_STARTS = tuple(VECTOR * count for count in _VECTORS)
+FIRST: Final = _STARTS[:-1]  # lane of each family
 END: Final = tuple(first + len(memories) for first, memories in zip(FIRST, _OF_FAMILIES, strict=True))
-COUNT: Final = _first_lanes()[-1] + VECTOR  # with a vector for the smoother's filter
+COUNT: Final = _STARTS[-1] + VECTOR  # with a vector for the smoother's filter
 MEMORIES: Final = np.ones(COUNT)
 for _first, _memories in zip(FIRST, _OF_FAMILIES, strict=True):
     MEMORIES[_first : _first + len(_memories)] = _memories
