@@ -53,7 +53,7 @@ def test_ripple_that_has_a_say_now_moves_no_state(view: str) -> None:
 
 
 def test_smooth_finds_a_shaft_that_its_filter_lost() -> None:
-    """Once its process noise was a million times too weak: one pass could not mend it, and a state was off by 70 rad/s."""
+    """Its process noise was a million times too weak: one pass could not mend it, and a state was off by 70 rad/s."""
     record = make("coarse+1%", 13)
     estimator = create_estimator("smooth")
     estimator.step(record.time_s, record.fed_rad)

@@ -48,7 +48,7 @@ def test_settings_may_be_numpys_numbers(name: str) -> None:
 
 
 def test_angles_that_are_told_not_to_wrap_keep_their_turns() -> None:
-    """At 100 Hz a shaft of 400 rad/s moves by more than half a turn: wrapped it would look like one that runs backwards."""
+    """At 100 Hz a shaft of 400 rad/s moves by more than half a turn: wrapped it would seem to run backwards."""
     time = np.arange(400) / 100.0
     states = create_estimator("causal", wrapping="unwrapped").step(time, 400.0 * time)
     assert np.allclose(states.omega_rad_s[50:], 400.0)

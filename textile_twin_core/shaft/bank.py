@@ -12,11 +12,10 @@ import math
 
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.clock import known_part, set_basis, set_second
+from textile_twin_core.shaft.clock import dot, set_basis, set_second
 from textile_twin_core.shaft.kalman import ROBUST, innovate, measurement_update, time_update
 from textile_twin_core.shaft.ripple import (
     correct_sensitivity,
-    dot,
     predict_ripple,
     propagate_sensitivity,
     set_sensitivity,
@@ -108,7 +107,7 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
     """
     if lanes.WAVES[f] > 0:
         set_basis_at(status, at, lanes.WAVES[f])
-        reading += known_part(status.second[f], 4 * lanes.WAVES[f], status.basis)
+        reading += dot(status.second[f], status.basis, 4 * lanes.WAVES[f])
     width, first, end = 2 * lanes.WAVES[f], lanes.FIRST[f], lanes.END[f]
     ripple_reading, ripple_variance = status.ripple_reading, status.ripple_variance
     for m in range(first, end):

@@ -11,6 +11,7 @@ import math
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft import lanes
 
 LEAST_SLOPE = 0.3  # of a clock over the angle, dphi/dtheta: one that stands still measures nothing
 
@@ -50,12 +51,12 @@ def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray
 
 
 @compiled
-def known_part(second: FloatArray, size: int, basis: FloatArray) -> float:
-    """g2 (or g1, by its coefficients) at the angle of the basis."""
-    g = 0.0
+def dot(a: FloatArray, b: FloatArray, size: int) -> float:
+    """Scalar product of the first so many elements."""
+    total = 0.0
     for k in range(size):
-        g += second[k] * basis[k]
-    return g
+        total += a[k] * b[k]
+    return total
 
 
 @compiled
@@ -110,12 +111,15 @@ def gradient(
 
 
 @compiled
-def add_spread(
-    clock: float, rate: float, acceleration: float, slopes: FloatArray, scale: float, covariance: FloatArray
-) -> None:
-    """Add scale times the share of a column of the clock's factor to a covariance (6,) of the shaft."""
-    d0, d1, d2 = gradient(clock, rate, acceleration, 0.0, 0.0, 0.0, slopes)
-    add_products(d0, d1, d2, scale, covariance)
+def add_spread(clock: FloatArray, slopes: FloatArray, scale: float, covariance: FloatArray) -> None:
+    """Add scale times what the factor in a clock (9,) makes of the shaft's covariance (6,)."""
+    columns = (
+        gradient(clock[lanes.L20], clock[lanes.L10], clock[lanes.L00], 0.0, 0.0, 0.0, slopes),
+        gradient(clock[lanes.L21], clock[lanes.L11], 0.0, 0.0, 0.0, 0.0, slopes),
+        gradient(clock[lanes.L22], 0.0, 0.0, 0.0, 0.0, 0.0, slopes),
+    )
+    for d0, d1, d2 in columns:
+        add_products(d0, d1, d2, scale, covariance)
 
 
 @compiled
@@ -127,3 +131,13 @@ def add_products(d0: float, d1: float, d2: float, scale: float, covariance: Floa
     covariance[3] += scale * d1 * d1
     covariance[4] += scale * d1 * d2
     covariance[5] += scale * d2 * d2
+
+
+@compiled
+def write_covariance(covariance: FloatArray, matrix: FloatArray) -> None:
+    """Write 00, 01, 02, 11, 12, 22 of a covariance into a matrix (9,), row by row."""
+    place = 0
+    for p in range(3):
+        for q in range(p, 3):
+            matrix[3 * p + q] = matrix[3 * q + p] = covariance[place]
+            place += 1

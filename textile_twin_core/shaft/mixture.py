@@ -8,7 +8,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
-from textile_twin_core.shaft.clock import add_products, add_spread, gradient, shaft_state, wave
+from textile_twin_core.shaft.clock import add_products, add_spread, gradient, shaft_state, wave, write_covariance
 from textile_twin_core.shaft.status import Record
 
 MINOR = 0.05  # filters of less than this part of the greatest probability do not enter the mixture
@@ -40,9 +40,9 @@ def combine(status: Record, row: Record) -> None:
     place = 0
     for p in range(3):
         for q in range(p, 3):
-            value = status.products[place] / moments[0] - moments[1 + p] * moments[1 + q]
-            row.covariance[3 * p + q] = row.covariance[3 * q + p] = value
+            status.products[place] = status.products[place] / moments[0] - moments[1 + p] * moments[1 + q]
             place += 1
+    write_covariance(status.products, row.covariance)
     status.angle = about + moments[1]
     status.speed = row.speed = status.speed + moments[2]
     status.acceleration = row.acceleration = status.acceleration + moments[3]
@@ -66,9 +66,7 @@ def _add_moments(status: Record, f: int, about: float, top: float) -> None:
         angle, rate, acceleration = clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION]
         theta, omega, alpha = shaft_state(angle, rate, acceleration, about, g, slopes)
         scale = weight * status.scale[m]
-        add_spread(clock[lanes.L20], clock[lanes.L10], clock[lanes.L00], slopes, scale, products)
-        add_spread(clock[lanes.L21], clock[lanes.L11], 0.0, slopes, scale, products)
-        add_spread(clock[lanes.L22], 0.0, 0.0, slopes, scale, products)
+        add_spread(clock, slopes, scale, products)
         d0, d1, d2 = theta - about, omega - status.speed, alpha - status.acceleration
         moments[0] += weight
         moments[1] += weight * d0

@@ -106,12 +106,3 @@ def update_coefficients(
         rate += sensitivity[1, i] * change[i]
         angle += sensitivity[2, i] * change[i]
     return acceleration, rate, angle
-
-
-@compiled
-def dot(sensitivity: FloatArray, change: FloatArray, width: int) -> float:
-    """Change of what has this sensitivity (.) for a change (.) of the coefficients."""
-    total = 0.0
-    for i in range(width):
-        total += sensitivity[i] * change[i]
-    return total

@@ -17,7 +17,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
-from textile_twin_core.shaft.clock import add_spread, shaft_state, wave
+from textile_twin_core.shaft.clock import add_spread, shaft_state, wave, write_covariance
 from textile_twin_core.shaft.filter import put_angle
 from textile_twin_core.shaft.gating import set_start
 from textile_twin_core.shaft.kalman import HALF_JERK, LAST_JERK, ROBUST, measurement_update, time_update
@@ -295,13 +295,7 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
         for i in range(3):
             sensitivity[i, k] *= row.intensity / (row.intensity + rejected)
     set_ripple_covariance(filters, waves, sensitivity, filters.factor[lanes.CHAIN])
-    covariance, place = filters.covariance_part, 0
-    add_spread(s[lanes.L20], s[lanes.L10], s[lanes.L00], filters.slopes, 1.0, covariance)
-    add_spread(s[lanes.L21], s[lanes.L11], 0.0, filters.slopes, 1.0, covariance)
-    add_spread(s[lanes.L22], 0.0, 0.0, filters.slopes, 1.0, covariance)
-    for p in range(3):
-        for q in range(p, 3):
-            row.covariance[3 * p + q] = row.covariance[3 * q + p] = covariance[place]
-            place += 1
+    add_spread(s, filters.slopes, 1.0, filters.covariance_part)
+    write_covariance(filters.covariance_part, row.covariance)
     add_unmodelled_again(row)
     put_angle(row, theta)

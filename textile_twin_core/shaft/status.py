@@ -115,7 +115,7 @@ unmodelled orders."""
 def new_status(settings: ShaftSettings, resolution: float) -> Records:
     """Status (1,) before the first sample; `resolution` [rad] is the encoder's step, 0 for none."""
     record = records(STATUS)
-    record["period"] = 0.0 if settings.wrapping == "unwrap_reading" else settings.period_rad
+    record["period"] = 0.0 if settings.wrapping == "unwrapped" else settings.period_rad
     record["auto"] = settings.wrapping == "auto"
     record["resolution"] = resolution
     record["guessed"] = settings.step_rad is None
