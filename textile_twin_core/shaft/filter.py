@@ -68,7 +68,7 @@ def process_sample(status: Record, block: Block, i: int, row: Record) -> bool:
     block.last[0] = stamp
     turns, phase = split_turn(angle)
     status.samples += 1.0
-    row.index, row.settled, row.noise, row.cut = status.received - 1.0, -1.0, 0.0, 0.0
+    row.index, row.settled, row.noise, row.cut, row.intensity = status.received - 1.0, -1.0, 0.0, 0.0, 0.0
     if status.samples == 1.0:
         status.origin, status.time = turns, 0.0
         status.first = status.angle = status.low = status.high = phase

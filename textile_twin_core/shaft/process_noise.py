@@ -17,7 +17,7 @@ LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25  # memories that bound the intensity, in
 
 @compiled
 def set_initial_intensities(rows: Records, family: int, interval: float) -> None:
-    """Intensity [rad^2/s^5] of each row from the family's memory N and r / (N^6 T^5), as in `bank.predict`.
+    """Make each row's intensity [rad^2/s^5] at least r / (N^6 T^5), N the family's memory there, as in `bank.predict`.
 
     A filter detects a change some samples late, so N is the shortest memory within that delay on either side.
     """
@@ -40,7 +40,8 @@ def set_initial_intensities(rows: Records, family: int, interval: float) -> None
             for j in range(oldest, newest + 1):
                 if rows[j].memory[family] <= rows[shortest].memory[family]:
                     shortest = j
-        rows[i].intensity = noise / (math.exp(6.0 * rows[shortest].memory[family]) * interval**5)
+        expected = noise / (math.exp(6.0 * rows[shortest].memory[family]) * interval**5)
+        rows[i].intensity = max(rows[i].intensity, expected)
 
 
 @compiled

@@ -92,6 +92,8 @@ def _begin_at_reading(smoother: Smoother, record: Records, family: int, rows: Re
     """Initial state and covariance factor from the first row's reading and filtered speed; ripple of a family."""
     filters, first = smoother.filters[0], rows[0]
     set_ripple(filters, record[0], family)
+    for i in range(rows.size):
+        rows[i].intensity = 0.0
     set_start(filters.start, first.reading, first.speed, first.noise or first.unit, rows[1].step)
     begin_at_state(filters, first.reading, first.speed, 0.0)
 
@@ -108,7 +110,7 @@ def is_far(filters: Record, row: Record) -> bool:
 def log_likelihood(smoother: Smoother, record: Records, family: int, rows: Records) -> float:
     """Log-likelihood of the readings of all rows but the first under a family's ripple, up to a constant."""
     _begin_at_reading(smoother, record, family, rows)
-    _find_intensities(smoother, record[0].interval, rows)
+    smooth(smoother, record[0].interval, rows, 1, 0)
     return filter_rows(smoother, rows)
 
 
@@ -116,22 +118,17 @@ def log_likelihood(smoother: Smoother, record: Records, family: int, rows: Recor
 def smooth_family(smoother: Smoother, record: Records, family: int, rows: Records, first: int, last: int) -> None:
     """Smooth (n,) rows under a family's ripple; rows `first` .. `last` get their states."""
     _begin_at_reading(smoother, record, family, rows)
-    smooth(smoother, record[0].interval, rows, first, last)
-
-
-@compiled
-def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last: int) -> None:
-    """Smooth (n,) rows from the initial state on; rows `first` .. `last` get their states."""
-    _find_intensities(smoother, interval, rows)
+    smooth(smoother, record[0].interval, rows, 1, 0)
     filter_rows(smoother, rows)
     smooth_back(smoother, rows, first, last)
 
 
 @compiled
-def _find_intensities(smoother: Smoother, interval: float, rows: Records) -> None:
-    """Estimate each row's process noise intensity [rad^2/s^5] from the filter's memories, then from smoothing passes.
+def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last: int) -> None:
+    """Smooth (n,) rows from the initial state on: rows `first` .. `last` get their states.
 
-    Before, the readings rejected ahead of a detected manoeuvre are used again, with the shortest memory.
+    The process noise of all rows is adapted for the next call; at once where it was far too weak. Readings rejected
+    ahead of a detected manoeuvre are used again, with the shortest memory.
     """
     for i in range(3, rows.size):
         if rows[i].cut == 2.0:
@@ -144,7 +141,7 @@ def _find_intensities(smoother: Smoother, interval: float, rows: Records) -> Non
     set_initial_intensities(rows, smoother.filters[0].leading, interval)
     for _ in range(MOST_PASSES):
         filter_rows(smoother, rows)
-        smooth_back(smoother, rows, 1, 0)
+        smooth_back(smoother, rows, first, last)
         if adapt_intensities(rows, interval) < FAR_OFF:
             break
 
