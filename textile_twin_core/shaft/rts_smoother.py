@@ -29,10 +29,8 @@ from textile_twin_core.shaft.status import Record, Records, new_status
 from textile_twin_core.shaft.unmodelled_orders import add_unmodelled_again
 
 FAR = 9.0  # squared distance from the bank's angle beyond which a filter is far from it, in variances of that angle
-MOST_PASSES, FAR_OFF = (
-    3,
-    100.0,
-)  # smoothing passes, while process noise was too weak by so much: the filter lost the shaft
+MOST_PASSES = 3
+FAR_OFF = 10.0  # times too weak that some process noise was: smoothing begins again
 
 
 @by_reference
