@@ -64,3 +64,9 @@ def test_outliers_at_rest_do_not_hide_the_encoders_step(seed: int) -> None:
     wrong = rng.random(angles.size) < 0.03
     angles[wrong] += rng.uniform(-0.5, 0.5, wrong.sum())
     assert encoder_step(np.arange(768.0), angles) == pytest.approx(step, rel=1e-9)
+
+
+@pytest.mark.parametrize("move", [2.0, 4.37, 5.1])
+def test_the_step_of_angles_that_do_not_wrap_need_not_divide_a_turn(move: float) -> None:
+    angles = np.round(move * (np.arange(192) + 0.3 * np.sin(np.arange(192))) / 0.01) * 0.01
+    assert encoder_step(np.arange(192.0), angles) == pytest.approx(0.01, rel=1e-9)

@@ -25,6 +25,18 @@ def test_pitch_errors_of_the_ripples_orders_are_learnt_too(seed: int) -> None:
     assert off[0] < 0.85 * off[1]
 
 
+@pytest.mark.parametrize("turns", [0, 150])
+@pytest.mark.parametrize("cycle_turns", [1, 2])
+@pytest.mark.parametrize("teeth", [3, 4, 7, 9, 12])
+def test_a_wheel_of_few_teeth_has_too_few_orders_to_know_its_own_by(teeth: int, cycle_turns: int, turns: int) -> None:
+    angles = np.arange(teeth * turns) * TURN / teeth
+    estimator = create_estimator("smooth", teeth=teeth, cycle_turns=cycle_turns)
+    estimator.step((angles + 0.05 * np.sin(angles)) / 50.0, angles)
+    states = estimator.finish()
+    assert np.isfinite(states.alpha_rad_s2).all() and np.isfinite(estimator.report.pitch_errors_rad).all()
+    assert len(states) == max(angles.size - 2, 0)
+
+
 @pytest.mark.parametrize("kind", ["teeth", "teeth+1%"])
 def test_smooth_learns_the_teeth(kind: str) -> None:
     """But for orders of the turn that the motion has too, 0 to 6; one tooth stands wrong by 0.8 degrees."""

@@ -63,7 +63,8 @@ def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TUR
         angles: (n,) readings [rad], wrapped or not, some of them outliers.
         period_rad: period of a wrapped angle.
     """
-    angles = np.unwrap(angles, period=period_rad)
+    if np.ptp(angles) < 1.25 * period_rad:
+        angles = np.unwrap(angles, period=period_rad)
     medians = np.median(sliding_window_view(np.pad(angles, 2, mode="edge"), 5), axis=1)
     kept = np.abs(angles - medians) < OUTLIER_RAD
     intervals, moves = np.diff(stamps[kept]), np.abs(np.diff(angles[kept]))

@@ -119,7 +119,7 @@ def _process_reading(status: Record, step: float, raw: float, row: Record) -> No
         return
     guess_resolution(status, abs(reading - status.read))
     if abs(reading - status.read - status.speed * step) > ROUNDED_APART * status.resolution:
-        status.correlated = 1.0
+        status.correlated = row.correlated = 1.0
     repeated = status.holding
     held = is_repetition(status, reading)
     status.read, status.angle, row.reading = reading, expected, reading
@@ -145,11 +145,8 @@ def _process_reading(status: Record, step: float, raw: float, row: Record) -> No
 @compiled
 def _update(status: Record, off: float, reading: float, repeated: float, noise: float, row: Record) -> None:
     """Update filters and mode probabilities with an accepted measurement, and adapt the measurement noise."""
-    status.clean += 1.0
-    if status.rejected_run > 0.0 and row.cut == 0.0:
-        growing = is_growing(status, off)
-        status.motions = status.motions + 1.0 if growing else 0.0
-        status.clean = status.clean if growing else 0.0
+    was_outlier = status.rejected_run > 0.0 and row.cut == 0.0 and not is_growing(status, off)
+    status.clean = 0.0 if was_outlier else status.clean + 1.0
     status.rejected_run = status.off_before = status.off_last = 0.0
     turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(row.noise)
     update_mode_probabilities(status, noise, turning)

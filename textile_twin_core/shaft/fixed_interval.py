@@ -39,12 +39,16 @@ class SmoothEstimator(ShaftEstimator):
         self._history = RippleHistory()
         self._blocks: list[Part] = []
         self._new: list[Part] = []
+        self._count = 0
 
     def step(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None = None) -> ShaftStates:
         """Take a block of samples; no state is ready before `finish`."""
-        self._new.extend(self._walk(stamps, angles, velocities))
-        if len(self._new) >= PIECE:  # small arrays of rows take much more memory than one large one
+        parts = self._walk(stamps, angles, velocities)
+        self._new.extend(parts)
+        self._count += sum(len(rows) for _, rows in parts)
+        if self._count >= PIECE:  # memory of large arrays goes back to the computer, that of many small ones does not
             self._blocks.append(joined(self._new))
+            self._count = 0
         return ShaftStates.empty(self._last)
 
     def _piece(self) -> int:
@@ -57,7 +61,7 @@ class SmoothEstimator(ShaftEstimator):
 
     def finish(self) -> ShaftStates:
         """The states of all samples from the third on."""
-        blocks, self._blocks, self._new = self._blocks + self._new, [], []
+        blocks, self._blocks, self._new, self._count = self._blocks + self._new, [], [], 0
         if not blocks:
             return ShaftStates.empty(self._last)
         stamps, rows = joined(blocks)
@@ -92,12 +96,12 @@ class SmoothEstimator(ShaftEstimator):
         last = self._history.known[-1][0]
         lead = int(last["leading"])
         whole = last["ripple"][last["best"][lead], : 2 * lanes.WAVES[lead]].reshape(-1, 2)[every - 1 :: every]
-        kept, correction = wheel.take_from_ripple(whole, readings)
+        mine, correction = wheel.take_from_ripple(whole, readings)
         for status in self._history.known:
             for f in range(1, lanes.FAMILIES):
                 ripple = status[0]["ripple"][status[0]["best"][f], : 2 * lanes.WAVES[f]]
-                part = ripple.reshape(-1, 2)[every - 1 :: every][: kept.size]
-                part *= kept[: len(part), None]
+                part = ripple.reshape(-1, 2)[every - 1 :: every][: len(mine)]
+                part -= mine[: len(part)]
                 set_second(ripple, lanes.WAVES[f], 1.0 / every, status[0]["second"][f], np.zeros(lanes.WIDEST))
         return correction
 

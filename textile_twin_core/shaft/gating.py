@@ -29,7 +29,6 @@ from textile_twin_core.shaft.status import Record
 MAX_OUTLIERS = 2  # consecutive measurements rejected as outliers before a manoeuvre may be declared
 MAX_UNCONFIRMED = 9  # rejected measurements, less those accepted since, beyond which the track is lost
 CLEAN_SAMPLES = 100.0  # samples without an outlier, from which one rejection fewer is enough
-SURE_MANOEUVRES = 12.0  # manoeuvres in a row, no outlier between them, from which one rejection fewer is enough
 GROWTH = 1.25  # ratio of two successive innovations from which they grow as in a manoeuvre
 MAX_SPEED_RATIO = 2.0  # of the highest speed seen, above which one rejection more is needed: outliers line up by chance
 MAX_GAP_SIGMA = 0.05  # [rad] predicted across a gap: at most 1 in 20 other motions passes a gate of 3 sigma by chance
@@ -73,7 +72,7 @@ def initiate(status: Record, step: float, angle: float, row: Record) -> None:
         status.pause[f] = FIRST_REST
     status.mode_probability[0] = 1.0
     status.leading = 0
-    status.since = status.rejected_run = status.unconfirmed = status.ripple_tried = 0.0
+    status.since = status.rejected_run = status.unconfirmed = status.clean = status.ripple_tried = 0.0
     status.off_before = status.off_last = 0.0
     row.reading, row.cut = angle, 1.0
     row.noise = row.unit = measurement_variance(status, status.speed)
@@ -110,12 +109,12 @@ def is_growing(status: Record, off: float) -> bool:
 def accept_manoeuvre(status: Record, reading: float, off: float, step: float, row: Record) -> bool:
     """Whether an innovation outside the gate is a manoeuvre: it lies on a line with the last two rejected, on one side.
 
-    After many samples without an outlier, or many manoeuvres in a row, two that grow or this one alone are enough. A
+    After many samples without an outlier two that grow are enough, but not at once again. A
     manoeuvre shifts the state and inflates its covariance: of the angle alone where the innovations are alike (the
     encoder slipped), else of speed and acceleration too; then the measurement is predicted again. Else it is rejected.
     """
-    needed = MAX_OUTLIERS - (status.clean >= CLEAN_SAMPLES) - (status.motions >= SURE_MANOEUVRES)
-    if status.rejected_run < MAX_OUTLIERS and status.rejected_run >= needed:
+    early = status.rejected_run == 1.0 and status.clean >= CLEAN_SAMPLES
+    if early:
         span, grown, slipped = step, off - status.off_last, False
         straight = is_growing(status, off)
     else:
@@ -137,7 +136,7 @@ def accept_manoeuvre(status: Record, reading: float, off: float, step: float, ro
         if status.unconfirmed > MAX_UNCONFIRMED:
             restart(status, reading, 0.0 if status.holding > 0.0 else status.speed, step, row)
         return False
-    status.motions += 1.0
+    status.clean = 0.5 * CLEAN_SAMPLES if early else status.clean
     rate = 0.0 if slipped else grown / span
     sigma = math.sqrt(row.noise)
     by_rate = 0.0 if slipped else (sigma + abs(grown)) / span
@@ -148,7 +147,7 @@ def accept_manoeuvre(status: Record, reading: float, off: float, step: float, ro
     row.unit += (RIPPLE_SIZE * off) ** 2
     status.jumps += row.cut == 1.0
     status.outliers -= status.rejected_run
-    status.unconfirmed += max(status.rejected_run, 1.0)
+    status.unconfirmed += status.rejected_run
     return True
 
 
@@ -183,4 +182,4 @@ def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
             predict_reading(status, f, 0.0, reading, reading, row.unit)
             update_filters(status, f, row.unit, 0.0)
     status.angle = status.read = reading
-    status.since = 0.0
+    status.since = status.rejected_run = status.off_before = status.off_last = 0.0

@@ -58,6 +58,7 @@ def adapt_intensities(rows: Records, interval: float) -> float:
     right. `jerk` (2,) of each row becomes the sums of both up to it. Returns the largest increase.
     """
     count, noise, half, largest = rows.size, rows[0].unit, 2, 1.0
+    rows[0].jerk[0] = rows[0].jerk[1] = 0.0
     for i in range(1, count):
         rows[i].jerk[0] += rows[i - 1].jerk[0]
         rows[i].jerk[1] += rows[i - 1].jerk[1]

@@ -131,9 +131,9 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
     for i in range(3, rows.size):
         if rows[i].cut == 2.0:
             for j in range(i - 2, i + 1):
-                for f in range(lanes.FAMILIES):
-                    rows[j].memory[f] = math.log(0.5)
-                rows[j].noise = max(rows[j].noise, rows[i].unit)
+                if j == i or rows[j].noise == 0.0:
+                    rows[j].memory[:] = math.log(0.5)
+                    rows[j].noise = max(rows[j].noise, rows[i].unit)
     for i in range(rows.size):
         rows[i].clock = rows[i].reading + _wave_at(smoother.filters[0], rows[i].theta)[0]
     set_initial_intensities(rows, smoother.filters[0].leading, interval)

@@ -49,7 +49,7 @@ _NUMBERS = (
     "held", "holding", "longest_hold",  # part of such moves after repetitions; repetitions in a row, and the most
     "rejected_run", "unconfirmed",  # readings rejected in a row; those that must fit until the state is settled
     "off_before", "off_last", "step_last",  # prediction errors of the last two rejected [rad], the last's step [s]
-    "motions", "clean",  # times in a row that rejected readings were a manoeuvre; readings since the last outlier
+    "clean",  # readings since the last outlier
     "basis_at", "basis_waves",  # angle and orders for which `basis` is evaluated
     "residual_variance",  # of the leading filter [rad^2], see `unmodelled_orders`
 )  # fmt: skip

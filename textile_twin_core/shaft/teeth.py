@@ -10,6 +10,8 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.shaft.turns import TURN
 
 MAX_ERROR = 0.3  # part of the pitch; a mean residual beyond it is no pitch error
+MOTION = 4.0  # times what an order of pitch errors has on average: these have more in one case of 50
+FEWEST_ORDERS = 3  # above those of the ripple, by which pitch errors are known
 FORGETTING = 0.01  # part of an error forgotten at each lesson, so that what only looks like one fades
 
 
@@ -50,6 +52,8 @@ class ToothWheel:
         Returns:
             (n,) by how much each reading is to be corrected further [rad].
         """
+        if not readings.size:
+            return readings
         tooth = self._tooth(readings)
         order = np.argsort(tooth)
         of_tooth = np.split(residuals[order], np.searchsorted(tooth[order], np.arange(1, self.errors_rad.size)))
@@ -67,18 +71,18 @@ class ToothWheel:
             readings: (n,) corrected readings [rad].
 
         Returns:
-            (m,) part of each order that is the motion's; (n,) by how much each reading is to be corrected further.
+            (k, 2), k at most m, what of it is the wheel's; (n,) by how much each reading is to be corrected further.
         """
-        orders, angles = (
-            np.arange(1, self.errors_rad.size // 2),
-            self._zero + self._pitch * np.arange(self.errors_rad.size),
-        )
-        waves = np.exp(1j * np.outer(orders, angles))
+        orders = np.arange(1, self.errors_rad.size // 2)
+        ripple = ripple[: max(len(orders) - FEWEST_ORDERS, 0)]
+        waves = np.exp(1j * np.outer(orders, self._zero + self._pitch * np.arange(self.errors_rad.size)))
         power = np.abs(2.0 * np.mean(waves * self.errors_rad, axis=1)) ** 2
-        mine = np.minimum(1.0, np.mean(power[len(ripple) :]) / np.maximum(np.sum(ripple**2, axis=1), 1e-300))
-        change = np.real((mine * (ripple @ (1.0, -1j))) @ waves[: len(ripple)])
+        level, own = np.mean(power[len(ripple) :]) if len(ripple) else 0.0, np.sum(ripple**2, axis=1)
+        part = np.where(own < MOTION * level, 1.0, level / np.maximum(own, 1e-300))
+        mine = part[:, None] * ripple
+        change = np.real((mine @ (1.0, -1j)) @ waves[: len(ripple)])
         self.errors_rad = self.errors_rad + change
-        return 1.0 - mine, np.asarray(change[self._tooth(readings)])
+        return mine, np.asarray(change[self._tooth(readings)])
 
 
 def _trimmed_mean(values: FloatArray) -> float:
