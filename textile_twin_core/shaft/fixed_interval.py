@@ -16,7 +16,7 @@ from textile_twin_core.shaft.ripple_history import RippleHistory
 from textile_twin_core.shaft.rts_smoother import log_likelihood, new_smoother, smooth_family
 from textile_twin_core.shaft.samples import Block
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import STATE, Records
+from textile_twin_core.shaft.status import ROW, STATE, Records
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
@@ -69,7 +69,7 @@ class SmoothEstimator(ShaftEstimator):
         self._smooth(rows)
         super().finish()
         self._history = RippleHistory()
-        return states_of([(stamps, rows[list(STATE.names or ())].astype(STATE))])
+        return states_of([(stamps, _compact(rows))])
 
     def _smooth(self, rows: Records) -> None:
         """Smooth each stretch; repeatedly with a toothed wheel, whose pitch errors are learnt from the residuals."""
@@ -141,6 +141,20 @@ class SmoothEstimator(ShaftEstimator):
         smoother, penalty = new_smoother(self._settings, max(map(len, parts))), np.log(sum(map(len, parts)))
         fits = [sum(log_likelihood(smoother, status, f, part) for part in parts) for status, f in tried]
         return tried[int(np.argmax(np.asarray(fits) - penalty * np.take(lanes.WAVES, [f for _, f in tried])))]
+
+
+def _compact(rows: Records) -> Records:
+    """The states of the rows, in the memory of the rows: hours of both would be too much."""
+    if not rows.flags.owndata:
+        rows = rows.copy()
+    width, kept, count = ROW.itemsize // 8, STATE.itemsize // 8, len(rows)
+    numbers = rows.view(np.float64).reshape(-1)
+    for first in range(0, count, PIECE):
+        part = numbers[first * width : (first + PIECE) * width].reshape(-1, width)[:, :kept].copy()
+        numbers[first * kept : first * kept + part.size] = part.reshape(-1)
+    del numbers
+    rows.resize(-(-count * kept // width), refcheck=False)
+    return rows.view(np.float64).reshape(-1)[: count * kept].view(STATE)
 
 
 def _model_parts(rows: Records) -> list[Records]:
