@@ -47,7 +47,7 @@ def test_filters_of_short_memory_find_their_own_noise(push: float, view: str) ->
 
 
 @pytest.mark.parametrize(("push", "error"), [(2.5e-3, 1e-3), (2.5e-3, 3e-3), (1e-3, 1e-3)])
-def test_what_a_filter_follows_is_not_lacked(push: float, error: float) -> None:
+def test_what_a_filter_follows_is_not_unmodelled(push: float, error: float) -> None:
     """An encoder's errors, 28 to the turn, show in the innovations; a filter that looks back a sample takes them in."""
     inside = []
     for seed in range(6):

@@ -29,6 +29,7 @@ from textile_twin_core.shaft.status import Record
 MAX_OUTLIERS = 2  # consecutive measurements rejected as outliers before a manoeuvre may be declared
 MAX_UNCONFIRMED = 9  # rejected measurements, less those accepted since, beyond which the track is lost
 CLEAN_SAMPLES = 100.0  # samples without an outlier, from which one rejection fewer is enough
+EARLY_UNCONFIRMED = 7.0  # measurements that must fit after a manoeuvre of two: outliers that grew are forgotten by then
 GROWTH = 1.25  # ratio of two successive innovations from which they grow as in a manoeuvre
 MAX_SPEED_RATIO = 2.0  # of the highest speed seen, above which one rejection more is needed: outliers line up by chance
 MAX_GAP_SIGMA = 0.05  # [rad] predicted across a gap: at most 1 in 20 other motions passes a gate of 3 sigma by chance
@@ -147,7 +148,7 @@ def accept_manoeuvre(status: Record, reading: float, off: float, step: float, ro
     row.unit += (RIPPLE_SIZE * off) ** 2
     status.jumps += row.cut == 1.0
     status.outliers -= status.rejected_run
-    status.unconfirmed += status.rejected_run
+    status.unconfirmed += EARLY_UNCONFIRMED if early else status.rejected_run
     return True
 
 
