@@ -17,7 +17,7 @@ import time
 import types
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
@@ -45,21 +45,28 @@ _OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "fastmath": {"contrac
 """Divisions by zero as in IEEE 754; a product and a sum may become one operation; threads may run beside the loop."""
 
 
-def compiled(function: _Function, *, inlined: bool = False, apart: bool = False, abreast: int = 1) -> _Function:
+def compiled(
+    function: _Function, *, inlined: bool = False, apart: bool = False, abreast: int = 0, counted: bool = True
+) -> _Function:
     """The function compiled when first called, for the types it is called with; it may call other compiled ones.
 
     `inlined` puts it into the functions that call it; `apart` promises that no two of its arrays share memory, which
     lets loops over many of them run on several samples at once, on `abreast` vectors of samples (a power of two) side
-    by side. Values of module-level names are read once. Do not hand functions over as arguments: such calls are not
-    kept.
+    by side (0: as many as LLVM likes). Without `counted` nothing counts who uses an array, at each mention: not for
+    functions that make arrays, or are given such by those that they call. Values of module-level names are read once.
+    Do not hand functions over as arguments: such calls are not kept.
     """
     if numba is None:
         say_once(f"loops run uncompiled, some hundred times slower: {_LACKING}; install numba 0.68")
         return function
-    dispatcher = Program(function, apart, abreast, forceinline=inlined, **_OPTIONS)
-    dispatcher._cache = _ContentCache(function, inlined, apart, abreast)
+    dispatcher = Program(function, apart, abreast, forceinline=inlined, _nrt=counted, **_OPTIONS)
+    dispatcher._cache = _ContentCache(function, inlined, apart, abreast, counted)
     result: _Function = dispatcher
     return result
+
+
+compiled_in_place: Final = partial(compiled, counted=False)
+"""Of functions that work on arrays of their callers: that is a third faster where the loops are short."""
 
 
 def is_available() -> bool:

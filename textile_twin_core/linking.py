@@ -12,6 +12,15 @@ from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, ll
 class ProgramPart(CPUCodeLibrary):  # type: ignore[misc]
     """A function that others call: their program optimises it, and makes machine code of it, with all the others."""
 
+    def __init__(self, codegen: Any, vectors: int) -> None:
+        super().__init__(codegen, "part")
+        self._vectors = vectors
+
+    def add_ir_module(self, module: Any) -> None:
+        """What numba hands over."""
+        _tell_vectors(module, self._vectors)
+        super().add_ir_module(module)
+
     def add_llvm_module(self, module: Any) -> None:
         """Take the function's code as it is."""
         self._final_module.link_in(module)
@@ -37,11 +46,7 @@ class BorrowedPart(ProgramPart):
 
 
 class WholeProgram(JITCodeLibrary):  # type: ignore[misc]
-    """A program: each of its parts is linked once, however many others call it.
-
-    Its own loops take several vectors of samples side by side: while one waits for a root, others go on. LLVM by
-    itself does so for short loops alone, though a processor does not see far enough ahead in long ones.
-    """
+    """A program: each of its parts is linked once, however many others call it."""
 
     def __init__(self, codegen: Any, vectors: int) -> None:
         super().__init__(codegen, "program")
@@ -56,14 +61,8 @@ class WholeProgram(JITCodeLibrary):  # type: ignore[misc]
                 self.add_linking_library(called)
 
     def add_ir_module(self, module: Any) -> None:
-        """What numba hands over; its loops are told how many (LLVM Language Reference, llvm.loop.interleave.count)."""
-        if self._vectors > 1:
-            count = ir.Constant(ir.IntType(32), self._vectors)
-            told = module.add_metadata([ir.MetaDataString(module, "llvm.loop.interleave.count"), count])
-            for end in _ends_of_loops(module):
-                loop = module.add_metadata([told])
-                loop.operands = (loop, told)
-                end.set_metadata("llvm.loop", loop)
+        """What numba hands over."""
+        _tell_vectors(module, self._vectors)
         super().add_ir_module(module)
 
     def _optimize_final_module(self) -> None:
@@ -73,6 +72,23 @@ class WholeProgram(JITCodeLibrary):  # type: ignore[misc]
             return
         passes, builder = self._codegen._module_pass_manager()
         passes.run(self._final_module, builder)
+
+
+def _tell_vectors(module: Any, vectors: int) -> None:
+    """Have loops take so many vectors side by side, where that is not 0.
+
+    The name is from the LLVM Language Reference, llvm.loop.interleave.count.
+    While one waits for a root, others go on: LLVM by itself does so for short loops alone, though a processor does not
+    see far enough ahead in long ones. Where a loop has few rounds, those that it cannot take side by side are slow.
+    """
+    if vectors == 0:
+        return
+    count = ir.Constant(ir.IntType(32), vectors)
+    told = module.add_metadata([ir.MetaDataString(module, "llvm.loop.interleave.count"), count])
+    for end in _ends_of_loops(module):
+        loop = module.add_metadata([told])
+        loop.operands = (loop, told)
+        end.set_metadata("llvm.loop", loop)
 
 
 def _ends_of_loops(module: Any) -> Iterator[Any]:

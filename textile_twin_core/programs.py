@@ -98,7 +98,7 @@ class _Pipeline(Compiler):  # type: ignore[misc]
         self, abreast: int, types: Any, context: Any, _library: Any, args: Any, result: Any, flags: Any, *more: Any
     ):
         code = context.codegen()
-        library = self._PART(code, "part") if flags.no_compile else WholeProgram(code, abreast)
+        library = self._PART(code, abreast) if flags.no_compile else WholeProgram(code, abreast)
         super().__init__(_typing(types), context.subtarget(target=_Target), library, args, result, flags, *more)
 
 
@@ -127,7 +127,7 @@ class Program(CPUDispatcher):  # type: ignore[misc]
     _cache: Any
 
     def __init__(
-        self, function: Any, apart: bool = False, abreast: int = 1, passes: type = _PlainLoops, **options: Any
+        self, function: Any, apart: bool = False, abreast: int = 0, passes: type = _PlainLoops, **options: Any
     ) -> None:
         options = {"nopython": True, "boundscheck": None} | options
         super().__init__(function, targetoptions=options, pipeline_class=partial(passes, abreast))

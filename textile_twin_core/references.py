@@ -66,7 +66,8 @@ def _from_python(kind: _Reference, value: Any, c: Any) -> Any:
         for field, native in natives:
             if native.cleanup is not None:
                 native.cleanup()
-            c.context.nrt.decref(c.builder, field, native.value)
+            if c.context.enable_nrt:
+                c.context.nrt.decref(c.builder, field, native.value)
 
     # What reads the fields may do so at any time after this, but not before.
     barrier_type = cgutils.ir.FunctionType(cgutils.voidptr_t, [content.type])

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numba
 import numpy as np
-
-from textile_twin_core.compiling import compiled
 
 
 class Law(NamedTuple):
@@ -57,7 +56,7 @@ class ShaftMotion:
         return _passes(angle_rad, self.law, self.theta, self.omega)
 
 
-@compiled
+@numba.njit(cache=True)
 def _alpha(x: float, i: int, theta: float, omega: float, law: Law) -> float:
     """The acceleration at the share x of the interval after grid time i."""
     ripple = 0.0
@@ -71,7 +70,7 @@ def _alpha(x: float, i: int, theta: float, omega: float, law: Law) -> float:
     )
 
 
-@compiled
+@numba.njit(cache=True)
 def _advance(y: float, i: int, theta: float, omega: float, law: Law) -> tuple[float, float]:
     """The classical Runge-Kutta step over the first share y of interval i."""
     h = y * law.dt_s
@@ -85,7 +84,7 @@ def _advance(y: float, i: int, theta: float, omega: float, law: Law) -> tuple[fl
     return theta + h / 6 * (omega + 2 * w2 + 2 * w3 + w4), omega + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
 
-@compiled
+@numba.njit(cache=True)
 def _solve(law: Law, theta0: float) -> tuple[np.ndarray, np.ndarray]:
     n = law.push.size
     theta, omega = np.empty(n), np.empty(n)
@@ -95,7 +94,7 @@ def _solve(law: Law, theta0: float) -> tuple[np.ndarray, np.ndarray]:
     return theta, omega
 
 
-@compiled
+@numba.njit(cache=True)
 def _at(
     times: np.ndarray, law: Law, grid_theta: np.ndarray, grid_omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -108,7 +107,7 @@ def _at(
     return theta, omega, alpha
 
 
-@compiled
+@numba.njit(cache=True)
 def _passes(angles: np.ndarray, law: Law, grid_theta: np.ndarray, grid_omega: np.ndarray) -> np.ndarray:
     times = np.empty(angles.size)
     i = 0

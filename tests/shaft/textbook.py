@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from scipy.optimize import minimize_scalar
-
-from textile_twin_core.compiling import compiled
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def textbook(time_s: np.ndarray, angle_rad: np.ndarray) -> Textbook:
     return Textbook(causal, causal_p, smooth, smooth_p, ratio * variance / unit**5, variance)
 
 
-@compiled
+@numba.njit(cache=True)
 def _predict(x: np.ndarray, p: np.ndarray, h: float, q: float) -> None:
     """One step of length h [samples] in place: x (3,), p (3, 3)."""
     x[0] += h * x[1] + 0.5 * h * h * x[2]
@@ -78,7 +77,7 @@ def _predict(x: np.ndarray, p: np.ndarray, h: float, q: float) -> None:
     p[1, 0], p[2, 0], p[2, 1] = p[0, 1], p[0, 2], p[1, 2]
 
 
-@compiled
+@numba.njit(cache=True)
 def _correct(x: np.ndarray, p: np.ndarray, z: float) -> tuple[float, float]:
     """A reading of unit variance in place (Joseph's form); innovation and its variance."""
     s = p[0, 0] + 1.0
@@ -107,14 +106,14 @@ def _correct(x: np.ndarray, p: np.ndarray, z: float) -> tuple[float, float]:
     return innovation, s
 
 
-@compiled
+@numba.njit(cache=True)
 def _begin(h: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     x = np.array([z[0], (z[1] - z[0]) / h[0], 0.0])
     p = np.diag(np.array([1e6, 1e6, 1e6]))
     return x, p
 
 
-@compiled
+@numba.njit(cache=True)
 def _deviance(h: np.ndarray, z: np.ndarray, q: float) -> tuple[float, float]:
     """Minus twice the log likelihood, the reading variance profiled out, and that variance; 10 samples to settle."""
     x, p = _begin(h, z)
@@ -131,7 +130,7 @@ def _deviance(h: np.ndarray, z: np.ndarray, q: float) -> tuple[float, float]:
     return used * np.log(variance) + logs, variance
 
 
-@compiled
+@numba.njit(cache=True)
 def _run(h: np.ndarray, z: np.ndarray, q: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     n = z.size
     x, p = _begin(h, z)

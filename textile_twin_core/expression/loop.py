@@ -99,7 +99,7 @@ class Loop:
             return _COMPILED[self._code]
         one, run = self.functions()
         one = run.__globals__["one"] = compiled(one, inlined=True)
-        run = compiled(run, apart=True, abreast=next((k for n, k in _ABREAST.items() if len(self._outputs) <= n), 1))
+        run = compiled(run, apart=True, abreast=next((k for n, k in _ABREAST.items() if len(self._outputs) <= n), 0))
         read, written = np.empty(1), np.empty(1)
         read.flags.writeable = False
         compile_for(run, [read] * len(self._inputs) + [*self._tables.values()] + [written] * len(self._outputs))

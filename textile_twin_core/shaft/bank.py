@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import math
 
-from textile_twin_core.compiling import compiled
+import numpy as np
+
+from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import dot, set_basis, set_second
 from textile_twin_core.shaft.kalman import ROBUST, innovate, measurement_update, time_update
@@ -35,7 +37,7 @@ SCALE_SAMPLES = 500.0  # innovations over which a filter's noise scale is averag
 RIPPLE_SIZE = 0.05  # prior standard deviation of the speed's ripple in each order, relative to the speed
 
 
-@compiled
+@compiled_in_place
 def set_basis_at(status: Record, theta: float, waves: int) -> None:
     """Evaluate the ripple's basis at an angle unless it is already."""
     if waves > 0 and (status.basis_at != theta or status.basis_waves < waves):
@@ -43,18 +45,18 @@ def set_basis_at(status: Record, theta: float, waves: int) -> None:
         status.basis_at, status.basis_waves = theta, float(waves)
 
 
-@compiled
+@compiled_in_place
 def update_second_order(status: Record, f: int) -> None:
     """Recompute g2 from the best filter's ripple; all states shift as they would by a change of the coefficients."""
     waves, change = lanes.WAVES[f], status.change
     change[:] = 0.0
-    set_second(status.ripple[status.best[f]], waves, status.lowest, status.second[f], change)
+    set_second(status.ripple[:, status.best[f]], waves, status.lowest, status.second[f], change)
     for m in range(lanes.FIRST[f], lanes.END[f]):
         for row in range(3):
-            status.clock[row, m] += dot(status.sensitivity[m, row], change, 2 * waves)
+            status.clock[row, m] += dot(status.sensitivity[row, :, m], change, 2 * waves)
 
 
-@compiled
+@compiled_in_place
 def initialise(status: Record, f: int, scale: float) -> None:
     """Initialise all filters of family `f` with one state and zero ripple coefficients of prior RIPPLE_SIZE.
 
@@ -63,22 +65,23 @@ def initialise(status: Record, f: int, scale: float) -> None:
     width, start, root = 2 * lanes.WAVES[f], status.start, math.sqrt(scale)
     set_basis_at(status, start[lanes.ANGLE], lanes.WAVES[f])
     status.second[f, :] = 0.0
-    for m in range(lanes.FIRST[f], lanes.END[f]):
+    first, stop = lanes.FIRST[f], lanes.STOP[f]
+    set_sensitivity(status.sensitivity, status.basis, status.lowest, start[lanes.RATE], width, first, stop)
+    for m in range(first, stop):
         for row in range(9):
             status.clock[row, m] = start[row]
-        set_sensitivity(status.sensitivity[m], status.basis, status.lowest, start[lanes.RATE], width)
         for i in range(width):
-            status.ripple[m, i] = 0.0
+            status.ripple[i, m] = 0.0
             for j in range(i):
-                status.factor[m, j, i] = 0.0
-            status.factor[m, i, i] = RIPPLE_SIZE / (status.lowest * (i // 2 + 1)) / root
+                status.factor[j, i, m] = 0.0
+            status.factor[i, i, m] = RIPPLE_SIZE / (status.lowest * (i // 2 + 1)) / root
         status.scale[m], status.scale_samples[m] = scale, FIRST_SCALE_WEIGHT
-        status.probability[m] = status.usage[m] = 1.0 / (lanes.END[f] - lanes.FIRST[f])
         status.likelihood_ratio[m] = 1.0
+        status.probability[m] = status.usage[m] = 1.0 / (lanes.END[f] - first) if m < lanes.END[f] else 0.0
     status.best[f] = lanes.FIRST[f]
 
 
-@compiled
+@compiled_in_place
 def open_manoeuvre(
     status: Record, f: int, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float
 ) -> None:
@@ -93,13 +96,13 @@ def open_manoeuvre(
         clock[lanes.L00, m] += by_acceleration / root
 
 
-@compiled
+@compiled_in_place
 def predict(status: Record, f: int, step: float, noise: float, interval: float) -> None:
     """Time update of all filters; memory N means white jerk of intensity q = r / (N^6 T^5) (Kalata 1984)."""
-    time_update(status, math.sqrt(noise * step / interval**5), step, lanes.FIRST[f], lanes.END[f])
+    time_update(status, math.sqrt(noise * step / interval**5), step, lanes.FIRST[f], lanes.STOP[f])
 
 
-@compiled
+@compiled_in_place
 def predict_reading(status: Record, f: int, step: float, reading: float, at: float, noise: float) -> None:
     """Innovations and likelihoods of a reading `step` [s] after the last one, with the ripple evaluated at angle `at`.
 
@@ -108,20 +111,16 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
     if lanes.WAVES[f] > 0:
         set_basis_at(status, at, lanes.WAVES[f])
         reading += dot(status.second[f], status.basis, 4 * lanes.WAVES[f])
-    width, first, end = 2 * lanes.WAVES[f], lanes.FIRST[f], lanes.END[f]
-    ripple_reading, ripple_variance = status.ripple_reading, status.ripple_variance
-    for m in range(first, end):
-        ripple_reading[m] = ripple_variance[m] = 0.0
-    for m in range(first, end if width > 0 else first):
-        regressor = status.regressor[m]
-        propagate_sensitivity(status.sensitivity[m], step, status.basis, regressor, width)
-        ripple_reading[m], ripple_variance[m] = predict_ripple(
-            status.ripple[m], status.factor[m], status.basis, regressor, status.projected_ripple[m], width
-        )
-    innovate(status, reading, noise, first, end)
+    width, first, stop = 2 * lanes.WAVES[f], lanes.FIRST[f], lanes.STOP[f]
+    propagate_sensitivity(status.sensitivity, step, status.basis, status.regressor, width, first, stop)
+    predict_ripple(
+        status.ripple, status.factor, status.basis, status.regressor, status.projected_ripple, status.ripple_reading,
+        status.ripple_variance, width, first, stop,
+    )  # fmt: skip
+    innovate(status, reading, noise, first, stop)
 
 
-@compiled
+@compiled_in_place
 def predictive_density(status: Record, f: int) -> float:
     """Predictive density of the latest reading under the family, but for the constant of Student's t."""
     total = 0.0
@@ -130,25 +129,23 @@ def predictive_density(status: Record, f: int) -> float:
     return total
 
 
-@compiled
+@compiled_in_place
 def _correct_filters(status: Record, f: int) -> None:
     """Measurement update of all filters: state, sensitivity and ripple coefficients, which shift the state again."""
-    first, end, width = lanes.FIRST[f], lanes.END[f], 2 * lanes.WAVES[f]
-    measurement_update(status, first, end)
-    for m in range(first, end if width > 0 else first):
-        sensitivity, gain, clock = status.sensitivity[m], status.gain, status.clock
-        correct_sensitivity(sensitivity, status.regressor[m], gain[0, m], gain[1, m], gain[2, m], width)
-        rest = status.noise_variance[m] + status.prior_variance[m] - status.ripple_variance[m]
-        by0, by1, by2 = update_coefficients(
-            status.ripple[m], status.factor[m], status.projected_ripple[m], status.innovation[m], rest, sensitivity,
-            status.part, status.change, width,
-        )  # fmt: skip
-        clock[lanes.ACCELERATION, m] += by0
-        clock[lanes.RATE, m] += by1
-        clock[lanes.ANGLE, m] += by2
+    first, stop, width = lanes.FIRST[f], lanes.STOP[f], 2 * lanes.WAVES[f]
+    measurement_update(status, first, stop)
+    if width == 0:
+        return
+    for m in range(first, stop):
+        status.clock_variance[m] = status.noise_variance[m] + status.prior_variance[m] - status.ripple_variance[m]
+    correct_sensitivity(status.sensitivity, status.regressor, status.gain, width, first, stop)
+    update_coefficients(
+        status.ripple, status.factor, status.projected_ripple, status.innovation, status.clock_variance,
+        status.sensitivity, status.clock, status.parts, status.ripple_change, width, first, stop,
+    )  # fmt: skip
 
 
-@compiled
+@compiled_in_place
 def update_filters(status: Record, f: int, noise: float, least_scale: float) -> float:
     """Measurement update of all filters by the latest reading; its likelihood under the family.
 
@@ -160,15 +157,20 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
     density = predictive_density(status, f)
     _correct_filters(status, f)
     uniform, inverse = UNIFORM_PART / (end - first), 1.0 / density
-    for m in range(first, end):
-        ratio = status.likelihood[m] * inverse
-        share = uniform + (1.0 - UNIFORM_PART) * usage[m]
+    likelihood, prior_variance = status.likelihood, status.prior_variance
+    for m in range(np.uint64(first), np.uint64(lanes.STOP[f])):
+        ratio = likelihood[m] * inverse
+        share = uniform + (1.0 - UNIFORM_PART) * usage[m] if m < np.uint64(end) else 0.0
         probability[m] = (1.0 - SWITCH_PROBABILITY) * probability[m] * ratio + SWITCH_PROBABILITY * share
         usage[m] += (probability[m] - usage[m]) / USAGE_SAMPLES
-        likelihood_ratio[m] = min(1.0, likelihood_ratio[m] * ratio)
-        squared = min(innovation[m] * innovation[m] / (scale[m] * (noise + status.prior_variance[m])), ROBUST)
-        scale_samples[m] = min(scale_samples[m] + 1.0, SCALE_SAMPLES)
-        scale[m] = max(scale[m] * (1.0 + (squared - 1.0) / scale_samples[m]), least_scale)
+        ratio *= likelihood_ratio[m]
+        likelihood_ratio[m] = ratio if ratio < 1.0 else 1.0
+        squared = innovation[m] * innovation[m] / (scale[m] * (noise + prior_variance[m]))
+        squared = squared if squared < ROBUST else ROBUST
+        samples = scale_samples[m] + 1.0
+        samples = samples if samples < SCALE_SAMPLES else SCALE_SAMPLES
+        found = scale[m] * (1.0 + (squared - 1.0) / samples)
+        scale_samples[m], scale[m] = samples, found if found > least_scale else least_scale
     best = first
     for m in range(first, end):
         if probability[m] > probability[best]:
@@ -180,7 +182,7 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
     return density
 
 
-@compiled
+@compiled_in_place
 def log_memory(status: Record, f: int) -> float:
     """Mean logarithm of the memory under the filters' probabilities."""
     total = 0.0
@@ -189,16 +191,16 @@ def log_memory(status: Record, f: int) -> float:
     return total
 
 
-@compiled
+@compiled_in_place
 def _restart_from(status: Record, source: int, target: int, width: int) -> None:
     """Copy state, ripple and noise scale from one lane to another."""
     for row in range(9):
         status.clock[row, target] = status.clock[row, source]
     for i in range(width):
-        status.ripple[target, i] = status.ripple[source, i]
+        status.ripple[i, target] = status.ripple[i, source]
         for row in range(3):
-            status.sensitivity[target, row, i] = status.sensitivity[source, row, i]
+            status.sensitivity[row, i, target] = status.sensitivity[row, i, source]
         for j in range(i + 1):
-            status.factor[target, j, i] = status.factor[source, j, i]
+            status.factor[j, i, target] = status.factor[j, i, source]
     status.scale[target], status.scale_samples[target] = status.scale[source], status.scale_samples[source]
     status.likelihood_ratio[target] = 1.0

@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 
 LEAST_SLOPE = 0.3  # of a clock over the angle, dphi/dtheta: one that stands still measures nothing
 
 
-@compiled
+@compiled_in_place
 def set_basis(theta: float, lowest: float, size: int, basis: FloatArray) -> None:
     """cos and sin of theta times lowest, 2 lowest, 3 lowest ..., alternating, by the addition theorem."""
     c, s = math.cos(lowest * theta), math.sin(lowest * theta)
@@ -27,7 +27,7 @@ def set_basis(theta: float, lowest: float, size: int, basis: FloatArray) -> None
         ck, sk = ck * c - sk * s, sk * c + ck * s
 
 
-@compiled
+@compiled_in_place
 def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray, change: FloatArray) -> None:
     """Coefficients of g2 from those of g1: g1' = sum(p cos + q sin), squared and integrated.
 
@@ -50,7 +50,7 @@ def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray
         change[i] += second[i]
 
 
-@compiled
+@compiled_in_place
 def dot(a: FloatArray, b: FloatArray, size: int) -> float:
     """Scalar product of the first so many elements."""
     total = 0.0
@@ -59,7 +59,7 @@ def dot(a: FloatArray, b: FloatArray, size: int) -> float:
     return total
 
 
-@compiled
+@compiled_in_place
 def wave(
     ripple: FloatArray, second: FloatArray, waves: int, lowest: float, basis: FloatArray
 ) -> tuple[float, float, float, float]:
@@ -80,7 +80,7 @@ def wave(
     return g0, g1, g2, g3
 
 
-@compiled
+@compiled_in_place
 def shaft_state(
     clock: float, rate: float, acceleration: float, theta: float, g: tuple[float, float, float, float], slopes:
     FloatArray,
@@ -98,7 +98,7 @@ def shaft_state(
     return theta + shift, omega, alpha
 
 
-@compiled
+@compiled_in_place
 def gradient(
     clock: float, rate: float, acceleration: float, d0: float, d1: float, d2: float, slopes: FloatArray
 ) -> tuple[float, float, float]:
@@ -110,7 +110,7 @@ def gradient(
     return by0, by1, by2 * even
 
 
-@compiled
+@compiled_in_place
 def add_spread(clock: FloatArray, slopes: FloatArray, scale: float, covariance: FloatArray) -> None:
     """Add scale times what the factor in a clock (9,) makes of the shaft's covariance (6,)."""
     columns = (
@@ -122,7 +122,7 @@ def add_spread(clock: FloatArray, slopes: FloatArray, scale: float, covariance: 
         add_products(d0, d1, d2, scale, covariance)
 
 
-@compiled
+@compiled_in_place
 def add_products(d0: float, d1: float, d2: float, scale: float, covariance: FloatArray) -> None:
     """Add scale times the products 00, 01, 02, 11, 12, 22 to a covariance (6,)."""
     covariance[0] += scale * d0 * d0
@@ -133,7 +133,7 @@ def add_products(d0: float, d1: float, d2: float, scale: float, covariance: Floa
     covariance[5] += scale * d2 * d2
 
 
-@compiled
+@compiled_in_place
 def write_covariance(covariance: FloatArray, matrix: FloatArray) -> None:
     """Write 00, 01, 02, 11, 12, 22 of a covariance into a matrix (9,), row by row."""
     place = 0

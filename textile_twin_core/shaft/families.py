@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import initialise, log_memory, update_filters, update_second_order
 from textile_twin_core.shaft.measurement_noise import least_scale, standstill_speed
@@ -33,25 +33,25 @@ UNBIASED = int(np.argmin(np.abs(lanes.MEMORIES[: lanes.END[lanes.PLAIN]] - 1.0))
 SECOND_ORDER_EVERY = 8.0  # samples between updates of g2, which changes slowly
 
 
-@compiled
+@compiled_in_place
 def samples_a_turn(status: Record) -> float:
     """Samples per turn at the present speed."""
     return float(TURN / max(abs(status.speed) * status.interval, 1e-9))
 
 
-@compiled
+@compiled_in_place
 def is_resolved(status: Record, f: int, margin: float) -> bool:
     """Whether there are enough samples per turn for the family's highest order."""
     return samples_a_turn(status) >= margin * SAMPLES_PER_WAVE * status.lowest * lanes.WAVES[f]  # type: ignore[no-any-return]
 
 
-@compiled
+@compiled_in_place
 def is_observed(status: Record, f: int) -> bool:
     """Whether the shaft has turned enough for the family's ripple to be observable."""
     return status.travelled[f] * status.lowest >= SEEN_CYCLES * TURN  # type: ignore[no-any-return]
 
 
-@compiled
+@compiled_in_place
 def is_active(status: Record, f: int, turned: float) -> bool:
     """Start, restart or rest a family, `turned` [rad] after the last sample; whether it is active.
 
@@ -91,7 +91,7 @@ def is_active(status: Record, f: int, turned: float) -> bool:
     return status.active[f] > 0.0  # type: ignore[no-any-return]
 
 
-@compiled
+@compiled_in_place
 def update_mode_probabilities(status: Record, noise: float, turning: bool) -> None:
     """Measurement update of all active families, and of their mode probabilities while the shaft turns."""
     least = least_scale(status, noise)
@@ -121,7 +121,7 @@ def update_mode_probabilities(status: Record, noise: float, turning: bool) -> No
             mode_probability[f] = mode_probability[f] / total * (1.0 - SWITCH_PROBABILITY) + SWITCH_PROBABILITY / count
 
 
-@compiled
+@compiled_in_place
 def memory_of(status: Record, f: int) -> float:
     """Mean log memory of a family that is probable, or active with fewer orders than the leading one.
 

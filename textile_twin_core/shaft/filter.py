@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import predict, predict_reading, predictive_density
 from textile_twin_core.shaft.families import is_active, is_observed, memory_of, update_mode_probabilities
@@ -47,7 +47,7 @@ ADAPT_EVERY = 32.0  # samples between two adaptations of the jitter
 INTERVAL_SAMPLES = 500.0  # memory of the mean sampling interval
 
 
-@compiled
+@compiled_in_place
 def run_filter(record: Records, block: Block, table: Records) -> int:
     """Filter a block of samples; fills a row of `table` for each accepted one and returns their number."""
     count = 0
@@ -56,7 +56,7 @@ def run_filter(record: Records, block: Block, table: Records) -> int:
     return count
 
 
-@compiled
+@compiled_in_place
 def process_sample(status: Record, block: Block, i: int, row: Record) -> bool:
     """Filter sample `i` of a block; whether it was accepted and its row filled."""
     stamp, angle = block.stamps[i], block.angles[i]
@@ -89,7 +89,7 @@ def process_sample(status: Record, block: Block, i: int, row: Record) -> bool:
     return True
 
 
-@compiled
+@compiled_in_place
 def _process_reading(status: Record, step: float, raw: float, row: Record) -> None:
     """One measurement from the third on, `raw` [rad] before unwrapping, `step` [s] after the one before."""
     status.since += 1.0
@@ -142,7 +142,7 @@ def _process_reading(status: Record, step: float, raw: float, row: Record) -> No
         _update(status, off, reading, repeated, noise, row)
 
 
-@compiled
+@compiled_in_place
 def _update(status: Record, off: float, reading: float, repeated: float, noise: float, row: Record) -> None:
     """Update filters and mode probabilities with an accepted measurement, and adapt the measurement noise."""
     was_outlier = status.rejected_run > 0.0 and row.cut == 0.0 and not is_growing(status, off)
@@ -158,7 +158,7 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
         adapt_jitter(status, noise)
 
 
-@compiled
+@compiled_in_place
 def _report_state(status: Record, row: Record) -> None:
     """The mixture's state and covariance, whether it is settled, and what the smoothers need, into a row."""
     combine(status, row)
@@ -181,7 +181,7 @@ def _report_state(status: Record, row: Record) -> None:
         row.memory[f] = memory_of(status, f)
 
 
-@compiled
+@compiled_in_place
 def _detect_motion(status: Record, sigma: float) -> None:
     """Detect standstill and reversals; `sigma` [rad/s] is the speed's standard deviation."""
     least = standstill_speed(status)
@@ -199,7 +199,7 @@ def _detect_motion(status: Record, sigma: float) -> None:
         status.sense = sense
 
 
-@compiled
+@compiled_in_place
 def put_angle(row: Record, angle: float) -> None:
     """Write an angle [rad], relative to the row's origin, as whole turns and phase."""
     turns = np.floor(angle / TURN + 0.5)

@@ -95,13 +95,14 @@ class SmoothEstimator(ShaftEstimator):
         every = self._settings.cycle_turns
         last = self._history.known[-1][0]
         lead = int(last["leading"])
-        whole = last["ripple"][last["best"][lead], : 2 * lanes.WAVES[lead]].reshape(-1, 2)[every - 1 :: every]
+        whole = last["ripple"][: 2 * lanes.WAVES[lead], last["best"][lead]].reshape(-1, 2)[every - 1 :: every]
         mine, correction = wheel.take_from_ripple(whole, readings)
         for status in self._history.known:
             for f in range(1, lanes.FAMILIES):
-                ripple = status[0]["ripple"][status[0]["best"][f], : 2 * lanes.WAVES[f]]
-                part = ripple.reshape(-1, 2)[every - 1 :: every][: len(mine)]
-                part -= mine[: len(part)]
+                ripple = status[0]["ripple"][: 2 * lanes.WAVES[f], status[0]["best"][f]]
+                for i in range(2):
+                    part = ripple[2 * every - 2 + i :: 2 * every][: len(mine)]
+                    part -= mine[: len(part), i]
                 set_second(ripple, lanes.WAVES[f], 1.0 / every, status[0]["second"][f], np.zeros(lanes.WIDEST))
         return correction
 

@@ -6,10 +6,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from textile_twin_core.compiling import by_reference, compiled, records
+from textile_twin_core.compiling import by_reference, compiled_in_place, records
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
 from textile_twin_core.shaft.filter import process_sample
-from textile_twin_core.shaft.rts_smoother import Smoother, begin_at_row, is_far, new_smoother, set_ripple, smooth
+from textile_twin_core.shaft.rts_smoother import (
+    Smoother,
+    begin_at_row,
+    copy_numbers,
+    is_far,
+    new_smoother,
+    set_ripple,
+    smooth,
+)
 from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
@@ -83,7 +91,7 @@ class LagEstimator(ShaftEstimator):
         return states_of([(ready[:count], rows[:count])])
 
 
-@compiled
+@compiled_in_place
 def _follow(record: Records, block: Block, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> int:
     """Filter a block; released rows go to `table` and their stamps to `ready`. Returns their number."""
     held, rows = window.held[0], window.rows
@@ -112,7 +120,7 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
     return held.ready  # type: ignore[no-any-return]
 
 
-@compiled
+@compiled_in_place
 def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> int:
     """Smooth and release all rows of the window; returns how many were released by this call of `_follow`."""
     held = window.held[0]
@@ -121,7 +129,7 @@ def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, t
     return held.ready  # type: ignore[no-any-return]
 
 
-@compiled
+@compiled_in_place
 def _release(record: Records, due: int, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> None:
     """Smooth the window and release the `due` rows after the first; the last of these becomes the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
@@ -134,7 +142,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     held.restart = 0
     window.filtered[0] = window.rows[due]
     smooth(smoother, status.interval, window.rows[: held.rows], 1, due)
-    filters.start[:] = smoother.filtered[due]
+    copy_numbers(smoother.filtered[due], filters.start)
     for k in range(1, due + 1):
         _emit(window, k, ready, table)
     for k in range(due, held.rows):
@@ -142,7 +150,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     held.rows -= due
 
 
-@compiled
+@compiled_in_place
 def _emit(window: Window, k: int, ready: Stamps, table: Records) -> None:
     held = window.held[0]
     table[held.ready], ready[held.ready] = window.rows[k], window.stamps[k]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import (
     RIPPLE_SIZE,
@@ -37,7 +37,7 @@ FALSE_START = 4.0  # innovation in deviations from the line through the latest m
 SENSOR_SPEED_SIGMA = 0.02  # standard deviation of a sensor's own speed, relative
 
 
-@compiled
+@compiled_in_place
 def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: float) -> None:
     """Two-point initiation: state and covariance factor (9,); acceleration may change the speed by a tenth a step."""
     root = math.sqrt(noise)
@@ -46,7 +46,7 @@ def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: 
     start[lanes.L11], start[lanes.L21], start[lanes.L22] = 1.5 * root / step, 0.7 * root, 0.7 * root
 
 
-@compiled
+@compiled_in_place
 def initiate(status: Record, step: float, angle: float, row: Record) -> None:
     """Initiate all families from `status.first` and the measurement `angle`, `step` [s] later.
 
@@ -79,7 +79,7 @@ def initiate(status: Record, step: float, angle: float, row: Record) -> None:
     row.noise = row.unit = measurement_variance(status, status.speed)
 
 
-@compiled
+@compiled_in_place
 def restart(status: Record, reading: float, rate: float, step: float, row: Record) -> None:
     """Track loss: initiate again from a measurement and a speed [rad/s]."""
     status.losses += 1.0
@@ -87,7 +87,7 @@ def restart(status: Record, reading: float, rate: float, step: float, row: Recor
     initiate(status, step, reading, row)
 
 
-@compiled
+@compiled_in_place
 def is_false_start(status: Record, reading: float, off: float, step: float) -> bool:
     """Whether one of the first two measurements was an outlier: the next three lie on a line of their own.
 
@@ -100,13 +100,13 @@ def is_false_start(status: Record, reading: float, off: float, step: float) -> b
     return abs(off) > limit  # type: ignore[no-any-return]
 
 
-@compiled
+@compiled_in_place
 def is_growing(status: Record, off: float) -> bool:
     """Whether an innovation has the sign of the last rejected one and is larger."""
     return off * status.off_last >= 0.0 and abs(off) > GROWTH * abs(status.off_last)  # type: ignore[no-any-return]
 
 
-@compiled
+@compiled_in_place
 def accept_manoeuvre(status: Record, reading: float, off: float, step: float, row: Record) -> bool:
     """Whether an innovation outside the gate is a manoeuvre: it lies on a line with the last two rejected, on one side.
 
@@ -152,7 +152,7 @@ def accept_manoeuvre(status: Record, reading: float, off: float, step: float, ro
     return True
 
 
-@compiled
+@compiled_in_place
 def is_predicted(status: Record, step: float, reading: float) -> bool:
     """Whether the best filter predicts a measurement [rad] after a gap of `step` [s], so that the track continues.
 
@@ -161,7 +161,7 @@ def is_predicted(status: Record, step: float, reading: float) -> bool:
     f, half, interval = status.leading, 0.5 * step * step, step / status.interval
     m, clock, noise = status.best[f], status.clock, measurement_variance(status, status.speed)
     set_basis_at(status, reading, lanes.WAVES[f])
-    g = wave(status.ripple[m], status.second[f], lanes.WAVES[f], status.lowest, status.basis)
+    g = wave(status.ripple[:, m], status.second[f], lanes.WAVES[f], status.lowest, status.basis)
     off = reading + g[0] - clock[lanes.ANGLE, m] - step * clock[lanes.RATE, m] - half * clock[lanes.ACCELERATION, m]
     p0 = clock[lanes.L20, m] + step * clock[lanes.L10, m] + half * clock[lanes.L00, m]
     p1, p2 = clock[lanes.L21, m] + step * clock[lanes.L11, m], clock[lanes.L22, m]
@@ -170,7 +170,7 @@ def is_predicted(status: Record, step: float, reading: float) -> bool:
     return variance <= MAX_GAP_SIGMA**2 and off * off <= 9.0 * variance  # type: ignore[no-any-return]
 
 
-@compiled
+@compiled_in_place
 def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
     """After a gap: keep the ripple, shift the angle to the measurement and inflate the state's covariance."""
     reading = unwrap_reading(status, raw, status.angle + status.speed * step)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import accumulate
 from typing import Final, cast
 
 import numpy as np
+
+from textile_twin_core.compiling import compiled_in_place
 
 WAVES: Final = (0, 2, 6, 12)  # orders of ripple of each family
 FAMILIES: Final = len(WAVES)
@@ -21,10 +24,13 @@ _VECTORS = accumulate((-(-len(memories) // VECTOR) for memories in _OF_FAMILIES)
 _STARTS = tuple(VECTOR * count for count in _VECTORS)
 FIRST: Final = _STARTS[:-1]  # lane of each family
 END: Final = tuple(first + len(memories) for first, memories in zip(FIRST, _OF_FAMILIES, strict=True))
+STOP: Final = _STARTS[1:]  # of its last vector, of which some lanes may be idle: computed, and of no probability
 COUNT: Final = _STARTS[-1] + VECTOR  # with a vector for the smoother's filter
 MEMORIES: Final = np.ones(COUNT)
 for _first, _memories in zip(FIRST, _OF_FAMILIES, strict=True):
     MEMORIES[_first : _first + len(_memories)] = _memories
+
+vectorised = partial(compiled_in_place, apart=True, abreast=1)  # loops over lanes, of few vectors, one at a time
 
 
 def numbers(count: int) -> list[int]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.encoder import FINEST_STEP_RAD
 from textile_twin_core.shaft.status import Record, Records
@@ -28,7 +28,7 @@ LEARN_JITTER = 0.5  # gain of the jitter's adaptation at full speed; lower speed
 FORGET_SPEED = 0.99  # decay of the full speed per adaptation
 
 
-@compiled
+@compiled_in_place
 def unwrap_reading(status: Record, raw: float, expected: float) -> float:
     """The measurement [rad] nearest to the prediction; one whose range exceeds a period is not wrapped."""
     if status.auto > 0.0 and status.period > 0.0:
@@ -40,19 +40,19 @@ def unwrap_reading(status: Record, raw: float, expected: float) -> float:
     return float(raw + status.slips)
 
 
-@compiled
+@compiled_in_place
 def measurement_variance(status: Record, speed: float) -> float:
     """Measurement variance [rad^2]: rounding and stamp jitter at `speed` [rad/s], or additive noise if larger."""
     return float(max(rounding_variance(status) + status.jitter * speed**2, status.additive) + FINEST_RAD2)
 
 
-@compiled
+@compiled_in_place
 def rounding_variance(status: Record) -> float:
     """Variance [rad^2] of rounding to the encoder's step, times the measurements that share one rounding error."""
     return float(status.correlated * status.resolution**2 / 12.0)
 
 
-@compiled
+@compiled_in_place
 def set_correlated(status: Record) -> None:
     """Set the number of measurements that count as one because their rounding errors are correlated.
 
@@ -72,7 +72,7 @@ def set_correlated(status: Record) -> None:
     status.correlated = max(1.0 + (apart - 1.0) * blur, 1.0)
 
 
-@compiled
+@compiled_in_place
 def adapt_additive_noise(status: Record, reading: float) -> None:
     """Estimate the noise beyond jitter from the lag-1 autocovariance of second differences, -4 sigma^2 if white.
 
@@ -91,7 +91,7 @@ def adapt_additive_noise(status: Record, reading: float) -> None:
     status.kept, status.kept_at, status.moved, status.bent = reading, status.time, moved, bent
 
 
-@compiled
+@compiled_in_place
 def is_repetition(status: Record, reading: float) -> bool:
     """Whether a sensor that measures less often than it is read repeats its value; a longer repetition is a stop."""
     if reading != status.read:
@@ -101,7 +101,7 @@ def is_repetition(status: Record, reading: float) -> bool:
     return bool(status.held > OFTEN_HELD and status.holding <= status.longest_hold + 1.0)
 
 
-@compiled
+@compiled_in_place
 def learn_repetitions(status: Record, reading: float, repeated: float) -> None:
     """Learn from leaps, moves beyond what rounding hides, whether they follow repetitions and how long these are.
 
@@ -117,14 +117,14 @@ def learn_repetitions(status: Record, reading: float, repeated: float) -> None:
     status.leapt, status.leapt_after = moved, repeated
 
 
-@compiled
+@compiled_in_place
 def standstill_speed(status: Record) -> float:
     """Speed [rad/s] below which the shaft stays within its measurement noise for SETTLING samples."""
     noise = max(status.resolution, 3.0 * math.sqrt(measurement_variance(status, status.speed)))
     return float(noise / (SETTLING * status.interval))
 
 
-@compiled
+@compiled_in_place
 def least_scale(status: Record, noise: float) -> float:
     """Lower bound of the filters' noise scale: the rounding and jitter that are known; 1 at standstill.
 
@@ -137,21 +137,21 @@ def least_scale(status: Record, noise: float) -> float:
     return float(max((known + status.jitter_told * status.jitter * status.speed**2) / noise, LEAST_SCALE))
 
 
-@compiled
+@compiled_in_place
 def set_resolution(record: Records, resolution: float) -> None:
     """Set the encoder's step [rad], 0 for none."""
     record[0].guessed = record[0].held = 0.0
     _set_resolution(record[0], resolution)
 
 
-@compiled
+@compiled_in_place
 def guess_resolution(status: Record, moved: float) -> None:
     """Bound an unknown encoder step by `moved` [rad], the difference of two measurements."""
     if status.guessed > 0.0 and FINEST_STEP_RAD < moved < status.resolution:
         _set_resolution(status, moved)
 
 
-@compiled
+@compiled_in_place
 def _set_resolution(status: Record, resolution: float) -> None:
     """Change the step; a turning shaft's filters keep the variance they learnt, at rest nothing was learnt."""
     before = measurement_variance(status, status.speed)
@@ -162,7 +162,7 @@ def _set_resolution(status: Record, resolution: float) -> None:
         _rescale(status, before / measurement_variance(status, status.speed))
 
 
-@compiled
+@compiled_in_place
 def adapt_jitter(status: Record, noise: float) -> None:
     """Attribute the noise scale of the leading family's best filter to jitter: the variance follows the speed."""
     found = status.scale[status.best[status.leading]] * noise
@@ -173,7 +173,7 @@ def adapt_jitter(status: Record, noise: float) -> None:
     _rescale(status, noise / measurement_variance(status, status.speed))
 
 
-@compiled
+@compiled_in_place
 def _rescale(status: Record, change: float) -> None:
     """Divide the unit of variance by `change`: scales and factors keep the covariances that they stand for."""
     root = 1.0 / math.sqrt(change)
@@ -185,4 +185,4 @@ def _rescale(status: Record, change: float) -> None:
                 status.clock[row, m] *= root
             for j in range(2 * lanes.WAVES[f]):
                 for i in range(j, 2 * lanes.WAVES[f]):
-                    status.factor[m, j, i] *= root
+                    status.factor[j, i, m] *= root

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
 from textile_twin_core.shaft.clock import add_products, add_spread, gradient, shaft_state, wave, write_covariance
@@ -14,7 +13,7 @@ from textile_twin_core.shaft.status import Record
 MINOR = 0.05  # filters of less than this part of the greatest probability do not enter the mixture
 
 
-@compiled
+@compiled_in_place
 def combine(status: Record, row: Record) -> None:
     """Set angle, speed and acceleration of the status, and the row's speed, acceleration and covariance (9,)."""
     top = 0.0
@@ -25,7 +24,7 @@ def combine(status: Record, row: Record) -> None:
     leading, moments = status.leading, status.moments
     best, about = status.best[leading], status.angle
     set_basis_at(status, about, lanes.WAVES[leading])
-    g = wave(status.ripple[best], status.second[leading], lanes.WAVES[leading], status.lowest, status.basis)
+    g = wave(status.ripple[:, best], status.second[leading], lanes.WAVES[leading], status.lowest, status.basis)
     clock = status.clock[:, best]
     about, status.speed, status.acceleration = shaft_state(
         clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION], about, g, status.slopes
@@ -48,7 +47,7 @@ def combine(status: Record, row: Record) -> None:
     status.acceleration = row.acceleration = status.acceleration + moments[3]
 
 
-@compiled
+@compiled_in_place
 def _add_moments(status: Record, f: int, about: float, top: float) -> None:
     """Add a family's filters to the moments about the best filter's state, which avoids cancellation.
 
@@ -61,7 +60,7 @@ def _add_moments(status: Record, f: int, about: float, top: float) -> None:
         weight = status.mode_probability[f] * status.probability[m]
         if weight < MINOR * top:
             continue
-        g = wave(status.ripple[m], status.second[f], waves, status.lowest, status.basis)
+        g = wave(status.ripple[:, m], status.second[f], waves, status.lowest, status.basis)
         clock = status.clock[:, m]
         angle, rate, acceleration = clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION]
         theta, omega, alpha = shaft_state(angle, rate, acceleration, about, g, slopes)
@@ -74,31 +73,29 @@ def _add_moments(status: Record, f: int, about: float, top: float) -> None:
         moments[3] += weight * d2
         add_products(d0, d1, d2, weight, products)
         if waves > 0:
-            set_ripple_covariance(status, waves, status.sensitivity[m], status.factor[m])
+            set_ripple_covariance(status, waves, m)
             for place in range(6):
                 products[place] += scale * status.covariance_part[place]
 
 
-@compiled
-def set_ripple_covariance(status: Record, waves: int, sensitivity: FloatArray, factor: FloatArray) -> None:
-    """Set `covariance_part` (6,), the shaft's covariance due to uncertain ripple, at the current basis and slopes.
-
-    `sensitivity` (3, .) of the clock's state to the coefficients, `factor` (., .) of the coefficients' covariance.
-    """
-    width, basis = 2 * waves, status.basis
+@compiled_in_place
+def set_ripple_covariance(status: Record, waves: int, m: int) -> None:
+    """Set `covariance_part` (6,), the shaft's covariance due to lane m's uncertain ripple, at the basis and slopes."""
+    width, basis, sensitivity, factor = 2 * waves, status.basis, status.sensitivity, status.factor
     jacobian, covariance = status.ripple_jacobian, status.covariance_part
     for i in range(width):
         order = status.lowest * (i // 2 + 1)
         value, slope = basis[i], order * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
         jacobian[0, i], jacobian[1, i], jacobian[2, i] = gradient(
-            sensitivity[2, i], sensitivity[1, i], sensitivity[0, i], value, slope, -order * order * value, status.slopes
-        )
+            sensitivity[2, i, m], sensitivity[1, i, m], sensitivity[0, i, m], value, slope, -order * order * value,
+            status.slopes,
+        )  # fmt: skip
     for place in range(6):
         covariance[place] = 0.0
     for j in range(np.uint64(width)):
         s0 = s1 = s2 = 0.0
         for i in range(j, np.uint64(width)):
-            s0 += factor[j, i] * jacobian[0, i]
-            s1 += factor[j, i] * jacobian[1, i]
-            s2 += factor[j, i] * jacobian[2, i]
+            s0 += factor[j, i, m] * jacobian[0, i]
+            s1 += factor[j, i, m] * jacobian[1, i]
+            s2 += factor[j, i, m] * jacobian[2, i]
         add_products(s0, s1, s2, 1.0, covariance)

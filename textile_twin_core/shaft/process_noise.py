@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft.measurement_noise import MOST_CORRELATED
 from textile_twin_core.shaft.status import Record, Records
 
@@ -15,7 +15,7 @@ PRIOR_WEIGHT = 0.5  # degrees of freedom of the prior ratio 1
 LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25  # memories that bound the intensity, in samples
 
 
-@compiled
+@compiled_in_place
 def set_initial_intensities(rows: Records, family: int, interval: float) -> None:
     """Make each row's intensity [rad^2/s^5] at least r / (N^6 T^5), N the family's memory there, as in `bank.predict`.
 
@@ -44,13 +44,13 @@ def set_initial_intensities(rows: Records, family: int, interval: float) -> None
         rows[i].intensity = max(rows[i].intensity, expected)
 
 
-@compiled
+@compiled_in_place
 def _independent(row: Record, family: int) -> float:
     """Independent samples that a row counts for, at most 1."""
     return float(1.0 / max(row.correlated, min(math.exp(row.memory[family]) / STEADY, MOST_CORRELATED), 1.0))
 
 
-@compiled
+@compiled_in_place
 def adapt_intensities(rows: Records, interval: float) -> float:
     """Scale each row's intensity by the smoothed jerk's mean square over its expectation, in a window around the row.
 

@@ -1,108 +1,120 @@
 """Ripple coefficients estimated apart from the state (Friedland 1969), by recursive least squares.
 
 The coefficients c are constant: a filter that takes them as c0 estimates x where c would give x + V (c - c0). The
-sensitivity V (3, .) goes through the same updates as the state, and an innovation changes by `regressor` . (c - c0).
-The least squares are in square-root form (Carlson 1973).
+sensitivity V goes through the same updates as the state, and an innovation changes by `regressor` . (c - c0). The
+least squares are in square-root form (Carlson 1973). Arrays end in lanes: functions work on lanes first .. stop - 1.
 """
 
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.shaft.lanes import vectorised
 
 
-@compiled
-def set_sensitivity(sensitivity: FloatArray, basis: FloatArray, lowest: float, rate: float, width: int) -> None:
-    """Sensitivity (3, .) of the state of a clock initialised at the shaft's angle and turning at `rate` [rad/s]."""
+@vectorised
+def set_sensitivity(
+    sensitivity: FloatArray, basis: FloatArray, lowest: float, rate: float, width: int, first: int, stop: int
+) -> None:
+    """Sensitivity (3, ., .) of the state of a clock initialised at the shaft's angle and turning at `rate` [rad/s]."""
     for i in range(width):
         frequency = lowest * (i // 2 + 1) * rate
-        sensitivity[0, i] = -frequency * frequency * basis[i]
-        sensitivity[1, i] = frequency * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
-        sensitivity[2, i] = basis[i]
+        by_angle = frequency * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
+        for m in range(np.uint64(first), np.uint64(stop)):
+            sensitivity[0, i, m] = -frequency * frequency * basis[i]
+            sensitivity[1, i, m] = by_angle
+            sensitivity[2, i, m] = basis[i]
 
 
-@partial(compiled, apart=True)
+@vectorised
 def propagate_sensitivity(
-    sensitivity: FloatArray, step: float, basis: FloatArray, regressor: FloatArray, width: int
+    sensitivity: FloatArray, step: float, basis: FloatArray, regressor: FloatArray, width: int, first: int, stop: int
 ) -> None:
-    """Time update of a sensitivity (3, .) over `step` [s]; sets `regressor` (.), that of the innovation.
+    """Time update of a sensitivity (3, ., .) over `step` [s]; sets `regressor` (., .), that of the innovation.
 
     The measured clock angle has the sensitivity `basis` (.).
     """
     half = 0.5 * step * step
     for i in range(width):
-        acceleration, rate = sensitivity[0, i], sensitivity[1, i]
-        sensitivity[1, i] = rate + step * acceleration
-        sensitivity[2, i] += step * rate + half * acceleration
-        regressor[i] = basis[i] - sensitivity[2, i]
+        at = basis[i]
+        for m in range(np.uint64(first), np.uint64(stop)):
+            acceleration, rate = sensitivity[0, i, m], sensitivity[1, i, m]
+            angle = sensitivity[2, i, m] + (step * rate + half * acceleration)
+            sensitivity[1, i, m] = rate + step * acceleration
+            sensitivity[2, i, m] = angle
+            regressor[i, m] = at - angle
 
 
-@partial(compiled, apart=True)
+@vectorised
 def predict_ripple(
-    ripple: FloatArray, factor: FloatArray, basis: FloatArray, regressor: FloatArray, projected: FloatArray, width: int
-) -> tuple[float, float]:
-    """The ripple in a measurement, and what its uncertainty adds to the innovation's variance.
+    ripple: FloatArray, factor: FloatArray, basis: FloatArray, regressor: FloatArray, projected: FloatArray,
+    reading: FloatArray, variance: FloatArray, width: int, first: int, stop: int,
+) -> None:  # fmt: skip
+    """Set the ripple in a measurement (.), and what its uncertainty adds to the innovation's variance (.).
 
-    Row j of `factor` (., .) is column j of the covariance factor L; sets `projected` (.) = L' regressor.
+    `factor` (., ., .) holds the transposed covariance factor L' of the coefficients, `projected` (., .) becomes L'
+    times the regressor.
     """
-    reading, variance, count = 0.0, 0.0, np.uint64(width)
-    for j in range(count):
-        reading += basis[j] * ripple[j]
-        total = 0.0
-        for i in range(j, count):
-            total += factor[j, i] * regressor[i]
-        projected[j] = total
-        variance += total * total
-    return reading, variance
+    begin, end = np.uint64(first), np.uint64(stop)
+    for m in range(begin, end):
+        reading[m] = variance[m] = 0.0
+    for i in range(np.uint64(width)):
+        for m in range(begin, end):
+            projected[i, m] = 0.0
+        for j in range(i + np.uint64(1)):  # a sum at a time would wait for itself
+            for m in range(begin, end):
+                projected[j, m] += factor[j, i, m] * regressor[i, m]
+    for j in range(np.uint64(width)):
+        at = basis[j]
+        for m in range(begin, end):
+            reading[m] += at * ripple[j, m]
+            variance[m] += projected[j, m] * projected[j, m]
 
 
-@partial(compiled, apart=True)
+@vectorised
 def correct_sensitivity(
-    sensitivity: FloatArray, regressor: FloatArray, gain0: float, gain1: float, gain2: float, width: int
+    sensitivity: FloatArray, regressor: FloatArray, gain: FloatArray, width: int, first: int, stop: int
 ) -> None:
-    """Measurement update of a sensitivity, by the gains of the state's."""
+    """Measurement update of a sensitivity, by the gains (3, .) of the state's."""
     for i in range(width):
-        sensitivity[0, i] += gain0 * regressor[i]
-        sensitivity[1, i] += gain1 * regressor[i]
-        sensitivity[2, i] += gain2 * regressor[i]
+        for m in range(np.uint64(first), np.uint64(stop)):
+            sensitivity[0, i, m] += gain[0, m] * regressor[i, m]
+            sensitivity[1, i, m] += gain[1, m] * regressor[i, m]
+            sensitivity[2, i, m] += gain[2, m] * regressor[i, m]
 
 
-@partial(compiled, apart=True)
+@vectorised
 def update_coefficients(
-    ripple: FloatArray, factor: FloatArray, projected: FloatArray, innovation: float, noise: float,
-    sensitivity: FloatArray, part: FloatArray, change: FloatArray, width: int,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Measurement update of the coefficients; returns how acceleration, rate and angle of the clock change with them.
+    ripple: FloatArray, factor: FloatArray, projected: FloatArray, innovation: FloatArray, variance: FloatArray,
+    sensitivity: FloatArray, clock: FloatArray, parts: FloatArray, change: FloatArray, width: int, first: int,
+    stop: int,
+) -> None:  # fmt: skip
+    """Measurement update of the coefficients, and of the clock's state that changes with them.
 
-    `noise` is the innovation's variance without that of the coefficients; `part` (2, .), `change` (.) are scratch.
+    `variance` (.) is the innovation's without that of the coefficients, and becomes the whole; `parts` (2, .) and
+    `change` (., .) are work space.
     """
-    total, count, last = noise, np.uint64(width), np.uint64(width - 1)
+    begin, end, count = np.uint64(first), np.uint64(stop), np.uint64(width)
     for back in range(count):
-        j = last - back
-        part[0, j] = total
-        total += projected[j] * projected[j]
-        part[1, j] = total
-    for i in range(count):
-        inverse = 1.0 / math.sqrt(part[0, i] * part[1, i])
-        part[0, i], part[1, i] = part[0, i] * inverse, projected[i] * inverse
-        change[i] = 0.0
-    for back in range(count):
-        j = last - back
-        keep, mix, seen = part[0, j], part[1, j], projected[j]
+        j = count - np.uint64(1) - back
+        for m in range(begin, end):
+            before, seen = variance[m], projected[j, m]
+            total = before + seen * seen
+            inverse = 1.0 / math.sqrt(before * total)
+            parts[0, m], parts[1, m] = before * inverse, seen * inverse
+            variance[m], change[j, m] = total, 0.0
         for i in range(j, count):
-            old = factor[j, i]
-            factor[j, i] = keep * old - mix * change[i]
-            change[i] += old * seen
-    acceleration = rate = angle = 0.0
-    for i in range(width):
-        change[i] *= -innovation / total
-        ripple[i] += change[i]
-        acceleration += sensitivity[0, i] * change[i]
-        rate += sensitivity[1, i] * change[i]
-        angle += sensitivity[2, i] * change[i]
-    return acceleration, rate, angle
+            for m in range(begin, end):
+                old = factor[j, i, m]
+                factor[j, i, m] = parts[0, m] * old - parts[1, m] * change[i, m]
+                change[i, m] += old * projected[j, m]
+    for i in range(count):
+        for m in range(begin, end):
+            step = change[i, m] * (-innovation[m] / variance[m])
+            ripple[i, m] += step
+            clock[0, m] += sensitivity[0, i, m] * step
+            clock[1, m] += sensitivity[1, i, m] * step
+            clock[2, m] += sensitivity[2, i, m] * step

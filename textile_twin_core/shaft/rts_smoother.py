@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import by_reference, compiled
+from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
 from textile_twin_core.shaft.clock import add_spread, shaft_state, wave, write_covariance
@@ -51,20 +51,27 @@ def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
     return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((3, 3, 3)), np.zeros((3, 9)))
 
 
-@compiled
+@compiled_in_place
+def copy_numbers(source: FloatArray, target: FloatArray) -> None:
+    """Copy (n,) numbers."""
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+@compiled_in_place
 def set_ripple(filters: Record, status: Record, family: int) -> None:
     """Copy the ripple of a family's best filter, the covariance factor of its coefficients in radians."""
     lane, width = status.best[family], 2 * lanes.WAVES[family]
     root = math.sqrt(status.scale[lane])
     filters.leading = family
-    filters.second[family] = status.second[family]
-    filters.ripple[lanes.CHAIN] = status.ripple[lane]
+    copy_numbers(status.second[family], filters.second[family])
     for i in range(width):
+        filters.ripple[i, lanes.CHAIN] = status.ripple[i, lane]
         for j in range(i + 1):
-            filters.factor[lanes.CHAIN, j, i] = status.factor[lane, j, i] * root
+            filters.factor[j, i, lanes.CHAIN] = status.factor[j, i, lane] * root
 
 
-@compiled
+@compiled_in_place
 def begin_at_state(filters: Record, theta: float, omega: float, alpha: float) -> None:
     """Initial clock state from the shaft's; `filters.start[3:]` is already the initial covariance's factor."""
     g = _wave_at(filters, theta)
@@ -73,7 +80,7 @@ def begin_at_state(filters: Record, theta: float, omega: float, alpha: float) ->
     filters.start[lanes.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
 
 
-@compiled
+@compiled_in_place
 def begin_at_row(filters: Record, row: Record) -> None:
     """Initial state and covariance factor from the state of a row."""
     start, p = filters.start, row.covariance
@@ -85,7 +92,7 @@ def begin_at_row(filters: Record, row: Record) -> None:
     begin_at_state(filters, row.theta, row.speed, row.acceleration)
 
 
-@compiled
+@compiled_in_place
 def _begin_at_reading(smoother: Smoother, record: Records, family: int, rows: Records) -> None:
     """Initial state and covariance factor from the first row's reading and filtered speed; ripple of a family."""
     filters, first = smoother.filters[0], rows[0]
@@ -96,7 +103,7 @@ def _begin_at_reading(smoother: Smoother, record: Records, family: int, rows: Re
     begin_at_state(filters, first.reading, first.speed, 0.0)
 
 
-@compiled
+@compiled_in_place
 def is_far(filters: Record, row: Record) -> bool:
     """Whether the initial angle is far from the bank's at a row, whose reading is much closer to the bank's."""
     angle = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta)[0]
@@ -104,7 +111,7 @@ def is_far(filters: Record, row: Record) -> bool:
     return far and abs(row.reading - angle) > 2.0 * abs(row.reading - row.theta)  # type: ignore[no-any-return]
 
 
-@compiled
+@compiled_in_place
 def log_likelihood(smoother: Smoother, record: Records, family: int, rows: Records) -> float:
     """Log-likelihood of the readings of all rows but the first under a family's ripple, up to a constant."""
     _begin_at_reading(smoother, record, family, rows)
@@ -112,7 +119,7 @@ def log_likelihood(smoother: Smoother, record: Records, family: int, rows: Recor
     return filter_rows(smoother, rows)
 
 
-@compiled
+@compiled_in_place
 def smooth_family(smoother: Smoother, record: Records, family: int, rows: Records, first: int, last: int) -> None:
     """Smooth (n,) rows under a family's ripple; rows `first` .. `last` get their states."""
     _begin_at_reading(smoother, record, family, rows)
@@ -121,7 +128,7 @@ def smooth_family(smoother: Smoother, record: Records, family: int, rows: Record
     smooth_back(smoother, rows, first, last)
 
 
-@compiled
+@compiled_in_place
 def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last: int) -> None:
     """Smooth (n,) rows from the initial state on: rows `first` .. `last` get their states.
 
@@ -144,13 +151,13 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
             break
 
 
-@compiled
+@compiled_in_place
 def filter_rows(smoother: Smoother, rows: Records) -> float:
     """Forward pass over all rows but the first; returns the readings' log-likelihood, up to a constant."""
     filters, m, total = smoother.filters[0], lanes.CHAIN, 0.0
     clock, projected = filters.clock, filters.projected
-    clock[:, m] = filters.start
-    smoother.filtered[0] = filters.start
+    copy_numbers(filters.start, clock[:, m])
+    copy_numbers(filters.start, smoother.filtered[0])
     for i in range(1, rows.size):
         row = rows[i]
         time_update(filters, math.sqrt(row.intensity * row.step), row.step, m, m + 1)
@@ -164,11 +171,11 @@ def filter_rows(smoother: Smoother, rows: Records) -> float:
             filters.innovation[m], filters.noise_variance[m] = innovation, noise
             measurement_update(filters, m, m + 1)
             total -= 0.5 * (math.log(noise + prior) + innovation * innovation / (noise + prior))
-        smoother.filtered[i] = clock[:, m]
+        copy_numbers(clock[:, m], smoother.filtered[i])
     return total
 
 
-@compiled
+@compiled_in_place
 def smooth_back(smoother: Smoother, rows: Records, first: int, last: int) -> None:
     """Backward pass: states of rows `first` .. `last`, and of every row the jerk over the step to it.
 
@@ -176,19 +183,19 @@ def smooth_back(smoother: Smoother, rows: Records, first: int, last: int) -> Non
     """
     filters, filtered, smoothed, m = smoother.filters[0], smoother.filtered, smoother.smoothed, lanes.CHAIN
     noise = rows[0].unit
-    smoothed[:] = filtered[rows.size - 1]
+    copy_numbers(filtered[rows.size - 1], smoothed)
     for i in range(rows.size - 1, 0, -1):
         row = rows[i]
         noise = row.noise if row.noise > 0.0 else noise
         if first <= i <= last:
             _write_state(smoother, row, noise)
-        filters.clock[:, m] = filtered[i - 1]
+        copy_numbers(filtered[i - 1], filters.clock[:, m])
         strength = math.sqrt(row.intensity * row.step)
         time_update(filters, strength, row.step, m, m + 1)
         _step_back(smoother, filters.clock[:, m], filtered[i - 1], row.step, strength, row.jerk)
 
 
-@compiled
+@compiled_in_place
 def _step_back(
     smoother: Smoother, predicted: FloatArray, filtered: FloatArray, step: float, strength: float, jerk: FloatArray
 ) -> None:
@@ -241,7 +248,7 @@ def _step_back(
     smoothed[lanes.L21], smoothed[lanes.L22] = l21 * t11 + l22 * t21, l22 * t22
 
 
-@compiled
+@compiled_in_place
 def _triangular(a: FloatArray) -> tuple[float, float, float, float, float, float]:
     """T of A A' = T T' for A (3, 9), by modified Gram-Schmidt on its rows: T00, T10, T20, T11, T21, T22."""
     s00 = s10 = s20 = 0.0
@@ -265,15 +272,15 @@ def _triangular(a: FloatArray) -> tuple[float, float, float, float, float, float
     return t00, part1 * t00, part2 * t00, t11, part * t11, math.sqrt(s22)
 
 
-@compiled
+@compiled_in_place
 def _wave_at(filters: Record, theta: float) -> tuple[float, float, float, float]:
     """g of the known ripple and its first three derivatives at an angle."""
     waves = lanes.WAVES[filters.leading]
     set_basis_at(filters, theta, waves)
-    return wave(filters.ripple[lanes.CHAIN], filters.second[filters.leading], waves, filters.lowest, filters.basis)
+    return wave(filters.ripple[:, lanes.CHAIN], filters.second[filters.leading], waves, filters.lowest, filters.basis)
 
 
-@compiled
+@compiled_in_place
 def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
     """State and covariance of the shaft from the smoothed clock, the uncertainty of its ripple included.
 
@@ -281,15 +288,15 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
     intensity, r measurement noise, T sampling interval); the rest is an error of the state.
     """
     filters, s = smoother.filters[0], smoother.smoothed
-    waves, sensitivity = lanes.WAVES[filters.leading], filters.sensitivity[lanes.CHAIN]
+    waves, sensitivity = lanes.WAVES[filters.leading], filters.sensitivity
     g = _wave_at(filters, row.theta)
     theta, row.speed, row.acceleration = shaft_state(s[2], s[1], s[0], row.theta, g, filters.slopes)
-    set_sensitivity(sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves)
+    set_sensitivity(sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves, lanes.CHAIN, lanes.CHAIN + 1)
     for k in range(2 * waves):
         rejected = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6
         for i in range(3):
-            sensitivity[i, k] *= row.intensity / (row.intensity + rejected)
-    set_ripple_covariance(filters, waves, sensitivity, filters.factor[lanes.CHAIN])
+            sensitivity[i, k, lanes.CHAIN] *= row.intensity / (row.intensity + rejected)
+    set_ripple_covariance(filters, waves, lanes.CHAIN)
     add_spread(s, filters.slopes, 1.0, filters.covariance_part)
     write_covariance(filters.covariance_part, row.covariance)
     add_unmodelled_again(row)

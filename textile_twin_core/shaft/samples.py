@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import by_reference, compiled
+from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.errors import MotionError
 from textile_twin_core.shaft.status import Record
 
@@ -27,7 +27,7 @@ class Block(NamedTuple):
     heard: FloatArray  # (n,) set: unwrapped readings that tell of the encoder's resolution, else NaN
 
 
-@compiled
+@compiled_in_place
 def admit(status: Record, last: Stamps, stamp: float, angle: float) -> bool:
     """Whether to accept a sample: angle and stamp finite, the stamp newer than `last` (1,); counts the cause if not."""
     status.received += 1.0

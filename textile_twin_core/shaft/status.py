@@ -69,14 +69,15 @@ _WIDTH = lanes.WIDEST
 _ARRAYS = {
     "clock": (9, lanes.COUNT),  # state and covariance factor of each lane, rows as in `lanes`
     "projected": (3, lanes.COUNT), "gain": (3, lanes.COUNT),  # L' h; gains
-    "sensitivity": (lanes.COUNT, 3, _WIDTH),  # of the state to the ripple coefficients, see `ripple`
-    "regressor": (lanes.COUNT, _WIDTH),  # of the innovation on the coefficients
-    "projected_ripple": (lanes.COUNT, _WIDTH),  # transposed factor of the coefficients times the regressor
-    "ripple": (lanes.COUNT, _WIDTH), "factor": (lanes.COUNT, _WIDTH, _WIDTH),  # coefficients of g1, covariance factor
+    "sensitivity": (3, _WIDTH, lanes.COUNT),  # of the state to the ripple coefficients, see `ripple`
+    "regressor": (_WIDTH, lanes.COUNT),  # of the innovation on the coefficients
+    "projected_ripple": (_WIDTH, lanes.COUNT),  # transposed factor of the coefficients times the regressor
+    "ripple": (_WIDTH, lanes.COUNT), "factor": (_WIDTH, _WIDTH, lanes.COUNT),  # coefficients of g1; factor L'
+    "parts": (2, lanes.COUNT), "clock_variance": (lanes.COUNT,), "ripple_change": (_WIDTH, lanes.COUNT),  # work space
     "second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2, see `clock`
     "basis": (2 * _WIDTH,), "change": (_WIDTH,),  # cosines and sines; change of the coefficients
     "order_sums": (2 * _WIDTH,),  # Fourier coefficients of the residuals
-    "part": (2, _WIDTH), "ripple_jacobian": (3, _WIDTH), "slopes": (6,),  # work space
+    "ripple_jacobian": (3, _WIDTH), "slopes": (6,),  # work space
     "start": (9,),  # initial state and covariance factor
     "moments": (4,), "products": (6,), "covariance_part": (6,),  # work space of `mixture`
 }  # fmt: skip
@@ -131,5 +132,5 @@ def ripple_amplitudes(record: Records) -> FloatArray:
     """Amplitude of the speed's ripple in each order of the leading family, relative to the speed."""
     status = record[0]
     waves = lanes.WAVES[int(status["leading"])]
-    cosines, sines = status["ripple"][int(status["best"][int(status["leading"])]), : 2 * waves].reshape(-1, 2).T
+    cosines, sines = status["ripple"][: 2 * waves, int(status["best"][int(status["leading"])])].reshape(-1, 2).T
     return np.asarray(np.hypot(cosines, sines) * status["lowest"] * np.arange(1, waves + 1))

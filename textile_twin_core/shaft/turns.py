@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import compiled_in_place
 
 TURN = 2.0 * math.pi
 TURN_TAIL = 2.4492935982947064e-16  # 2 pi minus its float64 value
@@ -21,7 +21,7 @@ def split_turns(angle: FloatArray) -> tuple[IntArray, FloatArray]:
     return turns.astype(np.int64), phase - turns * TURN_TAIL
 
 
-@compiled
+@compiled_in_place
 def split_turn(angle: float) -> tuple[float, float]:
     """`split_turns` for one angle; the turns as a float."""
     phase = float(np.fmod(angle, TURN))  # exact, in the float64 period

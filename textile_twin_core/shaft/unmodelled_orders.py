@@ -6,7 +6,7 @@ residuals have the same power in every order; a significant excess is ripple.
 
 from __future__ import annotations
 
-from textile_twin_core.compiling import compiled
+from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
 from textile_twin_core.shaft.families import samples_a_turn
@@ -21,7 +21,7 @@ FEWEST_ORDERS, ABOVE_FLOOR = 8, 3.0
 above it."""
 
 
-@compiled
+@compiled_in_place
 def listen_for_orders(status: Record, noise: float) -> None:
     """Average the Fourier coefficients and the variance of the leading filter's residuals (after its update)."""
     m = status.best[status.leading]
@@ -33,7 +33,7 @@ def listen_for_orders(status: Record, noise: float) -> None:
     status.residual_variance += (status.scale[m] * left * noise - status.residual_variance) / ORDER_SAMPLES
 
 
-@compiled
+@compiled_in_place
 def add_unmodelled(status: Record, row: Record) -> None:
     """Set a row's variances of angle, speed, acceleration by unmodelled orders, and add them to its covariance.
 
@@ -57,13 +57,13 @@ def add_unmodelled(status: Record, row: Record) -> None:
     add_unmodelled_again(row)
 
 
-@compiled
+@compiled_in_place
 def _power(status: Record, k: int) -> float:
     """Squared amplitude of an order in the residuals."""
     return status.order_sums[2 * k] ** 2 + status.order_sums[2 * k + 1] ** 2  # type: ignore[no-any-return]
 
 
-@compiled
+@compiled_in_place
 def add_unmodelled_again(row: Record) -> None:
     """Add the variances of unmodelled orders to a row's covariance."""
     for place in range(3):
