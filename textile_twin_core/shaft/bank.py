@@ -106,7 +106,8 @@ def predict(status: Record, f: int, step: float, noise: float, interval: float) 
 def predict_reading(status: Record, f: int, step: float, reading: float, at: float, noise: float) -> None:
     """Innovations and likelihoods of a reading `step` [s] after the last one, with the ripple evaluated at angle `at`.
 
-    Where an innovation is too large, the filter's measurement variance is widened.
+    Where an innovation is too large, the filter's measurement variance is widened. The family's `density` is the
+    reading's predictive density, but for the constant of Student's t.
     """
     if lanes.WAVES[f] > 0:
         set_basis_at(status, at, lanes.WAVES[f])
@@ -118,15 +119,7 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
         status.ripple_variance, width, first, stop,
     )  # fmt: skip
     innovate(status, reading, noise, first, stop)
-
-
-@compiled_in_place
-def predictive_density(status: Record, f: int) -> float:
-    """Predictive density of the latest reading under the family, but for the constant of Student's t."""
-    total = 0.0
-    for m in range(lanes.FIRST[f], lanes.END[f]):
-        total += status.probability[m] * status.likelihood[m]
-    return total
+    status.density[f] = dot(status.probability[first:stop], status.likelihood[first:stop], stop - first)
 
 
 @compiled_in_place
@@ -146,17 +139,16 @@ def _correct_filters(status: Record, f: int) -> None:
 
 
 @compiled_in_place
-def update_filters(status: Record, f: int, noise: float, least_scale: float) -> float:
-    """Measurement update of all filters by the latest reading; its likelihood under the family.
+def update_filters(status: Record, f: int, noise: float, least_scale: float) -> None:
+    """Measurement update of all filters by the latest reading.
 
     Updates mode probabilities and noise scales (by the normalised innovation squared), and restarts diverged filters.
     """
     first, end = lanes.FIRST[f], lanes.END[f]
     probability, usage, likelihood_ratio = status.probability, status.usage, status.likelihood_ratio
     innovation, scale, scale_samples = status.innovation, status.scale, status.scale_samples
-    density = predictive_density(status, f)
     _correct_filters(status, f)
-    uniform, inverse = UNIFORM_PART / (end - first), 1.0 / density
+    uniform, inverse = UNIFORM_PART / (end - first), 1.0 / status.density[f]
     likelihood, prior_variance = status.likelihood, status.prior_variance
     for m in range(np.uint64(first), np.uint64(lanes.STOP[f])):
         ratio = likelihood[m] * inverse
@@ -179,16 +171,13 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
     for m in range(first, end):
         if likelihood_ratio[m] < RESTART_RATIO and probability[m] < RESTART_PROBABILITY and m != best:
             _restart_from(status, best, m, 2 * lanes.WAVES[f])
-    return density
 
 
 @compiled_in_place
 def log_memory(status: Record, f: int) -> float:
     """Mean logarithm of the memory under the filters' probabilities."""
-    total = 0.0
-    for m in range(lanes.FIRST[f], lanes.END[f]):
-        total += status.probability[m] * status.logarithm[m]
-    return total
+    first, stop = lanes.FIRST[f], lanes.STOP[f]
+    return dot(status.probability[first:stop], status.logarithm[first:stop], stop - first)
 
 
 @compiled_in_place

@@ -115,36 +115,46 @@ class ShaftEstimator:
             self._status["unit"] = 1e-9 if stamp.dtype == np.int64 else 1.0
         if self._wheel is not None:
             angle = self._wheel.corrected(angle)
-        heard = np.empty(stamp.size)
-        if not self._finder.wanted and stamp.size <= self._piece():
-            return [self._take(Block(self._last, stamp, angle, velocity, heard))]
         parts: list[Part] = []
-        done = 0
-        while done < stamp.size or not parts:
-            wanted = self._finder.wanted
-            end = min(stamp.size, done + min(wanted or PIECE, self._piece()))
-            block = Block(self._last, stamp[done:end], angle[done:end], velocity[done:end], heard[done:end])
-            parts.append(self._take(block))
-            if wanted:
-                used = ~np.isnan(block.heard)
-                step = self._finder.take(block.stamps[used].astype(np.float64), block.heard[used])
-                if step is not None:
-                    set_resolution(self._status, step)
-            done = end
+        for first in range(0, max(stamp.size, 1), PIECE):
+            end, done, count = min(first + PIECE, stamp.size), first, 0
+            ready, rows = self._room(end - first)
+            heard = np.empty(end - first)
+            while done < end:
+                wanted = self._finder.wanted
+                to = min(end, done + (wanted or PIECE), done + self._piece())
+                block = Block(self._last, stamp[done:to], angle[done:to], velocity[done:to], heard[done - first :])
+                count += self._take(block, ready[count:], rows[count:])
+                if wanted:
+                    self._find_step(block)
+                done = to
+            parts.append((ready, rows) if count == rows.size else (ready[:count], rows[:count]))
         return parts
 
+    def _room(self, more: int) -> Part:
+        """Room for the states that become ready with so many samples."""
+        return np.empty(more, self._last.dtype), records(ROW, more)
+
     def _piece(self) -> int:
-        """Most samples in a piece."""
+        """Most samples in a block."""
         return PIECE
 
-    def _take(self, block: Block) -> Part:
-        """Filter a block; stamps and rows of the samples whose states are ready."""
-        stamps, rows = block.stamps, records(ROW, block.stamps.size)
+    def _take(self, block: Block, ready: Stamps, rows: Records) -> int:
+        """Filter a block; sets stamps and rows of the states that become ready, and returns their number."""
+        stamps = block.stamps
         count = run_filter(self._status, block, rows)
         if count < stamps.size:
-            rows = rows[:count]
-            stamps = stamps[rows["index"].astype(np.int64) - (int(self._status["received"][0]) - stamps.size)]
-        return stamps, rows
+            stamps = stamps[rows["index"][:count].astype(np.int64) - (int(self._status["received"][0]) - stamps.size)]
+        ready[:count] = stamps
+        return count
+
+    def _find_step(self, block: Block) -> None:
+        """Look for the encoder's step in a block that was filtered."""
+        heard = block.heard[: block.stamps.size]
+        used = ~np.isnan(heard)
+        step = self._finder.take(block.stamps[used].astype(np.float64), heard[used])
+        if step is not None:
+            set_resolution(self._status, step)
 
 
 def joined(parts: list[Part]) -> Part:

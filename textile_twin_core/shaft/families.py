@@ -99,7 +99,8 @@ def update_mode_probabilities(status: Record, noise: float, turning: bool) -> No
     mode_probability = status.mode_probability
     for f in range(lanes.FAMILIES):
         if status.active[f] > 0.0:
-            likelihood = update_filters(status, f, noise, least)
+            likelihood = status.density[f]
+            update_filters(status, f, noise, least)
             observed = f > 0 and is_observed(status, f)
             if observed and status.samples % SECOND_ORDER_EVERY == 0.0:
                 update_second_order(status, f)

@@ -8,7 +8,7 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import predict, predict_reading, predictive_density
+from textile_twin_core.shaft.bank import predict, predict_reading
 from textile_twin_core.shaft.families import is_active, is_observed, memory_of, update_mode_probabilities
 from textile_twin_core.shaft.gating import (
     accept_manoeuvre,
@@ -133,7 +133,7 @@ def _process_reading(status: Record, step: float, raw: float, row: Record) -> No
             status.travelled[f] += turned
             # Until the ripple is observed, its angle is better known from the measurement than from the prediction.
             predict_reading(status, f, step, reading, expected if is_observed(status, f) else reading, noise)
-            density += status.mode_probability[f] * predictive_density(status, f)
+            density += status.mode_probability[f] * status.density[f]
     outlying = density < OUTLIER_DENSITY and status.since > 5.0
     if held:
         row.noise = 0.0

@@ -14,7 +14,7 @@ from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joine
 from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.ripple_history import RippleHistory
 from textile_twin_core.shaft.rts_smoother import log_likelihood, new_smoother, smooth_family
-from textile_twin_core.shaft.samples import Block
+from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, Records
 from textile_twin_core.shaft.teeth import ToothWheel
@@ -54,10 +54,10 @@ class SmoothEstimator(ShaftEstimator):
     def _piece(self) -> int:
         return self._history.until_look
 
-    def _take(self, block: Block) -> Part:
-        part = super()._take(block)
+    def _take(self, block: Block, ready: Stamps, rows: Records) -> int:
+        count = super()._take(block, ready, rows)
         self._history.follow(self._status, block.stamps.size)
-        return part
+        return count
 
     def finish(self) -> ShaftStates:
         """The states of all samples from the third on."""

@@ -69,17 +69,13 @@ class LagEstimator(ShaftEstimator):
         self._window.held["lag"] = self._lag
         self._smoother = new_smoother(self._settings, MOST_ROWS)
 
-    def _take(self, block: Block) -> Part:
-        if self._window.stamps.dtype != block.stamps.dtype:
-            self._window = self._window._replace(stamps=np.zeros(MOST_ROWS, block.stamps.dtype))
-        ready, rows = self._room(block.stamps.size)
-        count = _follow(self._status, block, self._window, self._smoother, ready, rows)
-        return ready[:count], rows[:count]
-
     def _room(self, more: int) -> Part:
-        """Room for all rows of the window and so many more."""
-        size = int(self._window.held["rows"][0]) + more
-        return np.empty(size, self._window.stamps.dtype), records(ROW, size)
+        if self._window.stamps.dtype != self._last.dtype:
+            self._window = self._window._replace(stamps=np.zeros(MOST_ROWS, self._last.dtype))
+        return super()._room(int(self._window.held["rows"][0]) + more)
+
+    def _take(self, block: Block, ready: Stamps, rows: Records) -> int:
+        return _follow(self._status, block, self._window, self._smoother, ready, rows)
 
     def finish(self) -> ShaftStates:
         """The states still held; then the estimator begins again, but for the report and the newest stamp."""

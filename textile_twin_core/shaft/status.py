@@ -54,7 +54,8 @@ _NUMBERS = (
     "residual_variance",  # of the leading filter [rad^2], see `unmodelled_orders`
 )  # fmt: skip
 _BY_FAMILY = (
-    "mode_probability", "active", "travelled", "began",  # 1 if active; angle turned [rad] since it started, speed then
+    "density", "mode_probability",  # predictive density of the latest reading
+    "active", "travelled", "began",  # 1 if active; angle turned [rad] since it started, speed then
     "rest", "pause",  # angle [rad] left to rest, or if negative turned since it was probable; cycles of its next rest
     "log_memory",  # mean logarithm of its memory
 )  # fmt: skip
