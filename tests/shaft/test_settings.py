@@ -21,6 +21,7 @@ POSITIVE = "give a positive finite number"
         ({"stamp_jitter_s": -1e-5}, "stamp_jitter_s is -1e-05: give a finite number, 0 or more, or None"),
         ({"teeth": 1.5}, "teeth is 1.5: give a whole number from 0 to 10000"),
         ({"teeth": -1}, "teeth is -1: give a whole number from 0 to 10000"),
+        ({"teeth": 60, "tooth_zero_rad": np.nan}, "tooth_zero_rad is nan: give a finite number"),
         (
             {"teeth": 3, "pitch_errors_rad": (0.0,)},
             "pitch_errors_rad has 1 values: give one finite number for each of 3 teeth",

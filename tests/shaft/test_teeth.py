@@ -25,6 +25,25 @@ def test_pitch_errors_of_the_ripples_orders_are_learnt_too(seed: int) -> None:
     assert off[0] < 0.85 * off[1]
 
 
+def test_the_ripple_that_is_told_is_the_shafts() -> None:
+    """Beside that of the same shaft on a wheel without pitch errors, in the orders of the turn."""
+    off = []
+    for seed in (0, 1, 3, 5, 6):
+        truth, told, untold = (
+            _ripple(kind, seed, teeth)[1::2] for kind, teeth in (("teeth", 0), ("pitch", TEETH), ("pitch", 0))
+        )
+        off.append([np.sqrt(np.mean((found - truth) ** 2)) for found in (told, untold)])
+    told, untold = np.median(off, axis=0)
+    assert told < 0.85 * untold
+
+
+def _ripple(kind: str, seed: int, teeth: int) -> np.ndarray:
+    record, estimator = make(kind, seed), create_estimator("smooth", cycle_turns=2, teeth=teeth)
+    estimator.step(record.time_s, record.angle_rad)
+    estimator.finish()
+    return np.array(estimator.report.ripple)
+
+
 @pytest.mark.parametrize("turns", [0, 150])
 @pytest.mark.parametrize("cycle_turns", [1, 2])
 @pytest.mark.parametrize("teeth", [3, 4, 7, 9, 12])

@@ -97,7 +97,7 @@ class SmoothEstimator(ShaftEstimator):
         lead = int(last["leading"])
         whole = last["ripple"][: 2 * lanes.WAVES[lead], last["best"][lead]].reshape(-1, 2)[every - 1 :: every]
         mine, correction = wheel.take_from_ripple(whole, readings)
-        for status in self._history.known:
+        for status in [*self._history.known, self._status]:
             for f in range(1, lanes.FAMILIES):
                 ripple = status[0]["ripple"][: 2 * lanes.WAVES[f], status[0]["best"][f]]
                 for i in range(2):

@@ -131,9 +131,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     held, status, filters = window.held[0], record[0], smoother.filters[0]
     restart = held.restart != 0 or status.leading != filters.leading
     set_ripple(filters, status, status.leading)
-    if restart:
-        begin_at_row(filters, window.rows[0])
-    if is_far(filters, window.filtered[0]):
+    if restart or is_far(filters, window.filtered[0]):
         begin_at_row(filters, window.filtered[0])
     held.restart = 0
     window.filtered[0] = window.rows[due]

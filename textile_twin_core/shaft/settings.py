@@ -53,6 +53,7 @@ class ShaftSettings:
         jitter, errors = self.stamp_jitter_s, self.pitch_errors_rad
         valid = jitter is None or (_is_finite(jitter) and jitter >= 0)
         _require(valid, "stamp_jitter_s", jitter, "give a finite number, 0 or more, or None")
+        _require(_is_finite(self.tooth_zero_rad), "tooth_zero_rad", self.tooth_zero_rad, "give a finite number")
         for name, least, most in (("teeth", 0, MAX_TEETH), ("cycle_turns", 1, MAX_CYCLE_TURNS)):
             value = getattr(self, name)
             whole = isinstance(value, Integral) and not isinstance(value, bool)
