@@ -12,11 +12,13 @@ from textile_twin_core.shaft.filter import process_sample
 from textile_twin_core.shaft.rts_smoother import (
     Smoother,
     begin_at_row,
+    begin_at_state,
     copy_numbers,
     is_far,
     new_smoother,
     set_ripple,
     smooth,
+    state_at_start,
 )
 from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.settings import require_positive
@@ -129,9 +131,12 @@ def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, t
 def _release(record: Records, due: int, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> None:
     """Smooth the window and release the `due` rows after the first; the last of these becomes the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
-    restart = held.restart != 0 or status.leading != filters.leading
+    theta, omega, alpha = state_at_start(filters, window.filtered[0].theta)
+    changed = status.leading != filters.leading
     set_ripple(filters, status, status.leading)
-    if restart or is_far(filters, window.filtered[0]):
+    if changed:
+        begin_at_state(filters, theta, omega, alpha)
+    if held.restart != 0 or is_far(filters, window.filtered[0]):
         begin_at_row(filters, window.filtered[0])
     held.restart = 0
     window.filtered[0] = window.rows[due]

@@ -72,6 +72,14 @@ def set_ripple(filters: Record, status: Record, family: int) -> None:
 
 
 @compiled_in_place
+def state_at_start(filters: Record, near: float) -> tuple[float, float, float]:
+    """The shaft's initial angle, speed and acceleration, from the initial clock state; `near` [rad] is close to it."""
+    start = filters.start
+    g = _wave_at(filters, near)
+    return shaft_state(start[lanes.ANGLE], start[lanes.RATE], start[lanes.ACCELERATION], near, g, filters.slopes)
+
+
+@compiled_in_place
 def begin_at_state(filters: Record, theta: float, omega: float, alpha: float) -> None:
     """Initial clock state from the shaft's; `filters.start[3:]` is already the initial covariance's factor."""
     g = _wave_at(filters, theta)
