@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tests.shaft.textbook import textbook
-from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft import ShaftStates, create_estimator
+from textile_twin_core.shaft.status import MANOEUVRE
 
 RATE_HZ, STEP_RAD = 50.0, 2.0 * np.pi / 42
 
@@ -22,7 +23,7 @@ def _drive(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_a_start_within_a_reading_is_followed_sooner_where_no_outliers_came() -> None:
-    """With two readings rejected each time the speed is 1.9 times as far off as the textbook's."""
+    """With two readings rejected each time the speed is 1.9 times as far off as the textbook's, with one 1.5 times."""
     ratios = []
     for seed in range(8):
         time, readings, speed = _drive(seed)
@@ -30,13 +31,13 @@ def test_a_start_within_a_reading_is_followed_sooner_where_no_outliers_came() ->
         late = states.index > 0.5 * time.size
         off, reference = states.omega_rad_s - speed[states.index], book.causal[:, 1] - speed
         ratios.append(np.sqrt(np.mean(off[late] ** 2) / np.mean(reference[states.index[late]] ** 2)))
-    assert np.median(ratios) < 1.6
+    assert np.median(ratios) < 1.15
 
 
 @pytest.mark.parametrize("size", [0.5, 0.8, 2.0])
 @pytest.mark.parametrize("seed", range(4))
-def test_a_drive_that_starts_and_stops_does_not_teach_to_believe_outliers(seed: int, size: float) -> None:
-    """After it an even speed with 2 % of wrong readings: all are rejected, and the speed is not touched."""
+def test_an_outlier_after_starts_and_stops_is_believed_for_one_reading_at_most(seed: int, size: float) -> None:
+    """After them an even speed with 2 % of wrong readings: at most one is, unsettled; the next takes that back."""
     rng = np.random.default_rng(seed)
     _, before, _ = _drive(seed)
     time = np.arange(before.size + 3000) / RATE_HZ
@@ -46,8 +47,78 @@ def test_a_drive_that_starts_and_stops_does_not_teach_to_believe_outliers(seed: 
     readings[wrong] += rng.choice((-size, size), wrong.size)
     estimator = create_estimator("causal")
     states = estimator.step(time, readings)
-    assert np.abs(states.omega_rad_s[states.index >= late[0]] - 20.0).max() < 0.1
+    touched = np.abs(states.omega_rad_s - 20.0)[states.index >= late[0]] > 0.1
+    assert touched.sum() <= 1
     assert not states.settled[np.isin(states.index, wrong)].any()
+
+
+@pytest.mark.parametrize("after", [300, 1])
+@pytest.mark.parametrize("size", [0.5, -0.8])
+@pytest.mark.parametrize("view", ["lag", "smooth"])
+def test_an_outlier_that_was_believed_does_nothing_to_smoothed_states(view: str, size: float, after: int) -> None:
+    """Whether more readings follow or none."""
+    time, readings, clean, at = _believed(20.0 / RATE_HZ * np.arange(1, 150 + after), size, 149)
+    found, truth = (_smoothed(view, time, each) for each in (readings, clean))
+    assert np.abs(found.omega_rad_s - truth.omega_rad_s)[truth.index > at - 50].max() < 0.5
+
+
+@pytest.mark.parametrize("view", ["lag", "smooth"])
+def test_an_outlier_that_was_believed_is_smoothed_at_the_ripples_own_angle(view: str) -> None:
+    even, angle = 20.0 / RATE_HZ * np.arange(1, 3001), np.zeros(3000)
+    for _ in range(60):
+        angle = even - 0.25 * np.sin(angle)
+    time, readings, clean, at = _believed(angle, -1.2, 2100)
+    found, truth = (_smoothed(view, time, each) for each in (readings, clean))
+    there = truth.index == at
+    assert np.abs(found.theta_rad - truth.theta_rad)[there] < 0.01
+    assert np.abs(found.omega_rad_s - truth.omega_rad_s)[there] < 0.05
+    assert np.abs(found.alpha_rad_s2 - truth.alpha_rad_s2)[there] < 1.0
+
+
+@pytest.mark.parametrize("view", ["lag", "smooth"])
+def test_a_sample_that_is_refused_decides_nothing(view: str) -> None:
+    time, readings, _, at = _believed(20.0 / RATE_HZ * np.arange(1, 301), 0.5, 149)
+    states = _smoothed(view, time, readings)
+    refused = _smoothed(view, np.insert(time, at + 1, np.inf), np.insert(readings, at + 1, readings[at + 1]))
+    assert np.array_equal(states.omega_rad_s, refused.omega_rad_s)
+
+
+def _believed(angle: np.ndarray, size: float, at: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Stamps, readings with an outlier that is believed at first and without, and its place, `at` in angles (n,)."""
+    _, before, _ = _drive(3)
+    clean = np.append(before, before[-1] + np.round(angle / STEP_RAD) * STEP_RAD)
+    time, readings, place = np.arange(clean.size) / RATE_HZ, clean.copy(), before.size + at
+    readings[place] += size
+    live, truth = (create_estimator("causal").step(time, each) for each in (readings, clean))
+    assert abs(live.omega_rad_s - truth.omega_rad_s)[live.index == place] > 1.0
+    return time, readings, clean, place
+
+
+@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
+def test_what_was_believed_and_taken_back_is_counted_once(view: str) -> None:
+    """Samples one by one, among them one that repeats a stamp and one that is no number, right after an outlier."""
+    time, readings, _ = _drive(5)
+    wrong = np.arange(400, time.size, 211)
+    readings[wrong] += 0.5
+    time, readings = np.insert(time, wrong + 1, time[wrong]), np.insert(readings, wrong + 1, readings[wrong])
+    readings[wrong + 2 + np.arange(wrong.size)] = np.nan
+    whole, single = create_estimator(view), create_estimator(view)
+    parts = [whole.step(time, readings), whole.finish()]
+    pieces = [single.step(time[i : i + 1], readings[i : i + 1]) for i in range(time.size)] + [single.finish()]
+    one, other = (ShaftStates.join([part for part in each if len(part)]) for each in (parts, pieces))
+    for field in ("theta_rad", "omega_rad_s", "alpha_rad_s2", "settled", "index", "covariance"):
+        assert np.array_equal(getattr(one, field), getattr(other, field)), field
+    assert whole.report == single.report
+    assert whole.report.received == time.size
+    assert whole.report.rejected == {"not_finite": wrong.size, "duplicate_stamp": wrong.size, "older_stamp": 0}
+    assert whole.report.accepted == time.size - 2 * wrong.size
+    assert len(one) == whole.report.accepted - 2
+
+
+def _smoothed(view: str, time: np.ndarray, readings: np.ndarray) -> ShaftStates:
+    estimator = create_estimator(view)
+    parts = [estimator.step(time, readings), estimator.finish()]
+    return ShaftStates.join([part for part in parts if len(part)])
 
 
 def test_two_outliers_that_grow_are_believed_once_at_most() -> None:
@@ -58,6 +129,6 @@ def test_two_outliers_that_grow_are_believed_once_at_most() -> None:
     readings[1001] += 0.6
     states = create_estimator("causal").step(time, readings)
     off = np.abs(states.omega_rad_s - 20.0)
-    assert states.rows["cut"][states.index == 1001] == 2.0
+    assert states.rows["cut"][states.index == 1001] == MANOEUVRE
     assert np.all((off < 5.0) | ~states.settled)
     assert off[states.index > 1040].max() < 0.5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.shaft.kinds import make
-from textile_twin_core.shaft import ShaftStates, create_estimator
+from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 
 
 def test_lag_finds_the_shaft_again() -> None:
@@ -85,3 +85,34 @@ def test_a_lag_of_more_samples_than_may_be_held_is_cut_to_what_fits(block: int) 
     assert np.array_equal(states.index, np.arange(2, 4000))
     assert sum(map(len, found)) > 4000 - 512
     assert np.allclose(states.omega_rad_s[500:], 20.0, rtol=1e-6)
+
+
+RATE_HZ, STEP_RAD = 64.0, np.deg2rad(1.0)
+
+
+@pytest.mark.parametrize("slip", [np.pi, 0.5])
+def test_a_stop_soon_after_a_slip_is_followed(slip: float) -> None:
+    """The filters had found their noise before the slip: the stop's own rows tell how quick it was."""
+    at = np.arange(700)
+    speed = np.interp(at, [20, 40, 600, 615], [0.0, 60.0, 60.0, 0.0])
+    off, report = _smoothed_off(speed, np.cumsum(speed) / RATE_HZ + np.where(at >= 575, slip, 0.0))
+    assert report.jumps == 1
+    assert off[620:].max() < 1.0
+    assert off[604:612].max() < 3.0
+
+
+def test_a_stop_soon_after_a_records_begin_is_followed() -> None:
+    speed = np.interp(np.arange(400), [60, 75], [60.0, 0.0])
+    off, _ = _smoothed_off(speed, np.cumsum(speed) / RATE_HZ)
+    assert off[80:].max() < 1.0
+    assert off[64:72].max() < 3.0
+
+
+def _smoothed_off(speed: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, SampleReport]:
+    """Errors of the smoothed speed [rad/s], sample by sample, and the report."""
+    estimator = create_estimator("smooth")
+    estimator.step(np.arange(angle.size) / RATE_HZ, np.round(angle / STEP_RAD) * STEP_RAD)
+    states = estimator.finish()
+    off = np.zeros(angle.size)
+    off[states.index] = np.abs(states.omega_rad_s - speed[states.index])
+    return off, estimator.report

@@ -50,7 +50,7 @@ class ShaftEstimator:
         """Forget everything, the report included."""
         given = self._settings
         self._finder = StepFinder(given.period_rad, given.step_rad)
-        self._status = new_status(given, UNKNOWN_STEP_RAD if given.step_rad is None else given.step_rad)
+        self._status = new_status(given, UNKNOWN_STEP_RAD if given.step_rad is None else given.step_rad, 2)
         self._last: Stamps = np.zeros(1, np.int64)
         self._kind, self._one = "", OneSample()
         self._wheel = ToothWheel(given.teeth, given.tooth_zero_rad, given.pitch_errors_rad) if given.teeth else None
@@ -79,7 +79,7 @@ class ShaftEstimator:
 
     def finish(self) -> ShaftStates:
         """The states that are still held; the estimator is then as after `reset`, but for report and newest stamp."""
-        fresh = new_status(self._settings, float(self._status["resolution"][0]))
+        fresh = new_status(self._settings, float(self._status["resolution"][0]), 2)
         for name in KEPT:
             fresh[name] = self._status[name]
         self._status = fresh

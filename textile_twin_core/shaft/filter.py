@@ -17,6 +17,8 @@ from textile_twin_core.shaft.gating import (
     is_false_start,
     is_growing,
     is_predicted,
+    learn_abruptness,
+    reconsider,
     restart,
 )
 from textile_twin_core.shaft.measurement_noise import (
@@ -33,7 +35,7 @@ from textile_twin_core.shaft.measurement_noise import (
 )
 from textile_twin_core.shaft.mixture import combine
 from textile_twin_core.shaft.samples import Block, admit
-from textile_twin_core.shaft.status import RUNNING, STANDSTILL, STARTING, Record, Records
+from textile_twin_core.shaft.status import MANOEUVRE, RUNNING, STANDSTILL, STARTING, Record, Records
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
 from textile_twin_core.shaft.unmodelled_orders import add_unmodelled, listen_for_orders
 
@@ -49,24 +51,30 @@ INTERVAL_SAMPLES = 500.0  # memory of the mean sampling interval
 
 @compiled_in_place
 def run_filter(record: Records, block: Block, table: Records) -> int:
-    """Filter a block of samples; fills a row of `table` for each accepted one and returns their number."""
+    """Filter a block of samples; fills a row of `table` for each accepted one and returns their number.
+
+    `record` (2,) is the status, and while its latest reading is in doubt what it would be without it.
+    """
     count = 0
     for i in range(block.stamps.size):
-        count += process_sample(record[0], block, i, table[count])
+        count += process_sample(record, block, i, table[count])
     return count
 
 
 @compiled_in_place
-def process_sample(status: Record, block: Block, i: int, row: Record) -> bool:
+def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
     """Filter sample `i` of a block; whether it was accepted and its row filled."""
-    stamp, angle = block.stamps[i], block.angles[i]
+    status, stamp, angle = record[0], block.stamps[i], block.angles[i]
     block.heard[i] = math.nan
     if not admit(status, block.last, stamp, angle):
         return False
-    status.sensor_speed = block.velocities[i] if block.velocities.size > 0 else math.nan
-    step = (stamp - block.last[0]) * status.unit
-    block.last[0] = stamp
+    step, confirmed = (stamp - block.last[0]) * status.unit, False
     turns, phase = split_turn(angle)
+    raw = phase + (turns - status.origin) * TURN
+    if status.doubtful > 0.0:
+        confirmed = reconsider(record, raw, step, step > GAP_SAMPLES * status.interval)
+    block.last[0] = stamp
+    status.sensor_speed = block.velocities[i] if block.velocities.size > 0 else math.nan
     status.samples += 1.0
     row.index, row.settled, row.noise, row.cut, row.intensity = status.received - 1.0, -1.0, 0.0, 0.0, 0.0
     if status.samples == 1.0:
@@ -74,15 +82,19 @@ def process_sample(status: Record, block: Block, i: int, row: Record) -> bool:
         status.first = status.angle = status.low = status.high = phase
         row.reading, row.theta, row.origin = phase, phase, turns
     else:
-        raw = phase + (turns - status.origin) * TURN
         status.time += step
         status.longest = max(status.longest, step)
         row.step, row.time, row.correlated = step, status.time, status.correlated
         if status.samples == 2.0:
             initiate(status, step, unwrap_reading(status, raw, status.first), row)
         else:
-            _process_reading(status, step, raw, row)
-        _report_state(status, row)
+            _process_reading(record, step, raw, row)
+        if status.doubtful > 0.0:
+            _report_in_doubt(record, row)
+        else:
+            _report_state(status, row)
+        if confirmed and row.cut == 0.0 and row.noise > 0.0:
+            row.cut = MANOEUVRE
     # Sampling in step with the encoder may skip one of its steps: rejected measurements within a move count here, too.
     if row.noise > 0.0 or abs(row.reading - status.angle) <= MAX_HEARD * abs(status.speed) * status.interval:
         block.heard[i] = row.reading
@@ -90,8 +102,9 @@ def process_sample(status: Record, block: Block, i: int, row: Record) -> bool:
 
 
 @compiled_in_place
-def _process_reading(status: Record, step: float, raw: float, row: Record) -> None:
+def _process_reading(record: Records, step: float, raw: float, row: Record) -> None:
     """One measurement from the third on, `raw` [rad] before unwrapping, `step` [s] after the one before."""
+    status = record[0]
     status.since += 1.0
     gap = step > GAP_SAMPLES * status.interval
     if not gap or status.since < GAP_SAMPLES:
@@ -138,7 +151,7 @@ def _process_reading(status: Record, step: float, raw: float, row: Record) -> No
     if held:
         row.noise = 0.0
         status.repeats += 1.0
-    elif not outlying or accept_manoeuvre(status, reading, off, step, row):
+    elif not outlying or accept_manoeuvre(record, reading, off, step, row):
         _update(status, off, reading, repeated, noise, row)
 
 
@@ -146,6 +159,8 @@ def _process_reading(status: Record, step: float, raw: float, row: Record) -> No
 def _update(status: Record, off: float, reading: float, repeated: float, noise: float, row: Record) -> None:
     """Update filters and mode probabilities with an accepted measurement, and adapt the measurement noise."""
     was_outlier = status.rejected_run > 0.0 and row.cut == 0.0 and not is_growing(status, off)
+    if was_outlier:
+        learn_abruptness(status, False)
     status.clean = 0.0 if was_outlier else status.clean + 1.0
     status.rejected_run = status.off_before = status.off_last = 0.0
     turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(row.noise)
@@ -179,6 +194,16 @@ def _report_state(status: Record, row: Record) -> None:
     put_angle(row, status.angle)
     for f in range(lanes.FAMILIES):
         row.memory[f] = memory_of(status, f)
+
+
+@compiled_in_place
+def _report_in_doubt(record: Records, row: Record) -> None:
+    """The state with a reading that is in doubt; the smoothers take it for set aside until the next confirms it."""
+    noise, row.noise = row.noise, 0.0
+    _report_state(record[1], row)
+    theta, row.noise = row.theta, noise
+    _report_state(record[0], row)
+    row.theta, row.noise, row.cut = theta, 0.0, 0.0
 
 
 @compiled_in_place

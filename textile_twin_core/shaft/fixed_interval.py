@@ -16,7 +16,7 @@ from textile_twin_core.shaft.ripple_history import RippleHistory
 from textile_twin_core.shaft.rts_smoother import log_likelihood, new_smoother, smooth_family
 from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import ROW, STATE, Records
+from textile_twin_core.shaft.status import ROW, STATE, STRETCH, Records
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
@@ -24,7 +24,8 @@ PITCH_PASSES = 4  # smoothing passes whose residuals correct the teeth's pitch e
 LEAST_LED = 0.05  # part of a stretch in which a family must lead to be a candidate
 MODEL_PARTS, MODEL_ROWS = 32, 256  # parts of a long stretch, and rows of each, that suffice to choose its model
 OVERLAP = 512  # rows on either side of a part that are smoothed along with it
-CONVERGENCE = 128  # first rows of a stretch, where the bank has not converged: they take the next rows' shortest memory
+PENALTY = 0.5  # log likelihood for each row that is given a memory of its own
+CONVERGENCE = 128  # first rows of a bank, in which it may not have converged
 FEWEST = 4  # rows below which a stretch keeps the filter's states
 
 
@@ -56,8 +57,13 @@ class SmoothEstimator(ShaftEstimator):
 
     def _take(self, block: Block, ready: Stamps, rows: Records) -> int:
         count = super()._take(block, ready, rows)
-        self._history.follow(self._status, block.stamps.size)
+        self._history.follow(self._surest, block.stamps.size)
         return count
+
+    @property
+    def _surest(self) -> Records:
+        """The filter's status, without a reading that is in doubt."""
+        return self._status[1:] if self._status["doubtful"][0] > 0.0 else self._status[:1]
 
     def finish(self) -> ShaftStates:
         """The states of all samples from the third on."""
@@ -65,7 +71,7 @@ class SmoothEstimator(ShaftEstimator):
         if not blocks:
             return ShaftStates.empty(self._last)
         stamps, rows = joined(blocks)
-        self._history.end(self._status)
+        self._history.end(self._surest)
         self._smooth(rows)
         super().finish()
         self._history = RippleHistory()
@@ -73,11 +79,10 @@ class SmoothEstimator(ShaftEstimator):
 
     def _smooth(self, rows: Records) -> None:
         """Smooth each stretch; repeatedly with a toothed wheel, whose pitch errors are learnt from the residuals."""
-        cuts = np.flatnonzero(rows["cut"] == 1.0).tolist()
+        cuts = np.flatnonzero(rows["cut"] >= STRETCH).tolist()
         stretches = [rows[first:end] for first, end in pairwise([*cuts, len(rows)])]
         for stretch in stretches:
-            first = min(CONVERGENCE, len(stretch) // 2)
-            stretch["memory"][:first] = np.min(stretch["memory"][first : 2 * first + 1], axis=0)
+            self._choose_first_memories(stretch[: 2 * CONVERGENCE + 1])
         wheel = self._wheel
         passes = PITCH_PASSES if wheel is not None and wheel.learning else 0
         for done in range(passes + 1):
@@ -89,6 +94,18 @@ class SmoothEstimator(ShaftEstimator):
                 rows["reading"] += wheel.learn(rows["reading"], residual)
                 if done == passes // 2:
                     rows["reading"] += self._part_ripple(wheel, rows["reading"])
+
+    def _choose_first_memories(self, rows: Records) -> None:
+        """Memories of the first half of rows: the next rows' shortest, unless the bank's own are much likelier."""
+        if len(rows) < FEWEST:
+            return
+        first, smoother = len(rows) // 2, new_smoother(self._settings, len(rows))
+        own, fits = rows["memory"][:first].copy(), []
+        for memories in (own, np.min(rows["memory"][first:], axis=0)):
+            rows["memory"][:first] = memories
+            fits.append(log_likelihood(smoother, self._history.known[-1], int(lanes.PLAIN), rows))
+        if fits[0] > fits[1] + PENALTY * first:
+            rows["memory"][:first] = own
 
     def _part_ripple(self, wheel: ToothWheel, readings: FloatArray) -> FloatArray:
         """Move the wheel's share of the known ripples into its pitch errors; the corrections of the readings (n,)."""

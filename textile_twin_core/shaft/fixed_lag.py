@@ -23,7 +23,7 @@ from textile_twin_core.shaft.rts_smoother import (
 from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import ROW, Records
+from textile_twin_core.shaft.status import ROW, STRETCH, Records
 
 MOST_ROWS = 512  # rows in the window at most: a longer lag at a high rate is cut
 BATCH = 3  # rows are released when they are 1 / BATCH of those beyond them: one backward pass serves all of them
@@ -97,10 +97,10 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
     for i in range(block.stamps.size):
         last = held.rows
         row = rows[last]
-        if not process_sample(record[0], block, i, row) or record[0].samples == 1.0:
+        if not process_sample(record, block, i, row) or record[0].samples == 1.0:
             continue
         window.stamps[last] = block.stamps[i]
-        if row.cut == 1.0:
+        if row.cut >= STRETCH:
             _flush(record, window, smoother, ready, table)
             rows[0], window.stamps[0] = rows[last], window.stamps[last]
             window.filtered[0], held.rows, held.restart = rows[0], 1, 1

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
@@ -20,16 +22,20 @@ from textile_twin_core.shaft.families import FIRST_REST, is_resolved
 from textile_twin_core.shaft.measurement_noise import (
     FIRST_JITTER,
     LEAP_GUESSED,
+    OFTEN_HELD,
     measurement_variance,
     set_correlated,
     unwrap_reading,
 )
-from textile_twin_core.shaft.status import Record
+from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records
 
 MAX_OUTLIERS = 2  # consecutive measurements rejected as outliers before a manoeuvre may be declared
 MAX_UNCONFIRMED = 9  # rejected measurements, less those accepted since, beyond which the track is lost
 CLEAN_SAMPLES = 100.0  # samples without an outlier, from which one rejection fewer is enough
-EARLY_UNCONFIRMED = 7.0  # measurements that must fit after a manoeuvre of two: outliers that grew are forgotten by then
+EARLY_UNCONFIRMED = 7.0  # measurements that must fit after one of one or two: outliers that grew are forgotten by then
+FORGET_ABRUPT, MOST_ABRUPT = 0.97, 2.0  # memory and bound of `abrupt`: an outlier ends the belief in what comes next
+NEARER = 0.5  # ratio of distances: an encoder that slipped is as far from either
+OUTLIER_WEIGHT = 3.0  # of an outlier in `abrupt`, a manoeuvre's being 1
 GROWTH = 1.25  # ratio of two successive innovations from which they grow as in a manoeuvre
 MAX_SPEED_RATIO = 2.0  # of the highest speed seen, above which one rejection more is needed: outliers line up by chance
 MAX_GAP_SIGMA = 0.05  # [rad] predicted across a gap: at most 1 in 20 other motions passes a gate of 3 sigma by chance
@@ -75,7 +81,7 @@ def initiate(status: Record, step: float, angle: float, row: Record) -> None:
     status.leading = 0
     status.since = status.rejected_run = status.unconfirmed = status.clean = status.ripple_tried = 0.0
     status.off_before = status.off_last = 0.0
-    row.reading, row.cut = angle, 1.0
+    row.reading, row.cut = angle, STRETCH
     row.noise = row.unit = measurement_variance(status, status.speed)
 
 
@@ -107,17 +113,20 @@ def is_growing(status: Record, off: float) -> bool:
 
 
 @compiled_in_place
-def accept_manoeuvre(status: Record, reading: float, off: float, step: float, row: Record) -> bool:
+def accept_manoeuvre(record: Records, reading: float, off: float, step: float, row: Record) -> bool:
     """Whether an innovation outside the gate is a manoeuvre: it lies on a line with the last two rejected, on one side.
 
-    After many samples without an outlier two that grow are enough, but not at once again. A
+    After many samples without an outlier two that grow are enough, but not at once again; where such innovations were
+    manoeuvres before, one is enough until the next measurement decides (see `reconsider`). A
     manoeuvre shifts the state and inflates its covariance: of the angle alone where the innovations are alike (the
     encoder slipped), else of speed and acceleration too; then the measurement is predicted again. Else it is rejected.
     """
+    status = record[0]
     early = status.rejected_run == 1.0 and status.clean >= CLEAN_SAMPLES
-    if early:
+    at_once = status.rejected_run == 0.0 and status.abrupt > 0.0 and status.fastest > 0.0 and status.held <= OFTEN_HELD
+    if early or at_once:
         span, grown, slipped = step, off - status.off_last, False
-        straight = is_growing(status, off)
+        straight = at_once or is_growing(status, off)
     else:
         span, grown = step + status.step_last, off - status.off_before
         slipped = abs(grown) < 0.25 * abs(off)
@@ -129,14 +138,17 @@ def accept_manoeuvre(status: Record, reading: float, off: float, step: float, ro
     dropout = abs(status.moved) > LEAP_GUESSED * status.resolution and status.holding > status.rejected_run
     too_fast = not slipped and 0.0 < MAX_SPEED_RATIO * status.fastest < abs(status.speed + grown / span)
     if not straight or dropout or (too_fast and status.rejected_run <= MAX_OUTLIERS):
-        status.off_before, status.off_last, status.step_last = status.off_last, off, step
         row.noise = 0.0
-        status.rejected_run += 1.0
-        status.unconfirmed += 1.0
-        status.outliers += 1.0
+        _set_aside(status, off, step)
         if status.unconfirmed > MAX_UNCONFIRMED:
             restart(status, reading, 0.0 if status.holding > 0.0 else status.speed, step, row)
         return False
+    if at_once:
+        record[1] = record[0]
+        _set_aside(record[1], off, step)
+        status.doubtful = 1.0
+    elif not slipped:
+        learn_abruptness(status, True)
     status.clean = 0.5 * CLEAN_SAMPLES if early else status.clean
     rate = 0.0 if slipped else grown / span
     sigma = math.sqrt(row.noise)
@@ -144,12 +156,53 @@ def accept_manoeuvre(status: Record, reading: float, off: float, step: float, ro
     for f in range(lanes.FAMILIES):
         open_manoeuvre(status, f, off, rate, sigma + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
         predict_reading(status, f, 0.0, reading, reading, row.unit)
-    row.cut = 1.0 if slipped else 2.0
+    row.cut = STRETCH if slipped else MANOEUVRE
     row.unit += (RIPPLE_SIZE * off) ** 2
-    status.jumps += row.cut == 1.0
+    status.jumps += row.cut == STRETCH
     status.outliers -= status.rejected_run
-    status.unconfirmed += EARLY_UNCONFIRMED if early else status.rejected_run
+    more = EARLY_UNCONFIRMED if early or at_once else status.rejected_run
+    status.unconfirmed = min(status.unconfirmed + more, MAX_UNCONFIRMED)
     return True
+
+
+@compiled_in_place
+def _set_aside(status: Record, off: float, step: float) -> None:
+    """Count a rejected measurement, and keep its innovation."""
+    status.off_before, status.off_last, status.step_last = status.off_last, off, step
+    status.rejected_run += 1.0
+    status.unconfirmed += 1.0
+    status.outliers += 1.0
+
+
+@compiled_in_place
+def learn_abruptness(status: Record, manoeuvre: bool) -> None:
+    """Learn from what was outside the gate: a manoeuvre, or an outlier."""
+    status.abrupt = min(FORGET_ABRUPT * status.abrupt + (1.0 if manoeuvre else -OUTLIER_WEIGHT), MOST_ABRUPT)
+
+
+@compiled_in_place
+def reconsider(record: Records, raw: float, step: float, gap: bool) -> bool:
+    """Whether the next measurement, `raw` before unwrapping, confirms a manoeuvre that is in doubt.
+
+    Unless it is much nearer to it than to the track without, which `record[1]` has kept, that takes its place. Across a
+    gap neither foretells it.
+    """
+    status, without = record[0], record[1]
+    status.doubtful = 0.0
+    if not gap and abs(_distance(status, raw, step)) < NEARER * abs(_distance(without, raw, step)):
+        learn_abruptness(status, True)
+        return True
+    without.accepted, without.received = status.accepted, status.received
+    without.not_finite, without.duplicate, without.older = status.not_finite, status.duplicate, status.older
+    record[0] = record[1]
+    return False
+
+
+@compiled_in_place
+def _distance(status: Record, raw: float, step: float) -> float:
+    """Of a measurement from the prediction [rad]."""
+    off = raw + status.slips - status.angle - step * (status.speed + 0.5 * step * status.acceleration)
+    return float(off - status.period * np.rint(off / status.period) if status.period > 0.0 else off)
 
 
 @compiled_in_place
@@ -175,7 +228,7 @@ def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
     """After a gap: keep the ripple, shift the angle to the measurement and inflate the state's covariance."""
     reading = unwrap_reading(status, raw, status.angle + status.speed * step)
     row.unit = measurement_variance(status, status.speed)
-    row.reading, row.cut, row.noise = reading, 1.0, row.unit * status.scale[status.best[status.leading]]
+    row.reading, row.cut, row.noise = reading, STRETCH, row.unit * status.scale[status.best[status.leading]]
     by_rate = 0.5 * abs(status.speed) + math.sqrt(row.noise) / status.interval
     for f in range(lanes.FAMILIES):
         open_manoeuvre(status, f, reading - status.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))

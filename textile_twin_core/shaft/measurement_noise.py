@@ -140,8 +140,9 @@ def least_scale(status: Record, noise: float) -> float:
 @compiled_in_place
 def set_resolution(record: Records, resolution: float) -> None:
     """Set the encoder's step [rad], 0 for none."""
-    record[0].guessed = record[0].held = 0.0
-    _set_resolution(record[0], resolution)
+    for i in range(2 if record[0].doubtful > 0.0 else 1):
+        record[i].guessed = record[i].held = 0.0
+        _set_resolution(record[i], resolution)
 
 
 @compiled_in_place

@@ -19,14 +19,16 @@ LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25  # memories that bound the intensity, in
 def set_initial_intensities(rows: Records, family: int, interval: float) -> None:
     """Make each row's intensity [rad^2/s^5] at least r / (N^6 T^5), N the family's memory there, as in `bank.predict`.
 
-    A filter detects a change some samples late, so N is the shortest memory within that delay on either side.
+    A filter detects a change some samples late, the later the longer its memory is, so N is the shortest memory within
+    that delay ahead; and within the shortest delay behind.
     """
     noise, shortest, oldest, newest, behind, ahead = rows[0].unit, 0, 0, 0, 0.0, 0.0
     for i in range(rows.size):
         if rows[i].noise > 0.0:
             noise = rows[i].noise
         if i > 0:
-            behind, ahead = behind + _independent(rows[i], family), ahead - _independent(rows[i], family)
+            behind += 1.0 / max(rows[i].correlated, 1.0)
+            ahead -= _independent(rows[i], family)
         while newest + 1 < rows.size and ahead < DELAY:
             newest += 1
             ahead += _independent(rows[newest], family)
@@ -34,7 +36,7 @@ def set_initial_intensities(rows: Records, family: int, interval: float) -> None
                 shortest = newest
         while behind > DELAY:
             oldest += 1
-            behind -= _independent(rows[oldest], family)
+            behind -= 1.0 / max(rows[oldest].correlated, 1.0)
         if shortest < oldest:
             shortest = oldest
             for j in range(oldest, newest + 1):

@@ -25,7 +25,7 @@ from textile_twin_core.shaft.mixture import set_ripple_covariance
 from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial_intensities
 from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
-from textile_twin_core.shaft.status import Record, Records, new_status
+from textile_twin_core.shaft.status import MANOEUVRE, Record, Records, new_status
 from textile_twin_core.shaft.unmodelled_orders import add_unmodelled_again
 
 FAR = 9.0  # squared distance from the bank's angle beyond which a filter is far from it, in variances of that angle
@@ -144,7 +144,7 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
     ahead of a detected manoeuvre are used again, with the shortest memory.
     """
     for i in range(3, rows.size):
-        if rows[i].cut == 2.0:
+        if rows[i].cut == MANOEUVRE:
             for j in range(i - 2, i + 1):
                 if j == i or rows[j].noise == 0.0:
                     rows[j].memory[:] = math.log(0.5)

@@ -23,6 +23,9 @@ else:
 STARTING, RUNNING, STANDSTILL = 0.0, 1.0, 2.0
 MOTIONS = ("starting", "running", "standstill")
 
+MANOEUVRE, STRETCH = 1.0, 2.0
+"""Of a row: it and the readings rejected just before are a manoeuvre; readings begin anew here."""
+
 COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
@@ -50,6 +53,7 @@ _NUMBERS = (
     "rejected_run", "unconfirmed",  # readings rejected in a row; those that must fit until the state is settled
     "off_before", "off_last", "step_last",  # prediction errors of the last two rejected [rad], the last's step [s]
     "clean",  # readings since the last outlier
+    "abrupt", "doubtful",  # above 0 where what left the gate was motion; 1 after such a reading until the next
     "basis_at", "basis_waves",  # angle and orders for which `basis` is evaluated
     "residual_variance",  # of the leading filter [rad^2], see `unmodelled_orders`
 )  # fmt: skip
@@ -74,7 +78,8 @@ _ARRAYS = {
     "regressor": (_WIDTH, lanes.COUNT),  # of the innovation on the coefficients
     "projected_ripple": (_WIDTH, lanes.COUNT),  # transposed factor of the coefficients times the regressor
     "ripple": (_WIDTH, lanes.COUNT), "factor": (_WIDTH, _WIDTH, lanes.COUNT),  # coefficients of g1; factor L'
-    "parts": (2, lanes.COUNT), "clock_variance": (lanes.COUNT,), "ripple_change": (_WIDTH, lanes.COUNT),  # work space
+    "parts": (2, lanes.COUNT), "clock_variance": (lanes.COUNT,),  # work space of `ripple`
+    "ripple_change": (_WIDTH, lanes.COUNT),
     "second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2, see `clock`
     "basis": (2 * _WIDTH,), "change": (_WIDTH,),  # cosines and sines; change of the coefficients
     "order_sums": (2 * _WIDTH,),  # Fourier coefficients of the residuals
@@ -102,7 +107,7 @@ _FOR_SMOOTHING = (
     "reading", "noise", "unit",  # unwrapped reading [rad]; its variance (0: rejected), and that without noise scale
     "theta", "origin",  # estimated angle [rad]; whole turns to add to both
     "correlated", "time", "step",  # as in the status; time since the first sample and the last one [s]
-    "cut",  # 1 at the start of a stretch, 2 where the readings rejected before were a manoeuvre
+    "cut",  # MANOEUVRE .., or 0
     "leading", "clock", "intensity",  # leading family; reading of the clock [rad]; process noise intensity [rad^2/s^5]
 )  # fmt: skip
 ROW = np.dtype(
@@ -114,9 +119,9 @@ ROW = np.dtype(
 unmodelled orders."""
 
 
-def new_status(settings: ShaftSettings, resolution: float) -> Records:
-    """Status (1,) before the first sample; `resolution` [rad] is the encoder's step, 0 for none."""
-    record = records(STATUS)
+def new_status(settings: ShaftSettings, resolution: float, count: int = 1) -> Records:
+    """So many times the status before the first sample; `resolution` [rad] is the encoder's step, 0 for none."""
+    record = records(STATUS, count)
     record["period"] = 0.0 if settings.wrapping == "unwrapped" else settings.period_rad
     record["auto"] = settings.wrapping == "auto"
     record["resolution"] = resolution
