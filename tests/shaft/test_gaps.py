@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.shaft.shaft_signal import make_signal
-from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft import ShaftStates, create_estimator
 
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
@@ -55,3 +55,18 @@ def test_another_speed_after_a_pause_is_found_anew(seed: int) -> None:
     assert np.abs(off[25:]).max() < 0.25 and np.abs(off[5:]).max() < 1.5
     report = estimator.report
     assert (report.gaps, report.jumps, report.outliers, report.losses) == (1, 0, 0, 0)
+
+
+@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
+def test_a_stop_in_a_pause_that_is_no_gap_by_its_length(view: str) -> None:
+    """How many turns a shaft that was braking has made in 45 intervals nobody knows: no speed is settled from it."""
+    time = np.arange(900) / 64.0
+    speed = np.interp(time, [2.0, 6.0, 6.4], [60.0, 60.0, 0.0])
+    kept = (time < 6.12) | (time > 6.12 + 45.0 / 64.0)
+    angle = np.round(np.cumsum(speed) / 64.0 / np.deg2rad(1.0)) * np.deg2rad(1.0) % (2.0 * np.pi)
+    estimator = create_estimator(view)
+    parts = [estimator.step(time[kept], angle[kept]), estimator.finish()]
+    states = ShaftStates.join([part for part in parts if len(part)])
+    after = time[kept][states.index] > 6.4
+    assert np.abs(states.omega_rad_s)[after & states.settled].max() < 5.0
+    assert np.abs(states.omega_rad_s)[after].max() < 61.0

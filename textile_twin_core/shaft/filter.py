@@ -42,6 +42,7 @@ from textile_twin_core.shaft.unmodelled_orders import add_unmodelled, listen_for
 # [1/rad], the gate: density of outliers without the constant 0.38 of Student's t, one sample in 130 within a radian
 OUTLIER_DENSITY = 0.02
 GAP_SAMPLES = 50.0  # intervals without a sample that make a gap
+MAX_SPREAD = 1.0 / 6.0  # deviation of a predicted angle, in periods, from which the turn of a wrapped one is not known
 MAX_SPEED_SIGMA, LEAST_SPEED = 0.25, 0.3  # a settled state's, relative to the speed; that at least, part of full speed
 ROUNDED_APART = 1.5  # encoder steps beyond the predicted move from which two rounding errors are uncorrelated
 MAX_HEARD = 1.5  # moves per interval, innovation up to which a rejected measurement still tells the encoder's step
@@ -106,7 +107,9 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     """One measurement from the third on, `raw` [rad] before unwrapping, `step` [s] after the one before."""
     status = record[0]
     status.since += 1.0
-    gap = step > GAP_SAMPLES * status.interval
+    spread = step * (status.speed_sigma + 0.5 * step * status.acceleration_sigma)
+    turn_unknown = step > 2.0 * status.interval and spread > MAX_SPREAD * status.period > 0.0
+    gap = turn_unknown or step > GAP_SAMPLES * status.interval
     if not gap or status.since < GAP_SAMPLES:
         gain = max(1.0 / status.samples, 1.0 / INTERVAL_SAMPLES)
         status.interval += (min(step, GAP_SAMPLES * status.interval) - status.interval) * gain

@@ -18,7 +18,8 @@ class SampleReport:
         rejected: count by cause: not_finite (NaN or infinite angle or stamp), duplicate_stamp (that of the newest
             accepted sample), older_stamp (late or reversed).
         repeats: readings equal to the one before, of a sensor that measures less often than it is asked.
-        gaps: pauses of more than 50 intervals; where the prediction failed after one, the filter was restarted.
+        gaps: pauses of more than 50 intervals, or in which a wrapped angle may have made a turn more or less; where the
+            prediction failed after one, the filter was restarted.
         jumps: lasting offsets of the angle that no shaft can make.
         outliers: readings rejected because of their residual.
         reversals: changes of the sense of rotation.
