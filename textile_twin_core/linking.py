@@ -75,9 +75,8 @@ class WholeProgram(JITCodeLibrary):  # type: ignore[misc]
 
 
 def _tell_vectors(module: Any, vectors: int) -> None:
-    """Have loops take so many vectors side by side, where that is not 0.
+    """Have loops take so many vectors side by side (llvm.loop.interleave.count in LLVM); 0: as LLVM likes.
 
-    The name is from the LLVM Language Reference, llvm.loop.interleave.count.
     While one waits for a root, others go on: LLVM by itself does so for short loops alone, though a processor does not
     see far enough ahead in long ones. Where a loop has few rounds, those that it cannot take side by side are slow.
     """

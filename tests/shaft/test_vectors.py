@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from textile_twin_core.compiling import compiled
-from textile_twin_core.shaft import kalman
+from textile_twin_core.shaft import kalman, lanes, ripple
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import new_status
 
@@ -26,5 +26,17 @@ def test_roots_are_taken_of_several_lanes_at_once(
     monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))  # what comes from the disk cannot be looked into
     anew: Any = compiled(function.py_func)
     anew.compile(tuple(numba.typeof(each) for each in (new_status(ShaftSettings(), 0.0)[0], *numbers, *LANES)))
+    (assembly,) = anew.inspect_asm().values()
+    assert "sqrtpd" in assembly
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="names the instructions of x86-64")
+def test_ripple_is_updated_in_several_lanes_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
+    status, width = new_status(ShaftSettings(), 0.0)[0], np.int64(4)
+    anew: Any = lanes.vectorised(ripple.update_coefficients.py_func)  # type: ignore[attr-defined]
+    names = ("ripple", "factor", "projected_ripple", "innovation", "clock_variance")
+    more = ("sensitivity", "clock", "parts", "ripple_change")
+    anew.compile(tuple(numba.typeof(each) for each in (*(status[name] for name in (*names, *more)), width, *LANES)))
     (assembly,) = anew.inspect_asm().values()
     assert "sqrtpd" in assembly

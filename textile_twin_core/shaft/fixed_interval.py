@@ -25,7 +25,7 @@ LEAST_LED = 0.05  # part of a stretch in which a family must lead to be a candid
 MODEL_PARTS, MODEL_ROWS = 32, 256  # parts of a long stretch, and rows of each, that suffice to choose its model
 OVERLAP = 512  # rows on either side of a part that are smoothed along with it
 PENALTY = 0.5  # log likelihood for each row that is given a memory of its own
-CONVERGENCE = 128  # first rows of a bank, in which it may not have converged
+CONVERGENCE = 128  # first rows of a stretch, in which the bank may not have converged
 FEWEST = 4  # rows below which a stretch keeps the filter's states
 
 
