@@ -117,9 +117,8 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
     """Whether an innovation outside the gate is a manoeuvre: it lies on a line with the last two rejected, on one side.
 
     After many samples without an outlier two that grow are enough, but not at once again; where such innovations were
-    manoeuvres before, one is enough until the next measurement decides (see `reconsider`). A
-    manoeuvre shifts the state and inflates its covariance: of the angle alone where the innovations are alike (the
-    encoder slipped), else of speed and acceleration too; then the measurement is predicted again. Else it is rejected.
+    manoeuvres before, one is enough until the next measurement decides (see `reconsider`). Where the innovations are
+    alike the encoder slipped. What is no manoeuvre is rejected.
     """
     status = record[0]
     early = status.rejected_run == 1.0 and status.clean >= CLEAN_SAMPLES
@@ -150,19 +149,27 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
     elif not slipped:
         learn_abruptness(status, True)
     status.clean = 0.5 * CLEAN_SAMPLES if early else status.clean
-    rate = 0.0 if slipped else grown / span
-    sigma = math.sqrt(row.noise)
-    by_rate = 0.0 if slipped else (sigma + abs(grown)) / span
-    for f in range(lanes.FAMILIES):
-        open_manoeuvre(status, f, off, rate, sigma + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
-        predict_reading(status, f, 0.0, reading, reading, row.unit)
     row.cut = STRETCH if slipped else MANOEUVRE
-    row.unit += (RIPPLE_SIZE * off) ** 2
+    _follow_manoeuvre(status, reading, off, 0.0 if slipped else grown, span, row)
     status.jumps += row.cut == STRETCH
     status.outliers -= status.rejected_run
     more = EARLY_UNCONFIRMED if early or at_once else status.rejected_run
     status.unconfirmed = min(status.unconfirmed + more, MAX_UNCONFIRMED)
     return True
+
+
+@compiled_in_place
+def _follow_manoeuvre(status: Record, reading: float, off: float, grown: float, span: float, row: Record) -> None:
+    """Shift all states and inflate their covariances, then predict the measurement again.
+
+    The innovation grew by `grown` [rad] over `span` [s], 0 where the encoder slipped: then speeds stay as they are.
+    """
+    rate, sigma = grown / span, math.sqrt(row.noise)
+    by_rate = (sigma + abs(grown)) / span if row.cut == MANOEUVRE else 0.0
+    for f in range(lanes.FAMILIES):
+        open_manoeuvre(status, f, off, rate, sigma + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
+        predict_reading(status, f, 0.0, reading, reading, row.unit)
+    row.unit += (RIPPLE_SIZE * off) ** 2
 
 
 @compiled_in_place
