@@ -19,6 +19,7 @@ from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, STRETCH, Records
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
+from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, scale_covariances
 
 PITCH_PASSES = 4  # smoothing passes whose residuals correct the teeth's pitch errors
 LEAST_LED = 0.05  # part of a stretch in which a family must lead to be a candidate
@@ -41,6 +42,7 @@ class SmoothEstimator(ShaftEstimator):
         self._blocks: list[Part] = []
         self._new: list[Part] = []
         self._count = 0
+        self._weight = np.array(FIRST_WEIGHT)
 
     def step(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None = None) -> ShaftStates:
         """Take a block of samples; no state is ready before `finish`."""
@@ -51,6 +53,10 @@ class SmoothEstimator(ShaftEstimator):
             self._blocks.append(joined(self._new))
             self._count = 0
         return ShaftStates.empty(self._last)
+
+    @property
+    def _unit_weight(self) -> float:
+        return float(self._weight[0])
 
     def _piece(self) -> int:
         return self._history.until_look
@@ -94,6 +100,8 @@ class SmoothEstimator(ShaftEstimator):
                 rows["reading"] += wheel.learn(rows["reading"], residual)
                 if done == passes // 2:
                     rows["reading"] += self._part_ripple(wheel, rows["reading"])
+        for stretch in stretches:
+            scale_covariances(self._weight, np.array(FIRST_WEIGHT), stretch)
 
     def _choose_first_memories(self, rows: Records) -> None:
         """Memories of the first half of rows: the next rows' shortest, unless the bank's own are much likelier."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from textile_twin_core.compiling import by_reference, compiled_in_place, records
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
@@ -24,12 +25,15 @@ from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STRETCH, Records
+from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, scale_covariance, weigh_residual
 
 MOST_ROWS = 512  # rows in the window at most: a longer lag at a high rate is cut
 BATCH = 3  # rows are released when they are 1 / BATCH of those beyond them: one backward pass serves all of them
 
-# Lag [s]; rows in the window; rows released by this call; 1 where the smoother must be initialised again.
-HELD = np.dtype([("lag", np.float64), ("rows", np.int64), ("ready", np.int64), ("restart", np.int64)])
+# Lag [s]; rows in the window; rows released by this call; 1 where the smoother must begin again; see `unit_weight`.
+HELD = np.dtype(
+    [("lag", np.float64), ("rows", np.int64), ("ready", np.int64), ("restart", np.int64), ("weight", np.float64, (2,))]
+)
 
 
 @by_reference
@@ -64,12 +68,17 @@ class LagEstimator(ShaftEstimator):
     def reset(self) -> None:
         """Forget everything, the report included."""
         super().reset()
-        self._begin()
+        self._begin(FIRST_WEIGHT)
 
-    def _begin(self) -> None:
+    def _begin(self, weight: ArrayLike) -> None:
         self._window = Window(records(HELD), records(ROW, MOST_ROWS), records(ROW), np.zeros(MOST_ROWS, np.int64))
         self._window.held["lag"] = self._lag
+        self._window.held["weight"] = weight
         self._smoother = new_smoother(self._settings, MOST_ROWS)
+
+    @property
+    def _unit_weight(self) -> float:
+        return float(self._window.held["weight"][0, 0])
 
     def _room(self, more: int) -> Part:
         if self._window.stamps.dtype != self._last.dtype:
@@ -85,7 +94,7 @@ class LagEstimator(ShaftEstimator):
         ready, rows = self._room(0)
         count = _flush(self._status, self._window, self._smoother, ready, rows)
         super().finish()
-        self._begin()
+        self._begin(self._window.held["weight"])
         return states_of([(ready[:count], rows[:count])])
 
 
@@ -143,6 +152,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     smooth(smoother, status.interval, window.rows[: held.rows], 1, due)
     copy_numbers(smoother.filtered[due], filters.start)
     for k in range(1, due + 1):
+        scale_covariance(window.rows[k], weigh_residual(held.weight, window.rows[k]))
         _emit(window, k, ready, table)
     for k in range(due, held.rows):
         window.rows[k - due], window.stamps[k - due] = window.rows[k], window.stamps[k]
