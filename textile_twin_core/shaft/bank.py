@@ -65,6 +65,7 @@ def initialise(status: Record, f: int, scale: float) -> None:
     width, start, root = 2 * lanes.WAVES[f], status.start, math.sqrt(scale)
     set_basis_at(status, start[lanes.ANGLE], lanes.WAVES[f])
     status.second[f, :] = 0.0
+    status.motion_share[f, :] = 1.0
     first, stop = lanes.FIRST[f], lanes.STOP[f]
     set_sensitivity(status.sensitivity, status.basis, status.lowest, start[lanes.RATE], width, first, stop)
     for m in range(first, stop):

@@ -24,7 +24,10 @@ def combine(status: Record, row: Record) -> None:
     leading, moments = status.leading, status.moments
     best, about = status.best[leading], status.angle
     set_basis_at(status, about, lanes.WAVES[leading])
-    g = wave(status.ripple[:, best], status.second[leading], lanes.WAVES[leading], status.lowest, status.basis)
+    g = wave(
+        status.ripple[:, best], status.motion_share[leading], status.second[leading], lanes.WAVES[leading],
+        status.lowest, status.basis,
+    )  # fmt: skip
     clock = status.clock[:, best]
     about, status.speed, status.acceleration = shaft_state(
         clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION], about, g, status.slopes
@@ -60,7 +63,7 @@ def _add_moments(status: Record, f: int, about: float, top: float) -> None:
         weight = status.mode_probability[f] * status.probability[m]
         if weight < MINOR * top:
             continue
-        g = wave(status.ripple[:, m], status.second[f], waves, status.lowest, status.basis)
+        g = wave(status.ripple[:, m], status.motion_share[f], status.second[f], waves, status.lowest, status.basis)
         clock = status.clock[:, m]
         angle, rate, acceleration = clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION]
         theta, omega, alpha = shaft_state(angle, rate, acceleration, about, g, slopes)

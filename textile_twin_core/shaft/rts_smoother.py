@@ -65,6 +65,7 @@ def set_ripple(filters: Record, status: Record, family: int) -> None:
     root = math.sqrt(status.scale[lane])
     filters.leading = family
     copy_numbers(status.second[family], filters.second[family])
+    copy_numbers(status.motion_share[family], filters.motion_share[family])
     for i in range(width):
         filters.ripple[i, lanes.CHAIN] = status.ripple[i, lane]
         for j in range(i + 1):
@@ -75,14 +76,14 @@ def set_ripple(filters: Record, status: Record, family: int) -> None:
 def state_at_start(filters: Record, near: float) -> tuple[float, float, float]:
     """The shaft's initial angle, speed and acceleration, from the initial clock state; `near` [rad] is close to it."""
     start = filters.start
-    g = _wave_at(filters, near)
+    g = _wave_at(filters, near, filters.motion_share[filters.leading])
     return shaft_state(start[lanes.ANGLE], start[lanes.RATE], start[lanes.ACCELERATION], near, g, filters.slopes)
 
 
 @compiled_in_place
 def begin_at_state(filters: Record, theta: float, omega: float, alpha: float) -> None:
     """Initial clock state from the shaft's; `filters.start[3:]` is already the initial covariance's factor."""
-    g = _wave_at(filters, theta)
+    g = _wave_at(filters, theta, filters.motion_share[filters.leading])
     filters.start[lanes.ANGLE] = theta + g[0]
     filters.start[lanes.RATE] = omega * (1.0 + g[1])
     filters.start[lanes.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
@@ -114,7 +115,7 @@ def _begin_at_reading(smoother: Smoother, record: Records, family: int, rows: Re
 @compiled_in_place
 def is_far(filters: Record, row: Record) -> bool:
     """Whether the initial angle is far from the bank's at a row, whose reading is much closer to the bank's."""
-    angle = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta)[0]
+    angle = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta, filters.motion_share[filters.leading])[0]
     far = (angle - row.theta) ** 2 > FAR * row.covariance[0] and row.noise > 0.0
     return far and abs(row.reading - angle) > 2.0 * abs(row.reading - row.theta)  # type: ignore[no-any-return]
 
@@ -150,7 +151,10 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
                     rows[j].memory[:] = math.log(0.5)
                     rows[j].noise = max(rows[j].noise, rows[i].unit)
     for i in range(rows.size):
-        rows[i].clock = rows[i].reading + _wave_at(smoother.filters[0], rows[i].theta)[0]
+        rows[i].clock = (
+            rows[i].reading
+            + _wave_at(smoother.filters[0], rows[i].theta, smoother.filters[0].motion_share[lanes.PLAIN])[0]
+        )
     set_initial_intensities(rows, smoother.filters[0].leading, interval)
     for _ in range(MOST_PASSES):
         filter_rows(smoother, rows)
@@ -281,11 +285,12 @@ def _triangular(a: FloatArray) -> tuple[float, float, float, float, float, float
 
 
 @compiled_in_place
-def _wave_at(filters: Record, theta: float) -> tuple[float, float, float, float]:
+def _wave_at(filters: Record, theta: float, share: FloatArray) -> tuple[float, float, float, float]:
     """g of the known ripple and its first three derivatives at an angle."""
     waves = lanes.WAVES[filters.leading]
     set_basis_at(filters, theta, waves)
-    return wave(filters.ripple[:, lanes.CHAIN], filters.second[filters.leading], waves, filters.lowest, filters.basis)
+    ripple, second = filters.ripple[:, lanes.CHAIN], filters.second[filters.leading]
+    return wave(ripple, share, second, waves, filters.lowest, filters.basis)
 
 
 @compiled_in_place
@@ -297,7 +302,7 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
     """
     filters, s = smoother.filters[0], smoother.smoothed
     waves, sensitivity = lanes.WAVES[filters.leading], filters.sensitivity
-    g = _wave_at(filters, row.theta)
+    g = _wave_at(filters, row.theta, filters.motion_share[filters.leading])
     theta, row.speed, row.acceleration = shaft_state(s[2], s[1], s[0], row.theta, g, filters.slopes)
     set_sensitivity(sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves, lanes.CHAIN, lanes.CHAIN + 1)
     for k in range(2 * waves):

@@ -55,7 +55,7 @@ _NUMBERS = (
     "clean",  # readings since the last outlier
     "abrupt", "doubtful",  # above 0 where what left the gate was motion; 1 after such a reading until the next
     "basis_at", "basis_waves",  # angle and orders for which `basis` is evaluated
-    "residual_variance",  # of the leading filter [rad^2], see `unmodelled_orders`
+    "residual_variance", "sensor_power",  # of the leading filter [rad^2], see `unmodelled_orders`
 )  # fmt: skip
 _BY_FAMILY = (
     "density", "mode_probability",  # predictive density of the latest reading
@@ -82,6 +82,7 @@ _ARRAYS = {
     "ripple_change": (_WIDTH, lanes.COUNT),
     "second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2, see `clock`
     "basis": (2 * _WIDTH,), "change": (_WIDTH,),  # cosines and sines; change of the coefficients
+    "motion_share": (lanes.FAMILIES, _WIDTH // 2),  # part of each order of g1 that is motion; all where there is none
     "order_sums": (2 * _WIDTH,),  # Fourier coefficients of the residuals
     "ripple_jacobian": (3, _WIDTH), "slopes": (6,),  # work space
     "start": (9,),  # initial state and covariance factor
@@ -126,6 +127,7 @@ def new_status(settings: ShaftSettings, resolution: float, count: int = 1) -> Re
     record["auto"] = settings.wrapping == "auto"
     record["resolution"] = resolution
     record["guessed"] = settings.step_rad is None
+    record["motion_share"] = 1.0
     record["edges"] = settings.teeth > 0
     record["lowest"] = 1.0 / settings.cycle_turns
     record["logarithm"], record["jerk_strength"] = np.log(lanes.MEMORIES), lanes.MEMORIES**-3.0

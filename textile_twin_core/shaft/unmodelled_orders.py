@@ -1,7 +1,9 @@
-"""Orders of ripple that the leading family does not model: found in its residuals, added to the state's covariance.
+"""Orders of ripple beyond those of the leading family: more ripple, or errors of the sensor.
 
 A filter takes orders that it does not model for measurement noise, and underestimates the speed's variance. White
-residuals have the same power in every order; a significant excess is ripple.
+residuals have the same power in every order; a significant excess is ripple. An excess that the orders have in common
+is the sensor's: pitch errors of teeth, or of an encoder's disc, come again every turn as ripple does, but have the same
+power in all orders. The family's orders have their part of it, which is no motion.
 """
 
 from __future__ import annotations
@@ -9,16 +11,17 @@ from __future__ import annotations
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
-from textile_twin_core.shaft.families import samples_a_turn
+from textile_twin_core.shaft.families import SECOND_ORDER_EVERY, samples_a_turn
 from textile_twin_core.shaft.measurement_noise import standstill_speed
 from textile_twin_core.shaft.status import Record
 
 ORDERS = lanes.WIDEST  # that are estimated: as many as the basis has room for
 ORDER_SAMPLES = 500.0  # readings over which an order is averaged
 SIGNIFICANT = 7.0  # times the mean power of white residuals in an order, exceeded by chance in 1 case of 1000
-FEWEST_ORDERS, ABOVE_FLOOR = 8, 3.0
-"""The highest third of that many orders or more gives the floor common to all (pitch errors); ripple is so many times
-above it."""
+FEWEST_ORDERS = 8  # of the residuals, by the higher of which the sensor's are known
+ABOVE_WHITE = 3.0  # times white residuals: the mean power of so many orders, from which it is the sensor's
+ABOVE_SENSOR = 10.0  # times the mean of 12 orders, exceeded by chance in 1 case of 1400 (F of 2 and 24 freedoms)
+STEEPNESS = 6  # the power of the angle's orders falls as k^-6: torque that jumps but has no peaks falls as 1 / k
 
 
 @compiled_in_place
@@ -31,6 +34,9 @@ def listen_for_orders(status: Record, noise: float) -> None:
     for i in range(2 * ORDERS):
         status.order_sums[i] += residual * status.basis[i] - status.order_sums[i] / ORDER_SAMPLES
     status.residual_variance += (status.scale[m] * left * noise - status.residual_variance) / ORDER_SAMPLES
+    if status.samples % SECOND_ORDER_EVERY == 0.0:
+        status.sensor_power = _sensor_power(status)
+        _set_motion_shares(status, status.sensor_power / left)
 
 
 @compiled_in_place
@@ -43,12 +49,8 @@ def add_unmodelled(status: Record, row: Record) -> None:
         row.unmodelled[place] = 0.0
     if abs(status.speed) <= standstill_speed(status):
         return
-    first, top = lanes.WAVES[status.leading], min(ORDERS, int(0.5 * samples_a_turn(status) / status.lowest))
-    high, floor = (top - first) // 3 if top - first >= FEWEST_ORDERS else 0, 0.0
-    for k in range(top - high, top):
-        floor += _power(status, k) / high
-    least = max(2.0 * SIGNIFICANT * status.residual_variance / ORDER_SAMPLES, ABOVE_FLOOR * floor)
-    for k in range(first, top):
+    least = max(SIGNIFICANT * _white_power(status), ABOVE_SENSOR * status.sensor_power)
+    for k in range(lanes.WAVES[status.leading], _top(status)):
         power, rate = _power(status, k), status.lowest * (k + 1) * status.speed
         if power > least:
             row.unmodelled[0] += 0.5 * power
@@ -58,13 +60,59 @@ def add_unmodelled(status: Record, row: Record) -> None:
 
 
 @compiled_in_place
+def add_unmodelled_again(row: Record) -> None:
+    """Add the variances of unmodelled orders to a row's covariance."""
+    for place in range(3):
+        row.covariance[4 * place] += row.unmodelled[place]
+
+
+@compiled_in_place
+def _top(status: Record) -> int:
+    """Orders that the samples resolve."""
+    return min(ORDERS, int(0.5 * samples_a_turn(status) / status.lowest))
+
+
+@compiled_in_place
 def _power(status: Record, k: int) -> float:
     """Squared amplitude of an order in the residuals."""
     return status.order_sums[2 * k] ** 2 + status.order_sums[2 * k + 1] ** 2  # type: ignore[no-any-return]
 
 
 @compiled_in_place
-def add_unmodelled_again(row: Record) -> None:
-    """Add the variances of unmodelled orders to a row's covariance."""
-    for place in range(3):
-        row.covariance[4 * place] += row.unmodelled[place]
+def _white_power(status: Record) -> float:
+    """Mean power of an order in white residuals."""
+    return 2.0 * status.residual_variance / ORDER_SAMPLES  # type: ignore[no-any-return]
+
+
+@compiled_in_place
+def _sensor_power(status: Record) -> float:
+    """Power that the sensor's errors have in each order of the residuals, by the higher ones; 0 where it has none.
+
+    Of cycles of several turns only whole orders come again with the sensor.
+    """
+    first, top, every = lanes.WAVES[status.leading], _top(status), int(1.0 / status.lowest + 0.5)
+    count, total = 0, 0.0
+    for k in range(max(first, top // 2), top):
+        if (k + 1) % every == 0:
+            count, total = count + 1, total + _power(status, k)
+    mean, white = total / max(count, 1), _white_power(status)
+    return mean - white if top - first >= FEWEST_ORDERS * every and mean > ABOVE_WHITE * white else 0.0
+
+
+@compiled_in_place
+def _set_motion_shares(status: Record, sensor: float) -> None:
+    """Set which share of each order of the ripple is motion, as Wiener's filter tells it from the sensor's power.
+
+    An order's power of motion is what it has beyond the sensor's where that is significant, else what lower orders
+    make probable.
+    """
+    every = int(1.0 / status.lowest + 0.5)
+    for f in range(1, lanes.FAMILIES):
+        if status.active[f] > 0.0:
+            ripple, motion = status.ripple[:, status.best[f]], 0.0
+            for k in range(lanes.WAVES[f]):
+                power, own = ripple[2 * k] ** 2 + ripple[2 * k + 1] ** 2, (k + 1) % every == 0
+                motion *= (k / (k + 1.0)) ** STEEPNESS
+                if power > ABOVE_SENSOR * sensor or not own:
+                    motion = max(power - sensor, motion)
+                status.motion_share[f, k] = motion / (motion + sensor) if own and sensor > 0.0 else 1.0
