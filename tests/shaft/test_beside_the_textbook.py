@@ -55,3 +55,10 @@ def test_all_ripples_that_are_known_may_be_wrong_for_a_part() -> None:
     """Found before a reversal and after it: in between the plain family is likelier."""
     made = score(package, "runs", 1, "smooth")
     assert np.all(made.rms < 0.7 * made.book)
+
+
+@pytest.mark.parametrize(("view", "most"), [("causal", (1.05, 1.05)), ("smooth", (1.25, 1.25))])
+def test_pitch_errors_that_nobody_told_of_are_not_taken_for_ripple(view: str, most: tuple[float, float]) -> None:
+    """Medians: of a turn's orders the readings alone do not tell which is whose. Taken for ripple: 1.3, 3."""
+    made = [score(package, "pitch", seed, view) for seed in range(16)]
+    assert np.all(np.median([one.rms / one.book for one in made], axis=0) < most)

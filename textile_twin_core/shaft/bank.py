@@ -51,6 +51,8 @@ def update_second_order(status: Record, f: int) -> None:
     waves, change = lanes.WAVES[f], status.change
     change[:] = 0.0
     set_second(status.ripple[:, status.best[f]], waves, status.lowest, status.second[f], change)
+    for i in range(4 * waves):
+        status.shaft_second[f, i] = status.second[f, i] - (status.sensor_ripple[f, i] if i < 2 * waves else 0.0)
     for m in range(lanes.FIRST[f], lanes.END[f]):
         for row in range(3):
             status.clock[row, m] += dot(status.sensitivity[row, :, m], change, 2 * waves)
@@ -64,8 +66,8 @@ def initialise(status: Record, f: int, scale: float) -> None:
     """
     width, start, root = 2 * lanes.WAVES[f], status.start, math.sqrt(scale)
     set_basis_at(status, start[lanes.ANGLE], lanes.WAVES[f])
-    status.second[f, :] = 0.0
-    status.motion_share[f, :] = 1.0
+    status.second[f, :] = status.shaft_second[f, :] = 0.0
+    status.sensor_ripple[f, :] = status.sensor_variance[f, :] = 0.0
     first, stop = lanes.FIRST[f], lanes.STOP[f]
     set_sensitivity(status.sensitivity, status.basis, status.lowest, start[lanes.RATE], width, first, stop)
     for m in range(first, stop):

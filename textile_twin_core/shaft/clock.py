@@ -61,16 +61,16 @@ def dot(a: FloatArray, b: FloatArray, size: int) -> float:
 
 @compiled_in_place
 def wave(
-    ripple: FloatArray, share: FloatArray, second: FloatArray, waves: int, lowest: float, basis: FloatArray
+    ripple: FloatArray, second: FloatArray, waves: int, lowest: float, basis: FloatArray
 ) -> tuple[float, float, float, float]:
-    """g and its first three derivatives by theta at the angle of the basis; of g1's orders the `share` (.) of each."""
+    """g and its first three derivatives by theta at the angle of the basis; `second` (.) is added to g1's `ripple`."""
     g0 = g1 = g2 = g3 = 0.0
     for k in range(2 * waves):
         order = lowest * (k + 1)
         a, b = second[2 * k], second[2 * k + 1]
         if k < waves:
-            a += share[k] * ripple[2 * k]
-            b += share[k] * ripple[2 * k + 1]
+            a += ripple[2 * k]
+            b += ripple[2 * k + 1]
         p = a * basis[2 * k] + b * basis[2 * k + 1]
         q = order * (b * basis[2 * k] - a * basis[2 * k + 1])
         g0 += p

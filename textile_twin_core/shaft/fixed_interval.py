@@ -129,6 +129,7 @@ class SmoothEstimator(ShaftEstimator):
                     part = ripple[2 * every - 2 + i :: 2 * every][: len(mine)]
                     part -= mine[: len(part), i]
                 set_second(ripple, lanes.WAVES[f], 1.0 / every, status[0]["second"][f], np.zeros(lanes.WIDEST))
+            status["sensor_ripple"], status["sensor_variance"], status["shaft_second"] = 0.0, 0.0, status["second"]
         return correction
 
     def _smooth_stretch(self, rows: Records) -> None:

@@ -221,8 +221,7 @@ def is_predicted(status: Record, step: float, reading: float) -> bool:
     f, half, interval = status.leading, 0.5 * step * step, step / status.interval
     m, clock, noise = status.best[f], status.clock, measurement_variance(status, status.speed)
     set_basis_at(status, reading, lanes.WAVES[f])
-    whole = status.motion_share[lanes.PLAIN]
-    g = wave(status.ripple[:, m], whole, status.second[f], lanes.WAVES[f], status.lowest, status.basis)
+    g = wave(status.ripple[:, m], status.second[f], lanes.WAVES[f], status.lowest, status.basis)
     off = reading + g[0] - clock[lanes.ANGLE, m] - step * clock[lanes.RATE, m] - half * clock[lanes.ACCELERATION, m]
     p0 = clock[lanes.L20, m] + step * clock[lanes.L10, m] + half * clock[lanes.L00, m]
     p1, p2 = clock[lanes.L21, m] + step * clock[lanes.L11, m], clock[lanes.L22, m]

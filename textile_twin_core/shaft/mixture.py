@@ -24,10 +24,7 @@ def combine(status: Record, row: Record) -> None:
     leading, moments = status.leading, status.moments
     best, about = status.best[leading], status.angle
     set_basis_at(status, about, lanes.WAVES[leading])
-    g = wave(
-        status.ripple[:, best], status.motion_share[leading], status.second[leading], lanes.WAVES[leading],
-        status.lowest, status.basis,
-    )  # fmt: skip
+    g = wave(status.ripple[:, best], status.shaft_second[leading], lanes.WAVES[leading], status.lowest, status.basis)
     clock = status.clock[:, best]
     about, status.speed, status.acceleration = shaft_state(
         clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION], about, g, status.slopes
@@ -63,7 +60,7 @@ def _add_moments(status: Record, f: int, about: float, top: float) -> None:
         weight = status.mode_probability[f] * status.probability[m]
         if weight < MINOR * top:
             continue
-        g = wave(status.ripple[:, m], status.motion_share[f], status.second[f], waves, status.lowest, status.basis)
+        g = wave(status.ripple[:, m], status.shaft_second[f], waves, status.lowest, status.basis)
         clock = status.clock[:, m]
         angle, rate, acceleration = clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION]
         theta, omega, alpha = shaft_state(angle, rate, acceleration, about, g, slopes)
@@ -76,16 +73,21 @@ def _add_moments(status: Record, f: int, about: float, top: float) -> None:
         moments[3] += weight * d2
         add_products(d0, d1, d2, weight, products)
         if waves > 0:
-            set_ripple_covariance(status, waves, m)
+            set_ripple_covariance(status, f, m)
             for place in range(6):
                 products[place] += scale * status.covariance_part[place]
 
 
 @compiled_in_place
-def set_ripple_covariance(status: Record, waves: int, m: int) -> None:
-    """Set `covariance_part` (6,), the shaft's covariance due to lane m's uncertain ripple, at the basis and slopes."""
-    width, basis, sensitivity, factor = 2 * waves, status.basis, status.sensitivity, status.factor
+def set_ripple_covariance(status: Record, f: int, m: int) -> None:
+    """Set `covariance_part` (6,), the shaft's covariance due to lane m's uncertain ripple, at the basis and slopes.
+
+    In units of the lane's `scale`: that of the coefficients, and of the share of them that is motion.
+    """
+    width, basis, sensitivity, factor = 2 * lanes.WAVES[f], status.basis, status.sensitivity, status.factor
     jacobian, covariance = status.ripple_jacobian, status.covariance_part
+    for place in range(6):
+        covariance[place] = 0.0
     for i in range(width):
         order = status.lowest * (i // 2 + 1)
         value, slope = basis[i], order * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
@@ -93,8 +95,6 @@ def set_ripple_covariance(status: Record, waves: int, m: int) -> None:
             sensitivity[2, i, m], sensitivity[1, i, m], sensitivity[0, i, m], value, slope, -order * order * value,
             status.slopes,
         )  # fmt: skip
-    for place in range(6):
-        covariance[place] = 0.0
     for j in range(np.uint64(width)):
         s0 = s1 = s2 = 0.0
         for i in range(j, np.uint64(width)):
@@ -102,3 +102,16 @@ def set_ripple_covariance(status: Record, waves: int, m: int) -> None:
             s1 += factor[j, i, m] * jacobian[1, i]
             s2 += factor[j, i, m] * jacobian[2, i]
         add_products(s0, s1, s2, 1.0, covariance)
+    if status.sensor_power > 0.0:
+        _add_sensor_covariance(status, f, m)
+
+
+@compiled_in_place
+def _add_sensor_covariance(status: Record, f: int, m: int) -> None:
+    """Add to `covariance_part` what comes of not knowing which share of each order is motion."""
+    basis = status.basis
+    for i in range(2 * lanes.WAVES[f]):
+        order = status.lowest * (i // 2 + 1)
+        value, slope = basis[i], order * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
+        d0, d1, d2 = gradient(0.0, 0.0, 0.0, value, slope, -order * order * value, status.slopes)
+        add_products(d0, d1, d2, status.sensor_variance[f, i // 2] / status.scale[m], status.covariance_part)

@@ -47,7 +47,7 @@ class Smoother(NamedTuple):
 def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
     """Arrays for passes over at most so many rows."""
     filters = new_status(settings, 0.0)
-    filters["jerk_strength"][0, lanes.CHAIN] = 1.0
+    filters["jerk_strength"][0, lanes.CHAIN] = filters["scale"][0, lanes.CHAIN] = 1.0
     return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((3, 3, 3)), np.zeros((3, 9)))
 
 
@@ -63,9 +63,10 @@ def set_ripple(filters: Record, status: Record, family: int) -> None:
     """Copy the ripple of a family's best filter, the covariance factor of its coefficients in radians."""
     lane, width = status.best[family], 2 * lanes.WAVES[family]
     root = math.sqrt(status.scale[lane])
-    filters.leading = family
+    filters.leading, filters.sensor_power = family, status.sensor_power
     copy_numbers(status.second[family], filters.second[family])
-    copy_numbers(status.motion_share[family], filters.motion_share[family])
+    copy_numbers(status.shaft_second[family], filters.shaft_second[family])
+    copy_numbers(status.sensor_variance[family], filters.sensor_variance[family])
     for i in range(width):
         filters.ripple[i, lanes.CHAIN] = status.ripple[i, lane]
         for j in range(i + 1):
@@ -76,14 +77,14 @@ def set_ripple(filters: Record, status: Record, family: int) -> None:
 def state_at_start(filters: Record, near: float) -> tuple[float, float, float]:
     """The shaft's initial angle, speed and acceleration, from the initial clock state; `near` [rad] is close to it."""
     start = filters.start
-    g = _wave_at(filters, near, filters.motion_share[filters.leading])
+    g = _wave_at(filters, near, filters.shaft_second[filters.leading])
     return shaft_state(start[lanes.ANGLE], start[lanes.RATE], start[lanes.ACCELERATION], near, g, filters.slopes)
 
 
 @compiled_in_place
 def begin_at_state(filters: Record, theta: float, omega: float, alpha: float) -> None:
     """Initial clock state from the shaft's; `filters.start[3:]` is already the initial covariance's factor."""
-    g = _wave_at(filters, theta, filters.motion_share[filters.leading])
+    g = _wave_at(filters, theta, filters.shaft_second[filters.leading])
     filters.start[lanes.ANGLE] = theta + g[0]
     filters.start[lanes.RATE] = omega * (1.0 + g[1])
     filters.start[lanes.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
@@ -115,7 +116,7 @@ def _begin_at_reading(smoother: Smoother, record: Records, family: int, rows: Re
 @compiled_in_place
 def is_far(filters: Record, row: Record) -> bool:
     """Whether the initial angle is far from the bank's at a row, whose reading is much closer to the bank's."""
-    angle = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta, filters.motion_share[filters.leading])[0]
+    angle = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta, filters.shaft_second[filters.leading])[0]
     far = (angle - row.theta) ** 2 > FAR * row.covariance[0] and row.noise > 0.0
     return far and abs(row.reading - angle) > 2.0 * abs(row.reading - row.theta)  # type: ignore[no-any-return]
 
@@ -150,12 +151,10 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
                 if j == i or rows[j].noise == 0.0:
                     rows[j].memory[:] = math.log(0.5)
                     rows[j].noise = max(rows[j].noise, rows[i].unit)
+    filters = smoother.filters[0]
     for i in range(rows.size):
-        rows[i].clock = (
-            rows[i].reading
-            + _wave_at(smoother.filters[0], rows[i].theta, smoother.filters[0].motion_share[lanes.PLAIN])[0]
-        )
-    set_initial_intensities(rows, smoother.filters[0].leading, interval)
+        rows[i].clock = rows[i].reading + _wave_at(filters, rows[i].theta, filters.second[filters.leading])[0]
+    set_initial_intensities(rows, filters.leading, interval)
     for _ in range(MOST_PASSES):
         filter_rows(smoother, rows)
         smooth_back(smoother, rows, first, last)
@@ -285,12 +284,11 @@ def _triangular(a: FloatArray) -> tuple[float, float, float, float, float, float
 
 
 @compiled_in_place
-def _wave_at(filters: Record, theta: float, share: FloatArray) -> tuple[float, float, float, float]:
-    """g of the known ripple and its first three derivatives at an angle."""
+def _wave_at(filters: Record, theta: float, added: FloatArray) -> tuple[float, float, float, float]:
+    """g of the known ripple and its first three derivatives at an angle; `added` (.) is `second` or `shaft_second`."""
     waves = lanes.WAVES[filters.leading]
     set_basis_at(filters, theta, waves)
-    ripple, second = filters.ripple[:, lanes.CHAIN], filters.second[filters.leading]
-    return wave(ripple, share, second, waves, filters.lowest, filters.basis)
+    return wave(filters.ripple[:, lanes.CHAIN], added, waves, filters.lowest, filters.basis)
 
 
 @compiled_in_place
@@ -302,14 +300,14 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
     """
     filters, s = smoother.filters[0], smoother.smoothed
     waves, sensitivity = lanes.WAVES[filters.leading], filters.sensitivity
-    g = _wave_at(filters, row.theta, filters.motion_share[filters.leading])
+    g = _wave_at(filters, row.theta, filters.shaft_second[filters.leading])
     theta, row.speed, row.acceleration = shaft_state(s[2], s[1], s[0], row.theta, g, filters.slopes)
     set_sensitivity(sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves, lanes.CHAIN, lanes.CHAIN + 1)
     for k in range(2 * waves):
         rejected = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6
         for i in range(3):
             sensitivity[i, k, lanes.CHAIN] *= row.intensity / (row.intensity + rejected)
-    set_ripple_covariance(filters, waves, lanes.CHAIN)
+    set_ripple_covariance(filters, filters.leading, lanes.CHAIN)
     add_spread(s, filters.slopes, 1.0, filters.covariance_part)
     write_covariance(filters.covariance_part, row.covariance)
     add_unmodelled_again(row)

@@ -82,7 +82,9 @@ _ARRAYS = {
     "ripple_change": (_WIDTH, lanes.COUNT),
     "second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2, see `clock`
     "basis": (2 * _WIDTH,), "change": (_WIDTH,),  # cosines and sines; change of the coefficients
-    "motion_share": (lanes.FAMILIES, _WIDTH // 2),  # part of each order of g1 that is motion; all where there is none
+    "sensor_ripple": (lanes.FAMILIES, _WIDTH),  # part of g1 that is the sensor's, no motion, see `unmodelled_orders`
+    "sensor_variance": (lanes.FAMILIES, _WIDTH // 2),  # of a coefficient of g1 less that part, by order [rad^2]
+    "shaft_second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2 less that part
     "order_sums": (2 * _WIDTH,),  # Fourier coefficients of the residuals
     "ripple_jacobian": (3, _WIDTH), "slopes": (6,),  # work space
     "start": (9,),  # initial state and covariance factor
@@ -127,7 +129,6 @@ def new_status(settings: ShaftSettings, resolution: float, count: int = 1) -> Re
     record["auto"] = settings.wrapping == "auto"
     record["resolution"] = resolution
     record["guessed"] = settings.step_rad is None
-    record["motion_share"] = 1.0
     record["edges"] = settings.teeth > 0
     record["lowest"] = 1.0 / settings.cycle_turns
     record["logarithm"], record["jerk_strength"] = np.log(lanes.MEMORIES), lanes.MEMORIES**-3.0

@@ -36,7 +36,7 @@ def listen_for_orders(status: Record, noise: float) -> None:
     status.residual_variance += (status.scale[m] * left * noise - status.residual_variance) / ORDER_SAMPLES
     if status.samples % SECOND_ORDER_EVERY == 0.0:
         status.sensor_power = _sensor_power(status)
-        _set_motion_shares(status, status.sensor_power / left)
+        _set_sensor_ripple(status, status.sensor_power / left)
 
 
 @compiled_in_place
@@ -100,8 +100,8 @@ def _sensor_power(status: Record) -> float:
 
 
 @compiled_in_place
-def _set_motion_shares(status: Record, sensor: float) -> None:
-    """Set which share of each order of the ripple is motion, as Wiener's filter tells it from the sensor's power.
+def _set_sensor_ripple(status: Record, sensor: float) -> None:
+    """Set which part of each order of the ripple is the sensor's, as Wiener's filter tells it from their powers.
 
     An order's power of motion is what it has beyond the sensor's where that is significant, else what lower orders
     make probable.
@@ -115,4 +115,7 @@ def _set_motion_shares(status: Record, sensor: float) -> None:
                 motion *= (k / (k + 1.0)) ** STEEPNESS
                 if power > ABOVE_SENSOR * sensor or not own:
                     motion = max(power - sensor, motion)
-                status.motion_share[f, k] = motion / (motion + sensor) if own and sensor > 0.0 else 1.0
+                part = sensor / (motion + sensor) if own and sensor > 0.0 else 0.0
+                status.sensor_ripple[f, 2 * k] = part * ripple[2 * k]
+                status.sensor_ripple[f, 2 * k + 1] = part * ripple[2 * k + 1]
+                status.sensor_variance[f, k] = 0.5 * part * motion
