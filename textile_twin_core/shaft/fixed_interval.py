@@ -119,18 +119,14 @@ class SmoothEstimator(ShaftEstimator):
         """Move the wheel's share of the known ripples into its pitch errors; the corrections of the readings (n,)."""
         every = self._settings.cycle_turns
         last = self._history.known[-1][0]
-        lead = int(last["leading"])
-        whole = last["ripple"][: 2 * lanes.WAVES[lead], last["best"][lead]].reshape(-1, 2)[every - 1 :: every]
-        mine, correction = wheel.take_from_ripple(whole, readings)
+        mine = last["sensor_ripple"][int(last["leading"])].copy()
         for status in [*self._history.known, self._status]:
             for f in range(1, lanes.FAMILIES):
-                ripple = status[0]["ripple"][: 2 * lanes.WAVES[f], status[0]["best"][f]]
-                for i in range(2):
-                    part = ripple[2 * every - 2 + i :: 2 * every][: len(mine)]
-                    part -= mine[: len(part), i]
+                ripple, width = status[0]["ripple"][:, status[0]["best"][f]], 2 * lanes.WAVES[f]
+                ripple[:width] -= mine[:width]
                 set_second(ripple, lanes.WAVES[f], 1.0 / every, status[0]["second"][f], np.zeros(lanes.WIDEST))
-            status["sensor_ripple"], status["sensor_variance"], status["shaft_second"] = 0.0, 0.0, status["second"]
-        return correction
+            status["sensor_ripple"], status["shaft_second"] = 0.0, status["second"]
+        return wheel.take_over(mine.reshape(-1, 2)[every - 1 :: every], readings)
 
     def _smooth_stretch(self, rows: Records) -> None:
         """Smooth a stretch in parts of one model each, chosen wherever the known ripple changed."""

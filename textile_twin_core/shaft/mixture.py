@@ -73,21 +73,16 @@ def _add_moments(status: Record, f: int, about: float, top: float) -> None:
         moments[3] += weight * d2
         add_products(d0, d1, d2, weight, products)
         if waves > 0:
-            set_ripple_covariance(status, f, m)
+            set_ripple_covariance(status, waves, m)
             for place in range(6):
                 products[place] += scale * status.covariance_part[place]
 
 
 @compiled_in_place
-def set_ripple_covariance(status: Record, f: int, m: int) -> None:
-    """Set `covariance_part` (6,), the shaft's covariance due to lane m's uncertain ripple, at the basis and slopes.
-
-    In units of the lane's `scale`: that of the coefficients, and of the share of them that is motion.
-    """
-    width, basis, sensitivity, factor = 2 * lanes.WAVES[f], status.basis, status.sensitivity, status.factor
+def set_ripple_covariance(status: Record, waves: int, m: int) -> None:
+    """Set `covariance_part` (6,), the shaft's covariance due to lane m's uncertain ripple, at the basis and slopes."""
+    width, basis, sensitivity, factor = 2 * waves, status.basis, status.sensitivity, status.factor
     jacobian, covariance = status.ripple_jacobian, status.covariance_part
-    for place in range(6):
-        covariance[place] = 0.0
     for i in range(width):
         order = status.lowest * (i // 2 + 1)
         value, slope = basis[i], order * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
@@ -95,6 +90,8 @@ def set_ripple_covariance(status: Record, f: int, m: int) -> None:
             sensitivity[2, i, m], sensitivity[1, i, m], sensitivity[0, i, m], value, slope, -order * order * value,
             status.slopes,
         )  # fmt: skip
+    for place in range(6):
+        covariance[place] = 0.0
     for j in range(np.uint64(width)):
         s0 = s1 = s2 = 0.0
         for i in range(j, np.uint64(width)):
@@ -102,16 +99,3 @@ def set_ripple_covariance(status: Record, f: int, m: int) -> None:
             s1 += factor[j, i, m] * jacobian[1, i]
             s2 += factor[j, i, m] * jacobian[2, i]
         add_products(s0, s1, s2, 1.0, covariance)
-    if status.sensor_power > 0.0:
-        _add_sensor_covariance(status, f, m)
-
-
-@compiled_in_place
-def _add_sensor_covariance(status: Record, f: int, m: int) -> None:
-    """Add to `covariance_part` what comes of not knowing which share of each order is motion."""
-    basis = status.basis
-    for i in range(2 * lanes.WAVES[f]):
-        order = status.lowest * (i // 2 + 1)
-        value, slope = basis[i], order * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
-        d0, d1, d2 = gradient(0.0, 0.0, 0.0, value, slope, -order * order * value, status.slopes)
-        add_products(d0, d1, d2, status.sensor_variance[f, i // 2] / status.scale[m], status.covariance_part)

@@ -26,7 +26,7 @@ from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial
 from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import MANOEUVRE, Record, Records, new_status
-from textile_twin_core.shaft.unmodelled_orders import add_unmodelled_again
+from textile_twin_core.shaft.unmodelled_orders import add_systematic
 
 FAR = 9.0  # squared distance from the bank's angle beyond which a filter is far from it, in variances of that angle
 MOST_PASSES = 3
@@ -47,7 +47,7 @@ class Smoother(NamedTuple):
 def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
     """Arrays for passes over at most so many rows."""
     filters = new_status(settings, 0.0)
-    filters["jerk_strength"][0, lanes.CHAIN] = filters["scale"][0, lanes.CHAIN] = 1.0
+    filters["jerk_strength"][0, lanes.CHAIN] = 1.0
     return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((3, 3, 3)), np.zeros((3, 9)))
 
 
@@ -63,7 +63,7 @@ def set_ripple(filters: Record, status: Record, family: int) -> None:
     """Copy the ripple of a family's best filter, the covariance factor of its coefficients in radians."""
     lane, width = status.best[family], 2 * lanes.WAVES[family]
     root = math.sqrt(status.scale[lane])
-    filters.leading, filters.sensor_power = family, status.sensor_power
+    filters.leading = family
     copy_numbers(status.second[family], filters.second[family])
     copy_numbers(status.shaft_second[family], filters.shaft_second[family])
     copy_numbers(status.sensor_variance[family], filters.sensor_variance[family])
@@ -307,8 +307,8 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
         rejected = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6
         for i in range(3):
             sensitivity[i, k, lanes.CHAIN] *= row.intensity / (row.intensity + rejected)
-    set_ripple_covariance(filters, filters.leading, lanes.CHAIN)
+    set_ripple_covariance(filters, waves, lanes.CHAIN)
     add_spread(s, filters.slopes, 1.0, filters.covariance_part)
     write_covariance(filters.covariance_part, row.covariance)
-    add_unmodelled_again(row)
+    add_systematic(filters, row)
     put_angle(row, theta)

@@ -29,7 +29,7 @@ MANOEUVRE, STRETCH = 1.0, 2.0
 COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
-    "motion", "speed", "leading", "best", "ripple", "guessed",
+    "motion", "speed", "leading", "best", "ripple", "sensor_ripple", "guessed",
 )  # fmt: skip
 """Fields that outlast the end of a record."""
 
@@ -116,10 +116,15 @@ _FOR_SMOOTHING = (
 ROW = np.dtype(
     STATE.descr
     + [(name, "<f8") for name in _FOR_SMOOTHING]
-    + [("jerk", "<f8", (2,)), ("memory", "<f8", (lanes.FAMILIES,)), ("unmodelled", "<f8", (3,))]
+    + [
+        ("jerk", "<f8", (2,)),
+        ("memory", "<f8", (lanes.FAMILIES,)),
+        ("unmodelled", "<f8", (3,)),
+        ("systematic", "<f8", (3,)),
+    ]
 )
 """State, and what smoothing needs; also `jerk`, see `process_noise`, each family's mean log memory, and variances by
-unmodelled orders."""
+unmodelled orders, and with those by orders that may be the sensor's."""
 
 
 def new_status(settings: ShaftSettings, resolution: float, count: int = 1) -> Records:
@@ -140,6 +145,8 @@ def new_status(settings: ShaftSettings, resolution: float, count: int = 1) -> Re
 def ripple_amplitudes(record: Records) -> FloatArray:
     """Amplitude of the speed's ripple in each order of the leading family, relative to the speed."""
     status = record[0]
-    waves = lanes.WAVES[int(status["leading"])]
-    cosines, sines = status["ripple"][: 2 * waves, int(status["best"][int(status["leading"])])].reshape(-1, 2).T
+    family = int(status["leading"])
+    waves = lanes.WAVES[family]
+    ripple = status["ripple"][: 2 * waves, int(status["best"][family])] - status["sensor_ripple"][family][: 2 * waves]
+    cosines, sines = ripple.reshape(-1, 2).T
     return np.asarray(np.hypot(cosines, sines) * status["lowest"] * np.arange(1, waves + 1))

@@ -10,16 +10,13 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.shaft.turns import TURN
 
 MAX_ERROR = 0.3  # part of the pitch; a mean residual beyond it is no pitch error
-MOTION = 4.0  # times what an order of pitch errors has on average: these have more in one case of 50
-FEWEST_ORDERS = 3  # above those of the ripple, by which pitch errors are known
 FORGETTING = 0.01  # part of an error forgotten at each lesson, so that what only looks like one fades
 
 
 class ToothWheel:
     """Nominal angles of a wheel's edges, corrected by each tooth's pitch error.
 
-    Whatever repeats every turn can be the wheel's or the motion's. Pitch errors are in all orders alike:
-    those above the model's ripple are the wheel's, and tell how much of each order of the ripple is.
+    Whatever repeats every turn can be the wheel's or the motion's, see `unmodelled_orders`.
 
     Args:
         teeth: number of teeth in a turn, missing ones counted.
@@ -29,6 +26,7 @@ class ToothWheel:
 
     def __init__(self, teeth: int, zero_rad: float, known: Sequence[float] | None) -> None:
         self._pitch, self._zero = TURN / teeth, zero_rad
+        self._nominal = zero_rad + self._pitch * np.arange(teeth)
         self.learning = known is None
         self.errors_rad: FloatArray = np.zeros(teeth) if known is None else np.asarray(known, dtype=np.float64)
 
@@ -63,26 +61,12 @@ class ToothWheel:
         self.errors_rad = self.errors_rad + change
         return np.asarray(change[tooth])
 
-    def take_from_ripple(self, ripple: FloatArray, readings: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Take over what each order of the ripple owes to pitch errors, as Wiener's filter tells it from its power.
-
-        Args:
-            ripple: (m, 2) cosine and sine of orders 1 to m [rad], which readings lack.
-            readings: (n,) corrected readings [rad].
-
-        Returns:
-            (k, 2), k at most m, what of it is the wheel's; (n,) by how much each reading is to be corrected further.
-        """
-        orders = np.arange(1, self.errors_rad.size // 2)
-        ripple = ripple[: max(len(orders) - FEWEST_ORDERS, 0)]
-        waves = np.exp(1j * np.outer(orders, self._zero + self._pitch * np.arange(self.errors_rad.size)))
-        power = np.abs(2.0 * np.mean(waves * self.errors_rad, axis=1)) ** 2
-        level, own = np.mean(power[len(ripple) :]) if len(ripple) else 0.0, np.sum(ripple**2, axis=1)
-        part = np.where(own < MOTION * level, 1.0, level / np.maximum(own, 1e-300))
-        mine = part[:, None] * ripple
-        change = np.real((mine @ (1.0, -1j)) @ waves[: len(ripple)])
+    def take_over(self, orders: FloatArray, readings: FloatArray) -> FloatArray:
+        """Add orders (m, 2), cosine and sine of 1 to m [rad], to the errors; the readings' further correction (n,)."""
+        waves = np.exp(1j * np.outer(np.arange(1, len(orders) + 1), self._nominal))
+        change = np.real((orders @ (1.0, -1j)) @ waves)
         self.errors_rad = self.errors_rad + change
-        return mine, np.asarray(change[self._tooth(readings)])
+        return np.asarray(change[self._tooth(readings)])
 
 
 def _trimmed_mean(values: FloatArray) -> float:

@@ -27,7 +27,7 @@ def weigh_residual(weight: FloatArray, row: Record) -> float:
     """Take a smoothed row's residual into `weight` (2,), the factor and the measurements it rests on; the factor."""
     if row.noise > 0.0 and abs(row.speed) * row.step > 3.0 * math.sqrt(row.noise):
         residual = row.reading - row.phase - (row.turns - row.origin) * TURN
-        redundancy = max(1.0 - (row.covariance[0] - row.unmodelled[0]) / row.noise, LEAST_REDUNDANCY)
+        redundancy = max(1.0 - (row.covariance[0] - row.systematic[0]) / row.noise, LEAST_REDUNDANCY)
         found = min(residual * residual / (row.noise * redundancy), CLIP * weight[0]) / CLIPPED
         weight[1] = min(weight[1] + redundancy, MEMORY)
         weight[0] += redundancy / weight[1] * (found - weight[0])
@@ -37,9 +37,11 @@ def weigh_residual(weight: FloatArray, row: Record) -> float:
 
 @compiled_in_place
 def scale_covariance(row: Record, factor: float) -> None:
-    """Multiply a row's covariance."""
+    """Multiply a row's covariance, but for what no residual shows."""
     for i in range(9):
         row.covariance[i] *= factor
+    for place in range(3):
+        row.covariance[4 * place] += (1.0 - factor) * row.systematic[place]
 
 
 @compiled_in_place

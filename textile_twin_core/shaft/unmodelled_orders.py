@@ -18,7 +18,7 @@ from textile_twin_core.shaft.status import Record
 ORDERS = lanes.WIDEST  # that are estimated: as many as the basis has room for
 ORDER_SAMPLES = 500.0  # readings over which an order is averaged
 SIGNIFICANT = 7.0  # times the mean power of white residuals in an order, exceeded by chance in 1 case of 1000
-FEWEST_ORDERS = 8  # of the residuals, by the higher of which the sensor's are known
+FEWEST_ORDERS = 5  # of the residuals, by which the sensor's are known
 ABOVE_WHITE = 3.0  # times white residuals: the mean power of so many orders, from which it is the sensor's
 ABOVE_SENSOR = 10.0  # times the mean of 12 orders, exceeded by chance in 1 case of 1400 (F of 2 and 24 freedoms)
 STEEPNESS = 6  # the power of the angle's orders falls as k^-6: torque that jumps but has no peaks falls as 1 / k
@@ -40,8 +40,8 @@ def listen_for_orders(status: Record, noise: float) -> None:
 
 
 @compiled_in_place
-def add_unmodelled(status: Record, row: Record) -> None:
-    """Set a row's variances of angle, speed, acceleration by unmodelled orders, and add them to its covariance.
+def set_unmodelled(status: Record, row: Record) -> None:
+    """Set a row's variances of angle, speed, acceleration by unmodelled orders.
 
     Orders up to half the samples per turn: beyond, they are aliases of lower ones.
     """
@@ -56,14 +56,21 @@ def add_unmodelled(status: Record, row: Record) -> None:
             row.unmodelled[0] += 0.5 * power
             row.unmodelled[1] += 0.5 * power * rate**2
             row.unmodelled[2] += 0.5 * power * rate**4
-    add_unmodelled_again(row)
 
 
 @compiled_in_place
-def add_unmodelled_again(row: Record) -> None:
-    """Add the variances of unmodelled orders to a row's covariance."""
+def add_systematic(status: Record, row: Record) -> None:
+    """Add to a row's covariance the variances by unmodelled orders, and by orders that may be the sensor's."""
     for place in range(3):
-        row.covariance[4 * place] += row.unmodelled[place]
+        row.systematic[place] = row.unmodelled[place]
+    f = status.leading
+    for k in range(lanes.WAVES[f]):
+        variance, rate = status.sensor_variance[f, k], status.lowest * (k + 1) * row.speed
+        row.systematic[0] += variance
+        row.systematic[1] += variance * rate**2
+        row.systematic[2] += variance * rate**4
+    for place in range(3):
+        row.covariance[4 * place] += row.systematic[place]
 
 
 @compiled_in_place
@@ -96,7 +103,7 @@ def _sensor_power(status: Record) -> float:
         if (k + 1) % every == 0:
             count, total = count + 1, total + _power(status, k)
     mean, white = total / max(count, 1), _white_power(status)
-    return mean - white if top - first >= FEWEST_ORDERS * every and mean > ABOVE_WHITE * white else 0.0
+    return mean - white if count >= FEWEST_ORDERS and mean > ABOVE_WHITE * white else 0.0
 
 
 @compiled_in_place
