@@ -157,7 +157,7 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
         ratio = likelihood[m] * inverse
         share = uniform + (1.0 - UNIFORM_PART) * usage[m] if m < np.uint64(end) else 0.0
         probability[m] = (1.0 - SWITCH_PROBABILITY) * probability[m] * ratio + SWITCH_PROBABILITY * share
-        usage[m] += (probability[m] - usage[m]) / USAGE_SAMPLES
+        usage[m] += (probability[m] - usage[m]) * (1.0 / USAGE_SAMPLES)
         ratio *= likelihood_ratio[m]
         likelihood_ratio[m] = ratio if ratio < 1.0 else 1.0
         squared = innovation[m] * innovation[m] / (scale[m] * (noise + prior_variance[m]))

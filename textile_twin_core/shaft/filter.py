@@ -34,10 +34,10 @@ from textile_twin_core.shaft.measurement_noise import (
     unwrap_reading,
 )
 from textile_twin_core.shaft.mixture import combine
+from textile_twin_core.shaft.residual_orders import add_systematic, listen_for_orders, set_systematic
 from textile_twin_core.shaft.samples import Block, admit
 from textile_twin_core.shaft.status import MANOEUVRE, RUNNING, STANDSTILL, STARTING, Record, Records
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
-from textile_twin_core.shaft.unmodelled_orders import add_systematic, listen_for_orders, set_unmodelled
 
 # [1/rad], the gate: density of outliers without the constant 0.38 of Student's t, one sample in 130 within a radian
 OUTLIER_DENSITY = 0.02
@@ -190,8 +190,8 @@ def _report_state(status: Record, row: Record) -> None:
         limit = max(MAX_SPEED_SIGMA * max(speed, LEAST_SPEED * status.fastest), standstill_speed(status))
         settled = sigma <= limit and status.unconfirmed == 0.0 and status.since >= SETTLING
         row.settled = 1.0 if settled else 0.0
-    set_unmodelled(status, row)
-    add_systematic(status, row)
+    set_systematic(status, row)
+    add_systematic(row)
     if row.noise > 0.0:
         status.unconfirmed = max(status.unconfirmed - 1.0, 0.0)
     row.theta, row.origin, row.leading = status.angle, status.origin, float(status.leading)

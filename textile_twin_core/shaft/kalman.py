@@ -82,7 +82,7 @@ def innovate(filters: Record, reading: float, noise: float, first: int, end: int
         squared = residual * residual / scale[m]
         tail = 1.0 + squared / (FREEDOM * (noise + prior))
         innovation[m], prior_variance[m] = residual, prior
-        inflated = squared / ROBUST - prior
+        inflated = squared * (1.0 / ROBUST) - prior
         noise_variance[m] = inflated if inflated > noise else noise
         likelihood[m] = 1.0 / (tail * tail * tail * math.sqrt(tail * scale[m] * (noise + prior)))
 

@@ -23,10 +23,10 @@ from textile_twin_core.shaft.gating import set_start
 from textile_twin_core.shaft.kalman import HALF_JERK, LAST_JERK, ROBUST, measurement_update, time_update
 from textile_twin_core.shaft.mixture import set_ripple_covariance
 from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial_intensities
+from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import MANOEUVRE, Record, Records, new_status
-from textile_twin_core.shaft.unmodelled_orders import add_systematic
 
 FAR = 9.0  # squared distance from the bank's angle beyond which a filter is far from it, in variances of that angle
 MOST_PASSES = 3
@@ -66,7 +66,6 @@ def set_ripple(filters: Record, status: Record, family: int) -> None:
     filters.leading = family
     copy_numbers(status.second[family], filters.second[family])
     copy_numbers(status.shaft_second[family], filters.shaft_second[family])
-    copy_numbers(status.sensor_variance[family], filters.sensor_variance[family])
     for i in range(width):
         filters.ripple[i, lanes.CHAIN] = status.ripple[i, lane]
         for j in range(i + 1):
@@ -310,5 +309,5 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
     set_ripple_covariance(filters, waves, lanes.CHAIN)
     add_spread(s, filters.slopes, 1.0, filters.covariance_part)
     write_covariance(filters.covariance_part, row.covariance)
-    add_systematic(filters, row)
+    add_systematic(row)
     put_angle(row, theta)

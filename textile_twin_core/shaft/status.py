@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import records
+from textile_twin_core.compiling import aligned_records
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.settings import ShaftSettings
 
@@ -55,7 +55,7 @@ _NUMBERS = (
     "clean",  # readings since the last outlier
     "abrupt", "doubtful",  # above 0 where what left the gate was motion; 1 after such a reading until the next
     "basis_at", "basis_waves",  # angle and orders for which `basis` is evaluated
-    "residual_variance", "sensor_power",  # of the leading filter [rad^2], see `unmodelled_orders`
+    "residual_variance", "sensor_power",  # of the leading filter [rad^2], see `residual_orders`
 )  # fmt: skip
 _BY_FAMILY = (
     "density", "mode_probability",  # predictive density of the latest reading
@@ -82,7 +82,7 @@ _ARRAYS = {
     "ripple_change": (_WIDTH, lanes.COUNT),
     "second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2, see `clock`
     "basis": (2 * _WIDTH,), "change": (_WIDTH,),  # cosines and sines; change of the coefficients
-    "sensor_ripple": (lanes.FAMILIES, _WIDTH),  # part of g1 that is the sensor's, no motion, see `unmodelled_orders`
+    "sensor_ripple": (lanes.FAMILIES, _WIDTH),  # part of g1 that is the sensor's, no motion, see `residual_orders`
     "sensor_variance": (lanes.FAMILIES, _WIDTH // 2),  # of a coefficient of g1 less that part, by order [rad^2]
     "shaft_second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2 less that part
     "order_sums": (2 * _WIDTH,),  # Fourier coefficients of the residuals
@@ -91,13 +91,13 @@ _ARRAYS = {
     "moments": (4,), "products": (6,), "covariance_part": (6,),  # work space of `mixture`
 }  # fmt: skip
 STATUS = np.dtype(
-    [(name, np.float64) for name in (*COUNTS, *_NUMBERS)]
-    + [("leading", np.int64), ("best", np.int64, (lanes.FAMILIES,))]
-    + [(name, np.float64, (lanes.FAMILIES,)) for name in _BY_FAMILY]
-    + [(name, np.float64, (lanes.COUNT,)) for name in _BY_LANE]
+    [(name, np.float64, (lanes.COUNT,)) for name in _BY_LANE]
     + [(name, np.float64, shape) for name, shape in _ARRAYS.items()]
+    + [(name, np.float64, (lanes.FAMILIES,)) for name in _BY_FAMILY]
+    + [("leading", np.int64), ("best", np.int64, (lanes.FAMILIES,))]
+    + [(name, np.float64) for name in (*COUNTS, *_NUMBERS)]
 )
-"""In seconds and radians. `leading` is the family of the most probable filter, `best` the most probable lane of each
+"""In seconds and radians; arrays by lane first, so that no vector of lanes lies on two lines of the processor's cache. `leading` is the family of the most probable filter, `best` the most probable lane of each
 family. Covariance factors and variances of lanes are in units of `scale`."""
 
 STATE = np.dtype(
@@ -116,20 +116,15 @@ _FOR_SMOOTHING = (
 ROW = np.dtype(
     STATE.descr
     + [(name, "<f8") for name in _FOR_SMOOTHING]
-    + [
-        ("jerk", "<f8", (2,)),
-        ("memory", "<f8", (lanes.FAMILIES,)),
-        ("unmodelled", "<f8", (3,)),
-        ("systematic", "<f8", (3,)),
-    ]
+    + [("jerk", "<f8", (2,)), ("memory", "<f8", (lanes.FAMILIES,)), ("systematic", "<f8", (3,))]
 )
-"""State, and what smoothing needs; also `jerk`, see `process_noise`, each family's mean log memory, and variances by
-unmodelled orders, and with those by orders that may be the sensor's."""
+"""State, and what smoothing needs; also `jerk`, see `process_noise`, each family's mean log memory, and variances that
+no residual shows, see `residual_orders`."""
 
 
 def new_status(settings: ShaftSettings, resolution: float, count: int = 1) -> Records:
     """So many times the status before the first sample; `resolution` [rad] is the encoder's step, 0 for none."""
-    record = records(STATUS, count)
+    record = aligned_records(STATUS, count)
     record["period"] = 0.0 if settings.wrapping == "unwrapped" else settings.period_rad
     record["auto"] = settings.wrapping == "auto"
     record["resolution"] = resolution

@@ -16,7 +16,7 @@ FORGETTING = 0.01  # part of an error forgotten at each lesson, so that what onl
 class ToothWheel:
     """Nominal angles of a wheel's edges, corrected by each tooth's pitch error.
 
-    Whatever repeats every turn can be the wheel's or the motion's, see `unmodelled_orders`.
+    Whatever repeats every turn can be the wheel's or the motion's, see `residual_orders`.
 
     Args:
         teeth: number of teeth in a turn, missing ones counted.

@@ -8,6 +8,8 @@ power in all orders. The family's orders have their part of it, which is no moti
 
 from __future__ import annotations
 
+import numpy as np
+
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
@@ -21,7 +23,8 @@ SIGNIFICANT = 7.0  # times the mean power of white residuals in an order, exceed
 FEWEST_ORDERS = 5  # of the residuals, by which the sensor's are known
 ABOVE_WHITE = 3.0  # times white residuals: the mean power of so many orders, from which it is the sensor's
 ABOVE_SENSOR = 10.0  # times the mean of 12 orders, exceeded by chance in 1 case of 1400 (F of 2 and 24 freedoms)
-STEEPNESS = 6  # the power of the angle's orders falls as k^-6: torque that jumps but has no peaks falls as 1 / k
+FALL = (np.arange(lanes.WIDEST // 2) / np.arange(1.0, lanes.WIDEST // 2 + 1.0)) ** 6
+"""Of the power of the angle's orders, from one to the next: torque that jumps, but has no peaks, falls as 1 / k."""
 
 
 @compiled_in_place
@@ -30,9 +33,9 @@ def listen_for_orders(status: Record, noise: float) -> None:
     m = status.best[status.leading]
     left = noise / (noise + status.prior_variance[m])
     set_basis_at(status, status.angle, ORDERS // 2)
-    residual = 2.0 * left * status.innovation[m] / ORDER_SAMPLES
+    residual, keep = 2.0 * left * status.innovation[m] / ORDER_SAMPLES, 1.0 - 1.0 / ORDER_SAMPLES
     for i in range(2 * ORDERS):
-        status.order_sums[i] += residual * status.basis[i] - status.order_sums[i] / ORDER_SAMPLES
+        status.order_sums[i] = keep * status.order_sums[i] + residual * status.basis[i]
     status.residual_variance += (status.scale[m] * left * noise - status.residual_variance) / ORDER_SAMPLES
     if status.samples % SECOND_ORDER_EVERY == 0.0:
         status.sensor_power = _sensor_power(status)
@@ -40,35 +43,29 @@ def listen_for_orders(status: Record, noise: float) -> None:
 
 
 @compiled_in_place
-def set_unmodelled(status: Record, row: Record) -> None:
-    """Set a row's variances of angle, speed, acceleration by unmodelled orders.
+def set_systematic(status: Record, row: Record) -> None:
+    """Set a row's variances of angle, speed, acceleration by unmodelled orders, and by those that may be the sensor's.
 
     Orders up to half the samples per turn: beyond, they are aliases of lower ones.
     """
     for place in range(3):
-        row.unmodelled[place] = 0.0
+        row.systematic[place] = 0.0
     if abs(status.speed) <= standstill_speed(status):
         return
-    least = max(SIGNIFICANT * _white_power(status), ABOVE_SENSOR * status.sensor_power)
-    for k in range(lanes.WAVES[status.leading], _top(status)):
+    f, least = status.leading, max(SIGNIFICANT * _white_power(status), ABOVE_SENSOR * status.sensor_power)
+    for k in range(max(lanes.WAVES[f], _top(status))):
+        own = k < lanes.WAVES[f]
         power, rate = _power(status, k), status.lowest * (k + 1) * status.speed
-        if power > least:
-            row.unmodelled[0] += 0.5 * power
-            row.unmodelled[1] += 0.5 * power * rate**2
-            row.unmodelled[2] += 0.5 * power * rate**4
+        variance = status.sensor_variance[f, k] if own else 0.5 * power if power > least else 0.0
+        if variance > 0.0:
+            row.systematic[0] += variance
+            row.systematic[1] += variance * rate**2
+            row.systematic[2] += variance * rate**4
 
 
 @compiled_in_place
-def add_systematic(status: Record, row: Record) -> None:
-    """Add to a row's covariance the variances by unmodelled orders, and by orders that may be the sensor's."""
-    for place in range(3):
-        row.systematic[place] = row.unmodelled[place]
-    f = status.leading
-    for k in range(lanes.WAVES[f]):
-        variance, rate = status.sensor_variance[f, k], status.lowest * (k + 1) * row.speed
-        row.systematic[0] += variance
-        row.systematic[1] += variance * rate**2
-        row.systematic[2] += variance * rate**4
+def add_systematic(row: Record) -> None:
+    """Add these variances to a row's covariance."""
     for place in range(3):
         row.covariance[4 * place] += row.systematic[place]
 
@@ -114,15 +111,15 @@ def _set_sensor_ripple(status: Record, sensor: float) -> None:
     make probable.
     """
     every = int(1.0 / status.lowest + 0.5)
-    for f in range(1, lanes.FAMILIES):
-        if status.active[f] > 0.0:
-            ripple, motion = status.ripple[:, status.best[f]], 0.0
-            for k in range(lanes.WAVES[f]):
-                power, own = ripple[2 * k] ** 2 + ripple[2 * k + 1] ** 2, (k + 1) % every == 0
-                motion *= (k / (k + 1.0)) ** STEEPNESS
-                if power > ABOVE_SENSOR * sensor or not own:
-                    motion = max(power - sensor, motion)
-                part = sensor / (motion + sensor) if own and sensor > 0.0 else 0.0
-                status.sensor_ripple[f, 2 * k] = part * ripple[2 * k]
-                status.sensor_ripple[f, 2 * k + 1] = part * ripple[2 * k + 1]
-                status.sensor_variance[f, k] = 0.5 * part * motion
+    status.sensor_ripple[:], status.sensor_variance[:] = 0.0, 0.0
+    for f in range(1, lanes.FAMILIES if sensor > 0.0 else 1):
+        ripple, motion = status.ripple[:, status.best[f]], 0.0
+        for k in range(lanes.WAVES[f] if status.active[f] > 0.0 else 0):
+            power, own = ripple[2 * k] ** 2 + ripple[2 * k + 1] ** 2, (k + 1) % every == 0
+            motion *= FALL[k]
+            if power > ABOVE_SENSOR * sensor or not own:
+                motion = max(power - sensor, motion)
+            part = sensor / (motion + sensor) if own else 0.0
+            status.sensor_ripple[f, 2 * k] = part * ripple[2 * k]
+            status.sensor_ripple[f, 2 * k + 1] = part * ripple[2 * k + 1]
+            status.sensor_variance[f, k] = 0.5 * part * motion

@@ -46,7 +46,7 @@ def test_noise_is_no_ripple(seed: int) -> None:
     time = np.arange(1, 14_500) / 500.0
     noise = np.random.default_rng(seed).normal(0.0, 5e-4, time.size)
     states = create_estimator("causal").step(time, motion.at(time)[0] + noise)
-    assert np.mean(states.rows["unmodelled"][2000:, 2] > 0.0) < 0.1
+    assert np.mean(states.rows["systematic"][2000:, 2] > 0.0) < 0.1
 
 
 @pytest.mark.parametrize("seed", range(3))
