@@ -97,8 +97,9 @@ STATUS = np.dtype(
     + [("leading", np.int64), ("best", np.int64, (lanes.FAMILIES,))]
     + [(name, np.float64) for name in (*COUNTS, *_NUMBERS)]
 )
-"""In seconds and radians; arrays by lane first, so that no vector of lanes lies on two lines of the processor's cache. `leading` is the family of the most probable filter, `best` the most probable lane of each
-family. Covariance factors and variances of lanes are in units of `scale`."""
+"""In seconds and radians; arrays by lane first, so that no vector of lanes lies on two lines of the processor's cache.
+`leading` is the family of the most probable filter, `best` the most probable lane of each family. Covariance factors
+and variances of lanes are in units of `scale`."""
 
 STATE = np.dtype(
     [(name, np.float64) for name in ("phase", "speed", "acceleration", "turns", "settled", "index")]
