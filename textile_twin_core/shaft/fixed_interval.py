@@ -7,11 +7,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.arrays import BoolArray
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
+from textile_twin_core.shaft.measurement_noise import FINEST_RAD2
 from textile_twin_core.shaft.ripple_history import RippleHistory
 from textile_twin_core.shaft.rts_smoother import log_likelihood, new_smoother, smooth_family
 from textile_twin_core.shaft.samples import Block, Stamps
@@ -22,6 +23,7 @@ from textile_twin_core.shaft.turns import TURN
 from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, scale_covariances
 
 PITCH_PASSES = 4  # smoothing passes whose residuals correct the teeth's pitch errors
+LEAST_LEFT = 1e-4  # part of the readings' variance that pitch errors leave at least
 LEAST_LED = 0.05  # part of a stretch in which a family must lead to be a candidate
 MODEL_PARTS, MODEL_ROWS = 32, 256  # parts of a long stretch, and rows of each, that suffice to choose its model
 OVERLAP = 512  # rows on either side of a part that are smoothed along with it
@@ -96,10 +98,7 @@ class SmoothEstimator(ShaftEstimator):
                 if len(stretch) >= FEWEST:
                     self._smooth_stretch(stretch)
             if wheel is not None and done < passes:
-                residual = rows["reading"] - rows["phase"] - (rows["turns"] - rows["origin"]) * TURN
-                rows["reading"] += wheel.learn(rows["reading"], residual)
-                if done == passes // 2:
-                    rows["reading"] += self._part_ripple(wheel, rows["reading"])
+                self._learn_wheel(wheel, rows, done == 0)
         for stretch in stretches:
             scale_covariances(self._weight, np.array(FIRST_WEIGHT), stretch)
 
@@ -115,18 +114,24 @@ class SmoothEstimator(ShaftEstimator):
         if fits[0] > fits[1] + PENALTY * first:
             rows["memory"][:first] = own
 
-    def _part_ripple(self, wheel: ToothWheel, readings: FloatArray) -> FloatArray:
-        """Move the wheel's share of the known ripples into its pitch errors; the corrections of the readings (n,)."""
-        every = self._settings.cycle_turns
+    def _learn_wheel(self, wheel: ToothWheel, rows: Records, first: bool) -> None:
+        """Take pitch errors out of the readings; at first out of their noise and of the known ripples, too."""
+        residual = rows["reading"] - rows["phase"] - (rows["turns"] - rows["origin"]) * TURN
+        change = wheel.learn(rows["reading"], residual)
+        rows["reading"] += change
+        if not first or not rows.size:
+            return
+        left = np.median((residual + change) ** 2) / max(np.median(residual**2), FINEST_RAD2)
+        for field in ("noise", "unit"):
+            rows[field] *= np.clip(left, LEAST_LEFT, 1.0)
         last = self._history.known[-1][0]
-        mine = last["sensor_ripple"][int(last["leading"])].copy()
+        mine, lowest = last["sensor_ripple"][int(last["leading"])].copy(), float(last["lowest"])
         for status in [*self._history.known, self._status]:
             for f in range(1, lanes.FAMILIES):
                 ripple, width = status[0]["ripple"][:, status[0]["best"][f]], 2 * lanes.WAVES[f]
                 ripple[:width] -= mine[:width]
-                set_second(ripple, lanes.WAVES[f], 1.0 / every, status[0]["second"][f], np.zeros(lanes.WIDEST))
+                set_second(ripple, lanes.WAVES[f], lowest, status[0]["second"][f], np.zeros(lanes.WIDEST))
             status["sensor_ripple"], status["shaft_second"] = 0.0, status["second"]
-        return wheel.take_over(mine.reshape(-1, 2)[every - 1 :: every], readings)
 
     def _smooth_stretch(self, rows: Records) -> None:
         """Smooth a stretch in parts of one model each, chosen wherever the known ripple changed."""

@@ -26,7 +26,6 @@ class ToothWheel:
 
     def __init__(self, teeth: int, zero_rad: float, known: Sequence[float] | None) -> None:
         self._pitch, self._zero = TURN / teeth, zero_rad
-        self._nominal = zero_rad + self._pitch * np.arange(teeth)
         self.learning = known is None
         self.errors_rad: FloatArray = np.zeros(teeth) if known is None else np.asarray(known, dtype=np.float64)
 
@@ -60,13 +59,6 @@ class ToothWheel:
         change = -FORGETTING * self.errors_rad - found
         self.errors_rad = self.errors_rad + change
         return np.asarray(change[tooth])
-
-    def take_over(self, orders: FloatArray, readings: FloatArray) -> FloatArray:
-        """Add orders (m, 2), cosine and sine of 1 to m [rad], to the errors; the readings' further correction (n,)."""
-        waves = np.exp(1j * np.outer(np.arange(1, len(orders) + 1), self._nominal))
-        change = np.real((orders @ (1.0, -1j)) @ waves)
-        self.errors_rad = self.errors_rad + change
-        return np.asarray(change[self._tooth(readings)])
 
 
 def _trimmed_mean(values: FloatArray) -> float:
