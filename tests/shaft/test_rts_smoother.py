@@ -75,7 +75,8 @@ def test_smoothed_states_and_covariances_are_those_of_the_joint_distribution(
     smoother = new_smoother(ShaftSettings(), COUNT)
     start = smoother.filters["start"][0]
     start[3:] = 50.0, 0.1, 1e-4, 3.0, 1e-3, 1e-3
-    begin_at_state(smoother.filters[0], float(rows["reading"][0]), 15.0, 0.0)
+    filters = smoother.filters[0]
+    begin_at_state(filters, float(rows["reading"][0]), 15.0, 0.0, filters["second"][0])
     began = start.copy()
     filter_rows(smoother, rows)
     smooth_back(smoother, rows, 1, COUNT - 1)

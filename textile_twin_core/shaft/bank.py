@@ -46,13 +46,19 @@ def set_basis_at(status: Record, theta: float, waves: int) -> None:
 
 
 @compiled_in_place
+def set_shaft_second(status: Record, f: int) -> None:
+    """Take the sensor's part of g1 out of g2, and so out of the shaft's state."""
+    for i in range(4 * lanes.WAVES[f]):
+        status.shaft_second[f, i] = status.second[f, i] - (status.sensor_ripple[f, i] if i < lanes.WIDEST else 0.0)
+
+
+@compiled_in_place
 def update_second_order(status: Record, f: int) -> None:
     """Recompute g2 from the best filter's ripple; all states shift as they would by a change of the coefficients."""
     waves, change = lanes.WAVES[f], status.change
     change[:] = 0.0
     set_second(status.ripple[:, status.best[f]], waves, status.lowest, status.second[f], change)
-    for i in range(4 * waves):
-        status.shaft_second[f, i] = status.second[f, i] - (status.sensor_ripple[f, i] if i < 2 * waves else 0.0)
+    set_shaft_second(status, f)
     for m in range(lanes.FIRST[f], lanes.END[f]):
         for row in range(3):
             status.clock[row, m] += dot(status.sensitivity[row, :, m], change, 2 * waves)
@@ -67,7 +73,7 @@ def initialise(status: Record, f: int, scale: float) -> None:
     width, start, root = 2 * lanes.WAVES[f], status.start, math.sqrt(scale)
     set_basis_at(status, start[lanes.ANGLE], lanes.WAVES[f])
     status.second[f, :] = status.shaft_second[f, :] = 0.0
-    status.sensor_ripple[f, :] = status.sensor_variance[f, :] = 0.0
+    status.sensor_ripple[f, :] = status.doubt[f, :] = 0.0
     first, stop = lanes.FIRST[f], lanes.STOP[f]
     set_sensitivity(status.sensitivity, status.basis, status.lowest, start[lanes.RATE], width, first, stop)
     for m in range(first, stop):

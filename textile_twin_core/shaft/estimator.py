@@ -98,17 +98,12 @@ class ShaftEstimator:
             period_s=float(now["interval"]),
             samples_per_turn=float(TURN / travel) if travel > 0.0 else float("inf"),
             resolution_rad=float(now["resolution"]) if self._finder.step else 0.0,
-            stamp_jitter_s=float(np.sqrt(now["jitter"] * (1.0 if now["jitter_told"] else self._unit_weight))),
+            stamp_jitter_s=float(np.sqrt(now["jitter"])),
             pitch_errors_rad=() if self._wheel is None else tuple(self._wheel.errors_rad.tolist()),
             ripple=tuple(ripple_amplitudes(self._status).tolist()),
             state="lost" if state == "starting" and now["losses"] > 0 else state,
             **{name: int(now[name]) for name in COUNTS},
         )
-
-    @property
-    def _unit_weight(self) -> float:
-        """Variance factor of what the filters learnt, by smoothed residuals."""
-        return 1.0
 
     def _walk(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None) -> list[Part]:
         """Take samples piece by piece, the encoder's resolution estimated between them; the rows of each piece."""

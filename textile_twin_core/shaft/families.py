@@ -102,7 +102,7 @@ def update_mode_probabilities(status: Record, noise: float, turning: bool) -> No
             likelihood = status.density[f]
             update_filters(status, f, noise, least)
             observed = f > 0 and is_observed(status, f)
-            if observed and status.samples % SECOND_ORDER_EVERY == 0.0:
+            if observed and status.used % SECOND_ORDER_EVERY == 0.0:
                 update_second_order(status, f)
             plain = likelihood if f == 0 else plain
             mode_probability[f] *= likelihood if turning else plain

@@ -77,7 +77,8 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
     block.last[0] = stamp
     status.sensor_speed = block.velocities[i] if block.velocities.size > 0 else math.nan
     status.samples += 1.0
-    row.index, row.settled, row.noise, row.cut, row.intensity = status.received - 1.0, -1.0, 0.0, 0.0, 0.0
+    row.index, row.settled = status.received - 1.0, -1.0
+    row.noise, row.cut, row.intensity, row.residual = 0.0, 0.0, 0.0, 0.0
     if status.samples == 1.0:
         status.origin, status.time = turns, 0.0
         status.first = status.angle = status.low = status.high = phase
@@ -161,6 +162,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
 @compiled_in_place
 def _update(status: Record, off: float, reading: float, repeated: float, noise: float, row: Record) -> None:
     """Update filters and mode probabilities with an accepted measurement, and adapt the measurement noise."""
+    status.used += 1.0
     was_outlier = status.rejected_run > 0.0 and row.cut == 0.0 and not is_growing(status, off)
     if was_outlier:
         learn_abruptness(status, False)
@@ -172,7 +174,7 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
         listen_for_orders(status, noise)
     learn_repetitions(status, reading, repeated)
     adapt_additive_noise(status, reading)
-    if status.samples % ADAPT_EVERY == 0.0 and turning and status.since > ADAPT_EVERY / 2.0:
+    if status.used % ADAPT_EVERY == 0.0 and turning and status.since > ADAPT_EVERY / 2.0:
         adapt_jitter(status, noise)
 
 

@@ -13,6 +13,7 @@ from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.measurement_noise import FINEST_RAD2
+from textile_twin_core.shaft.residual_orders import set_sensor_power
 from textile_twin_core.shaft.ripple_history import RippleHistory
 from textile_twin_core.shaft.rts_smoother import log_likelihood, new_smoother, smooth_family
 from textile_twin_core.shaft.samples import Block, Stamps
@@ -20,7 +21,7 @@ from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, STRETCH, Records
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
-from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, scale_covariances
+from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariances
 
 PITCH_PASSES = 4  # smoothing passes whose residuals correct the teeth's pitch errors
 LEAST_LEFT = 1e-4  # part of the readings' variance that pitch errors leave at least
@@ -44,7 +45,6 @@ class SmoothEstimator(ShaftEstimator):
         self._blocks: list[Part] = []
         self._new: list[Part] = []
         self._count = 0
-        self._weight = np.array(FIRST_WEIGHT)
 
     def step(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None = None) -> ShaftStates:
         """Take a block of samples; no state is ready before `finish`."""
@@ -55,10 +55,6 @@ class SmoothEstimator(ShaftEstimator):
             self._blocks.append(joined(self._new))
             self._count = 0
         return ShaftStates.empty(self._last)
-
-    @property
-    def _unit_weight(self) -> float:
-        return float(self._weight[0])
 
     def _piece(self) -> int:
         return self._history.until_look
@@ -80,6 +76,8 @@ class SmoothEstimator(ShaftEstimator):
             return ShaftStates.empty(self._last)
         stamps, rows = joined(blocks)
         self._history.end(self._surest)
+        for status in self._history.known:  # ripple changes, the sensor does not
+            set_sensor_power(status, float(self._surest["sensor_power"][0]))
         self._smooth(rows)
         super().finish()
         self._history = RippleHistory()
@@ -99,8 +97,9 @@ class SmoothEstimator(ShaftEstimator):
                     self._smooth_stretch(stretch)
             if wheel is not None and done < passes:
                 self._learn_wheel(wheel, rows, done == 0)
-        for stretch in stretches:
-            scale_covariances(self._weight, np.array(FIRST_WEIGHT), stretch)
+        weight = np.array(FIRST_WEIGHT)
+        scale_covariances(weight, np.array(FIRST_WEIGHT), rows)
+        adopt_weight(self._status, weight)
 
     def _choose_first_memories(self, rows: Records) -> None:
         """Memories of the first half of rows: the next rows' shortest, unless the bank's own are much likelier."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from textile_twin_core.compiling import by_reference, compiled_in_place, records
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
@@ -25,7 +24,7 @@ from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STRETCH, Records
-from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, scale_covariance, weigh_residual
+from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariance, weigh_residual
 
 MOST_ROWS = 512  # rows in the window at most: a longer lag at a high rate is cut
 BATCH = 3  # rows are released when they are 1 / BATCH of those beyond them: one backward pass serves all of them
@@ -68,17 +67,13 @@ class LagEstimator(ShaftEstimator):
     def reset(self) -> None:
         """Forget everything, the report included."""
         super().reset()
-        self._begin(FIRST_WEIGHT)
+        self._begin()
 
-    def _begin(self, weight: ArrayLike) -> None:
+    def _begin(self) -> None:
         self._window = Window(records(HELD), records(ROW, MOST_ROWS), records(ROW), np.zeros(MOST_ROWS, np.int64))
         self._window.held["lag"] = self._lag
-        self._window.held["weight"] = weight
+        self._window.held["weight"] = FIRST_WEIGHT
         self._smoother = new_smoother(self._settings, MOST_ROWS)
-
-    @property
-    def _unit_weight(self) -> float:
-        return float(self._window.held["weight"][0, 0])
 
     def _room(self, more: int) -> Part:
         if self._window.stamps.dtype != self._last.dtype:
@@ -93,8 +88,9 @@ class LagEstimator(ShaftEstimator):
         self._window.held["ready"] = 0
         ready, rows = self._room(0)
         count = _flush(self._status, self._window, self._smoother, ready, rows)
+        adopt_weight(self._status, self._window.held["weight"][0])
         super().finish()
-        self._begin(self._window.held["weight"])
+        self._begin()
         return states_of([(ready[:count], rows[:count])])
 
 
@@ -144,7 +140,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     changed = status.leading != filters.leading
     set_ripple(filters, status, status.leading)
     if changed:
-        begin_at_state(filters, theta, omega, alpha)
+        begin_at_state(filters, theta, omega, alpha, filters.shaft_second[filters.leading])
     if held.restart != 0 or is_far(filters, window.filtered[0]):
         begin_at_row(filters, window.filtered[0])
     held.restart = 0

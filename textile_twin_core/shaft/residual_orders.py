@@ -1,66 +1,75 @@
-"""Orders of ripple beyond those of the leading family: more ripple, or errors of the sensor.
+"""Orders of the turn in what the leading filter leaves: ripple that it does not model, and errors of the sensor.
 
 A filter takes orders that it does not model for measurement noise, and underestimates the speed's variance. White
-residuals have the same power in every order; a significant excess is ripple. An excess that the orders have in common
-is the sensor's: pitch errors of teeth, or of an encoder's disc, come again every turn as ripple does, but have the same
-power in all orders. The family's orders have their part of it, which is no motion.
+residuals have the same power in every order; a significant excess is ripple. Pitch errors of teeth, or of an encoder's
+disc, come again every turn as ripple does, but have the same power in all orders, where that of motion falls. The
+orders of the ripple have their part of it, which is no motion.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import set_basis_at
+from textile_twin_core.shaft.bank import set_basis_at, set_shaft_second
 from textile_twin_core.shaft.families import SECOND_ORDER_EVERY, samples_a_turn
 from textile_twin_core.shaft.measurement_noise import standstill_speed
-from textile_twin_core.shaft.status import Record
+from textile_twin_core.shaft.status import Record, Records
 
-ORDERS = lanes.WIDEST  # that are estimated: as many as the basis has room for
+ORDERS = lanes.WIDEST  # that are listened for: as many as the basis has room for
 ORDER_SAMPLES = 500.0  # readings over which an order is averaged
+KEEP = 1.0 - 1.0 / ORDER_SAMPLES
 SIGNIFICANT = 7.0  # times the mean power of white residuals in an order, exceeded by chance in 1 case of 1000
-FEWEST_ORDERS = 5  # of the residuals, by which the sensor's are known
-ABOVE_WHITE = 3.0  # times white residuals: the mean power of so many orders, from which it is the sensor's
-ABOVE_SENSOR = 10.0  # times the mean of 12 orders, exceeded by chance in 1 case of 1400 (F of 2 and 24 freedoms)
-FALL = (np.arange(lanes.WIDEST // 2) / np.arange(1.0, lanes.WIDEST // 2 + 1.0)) ** 6
+ABOVE_SENSOR = 10.0  # times the sensor's, by some 12 orders: exceeded by chance in 1 case of 1400 (F of 2 and 24)
+FEWEST_ORDERS = 5  # by which the sensor's power is known
+LOG_MEAN, LOG_SIGMA = 0.5772, 1.2825  # of exponentially distributed powers: how far the logarithm's mean is below
+# that of their mean, and its standard deviation
+FLAT, FALLING = 2.5, 3.5  # deviations by which the lower half's power exceeds the upper's: the sensor's; a motion's
+FROM_WHITE = 3.0  # times the power of white residuals, from which the excess begins to count as the sensor's
+FALL = (np.arange(ORDERS) / np.arange(1.0, ORDERS + 1.0)) ** 6
 """Of the power of the angle's orders, from one to the next: torque that jumps, but has no peaks, falls as 1 / k."""
 
 
 @compiled_in_place
 def listen_for_orders(status: Record, noise: float) -> None:
-    """Average the Fourier coefficients and the variance of the leading filter's residuals (after its update)."""
+    """Average the Fourier coefficients of the leading filter's innovations, scaled to the readings' noise."""
     m = status.best[status.leading]
     left = noise / (noise + status.prior_variance[m])
     set_basis_at(status, status.angle, ORDERS // 2)
-    residual, keep = 2.0 * left * status.innovation[m] / ORDER_SAMPLES, 1.0 - 1.0 / ORDER_SAMPLES
+    part = 2.0 * math.sqrt(left) * status.innovation[m] / ORDER_SAMPLES
     for i in range(2 * ORDERS):
-        status.order_sums[i] = keep * status.order_sums[i] + residual * status.basis[i]
-    status.residual_variance += (status.scale[m] * left * noise - status.residual_variance) / ORDER_SAMPLES
-    if status.samples % SECOND_ORDER_EVERY == 0.0:
-        status.sensor_power = _sensor_power(status)
-        _set_sensor_ripple(status, status.sensor_power / left)
+        status.order_sums[i] = KEEP * status.order_sums[i] + part * status.basis[i]
+    status.reading_variance += (status.scale[m] * noise - status.reading_variance) / ORDER_SAMPLES
+    status.listened += (1.0 - status.listened) / ORDER_SAMPLES
+    if status.leading != status.heard:
+        status.heard, status.heard_since = float(status.leading), status.used
+    if status.used % SECOND_ORDER_EVERY == 0.0:
+        _set_sensor_power(status)
+        for f in range(lanes.FAMILIES):
+            if status.active[f] > 0.0 or f == 0:
+                _part_orders(status, f, left)
+
+
+@compiled_in_place
+def set_sensor_power(record: Records, power: float) -> None:
+    """Part the orders anew by the sensor's power, as it is known by the end of a record."""
+    status = record[0]
+    status.sensor_power = power
+    for f in range(1, lanes.FAMILIES if status.listened > 0.0 else 1):
+        _part_orders(status, f, 1.0)
+        set_shaft_second(status, f)
 
 
 @compiled_in_place
 def set_systematic(status: Record, row: Record) -> None:
-    """Set a row's variances of angle, speed, acceleration by unmodelled orders, and by those that may be the sensor's.
-
-    Orders up to half the samples per turn: beyond, they are aliases of lower ones.
-    """
+    """Set a row's variances of angle, speed, acceleration by orders of which it is not known what they are."""
+    power = 1.0 if abs(status.speed) > standstill_speed(status) else 0.0
     for place in range(3):
-        row.systematic[place] = 0.0
-    if abs(status.speed) <= standstill_speed(status):
-        return
-    f, least = status.leading, max(SIGNIFICANT * _white_power(status), ABOVE_SENSOR * status.sensor_power)
-    for k in range(max(lanes.WAVES[f], _top(status))):
-        own = k < lanes.WAVES[f]
-        power, rate = _power(status, k), status.lowest * (k + 1) * status.speed
-        variance = status.sensor_variance[f, k] if own else 0.5 * power if power > least else 0.0
-        if variance > 0.0:
-            row.systematic[0] += variance
-            row.systematic[1] += variance * rate**2
-            row.systematic[2] += variance * rate**4
+        row.systematic[place] = power * status.doubt[status.leading, place]
+        power *= status.speed**2
 
 
 @compiled_in_place
@@ -72,54 +81,81 @@ def add_systematic(row: Record) -> None:
 
 @compiled_in_place
 def _top(status: Record) -> int:
-    """Orders that the samples resolve."""
+    """Orders that the samples resolve: beyond half the samples per turn they are aliases of lower ones."""
     return min(ORDERS, int(0.5 * samples_a_turn(status) / status.lowest))
 
 
 @compiled_in_place
-def _power(status: Record, k: int) -> float:
-    """Squared amplitude of an order in the residuals."""
-    return status.order_sums[2 * k] ** 2 + status.order_sums[2 * k + 1] ** 2  # type: ignore[no-any-return]
+def _power(status: Record, f: int, k: int) -> float:
+    """Squared amplitude of an order, in the ripple of family `f` or in the innovations."""
+    if k < lanes.WAVES[f]:
+        ripple = status.ripple[:, status.best[f]]
+        return ripple[2 * k] ** 2 + ripple[2 * k + 1] ** 2  # type: ignore[no-any-return]
+    return (status.order_sums[2 * k] ** 2 + status.order_sums[2 * k + 1] ** 2) / status.listened**2  # type: ignore[no-any-return]
 
 
 @compiled_in_place
 def _white_power(status: Record) -> float:
     """Mean power of an order in white residuals."""
-    return 2.0 * status.residual_variance / ORDER_SAMPLES  # type: ignore[no-any-return]
+    variance = status.reading_variance / status.listened
+    return 2.0 * variance / ORDER_SAMPLES * (2.0 / status.listened - 1.0)  # type: ignore[no-any-return]
 
 
 @compiled_in_place
-def _sensor_power(status: Record) -> float:
-    """Power that the sensor's errors have in each order of the residuals, by the higher ones; 0 where it has none.
-
-    Of cycles of several turns only whole orders come again with the sensor.
-    """
-    first, top, every = lanes.WAVES[status.leading], _top(status), int(1.0 / status.lowest + 0.5)
-    count, total = 0, 0.0
-    for k in range(max(first, top // 2), top):
-        if (k + 1) % every == 0:
-            count, total = count + 1, total + _power(status, k)
-    mean, white = total / max(count, 1), _white_power(status)
-    return mean - white if count >= FEWEST_ORDERS and mean > ABOVE_WHITE * white else 0.0
+def _is_sensors(status: Record, k: int) -> bool:
+    """Whether an order is a whole one: of cycles of several turns the others are no sensor's."""
+    return (k + 1) % int(1.0 / status.lowest + 0.5) == 0
 
 
 @compiled_in_place
-def _set_sensor_ripple(status: Record, sensor: float) -> None:
-    """Set which part of each order of the ripple is the sensor's, as Wiener's filter tells it from their powers.
+def _set_sensor_power(status: Record) -> None:
+    """Set the power that the sensor's errors have in each order, by the upper orders; unless too few are resolved.
 
-    An order's power of motion is what it has beyond the sensor's where that is significant, else what lower orders
-    make probable.
+    By their mean logarithm, to which single peaks, as of gears, are little; as far as it does not fall with the order.
     """
-    every = int(1.0 / status.lowest + 0.5)
-    status.sensor_ripple[:], status.sensor_variance[:] = 0.0, 0.0
-    for f in range(1, lanes.FAMILIES if sensor > 0.0 else 1):
-        ripple, motion = status.ripple[:, status.best[f]], 0.0
-        for k in range(lanes.WAVES[f] if status.active[f] > 0.0 else 0):
-            power, own = ripple[2 * k] ** 2 + ripple[2 * k + 1] ** 2, (k + 1) % every == 0
-            motion *= FALL[k]
-            if power > ABOVE_SENSOR * sensor or not own:
-                motion = max(power - sensor, motion)
-            part = sensor / (motion + sensor) if own else 0.0
-            status.sensor_ripple[f, 2 * k] = part * ripple[2 * k]
-            status.sensor_ripple[f, 2 * k + 1] = part * ripple[2 * k + 1]
-            status.sensor_variance[f, k] = 0.5 * part * motion
+    f, top = status.leading, _top(status)
+    first = max(lanes.WAVES[f] // 2, top // 4)
+    middle, count, upper, lower, total = (first + top) // 2, 0, 0, 0.0, 0.0
+    settled = status.used - status.heard_since > ORDER_SAMPLES
+    for k in range(first, top):
+        # What another family modelled until lately is not in the averages.
+        if _is_sensors(status, k) and (settled or k < lanes.WAVES[f] or k >= lanes.WAVES[-1]):
+            power = math.log(max(_power(status, f, k), 1e-300))
+            count, total = count + 1, total + power
+            upper, lower = upper + (k >= middle), lower + (power if k < middle else 0.0)
+    if count < FEWEST_ORDERS or upper == count:
+        return
+    sigma = LOG_SIGMA * math.sqrt(1.0 / upper + 1.0 / (count - upper))
+    fall = (lower / (count - upper) - (total - lower) / upper) / sigma
+    power, white = math.exp(total / count + LOG_MEAN), _white_power(status)
+    power = min(max(power - white, 0.0), 1.5 * max(power - FROM_WHITE * white, 0.0))
+    status.sensor_power = power * min(max((FALLING - fall) / (FALLING - FLAT), 0.0), 1.0)
+
+
+@compiled_in_place
+def _part_orders(status: Record, f: int, left: float) -> None:
+    """Set which part of each order of a family's ripple is the sensor's, and the variances of what is in doubt.
+
+    By Wiener's filter: an order's power of motion is what it has beyond the sensor's where that is significant, else
+    what lower orders make probable. Of an order that the family does not model all that is motion is error, as far as
+    the filter does not follow it (`left`).
+    """
+    sensor, motion, top, white = status.sensor_power, 0.0, _top(status), _white_power(status)
+    status.doubt[f, :] = 0.0
+    for k in range(max(top, lanes.WAVES[f])):
+        modelled, power = k < lanes.WAVES[f], _power(status, f, k)
+        own = sensor if _is_sensors(status, k) else 0.0
+        least = ABOVE_SENSOR * own if modelled else max(ABOVE_SENSOR * own, SIGNIFICANT * white)
+        motion *= FALL[k]
+        if power > least:
+            motion = max(power - own, motion)
+        part = own / (motion + own) if own > 0.0 else 0.0
+        if modelled:
+            status.sensor_ripple[f, 2 * k] = part * status.ripple[2 * k, status.best[f]]
+            status.sensor_ripple[f, 2 * k + 1] = part * status.ripple[2 * k + 1, status.best[f]]
+        doubtful = 0.5 * (part if modelled else left) * motion
+        if modelled or sensor > 0.0 or power > least:
+            squared = (status.lowest * (k + 1)) ** 2
+            status.doubt[f, 0] += doubtful
+            status.doubt[f, 1] += doubtful * squared
+            status.doubt[f, 2] += doubtful * squared**2

@@ -81,9 +81,12 @@ def state_at_start(filters: Record, near: float) -> tuple[float, float, float]:
 
 
 @compiled_in_place
-def begin_at_state(filters: Record, theta: float, omega: float, alpha: float) -> None:
-    """Initial clock state from the shaft's; `filters.start[3:]` is already the initial covariance's factor."""
-    g = _wave_at(filters, theta, filters.shaft_second[filters.leading])
+def begin_at_state(filters: Record, theta: float, omega: float, alpha: float, added: FloatArray) -> None:
+    """Initial clock state from the shaft's; `filters.start[3:]` is already the initial covariance's factor.
+
+    `added` (.) is `shaft_second`, or `second` where the angle is a reading.
+    """
+    g = _wave_at(filters, theta, added)
     filters.start[lanes.ANGLE] = theta + g[0]
     filters.start[lanes.RATE] = omega * (1.0 + g[1])
     filters.start[lanes.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
@@ -98,7 +101,7 @@ def begin_at_row(filters: Record, row: Record) -> None:
     start[lanes.L11] = math.sqrt(max(p[4] - start[lanes.L10] ** 2, 1e-9 * p[4]))
     start[lanes.L21] = (p[1] - start[lanes.L10] * start[lanes.L20]) / start[lanes.L11]
     start[lanes.L22] = math.sqrt(max(p[0] - start[lanes.L20] ** 2 - start[lanes.L21] ** 2, 1e-9 * p[0]))
-    begin_at_state(filters, row.theta, row.speed, row.acceleration)
+    begin_at_state(filters, row.theta, row.speed, row.acceleration, filters.shaft_second[filters.leading])
 
 
 @compiled_in_place
@@ -109,7 +112,7 @@ def _begin_at_reading(smoother: Smoother, record: Records, family: int, rows: Re
     for i in range(rows.size):
         rows[i].intensity = 0.0
     set_start(filters.start, first.reading, first.speed, first.noise or first.unit, rows[1].step)
-    begin_at_state(filters, first.reading, first.speed, 0.0)
+    begin_at_state(filters, first.reading, first.speed, 0.0, filters.second[filters.leading])
 
 
 @compiled_in_place
@@ -299,6 +302,7 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
     """
     filters, s = smoother.filters[0], smoother.smoothed
     waves, sensitivity = lanes.WAVES[filters.leading], filters.sensitivity
+    row.residual = row.clock - s[lanes.ANGLE]
     g = _wave_at(filters, row.theta, filters.shaft_second[filters.leading])
     theta, row.speed, row.acceleration = shaft_state(s[2], s[1], s[0], row.theta, g, filters.slopes)
     set_sensitivity(sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves, lanes.CHAIN, lanes.CHAIN + 1)

@@ -35,7 +35,7 @@ KEPT = (
 
 _NUMBERS = (
     "received", "not_finite", "duplicate", "older",  # samples received, and rejected by cause
-    "unit", "samples", "time",  # unit of the stamps [s]; samples accepted and time [s] since the estimator began
+    "unit", "samples", "used", "time",  # unit of the stamps [s]; since the begin: samples accepted, used; time [s]
     "interval", "longest",  # sampling interval, longest time between samples [s]
     "angle", "speed", "acceleration", "speed_sigma", "acceleration_sigma",  # estimate, standard deviations [rad, s]
     "sensor_speed", "fastest",  # speed by the sensor (NaN: none), full speed as far as known [rad/s]
@@ -55,7 +55,8 @@ _NUMBERS = (
     "clean",  # readings since the last outlier
     "abrupt", "doubtful",  # above 0 where what left the gate was motion; 1 after such a reading until the next
     "basis_at", "basis_waves",  # angle and orders for which `basis` is evaluated
-    "residual_variance", "sensor_power",  # of the leading filter [rad^2], see `residual_orders`
+    "heard", "heard_since", "listened",  # leading family of late, `used` when it began to lead; weight of the averages
+    "reading_variance", "sensor_power",  # mean, and of the sensor's errors in each order [rad^2], see `residual_orders`
 )  # fmt: skip
 _BY_FAMILY = (
     "density", "mode_probability",  # predictive density of the latest reading
@@ -83,7 +84,7 @@ _ARRAYS = {
     "second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2, see `clock`
     "basis": (2 * _WIDTH,), "change": (_WIDTH,),  # cosines and sines; change of the coefficients
     "sensor_ripple": (lanes.FAMILIES, _WIDTH),  # part of g1 that is the sensor's, no motion, see `residual_orders`
-    "sensor_variance": (lanes.FAMILIES, _WIDTH // 2),  # of a coefficient of g1 less that part, by order [rad^2]
+    "doubt": (lanes.FAMILIES, 3),  # variance [rad^2] by orders in doubt, times their squares and fourth powers
     "shaft_second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2 less that part
     "order_sums": (2 * _WIDTH,),  # Fourier coefficients of the residuals
     "ripple_jacobian": (3, _WIDTH), "slopes": (6,),  # work space
@@ -112,7 +113,8 @@ _FOR_SMOOTHING = (
     "theta", "origin",  # estimated angle [rad]; whole turns to add to both
     "correlated", "time", "step",  # as in the status; time since the first sample and the last one [s]
     "cut",  # MANOEUVRE .., or 0
-    "leading", "clock", "intensity",  # leading family; reading of the clock [rad]; process noise intensity [rad^2/s^5]
+    "leading", "clock", "residual",  # leading family; reading of the clock, and less the smoothed one [rad]
+    "intensity",  # process noise intensity [rad^2/s^5]
 )  # fmt: skip
 ROW = np.dtype(
     STATE.descr

@@ -1,8 +1,8 @@
 """Variance of unit weight: how much larger or smaller smoothed covariances are, by the residuals they leave.
 
-A smoothed residual has the variance N - P, N the measurement's and P the smoothed angle's; N comes from predictions,
-whose misfits it holds as well. The mean of residual^2 / (N - P) is the variance factor a posteriori of least squares
-(Baarda 1968; 1 - P / N is the redundancy of a measurement). States do not change with it: N and P scale alike.
+A smoothed clock's residual has the variance N - P, N the measurement's and P the smoothed angle's; N comes from
+predictions, whose misfits it holds as well. The mean of residual^2 / (N - P) is the variance factor a posteriori of
+least squares (Baarda 1968; 1 - P / N is the redundancy of a measurement). States do not change: N and P scale alike.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import math
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft.status import Record, Records
-from textile_twin_core.shaft.turns import TURN
 
 MEMORY = 500.0  # redundant measurements over which the factor is averaged, as the filters' noise scale is
 FIRST_WEIGHT = (1.0, 25.0)  # the factor at first, and the redundant measurements that it counts for
@@ -25,10 +24,9 @@ BOUND = 4.0  # of the factor and its inverse: exact readings are no promise for 
 @compiled_in_place
 def weigh_residual(weight: FloatArray, row: Record) -> float:
     """Take a smoothed row's residual into `weight` (2,), the factor and the measurements it rests on; the factor."""
-    if row.noise > 0.0 and abs(row.speed) * row.step > 3.0 * math.sqrt(row.noise):
-        residual = row.reading - row.phase - (row.turns - row.origin) * TURN
+    if row.noise > 0.0 and row.residual != 0.0 and abs(row.speed) * row.step > 3.0 * math.sqrt(row.noise):
         redundancy = max(1.0 - (row.covariance[0] - row.systematic[0]) / row.noise, LEAST_REDUNDANCY)
-        found = min(residual * residual / (row.noise * redundancy), CLIP * weight[0]) / CLIPPED
+        found = min(row.residual * row.residual / (row.noise * redundancy), CLIP * weight[0]) / CLIPPED
         weight[1] = min(weight[1] + redundancy, MEMORY)
         weight[0] += redundancy / weight[1] * (found - weight[0])
         weight[0] = min(max(weight[0], 1.0 / BOUND), BOUND)
@@ -46,12 +44,18 @@ def scale_covariance(row: Record, factor: float) -> None:
 
 @compiled_in_place
 def scale_covariances(before: FloatArray, after: FloatArray, rows: Records) -> None:
-    """Multiply the covariances of smoothed rows by the mean of the factors that the rows before and after them tell.
+    """Multiply the covariances of a record's rows by the mean of the factors that the rows before and after them tell.
 
-    `before` and `after` (2,) go on from what they are.
+    `before` and `after` (2,) begin as FIRST_WEIGHT.
     """
     for i in range(rows.size):
         rows[i].jerk[0] = weigh_residual(before, rows[i])
     for back in range(rows.size):
         row = rows[rows.size - 1 - back]
         scale_covariance(row, 0.5 * (row.jerk[0] + weigh_residual(after, row)))
+
+
+def adopt_weight(record: Records, weight: FloatArray) -> None:
+    """Make the learnt jitter of the stamps what the residuals of a whole record say."""
+    if record["jitter_told"][0] == 0.0:
+        record["jitter"] *= weight[0]
