@@ -92,6 +92,15 @@ def is_active(status: Record, f: int, turned: float) -> bool:
 
 
 @compiled_in_place
+def forget_ripple(status: Record) -> None:
+    """Start all families with ripple anew: the readings until now were not what they seemed."""
+    for f in range(1, lanes.FAMILIES):
+        status.active[f] = status.mode_probability[f] = status.rest[f] = 0.0
+    status.mode_probability[0] = 1.0
+    status.leading = 0
+
+
+@compiled_in_place
 def update_mode_probabilities(status: Record, noise: float, turning: bool) -> None:
     """Measurement update of all active families, and of their mode probabilities while the shaft turns."""
     least = least_scale(status, noise)

@@ -9,7 +9,7 @@ import numpy as np
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import predict, predict_reading
-from textile_twin_core.shaft.families import is_active, is_observed, memory_of, update_mode_probabilities
+from textile_twin_core.shaft.families import forget_ripple, is_active, is_observed, memory_of, update_mode_probabilities
 from textile_twin_core.shaft.gating import (
     accept_manoeuvre,
     bridge_gap,
@@ -22,6 +22,7 @@ from textile_twin_core.shaft.gating import (
     restart,
 )
 from textile_twin_core.shaft.measurement_noise import (
+    OFTEN_HELD,
     SETTLING,
     adapt_additive_noise,
     adapt_jitter,
@@ -172,7 +173,10 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
     update_mode_probabilities(status, noise, turning)
     if turning:
         listen_for_orders(status, noise)
+    held = status.held
     learn_repetitions(status, reading, repeated)
+    if held <= OFTEN_HELD < status.held:
+        forget_ripple(status)
     adapt_additive_noise(status, reading)
     if status.used % ADAPT_EVERY == 0.0 and turning and status.since > ADAPT_EVERY / 2.0:
         adapt_jitter(status, noise)
