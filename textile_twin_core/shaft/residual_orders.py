@@ -123,7 +123,7 @@ def _set_sensor_power(status: Record) -> None:
             power = math.log(max(_power(status, f, k), 1e-300))
             count, total = count + 1, total + power
             upper, lower = upper + (k >= middle), lower + (power if k < middle else 0.0)
-    if count < FEWEST_ORDERS or upper == count:
+    if count < FEWEST_ORDERS or upper == 0 or upper == count:
         return
     sigma = LOG_SIGMA * math.sqrt(1.0 / upper + 1.0 / (count - upper))
     fall = (lower / (count - upper) - (total - lower) / upper) / sigma
