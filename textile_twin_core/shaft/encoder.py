@@ -20,7 +20,9 @@ TOLERANCE, TOLERANCE_RAD = 1e-3, 1e-7  # of a multiple: part of the step, and ro
 
 
 class StepFinder:
-    """Collects readings until the encoder's step is found, or there is none.
+    """Collects readings until the encoder's step is known, or that there is none.
+
+    What the first few tell is looked at again with more of them: equal moves look like single steps.
 
     Args:
         period_rad: period of a wrapped angle.
@@ -30,26 +32,28 @@ class StepFinder:
     def __init__(self, period_rad: float = TURN, step: float | None = None) -> None:
         self._period = period_rad
         self._readings = self._stamps = np.zeros(0)
+        self._told = step is not None
         self.step = step
 
     @property
     def wanted(self) -> int:
         """Readings until the next look; 0 when the search is over."""
-        if self.step is not None:
+        if self._told or self._readings.size == LOOK_AT[-1]:
             return 0
         return min(count - self._readings.size for count in LOOK_AT if count > self._readings.size)
 
     def take(self, stamps: FloatArray, readings: FloatArray) -> float | None:
-        """Add readings (n,) [rad], n at most `wanted`; returns the step [rad], 0 for none, None while unknown."""
+        """Add readings (n,) [rad], n at most `wanted`; the step [rad] where it is another now, 0 for none, else None."""
         self._stamps = np.concatenate([self._stamps, stamps])
         self._readings = np.concatenate([self._readings, readings])
         if self._readings.size not in LOOK_AT:
             return None
-        step = encoder_step(self._stamps, self._readings, self._period)
-        if step or self._readings.size == LOOK_AT[-1]:
-            self.step = step
+        step, before = encoder_step(self._stamps, self._readings, self._period), self.step
+        self.step = before if step is None else step
+        if self.step is None and self._readings.size == LOOK_AT[-1]:
             self._readings = self._stamps = np.zeros(0)  # a shaft that hardly moved: the search begins again
-        return step
+        same = step is None or (before is not None and abs(step - before) <= TOLERANCE * before)
+        return None if same else step
 
 
 def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TURN) -> float | None:
