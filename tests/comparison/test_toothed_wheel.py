@@ -58,6 +58,7 @@ def test_a_healthy_machine_is_accused_of_nothing(readings: Readings) -> None:
 
 
 def test_the_monitor_sees_the_noise_of_the_torque_alone(readings: Readings) -> None:
+    """Also where nobody told the wheel's errors: taken for ripple they doubled it."""
     noise = []
     for pitch in (tuple(PITCH.tolist()), None):
         monitor = Monitor(machine(pitch), WatchSettings(learn_turns=20))
@@ -66,5 +67,4 @@ def test_the_monitor_sees_the_noise_of_the_torque_alone(readings: Readings) -> N
         trend = monitor.finish()
         assert trend.alarms == ()
         noise.append(float(np.median(trend.columns["noise_Nm"])))
-    assert noise[0] == pytest.approx(NOISE_NM, rel=0.05)
-    assert noise[1] > 1.5 * NOISE_NM
+    assert noise == pytest.approx([NOISE_NM, NOISE_NM], rel=0.05)

@@ -123,13 +123,15 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
             bridge_gap(status, step, raw, row)
             return
     longest = max(step, status.interval) if status.since < SETTLING else status.interval
+    if status.held > OFTEN_HELD:
+        longest *= 1.0 + status.longest_hold
     aliased = status.period > 0.0 and 2.0 * abs(status.speed) * longest > status.period
-    if aliased or (gap and status.since <= 1.0):
-        # A wrapped angle leaves speeds above half a period per interval open; and a gap after a gap was none.
-        reading = unwrap_reading(status, raw, status.read)
-        restart(status, reading, (reading - status.read) / step, step, row)
+    # A wrapped angle leaves speeds above half a period per interval open; and a gap after a gap was none.
+    begins = aliased or (gap and status.since <= 1.0)
+    reading = unwrap_reading(status, raw, status.read if begins else expected)
+    if begins and (reading != status.read or status.held <= OFTEN_HELD):
+        restart(status, reading, (reading - status.read) / (step * (1.0 + status.holding)), step, row)
         return
-    reading = unwrap_reading(status, raw, expected)
     off = reading - expected
     if is_false_start(status, reading, off, step):
         status.additive = status.sense = 0.0
