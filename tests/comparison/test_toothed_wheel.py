@@ -58,7 +58,7 @@ def test_a_healthy_machine_is_accused_of_nothing(readings: Readings) -> None:
 
 
 def test_the_monitor_sees_the_noise_of_the_torque_alone(readings: Readings) -> None:
-    """Also where nobody told the wheel's errors: taken for ripple they doubled it."""
+    """Also where nobody told the wheel's errors: taken for ripple they made it half as large again and more."""
     noise = []
     for pitch in (tuple(PITCH.tolist()), None):
         monitor = Monitor(machine(pitch), WatchSettings(learn_turns=20))

@@ -43,7 +43,7 @@ class StepFinder:
         return min(count - self._readings.size for count in LOOK_AT if count > self._readings.size)
 
     def take(self, stamps: FloatArray, readings: FloatArray) -> float | None:
-        """Add readings (n,) [rad], n at most `wanted`; the step [rad] where it is another one now, 0 for none; or None."""
+        """Add readings (n,) [rad], n at most `wanted`; the step [rad] where it is another now, 0: none; else None."""
         self._stamps = np.concatenate([self._stamps, stamps])
         self._readings = np.concatenate([self._readings, readings])
         if self._readings.size not in LOOK_AT:

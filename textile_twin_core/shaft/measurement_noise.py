@@ -93,8 +93,11 @@ def adapt_additive_noise(status: Record, reading: float) -> None:
 
 @compiled_in_place
 def is_repetition(status: Record, reading: float) -> bool:
-    """Whether a sensor that measures less often than it is read repeats its value; a longer repetition is a stop."""
-    if reading != status.read:
+    """Whether a sensor that measures less often than it is read repeats its value; a longer repetition is a stop.
+
+    After a measurement that was set aside the one before may be repeated.
+    """
+    if reading != status.read and (reading != status.kept or status.rejected_run == 0.0):
         status.holding = 0.0
         return False
     status.holding += 1.0
