@@ -32,7 +32,7 @@ from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records
 MAX_OUTLIERS = 2  # consecutive measurements rejected as outliers before a manoeuvre may be declared
 MAX_UNCONFIRMED = 9  # rejected measurements, less those accepted since, beyond which the track is lost
 CLEAN_SAMPLES = 100.0  # samples without an outlier, from which one rejection fewer is enough
-EARLY_UNCONFIRMED = 7.0  # that must fit after a manoeuvre of one or two: outliers that grew are forgotten by then
+UNCONFIRMED = 7.0  # that must fit after a manoeuvre: outliers that grew, or a speed overshot, are forgotten by then
 FORGET_ABRUPT, MOST_ABRUPT = 0.97, 2.0  # memory and bound of `abrupt`: an outlier ends the belief in what comes next
 NEARER = 0.5  # ratio of distances: an encoder that slipped is as far from either
 OUTLIER_WEIGHT = 3.0  # of an outlier in `abrupt`, a manoeuvre's being 1
@@ -153,8 +153,7 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
     _follow_manoeuvre(status, reading, off, 0.0 if slipped else grown, span, row)
     status.jumps += row.cut == STRETCH
     status.outliers -= status.rejected_run
-    more = EARLY_UNCONFIRMED if early or at_once else status.rejected_run
-    status.unconfirmed = min(status.unconfirmed + more, MAX_UNCONFIRMED)
+    status.unconfirmed = min(status.unconfirmed + UNCONFIRMED, MAX_UNCONFIRMED)
     return True
 
 
