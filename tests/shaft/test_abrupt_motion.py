@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.shaft.kinds import TURN
 from tests.shaft.textbook import textbook
 from textile_twin_core.shaft import ShaftStates, create_estimator
 from textile_twin_core.shaft.status import MANOEUVRE
@@ -132,3 +133,19 @@ def test_two_outliers_that_grow_are_believed_once_at_most() -> None:
     assert states.rows["cut"][states.index == 1001] == MANOEUVRE
     assert np.all((off < 5.0) | ~states.settled)
     assert off[states.index > 1040].max() < 0.5
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_soft_stop_after_a_wrong_reading_is_settled_only_when_it_is_right(seed: int) -> None:
+    """7 samples a turn: one more reading is refused since the wrong one, and the speed overshoots by a tenth."""
+    rng, full, count = np.random.default_rng(seed), TURN * 100.0 / 7.0, 1000
+    time, wrong = np.arange(count) - 800.0 - rng.random(), 710
+    ramp = np.clip(time / 8.0, 0.0, 1.0)
+    speed = full * (1.0 - ramp**3 * (10.0 - 15.0 * ramp + 6.0 * ramp**2))
+    gone = np.where(time > 0.0, 8.0 * (ramp - 2.5 * ramp**4 + 3.0 * ramp**5 - ramp**6), time)
+    step = TURN / 360.0
+    angle = np.round((full * gone / 100.0 + rng.random()) / step) * step
+    angle[wrong] += 0.5
+    states = create_estimator("causal").step(np.arange(count) * 0.01, angle)
+    late = states.settled & (states.index > 400)
+    assert np.all(np.abs(states.omega_rad_s - speed[states.index])[late] < 0.1 * full)

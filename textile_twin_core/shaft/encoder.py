@@ -15,6 +15,7 @@ OUTLIER_RAD = 0.05  # a reading further than this from the median of five is lef
 SAME_TIME = 1.2  # ratio of two intervals up to which they count as equal
 WINDOW = 4  # changes of a move whose greatest common divisor is tried as the step
 CANDIDATES = 32  # windows that are tried
+DIFFERENT = 8  # moves of so many numbers of steps have a larger divisor by chance in one case of 250
 MIN_SHARE = 0.75  # of the moves that must be multiples of the step
 TOLERANCE, TOLERANCE_RAD = 1e-3, 1e-7  # of a multiple: part of the step, and rounding of floating-point angles
 
@@ -22,7 +23,7 @@ TOLERANCE, TOLERANCE_RAD = 1e-3, 1e-7  # of a multiple: part of the step, and ro
 class StepFinder:
     """Collects readings until the encoder's step is known, or that there is none.
 
-    What the first few tell is looked at again with more of them: equal moves look like single steps.
+    Moves that are alike look like single steps: until some differ the step is looked for again with more readings.
 
     Args:
         period_rad: period of a wrapped angle.
@@ -32,13 +33,13 @@ class StepFinder:
     def __init__(self, period_rad: float = TURN, step: float | None = None) -> None:
         self._period = period_rad
         self._readings = self._stamps = np.zeros(0)
-        self._told = step is not None
+        self._known = step is not None
         self.step = step
 
     @property
     def wanted(self) -> int:
         """Readings until the next look; 0 when the search is over."""
-        if self._told or self._readings.size == LOOK_AT[-1]:
+        if self._known:
             return 0
         return min(count - self._readings.size for count in LOOK_AT if count > self._readings.size)
 
@@ -50,10 +51,16 @@ class StepFinder:
             return None
         step, before = encoder_step(self._stamps, self._readings, self._period), self.step
         self.step = before if step is None else step
-        if self.step is None and self._readings.size == LOOK_AT[-1]:
+        last = self._readings.size == LOOK_AT[-1]
+        self._known = self.step is not None and (last or (self.step > 0.0 and self._has_different_moves(self.step)))
+        if self._known or last:
             self._readings = self._stamps = np.zeros(0)  # a shaft that hardly moved: the search begins again
         same = step is None or (before is not None and abs(step - before) <= TOLERANCE * before)
         return None if same else step
+
+    def _has_different_moves(self, step: float) -> bool:
+        moves = np.rint(np.abs(np.diff(np.unwrap(self._readings, period=self._period))) / step)
+        return np.unique(moves[moves > 0.0]).size >= DIFFERENT
 
 
 def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TURN) -> float | None:

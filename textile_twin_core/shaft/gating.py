@@ -153,7 +153,8 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
     _follow_manoeuvre(status, reading, off, 0.0 if slipped else grown, span, row)
     status.jumps += row.cut == STRETCH
     status.outliers -= status.rejected_run
-    status.unconfirmed = min(status.unconfirmed + UNCONFIRMED, MAX_UNCONFIRMED)
+    more = UNCONFIRMED if early or at_once else status.rejected_run
+    status.unconfirmed = max(min(status.unconfirmed + more, MAX_UNCONFIRMED), UNCONFIRMED)
     return True
 
 
