@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.shaft.kinds import make
+from tests.shaft.kinds import TURN, make
+from tests.shaft.shaft_motion import Law, ShaftMotion
 from tests.shaft.textbook import textbook
 from textile_twin_core.shaft import ShaftStates, create_estimator
 from textile_twin_core.shaft.encoder import encoder_step
@@ -74,6 +75,43 @@ def test_ripple_is_told_at_seven_samples_a_turn() -> None:
         inside.append(np.mean(np.abs(error) <= states.sigma[late, 1]))
     assert np.quantile(ratios, 0.25) < 0.6
     assert 0.62 <= np.median(inside) <= 0.8
+
+
+@pytest.mark.parametrize(("orders", "samples"), [(3, 7.3), (3, 11.7), (4, 10.2), (4, 13.9), (6, 16.3), (6, 25.3)])
+@pytest.mark.parametrize("view", ["causal", "smooth"])
+def test_as_many_orders_of_ripple_are_told_as_the_samples_resolve(view: str, orders: int, samples: float) -> None:
+    """A controller at 100 Hz, 14 bits: speed and acceleration beside the textbook's, which takes ripple for noise.
+
+    As ripple of two orders 0.3 to 5 times as much where the ripple has three or more.
+    """
+    dt, speed, rng = 1e-3, TURN * 100.0 / samples, np.random.default_rng(orders)
+    sizes = (0.02, 0.03, 0.01, 0.004, 0.003, 0.002)[:orders]
+    waves = np.array([(k + 1.0, size, rng.uniform(0.0, TURN)) for k, size in enumerate(sizes)])
+    push = 0.02 * speed * np.sin(0.7 * dt * np.arange(30_001))
+    motion = ShaftMotion.solve(Law(dt, push, np.full(30_001, speed), 3.0, waves, np.ones(30_001)), 1.0)
+    time = np.arange(1, 2990) / 100.0
+    angles = np.round(motion.at(time)[0] / (TURN / 2**14)) * (TURN / 2**14)
+    estimator = create_estimator(view)
+    states = ShaftStates.join([estimator.step(time, angles), estimator.finish()])
+    late = states.index > 600
+    at = states.index[late]
+    truth = np.stack(motion.at(time[at])[1:], axis=1)
+    off = np.stack([states.omega_rad_s[late], states.alpha_rad_s2[late]], axis=1) - truth
+    book = getattr(textbook(time, angles), view)[at, 1:] - truth
+    most = 0.3 if view == "causal" else 0.8
+    assert np.all(np.mean(off**2, axis=0) < most**2 * np.mean(book**2, axis=0))
+
+
+def test_filters_stay_finite_while_the_orders_change() -> None:
+    """Exact readings, 16 to 26 a turn and back each 20 s: filters of long memory get and lose two to four orders."""
+    time = np.arange(1, 16_001) / 20.0
+    speed = TURN * 20.0 / (21.0 + 5.0 * np.sin(TURN * time / 20.0))
+    estimator = create_estimator("causal")
+    for part in np.split(np.stack([time, np.cumsum(speed) / 20.0]), 100, axis=1):
+        states = estimator.step(*part)
+        status = estimator._status[0]
+        assert all(np.all(np.isfinite(status[name])) for name in ("clock", "factor", "ripple", "probability"))
+        assert np.all(np.isfinite(states.covariance))
 
 
 def test_a_wrapped_angle_does_not_run_away() -> None:

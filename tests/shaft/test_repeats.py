@@ -143,7 +143,7 @@ def test_wrapped_angles_may_be_repeated(seed: int) -> None:
 
 
 def test_a_wrong_reading_hides_no_repetitions_of_the_one_before() -> None:
-    """One in a hundred wrong by half a radian, median of the records; taken for new ones: 6e-3."""
+    """One in a hundred wrong by half a radian; taken for new ones the median is 6e-3, a noise that is held: .04."""
     off = []
     for seed in range(90):
         time, angle, speed = _published(2 + seed % 3, 30.0, 14, seed)
@@ -152,4 +152,5 @@ def test_a_wrong_reading_hides_no_repetitions_of_the_one_before() -> None:
         late = states.index > 3000
         error = (states.omega_rad_s - speed[states.index])[late]
         off.append(np.sqrt(np.mean(error**2)) / speed.mean())
-    assert np.median(off) < 4e-3
+    assert np.median(off) < 2e-3
+    assert np.max(off) < 0.02

@@ -29,14 +29,14 @@ def _turning(seed: int, ripple: tuple[float, ...], speed: float, duration_s: flo
 
 
 @pytest.mark.parametrize("view", ["causal", "smooth"])
-@pytest.mark.parametrize("samples", [7.3, 9.1, 11.7, 13.9])
+@pytest.mark.parametrize("samples", [5.3, 6.2, 7.3, 9.1])
 def test_sigmas_know_the_orders_for_which_there_are_too_few_samples(view: str, samples: float) -> None:
-    """A controller at 100 Hz, 14 bits, ripple of four orders; errors of such orders are a wave's, .5 to .9 inside."""
+    """A controller at 100 Hz, 14 bits, ripple of four orders; errors of such orders are a wave's, .4 to .9 inside."""
     motion = _turning(3, (0.02, 0.03, 0.01, 0.004), 100.0 * TURN / samples, 30.0)
     time = np.arange(1, 2990) / 100.0
     angles = np.round(motion.at(time)[0] / (TURN / 2**14)) * (TURN / 2**14)
     inside = _inside(view, motion, time, angles)
-    assert np.all((inside > 0.5) & (inside < 0.93))
+    assert np.all((inside > 0.4) & (inside < 0.93))
 
 
 @pytest.mark.parametrize("seed", range(3))

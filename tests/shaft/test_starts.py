@@ -66,4 +66,4 @@ def test_ripple_is_found_after_the_run_up_of_a_wheel(seed: int) -> None:
     states = estimator.finish()
     late = states.stamps > 10.0
     alpha = motion.at(states.stamps[late])[2]
-    assert np.sqrt(np.mean((states.alpha_rad_s2[late] - alpha) ** 2)) < 0.05 * np.sqrt(np.mean(alpha**2))
+    assert np.sqrt(np.mean((states.alpha_rad_s2[late] - alpha) ** 2)) < 0.02 * np.sqrt(np.mean(alpha**2))

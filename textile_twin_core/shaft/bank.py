@@ -48,14 +48,14 @@ def set_basis_at(status: Record, theta: float, waves: int) -> None:
 @compiled_in_place
 def set_shaft_second(status: Record, f: int) -> None:
     """Take the sensor's part of g1 out of g2, and so out of the shaft's state."""
-    for i in range(4 * lanes.WAVES[f]):
+    for i in range(4 * status.waves[f]):
         status.shaft_second[f, i] = status.second[f, i] - (status.sensor_ripple[f, i] if i < lanes.WIDEST else 0.0)
 
 
 @compiled_in_place
 def update_second_order(status: Record, f: int) -> None:
     """Recompute g2 from the best filter's ripple; all states shift as they would by a change of the coefficients."""
-    waves, change = lanes.WAVES[f], status.change
+    waves, change = status.waves[f], status.change
     change[:] = 0.0
     set_second(status.ripple[:, status.best[f]], waves, status.lowest, status.second[f], change)
     set_shaft_second(status, f)
@@ -66,28 +66,52 @@ def update_second_order(status: Record, f: int) -> None:
 
 @compiled_in_place
 def initialise(status: Record, f: int, scale: float) -> None:
-    """Initialise all filters of family `f` with one state and zero ripple coefficients of prior RIPPLE_SIZE.
+    """Initialise all filters of family `f` with one state and zero ripple coefficients.
 
     `status.start` (9,) holds state and covariance factor, the factor in units of the root of `scale`.
     """
-    width, start, root = 2 * lanes.WAVES[f], status.start, math.sqrt(scale)
-    set_basis_at(status, start[lanes.ANGLE], lanes.WAVES[f])
+    width, start, first, stop = 2 * status.waves[f], status.start, lanes.FIRST[f], lanes.STOP[f]
+    set_basis_at(status, start[lanes.ANGLE], status.waves[f])
     status.second[f, :] = status.shaft_second[f, :] = 0.0
     status.sensor_ripple[f, :] = status.doubt[f, :] = 0.0
-    first, stop = lanes.FIRST[f], lanes.STOP[f]
     set_sensitivity(status.sensitivity, status.basis, status.lowest, start[lanes.RATE], width, first, stop)
     for m in range(first, stop):
         for row in range(9):
             status.clock[row, m] = start[row]
         for i in range(width):
             status.ripple[i, m] = 0.0
-            for j in range(i):
-                status.factor[j, i, m] = 0.0
-            status.factor[i, i, m] = RIPPLE_SIZE / (status.lowest * (i // 2 + 1)) / root
         status.scale[m], status.scale_samples[m] = scale, FIRST_SCALE_WEIGHT
         status.likelihood_ratio[m] = 1.0
         status.probability[m] = status.usage[m] = 1.0 / (lanes.END[f] - first) if m < lanes.END[f] else 0.0
-    status.best[f] = lanes.FIRST[f]
+    doubt_ripple(status, f, 0)
+    status.best[f] = first
+
+
+@compiled_in_place
+def doubt_ripple(status: Record, f: int, begin: int) -> None:
+    """Give the orders of family `f` from `begin` on their prior covariance, RIPPLE_SIZE; their values stay."""
+    for m in range(lanes.FIRST[f], lanes.STOP[f]):
+        root = math.sqrt(status.scale[m])
+        for i in range(2 * begin, 2 * status.waves[f]):
+            for j in range(i):
+                status.factor[j, i, m] = 0.0
+            status.factor[i, i, m] = RIPPLE_SIZE / (status.lowest * (i // 2 + 1)) / root
+
+
+@compiled_in_place
+def resize(status: Record, f: int, waves: int) -> None:
+    """Model so many orders: states lose what they owe to those that are dropped, and owe nothing yet to those added."""
+    before = status.waves[f]
+    for m in range(lanes.FIRST[f], lanes.STOP[f]):
+        for i in range(2 * min(waves, before), 2 * max(waves, before)):
+            for row in range(3):
+                if i >= 2 * waves:
+                    status.clock[row, m] -= status.sensitivity[row, i, m] * status.ripple[i, m]
+                status.sensitivity[row, i, m] = 0.0
+            status.ripple[i, m] = 0.0
+    status.waves[f], status.sensor_ripple[f, 2 * waves :] = waves, 0.0
+    doubt_ripple(status, f, before)
+    update_second_order(status, f)
 
 
 @compiled_in_place
@@ -118,10 +142,10 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
     Where an innovation is too large, the filter's measurement variance is widened. The family's `density` is the
     reading's predictive density, but for the constant of Student's t.
     """
-    if lanes.WAVES[f] > 0:
-        set_basis_at(status, at, lanes.WAVES[f])
-        reading += dot(status.second[f], status.basis, 4 * lanes.WAVES[f])
-    width, first, stop = 2 * lanes.WAVES[f], lanes.FIRST[f], lanes.STOP[f]
+    if status.waves[f] > 0:
+        set_basis_at(status, at, status.waves[f])
+        reading += dot(status.second[f], status.basis, 4 * status.waves[f])
+    width, first, stop = 2 * status.waves[f], lanes.FIRST[f], lanes.STOP[f]
     propagate_sensitivity(status.sensitivity, step, status.basis, status.regressor, width, first, stop)
     predict_ripple(
         status.ripple, status.factor, status.basis, status.regressor, status.projected_ripple, status.ripple_reading,
@@ -134,7 +158,7 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
 @compiled_in_place
 def _correct_filters(status: Record, f: int) -> None:
     """Measurement update of all filters: state, sensitivity and ripple coefficients, which shift the state again."""
-    first, stop, width = lanes.FIRST[f], lanes.STOP[f], 2 * lanes.WAVES[f]
+    first, stop, width = lanes.FIRST[f], lanes.STOP[f], 2 * status.waves[f]
     measurement_update(status, first, stop)
     if width == 0:
         return
@@ -179,7 +203,7 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
     status.best[f] = best
     for m in range(first, end):
         if likelihood_ratio[m] < RESTART_RATIO and probability[m] < RESTART_PROBABILITY and m != best:
-            _restart_from(status, best, m, 2 * lanes.WAVES[f])
+            _restart_from(status, best, m, 2 * status.waves[f])
 
 
 @compiled_in_place

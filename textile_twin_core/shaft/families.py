@@ -10,7 +10,15 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import initialise, log_memory, update_filters, update_second_order
+from textile_twin_core.shaft.bank import (
+    FIRST_SCALE_WEIGHT,
+    doubt_ripple,
+    initialise,
+    log_memory,
+    resize,
+    update_filters,
+    update_second_order,
+)
 from textile_twin_core.shaft.measurement_noise import least_scale, standstill_speed
 from textile_twin_core.shaft.status import Record
 from textile_twin_core.shaft.turns import TURN
@@ -24,10 +32,14 @@ SIMPLER_REST = (
     0.25  # part of that for fewer orders than the leading family has: needless orders disturb the acceleration
 )
 FASTEST_REST = 32.0  # at most so many times faster does a rest pass where memory is short: the ripple may have changed
-RESTART_SPEED = 2.0  # an improbable family restarts at so many times its first speed: it mistook a run-up for ripple
+RESTART_SPEED = 2.0  # at so many times its first speed a family forgets: it mistook the run-up for ripple
 ENTRY_PROBABILITY = 1e-5  # of a family that enters the comparison after another one with ripple
 COMPARABLE = 1e-3  # probability at which a family of fewer orders than the leading one has caught up, and is preferred
-SAMPLES_PER_WAVE = 2.5  # that the highest order of a family needs: 2 (Nyquist), and a margin for changing speeds
+SAMPLES_PER_WAVE = 2.2  # that the highest order of a family needs: 2 (Nyquist), and a margin for changing speeds
+EDGES_PER_WAVE = 3.0  # as edges of teeth tell of the same angles in each turn, of all but the missing ones
+BEGIN, KEEP = 1.05, 0.95  # times that many samples for orders to begin with, and to go on
+USUAL_STEP = 1.5  # intervals up to which no sample was lost between two
+MOST_GAIN = 0.2  # of the mean move: of shafts with fewer than five samples a turn no ripple is told
 UNBIASED = int(np.argmin(np.abs(lanes.MEMORIES[: lanes.END[lanes.PLAIN]] - 1.0)))
 """Lane of the plain filter with a memory of one sample: ripple biases longer ones, shorter ones are noisy."""
 SECOND_ORDER_EVERY = 8.0  # samples between updates of g2, which changes slowly
@@ -35,14 +47,22 @@ SECOND_ORDER_EVERY = 8.0  # samples between updates of g2, which changes slowly
 
 @compiled_in_place
 def samples_a_turn(status: Record) -> float:
-    """Samples per turn at the present speed."""
-    return float(TURN / max(abs(status.speed) * status.interval, 1e-9))
+    """Readings per turn of late."""
+    return float(TURN / max(status.move, 1e-9))
 
 
 @compiled_in_place
-def is_resolved(status: Record, f: int, margin: float) -> bool:
-    """Whether there are enough samples per turn for the family's highest order."""
-    return samples_a_turn(status) >= margin * SAMPLES_PER_WAVE * status.lowest * lanes.WAVES[f]  # type: ignore[no-any-return]
+def average_move(status: Record, step: float, moved: float) -> None:
+    """Average over a turn how far the shaft turns from one reading to the next, lately `moved` [rad] in `step` [s]."""
+    if step < USUAL_STEP * status.interval:
+        status.move += (moved - status.move) * min(moved / TURN, MOST_GAIN)
+
+
+@compiled_in_place
+def resolved_waves(status: Record, f: int, margin: float) -> int:
+    """How many of the family's orders there are enough readings per turn for."""
+    needed = margin * (EDGES_PER_WAVE if status.edges > 0.0 else SAMPLES_PER_WAVE) * status.lowest
+    return min(int(samples_a_turn(status) / needed), lanes.MOST_WAVES[f])
 
 
 @compiled_in_place
@@ -53,9 +73,10 @@ def is_observed(status: Record, f: int) -> bool:
 
 @compiled_in_place
 def is_active(status: Record, f: int, turned: float) -> bool:
-    """Start, restart or rest a family, `turned` [rad] after the last sample; whether it is active.
+    """Start, restart, resize or rest a family, `turned` [rad] after the last sample; whether it is active.
 
-    In motion it starts from the plain filter that ripple has biased least.
+    In motion it starts from the plain filter that ripple has biased least. A probable family does not restart at a
+    higher speed: it keeps its ripple as a first guess.
     """
     if f == 0:
         return True
@@ -67,9 +88,11 @@ def is_active(status: Record, f: int, turned: float) -> bool:
         status.rest[f] -= turned
     else:
         status.rest[f], status.pause[f] = 0.0, FIRST_REST
-    working = status.active[f] > 0.0 and not (idle and speed > RESTART_SPEED * status.began[f])
-    if not working and status.rest[f] <= 0.0 and is_resolved(status, f, 1.1):
+    faster = speed > RESTART_SPEED * status.began[f]
+    working = status.active[f] > 0.0 and not (idle and faster)
+    if not working and status.rest[f] <= 0.0 and resolved_waves(status, f, BEGIN) >= lanes.LEAST_WAVES[f]:
         m = UNBIASED
+        status.waves[f] = resolved_waves(status, f, BEGIN)
         for row in range(9):
             status.start[row] = status.clock[row, m]
         initialise(status, f, status.scale[m])
@@ -78,7 +101,7 @@ def is_active(status: Record, f: int, turned: float) -> bool:
             status.scale_samples[lane] = status.scale_samples[m]
         status.active[f], status.rest[f], status.travelled[f], status.mode_probability[f] = 1.0, 0.0, 0.0, 0.0
         status.began[f] = max(speed, standstill_speed(status))
-    elif status.active[f] > 0.0 and not is_resolved(status, f, 0.9):
+    elif status.active[f] > 0.0 and resolved_waves(status, f, KEEP) < lanes.LEAST_WAVES[f]:
         status.active[f] = status.mode_probability[f] = 0.0
         status.mode_probability[0] = max(status.mode_probability[0], ENTRY_PROBABILITY)
     elif status.active[f] > 0.0 and status.rest[f] * status.lowest < -IDLE_CYCLES * TURN:
@@ -88,12 +111,21 @@ def is_active(status: Record, f: int, turned: float) -> bool:
             status.active[f] = status.mode_probability[f] = 0.0
             status.rest[f] = status.pause[f] * (SIMPLER_REST if f < status.leading else 1.0) * TURN / status.lowest
             status.pause[f] = min(2.0 * status.pause[f], LONGEST_REST)
+    if working and status.active[f] > 0.0:
+        if faster:
+            doubt_ripple(status, f, 0)
+            status.began[f] = speed
+        waves = max(min(status.waves[f], resolved_waves(status, f, KEEP)), resolved_waves(status, f, BEGIN))
+        if waves != status.waves[f]:
+            resize(status, f, waves)
     return status.active[f] > 0.0  # type: ignore[no-any-return]
 
 
 @compiled_in_place
-def forget_ripple(status: Record) -> None:
-    """Start all families with ripple anew: the readings until now were not what they seemed."""
+def forget_lessons(status: Record) -> None:
+    """Start all families with ripple anew, and the noise scales: the readings until now were not what they seemed."""
+    for m in range(lanes.END[lanes.PLAIN]):
+        status.scale_samples[m] = FIRST_SCALE_WEIGHT
     for f in range(1, lanes.FAMILIES):
         status.active[f] = status.mode_probability[f] = status.rest[f] = 0.0
     status.mode_probability[0] = 1.0

@@ -9,7 +9,14 @@ import numpy as np
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import predict, predict_reading
-from textile_twin_core.shaft.families import forget_ripple, is_active, is_observed, memory_of, update_mode_probabilities
+from textile_twin_core.shaft.families import (
+    average_move,
+    forget_lessons,
+    is_active,
+    is_observed,
+    memory_of,
+    update_mode_probabilities,
+)
 from textile_twin_core.shaft.gating import (
     accept_manoeuvre,
     bridge_gap,
@@ -30,6 +37,7 @@ from textile_twin_core.shaft.measurement_noise import (
     is_repetition,
     learn_repetitions,
     measurement_variance,
+    samples_between,
     set_correlated,
     standstill_speed,
     unwrap_reading,
@@ -146,6 +154,8 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     row.unit = noise = measurement_variance(status, status.speed)
     row.noise = status.scale[status.best[status.leading]] * noise
     density, turned = 0.0, abs(status.speed) * step
+    if not held:
+        average_move(status, step, samples_between(status, repeated) * turned)
     for back in range(lanes.FAMILIES):
         f = lanes.FAMILIES - 1 - back
         if is_active(status, f, turned):
@@ -171,14 +181,15 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
         learn_abruptness(status, False)
     status.clean = 0.0 if was_outlier else status.clean + 1.0
     status.rejected_run = status.off_before = status.off_last = 0.0
-    turning = abs(status.speed) * status.interval > 3.0 * math.sqrt(row.noise)
+    moved = samples_between(status, repeated) * status.interval * abs(status.speed)
+    turning = moved > 3.0 * math.sqrt(row.noise)
     update_mode_probabilities(status, noise, turning)
     if turning:
         listen_for_orders(status, noise)
     held = status.held
     learn_repetitions(status, reading, repeated)
     if held <= OFTEN_HELD < status.held:
-        forget_ripple(status)
+        forget_lessons(status)
     adapt_additive_noise(status, reading)
     if status.used % ADAPT_EVERY == 0.0 and turning and status.since > ADAPT_EVERY / 2.0:
         adapt_jitter(status, noise)

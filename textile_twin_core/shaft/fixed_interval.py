@@ -127,9 +127,9 @@ class SmoothEstimator(ShaftEstimator):
         mine, lowest = last["sensor_ripple"][int(last["leading"])].copy(), float(last["lowest"])
         for status in [*self._history.known, self._status]:
             for f in range(1, lanes.FAMILIES):
-                ripple, width = status[0]["ripple"][:, status[0]["best"][f]], 2 * lanes.WAVES[f]
-                ripple[:width] -= mine[:width]
-                set_second(ripple, lanes.WAVES[f], lowest, status[0]["second"][f], np.zeros(lanes.WIDEST))
+                ripple, waves = status[0]["ripple"][:, status[0]["best"][f]], int(status[0]["waves"][f])
+                ripple[: 2 * waves] -= mine[: 2 * waves]
+                set_second(ripple, waves, lowest, status[0]["second"][f], np.zeros(lanes.WIDEST))
             status["sensor_ripple"], status["shaft_second"] = 0.0, status["second"]
 
     def _smooth_stretch(self, rows: Records) -> None:
@@ -167,7 +167,8 @@ class SmoothEstimator(ShaftEstimator):
         parts = _model_parts(rows)
         smoother, penalty = new_smoother(self._settings, max(map(len, parts))), np.log(sum(map(len, parts)))
         fits = [sum(log_likelihood(smoother, status, f, part) for part in parts) for status, f in tried]
-        return tried[int(np.argmax(np.asarray(fits) - penalty * np.take(lanes.WAVES, [f for _, f in tried])))]
+        waves = np.array([status["waves"][0][f] for status, f in tried])
+        return tried[int(np.argmax(np.asarray(fits) - penalty * waves))]
 
 
 def _compact(rows: Records) -> Records:

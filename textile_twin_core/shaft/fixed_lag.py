@@ -137,7 +137,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     """Smooth the window and release the `due` rows after the first; the last of these becomes the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
     theta, omega, alpha = state_at_start(filters, window.filtered[0].theta)
-    changed = status.leading != filters.leading
+    changed = status.leading != filters.leading or status.waves[status.leading] != filters.waves[filters.leading]
     set_ripple(filters, status, status.leading)
     if changed:
         begin_at_state(filters, theta, omega, alpha, filters.shaft_second[filters.leading])

@@ -18,7 +18,7 @@ from textile_twin_core.shaft.bank import (
     update_filters,
 )
 from textile_twin_core.shaft.clock import wave
-from textile_twin_core.shaft.families import FIRST_REST, is_resolved
+from textile_twin_core.shaft.families import FIRST_REST, resolved_waves
 from textile_twin_core.shaft.measurement_noise import (
     FIRST_JITTER,
     LEAP_GUESSED,
@@ -64,6 +64,7 @@ def initiate(status: Record, step: float, angle: float, row: Record) -> None:
     if status.jitter_told == 0.0:
         status.jitter = (FIRST_JITTER * step) ** 2
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
+    status.move = abs(rate) * step
     status.read, status.kept, status.kept_at, status.moved, status.bent = angle, angle, status.time, 0.0, 0.0
     set_correlated(status)
     initial, noise = status.start, measurement_variance(status, rate)
@@ -73,8 +74,10 @@ def initiate(status: Record, step: float, angle: float, row: Record) -> None:
         initial[lanes.L11] = SENSOR_SPEED_SIGMA * (abs(status.speed) + initial[lanes.L11])
         initial[lanes.L21], initial[lanes.L22] = 0.0, math.sqrt(noise)
     for f in range(lanes.FAMILIES):
+        waves = resolved_waves(status, f, 1.0)
+        status.waves[f] = max(waves, lanes.LEAST_WAVES[f])
         initialise(status, f, 1.0)
-        status.active[f] = 1.0 if is_resolved(status, f, 1.0) else 0.0
+        status.active[f] = 1.0 if waves >= lanes.LEAST_WAVES[f] else 0.0
         status.mode_probability[f] = status.travelled[f] = status.began[f] = status.rest[f] = 0.0
         status.pause[f] = FIRST_REST
     status.mode_probability[0] = 1.0
@@ -220,8 +223,8 @@ def is_predicted(status: Record, step: float, reading: float) -> bool:
     """
     f, half, interval = status.leading, 0.5 * step * step, step / status.interval
     m, clock, noise = status.best[f], status.clock, measurement_variance(status, status.speed)
-    set_basis_at(status, reading, lanes.WAVES[f])
-    g = wave(status.ripple[:, m], status.second[f], lanes.WAVES[f], status.lowest, status.basis)
+    set_basis_at(status, reading, status.waves[f])
+    g = wave(status.ripple[:, m], status.second[f], status.waves[f], status.lowest, status.basis)
     off = reading + g[0] - clock[lanes.ANGLE, m] - step * clock[lanes.RATE, m] - half * clock[lanes.ACCELERATION, m]
     p0 = clock[lanes.L20, m] + step * clock[lanes.L10, m] + half * clock[lanes.L00, m]
     p1, p2 = clock[lanes.L21, m] + step * clock[lanes.L11, m], clock[lanes.L22, m]

@@ -10,9 +10,10 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 
-WAVES: Final = (0, 2, 6, 12)  # orders of ripple of each family
-FAMILIES: Final = len(WAVES)
-WIDEST: Final = 2 * WAVES[-1]  # coefficients of the most orders
+MOST_WAVES: Final = (0, 2, 6, 12)  # orders of ripple of each family, fewer where a turn has too few samples for them
+LEAST_WAVES: Final = (0, 2, 3, 7)
+FAMILIES: Final = len(MOST_WAVES)
+WIDEST: Final = 2 * MOST_WAVES[-1]  # coefficients of the most orders
 VECTOR = 4  # lanes that the processor handles at once: each family begins with a whole vector
 _COMMON = (1.0, 2.0, 4.0, 8.0, 16.0, 34.0, 82.0, 210.0, 580.0, 1800.0)
 _PLAIN_ONLY = (0.5, 0.7, 3200.0, 5600.0, 10000.0, 17400.0)

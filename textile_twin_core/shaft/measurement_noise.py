@@ -105,6 +105,12 @@ def is_repetition(status: Record, reading: float) -> bool:
 
 
 @compiled_in_place
+def samples_between(status: Record, repeated: float) -> float:
+    """Samples from the last reading to one that follows so many repetitions."""
+    return 1.0 + repeated if status.held > OFTEN_HELD else 1.0
+
+
+@compiled_in_place
 def learn_repetitions(status: Record, reading: float, repeated: float) -> None:
     """Learn from leaps, moves beyond what rounding hides, whether they follow repetitions and how long these are.
 
@@ -187,6 +193,6 @@ def _rescale(status: Record, change: float) -> None:
             status.scale[m] *= change
             for row in range(lanes.L00, lanes.L22 + 1):
                 status.clock[row, m] *= root
-            for j in range(2 * lanes.WAVES[f]):
-                for i in range(j, 2 * lanes.WAVES[f]):
+            for j in range(2 * status.waves[f]):
+                for i in range(j, 2 * status.waves[f]):
                     status.factor[j, i, m] *= root

@@ -23,8 +23,8 @@ def combine(status: Record, row: Record) -> None:
             top, status.leading = share, f
     leading, moments = status.leading, status.moments
     best, about = status.best[leading], status.angle
-    set_basis_at(status, about, lanes.WAVES[leading])
-    g = wave(status.ripple[:, best], status.shaft_second[leading], lanes.WAVES[leading], status.lowest, status.basis)
+    set_basis_at(status, about, status.waves[leading])
+    g = wave(status.ripple[:, best], status.shaft_second[leading], status.waves[leading], status.lowest, status.basis)
     clock = status.clock[:, best]
     about, status.speed, status.acceleration = shaft_state(
         clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION], about, g, status.slopes
@@ -54,7 +54,7 @@ def _add_moments(status: Record, f: int, about: float, top: float) -> None:
     `moments` (4,): total probability, weighted deviations of angle, speed, acceleration; `products` (6,): second
     moments 00, 01, 02, 11, 12, 22.
     """
-    waves, moments, products, slopes = lanes.WAVES[f], status.moments, status.products, status.slopes
+    waves, moments, products, slopes = status.waves[f], status.moments, status.products, status.slopes
     set_basis_at(status, about, waves)
     for m in range(lanes.FIRST[f], lanes.END[f]):
         weight = status.mode_probability[f] * status.probability[m]

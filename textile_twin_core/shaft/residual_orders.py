@@ -22,6 +22,7 @@ from textile_twin_core.shaft.status import Record, Records
 ORDERS = lanes.WIDEST  # that are listened for: as many as the basis has room for
 ORDER_SAMPLES = 500.0  # readings over which an order is averaged
 KEEP = 1.0 - 1.0 / ORDER_SAMPLES
+HEARD = 0.9  # of the samples per turn: orders up to it differ from their aliases, as readings fall elsewhere each turn
 SIGNIFICANT = 7.0  # times the mean power of white residuals in an order, exceeded by chance in 1 case of 1000
 ABOVE_SENSOR = 10.0  # times the sensor's, by some 12 orders: exceeded by chance in 1 case of 1400 (F of 2 and 24)
 FEWEST_ORDERS = 5  # by which the sensor's power is known
@@ -80,15 +81,15 @@ def add_systematic(row: Record) -> None:
 
 
 @compiled_in_place
-def _top(status: Record) -> int:
-    """Orders that the samples resolve: beyond half the samples per turn they are aliases of lower ones."""
-    return min(ORDERS, int(0.5 * samples_a_turn(status) / status.lowest))
+def _top(status: Record, share: float) -> int:
+    """Orders of up to such a share of the samples per turn; half of them are resolved."""
+    return min(ORDERS, int(share * samples_a_turn(status) / status.lowest))
 
 
 @compiled_in_place
 def _power(status: Record, f: int, k: int) -> float:
     """Squared amplitude of an order, in the ripple of family `f` or in the innovations."""
-    if k < lanes.WAVES[f]:
+    if k < status.waves[f]:
         ripple = status.ripple[:, status.best[f]]
         return ripple[2 * k] ** 2 + ripple[2 * k + 1] ** 2  # type: ignore[no-any-return]
     return (status.order_sums[2 * k] ** 2 + status.order_sums[2 * k + 1] ** 2) / status.listened**2  # type: ignore[no-any-return]
@@ -113,13 +114,13 @@ def _set_sensor_power(status: Record) -> None:
 
     By their mean logarithm, to which single peaks, as of gears, are little; as far as it does not fall with the order.
     """
-    f, top = status.leading, _top(status)
-    first = max(lanes.WAVES[f] // 2, top // 4)
+    f, top = status.leading, _top(status, 0.5)
+    first = max(status.waves[f] // 2, top // 4)
     middle, count, upper, lower, total = (first + top) // 2, 0, 0, 0.0, 0.0
     settled = status.used - status.heard_since > ORDER_SAMPLES
     for k in range(first, top):
         # What another family modelled until lately is not in the averages.
-        if _is_sensors(status, k) and (settled or k < lanes.WAVES[f] or k >= lanes.WAVES[-1]):
+        if _is_sensors(status, k) and (settled or k < status.waves[f] or k >= lanes.MOST_WAVES[-1]):
             power = math.log(max(_power(status, f, k), 1e-300))
             count, total = count + 1, total + power
             upper, lower = upper + (k >= middle), lower + (power if k < middle else 0.0)
@@ -140,10 +141,11 @@ def _part_orders(status: Record, f: int, left: float) -> None:
     what lower orders make probable. Of an order that the family does not model all that is motion is error, as far as
     the filter does not follow it (`left`).
     """
-    sensor, motion, top, white = status.sensor_power, 0.0, _top(status), _white_power(status)
+    sensor, motion, white = status.sensor_power, 0.0, _white_power(status)
+    top = _top(status, 0.5 if status.edges > 0.0 else HEARD)
     status.doubt[f, :] = 0.0
-    for k in range(max(top, lanes.WAVES[f])):
-        modelled, power = k < lanes.WAVES[f], _power(status, f, k)
+    for k in range(max(top, status.waves[f])):
+        modelled, power = k < status.waves[f], _power(status, f, k)
         own = sensor if _is_sensors(status, k) else 0.0
         least = ABOVE_SENSOR * own if modelled else max(ABOVE_SENSOR * own, SIGNIFICANT * white)
         motion *= FALL[k]
@@ -153,7 +155,7 @@ def _part_orders(status: Record, f: int, left: float) -> None:
         if modelled:
             status.sensor_ripple[f, 2 * k] = part * status.ripple[2 * k, status.best[f]]
             status.sensor_ripple[f, 2 * k + 1] = part * status.ripple[2 * k + 1, status.best[f]]
-        doubtful = 0.5 * (part if modelled else left) * motion
+        doubtful = 0.5 * (part * motion if modelled else left * min(motion, power))
         if modelled or sensor > 0.0 or power > least:
             squared = (status.lowest * (k + 1)) ** 2
             status.doubt[f, 0] += doubtful

@@ -58,7 +58,7 @@ class RippleHistory:
 def _ripple(status: Records) -> tuple[FloatArray, float, float]:
     """Coefficients (WIDEST,) of the leading ripple, their sigma (RMS over a turn) and a measurement's [rad]."""
     now = status[0]
-    lane, width = int(now["best"][now["leading"]]), 2 * lanes.WAVES[int(now["leading"])]
+    lane, width = int(now["best"][now["leading"]]), 2 * int(now["waves"][now["leading"]])
     ripple, scale = np.where(np.arange(lanes.WIDEST) < width, now["ripple"][:, lane], 0.0), float(now["scale"][lane])
     sigma = _rms(now["factor"][:width, :width, lane]) * np.sqrt(scale)
     return ripple, sigma, float(np.sqrt(scale * measurement_variance(now, float(now["speed"]))))

@@ -61,9 +61,9 @@ def copy_numbers(source: FloatArray, target: FloatArray) -> None:
 @compiled_in_place
 def set_ripple(filters: Record, status: Record, family: int) -> None:
     """Copy the ripple of a family's best filter, the covariance factor of its coefficients in radians."""
-    lane, width = status.best[family], 2 * lanes.WAVES[family]
+    lane, width = status.best[family], 2 * status.waves[family]
     root = math.sqrt(status.scale[lane])
-    filters.leading = family
+    filters.leading, filters.waves[family] = family, status.waves[family]
     copy_numbers(status.second[family], filters.second[family])
     copy_numbers(status.shaft_second[family], filters.shaft_second[family])
     for i in range(width):
@@ -288,7 +288,7 @@ def _triangular(a: FloatArray) -> tuple[float, float, float, float, float, float
 @compiled_in_place
 def _wave_at(filters: Record, theta: float, added: FloatArray) -> tuple[float, float, float, float]:
     """g of the known ripple and its first three derivatives at an angle; `added` (.) is `second` or `shaft_second`."""
-    waves = lanes.WAVES[filters.leading]
+    waves = filters.waves[filters.leading]
     set_basis_at(filters, theta, waves)
     return wave(filters.ripple[:, lanes.CHAIN], added, waves, filters.lowest, filters.basis)
 
@@ -301,7 +301,7 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
     intensity, r measurement noise, T sampling interval); the rest is an error of the state.
     """
     filters, s = smoother.filters[0], smoother.smoothed
-    waves, sensitivity = lanes.WAVES[filters.leading], filters.sensitivity
+    waves, sensitivity = filters.waves[filters.leading], filters.sensitivity
     row.residual = row.clock - s[lanes.ANGLE]
     g = _wave_at(filters, row.theta, filters.shaft_second[filters.leading])
     theta, row.speed, row.acceleration = shaft_state(s[2], s[1], s[0], row.theta, g, filters.slopes)

@@ -29,14 +29,14 @@ MANOEUVRE, STRETCH = 1.0, 2.0
 COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
-    "motion", "speed", "leading", "best", "ripple", "sensor_ripple", "guessed",
+    "motion", "speed", "leading", "best", "waves", "ripple", "sensor_ripple", "guessed",
 )  # fmt: skip
 """Fields that outlast the end of a record."""
 
 _NUMBERS = (
     "received", "not_finite", "duplicate", "older",  # samples received, and rejected by cause
     "unit", "samples", "used", "time",  # unit of the stamps [s]; since the begin: samples accepted, used; time [s]
-    "interval", "longest",  # sampling interval, longest time between samples [s]
+    "interval", "longest", "move",  # mean interval of samples, longest one [s]; mean move of readings [rad]
     "angle", "speed", "acceleration", "speed_sigma", "acceleration_sigma",  # estimate, standard deviations [rad, s]
     "sensor_speed", "fastest",  # speed by the sensor (NaN: none), full speed as far as known [rad/s]
     "motion", "sense", "still", "since",  # STARTING ..; +-1; samples at rest, and since the motion was initialised
@@ -95,12 +95,12 @@ STATUS = np.dtype(
     [(name, np.float64, (lanes.COUNT,)) for name in _BY_LANE]
     + [(name, np.float64, shape) for name, shape in _ARRAYS.items()]
     + [(name, np.float64, (lanes.FAMILIES,)) for name in _BY_FAMILY]
-    + [("leading", np.int64), ("best", np.int64, (lanes.FAMILIES,))]
+    + [("leading", np.int64), ("best", np.int64, (lanes.FAMILIES,)), ("waves", np.int64, (lanes.FAMILIES,))]
     + [(name, np.float64) for name in (*COUNTS, *_NUMBERS)]
 )
 """In seconds and radians; arrays by lane first, so that no vector of lanes lies on two lines of the processor's cache.
-`leading` is the family of the most probable filter, `best` the most probable lane of each family. Covariance factors
-and variances of lanes are in units of `scale`."""
+`leading` is the family of the most probable filter, `best` the most probable lane of each family, `waves` its orders of
+ripple. Covariance factors and variances of lanes are in units of `scale`."""
 
 STATE = np.dtype(
     [(name, np.float64) for name in ("phase", "speed", "acceleration", "turns", "settled", "index")]
@@ -144,7 +144,7 @@ def ripple_amplitudes(record: Records) -> FloatArray:
     """Amplitude of the speed's ripple in each order of the leading family, relative to the speed."""
     status = record[0]
     family = int(status["leading"])
-    waves = lanes.WAVES[family]
+    waves = int(status["waves"][family])
     ripple = status["ripple"][: 2 * waves, int(status["best"][family])] - status["sensor_ripple"][family][: 2 * waves]
     cosines, sines = ripple.reshape(-1, 2).T
     return np.asarray(np.hypot(cosines, sines) * status["lowest"] * np.arange(1, waves + 1))
