@@ -34,6 +34,10 @@ RESTART_RATIO = math.exp(
 RESTART_PROBABILITY = 0.01  # below which a filter may restart
 FIRST_SCALE_WEIGHT = 0.1  # of the first noise scale, in innovations: it may be hundreds of times too large
 SCALE_SAMPLES = 500.0  # innovations over which a filter's noise scale is averaged
+RECENT_SAMPLES, FALLEN = (
+    50.0,
+    0.1,
+)  # among the first of them, that of so few replaces a scale that is ten times as large
 RIPPLE_SIZE = 0.05  # prior standard deviation of the speed's ripple in each order, relative to the speed
 
 
@@ -81,6 +85,7 @@ def initialise(status: Record, f: int, scale: float) -> None:
         for i in range(width):
             status.ripple[i, m] = 0.0
         status.scale[m], status.scale_samples[m] = scale, FIRST_SCALE_WEIGHT
+        status.recent_scale[m] = scale
         status.likelihood_ratio[m] = 1.0
         status.probability[m] = status.usage[m] = 1.0 / (lanes.END[f] - first) if m < lanes.END[f] else 0.0
     doubt_ripple(status, f, 0)
@@ -180,6 +185,7 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
     first, end = lanes.FIRST[f], lanes.END[f]
     probability, usage, likelihood_ratio = status.probability, status.usage, status.likelihood_ratio
     innovation, scale, scale_samples = status.innovation, status.scale, status.scale_samples
+    recent_scale = status.recent_scale
     _correct_filters(status, f)
     uniform, inverse = UNIFORM_PART / (end - first), 1.0 / status.density[f]
     likelihood, prior_variance = status.likelihood, status.prior_variance
@@ -195,6 +201,10 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
         samples = scale_samples[m] + 1.0
         samples = samples if samples < SCALE_SAMPLES else SCALE_SAMPLES
         found = scale[m] * (1.0 + (squared - 1.0) / samples)
+        recent = recent_scale[m] + (scale[m] * squared - recent_scale[m]) * (1.0 / RECENT_SAMPLES)
+        if recent < FALLEN * found and samples < SCALE_SAMPLES:
+            found = recent
+        recent_scale[m] = recent
         scale_samples[m], scale[m] = samples, found if found > least_scale else least_scale
     best = first
     for m in range(first, end):
@@ -225,4 +235,5 @@ def _restart_from(status: Record, source: int, target: int, width: int) -> None:
         for j in range(i + 1):
             status.factor[j, i, target] = status.factor[j, i, source]
     status.scale[target], status.scale_samples[target] = status.scale[source], status.scale_samples[source]
+    status.recent_scale[target] = status.recent_scale[source]
     status.likelihood_ratio[target] = 1.0

@@ -191,6 +191,7 @@ def _rescale(status: Record, change: float) -> None:
         end = lanes.END[f] if status.active[f] > 0.0 else lanes.FIRST[f]
         for m in range(lanes.FIRST[f], end):
             status.scale[m] *= change
+            status.recent_scale[m] *= change
             for row in range(lanes.L00, lanes.L22 + 1):
                 status.clock[row, m] *= root
             for j in range(2 * status.waves[f]):
