@@ -102,6 +102,26 @@ def test_as_many_orders_of_ripple_are_told_as_the_samples_resolve(view: str, ord
     assert np.all(np.mean(off**2, axis=0) < most**2 * np.mean(book**2, axis=0))
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_record_that_ends_faster_keeps_the_ripple_that_it_had(seed: int) -> None:
+    """Eight orders, 20 to 34 readings a turn for 9 s and 6 to 15 at the end; ripple forgotten: 0.4 and more."""
+    rng, place = np.random.default_rng([6, seed]), np.arange(1000)
+    time, ramp = place / 100.0, np.clip((place - 900) / 40.0, 0.0, 1.0)
+    more = rng.uniform(1.2, 2.5) * ramp**2 * (3.0 - 2.0 * ramp)
+    speed = TURN * 100.0 / rng.uniform(20.0, 34.0) * (1.0 + more)
+    even = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1])) / 100.0])
+    orders = np.arange(1.0, 9.0)
+    angle, size = np.outer(even, orders) + rng.uniform(0.0, TURN, 8), rng.uniform(0.01, 0.03, 8) / orders**2
+    step = TURN / 2**14
+    estimator = create_estimator("smooth")
+    estimator.step(time, np.round((even + np.sin(angle) @ size) / step) * step)
+    states = estimator.finish()
+    at = states.index[(states.index > 150) & (states.index < 880)]
+    truth = -(speed**2 * (np.sin(angle) @ (size * orders**2)))[at]
+    off = states.alpha_rad_s2[np.isin(states.index, at)] - truth
+    assert np.mean(off**2) < 0.15**2 * np.mean(truth**2)
+
+
 def test_filters_stay_finite_while_the_orders_change() -> None:
     """Exact readings, 16 to 26 a turn and back each 20 s: filters of long memory get and lose two to four orders."""
     time = np.arange(1, 16_001) / 20.0

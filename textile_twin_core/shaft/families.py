@@ -35,7 +35,7 @@ FASTEST_REST = 32.0  # at most so many times faster does a rest pass where memor
 RESTART_SPEED = 2.0  # at so many times its first speed a family forgets: it mistook the run-up for ripple
 ENTRY_PROBABILITY = 1e-5  # of a family that enters the comparison after another one with ripple
 COMPARABLE = 1e-3  # probability at which a family of fewer orders than the leading one has caught up, and is preferred
-SAMPLES_PER_WAVE = 2.2  # that the highest order of a family needs: 2 (Nyquist), and a margin for changing speeds
+SAMPLES_PER_WAVE = 2.3  # that the highest order of a family needs: 2 (Nyquist), and a margin for changing speeds
 EDGES_PER_WAVE = 3.0  # as edges of teeth tell of the same angles in each turn, of all but the missing ones
 BEGIN, KEEP = 1.05, 0.95  # times that many samples for orders to begin with, and to go on
 USUAL_STEP = 1.5  # intervals up to which no sample was lost between two
@@ -112,13 +112,29 @@ def is_active(status: Record, f: int, turned: float) -> bool:
             status.rest[f] = status.pause[f] * (SIMPLER_REST if f < status.leading else 1.0) * TURN / status.lowest
             status.pause[f] = min(2.0 * status.pause[f], LONGEST_REST)
     if working and status.active[f] > 0.0:
+        _fit_waves(status, f, turned, is_observed(status, f) and not faster)
         if faster:
             doubt_ripple(status, f, 0)
-            status.began[f] = speed
-        waves = max(min(status.waves[f], resolved_waves(status, f, KEEP)), resolved_waves(status, f, BEGIN))
-        if waves != status.waves[f]:
-            resize(status, f, waves)
+            status.began[f], status.travelled[f], status.mode_probability[f] = speed, 0.0, 0.0
+            status.mode_probability[0] = max(status.mode_probability[0], ENTRY_PROBABILITY)
     return status.active[f] > 0.0  # type: ignore[no-any-return]
+
+
+@compiled_in_place
+def _fit_waves(status: Record, f: int, turned: float, known: bool) -> None:
+    """Model as many orders as there are readings for.
+
+    What is known of an order stays so where the shaft is a little faster. New ones begin once there were readings
+    enough for 1.25 cycles, as an order that is not known takes what it can of a stop.
+    """
+    waves, more = status.waves[f], resolved_waves(status, f, BEGIN)
+    status.ample[f] = status.ample[f] + turned if more > waves else 0.0
+    if not known:
+        waves = max(min(waves, resolved_waves(status, f, KEEP)), more)
+    elif status.ample[f] * status.lowest >= SEEN_CYCLES * TURN:
+        waves = more
+    if waves != status.waves[f]:
+        resize(status, f, waves)
 
 
 @compiled_in_place

@@ -24,6 +24,7 @@ from textile_twin_core.shaft.gating import (
     is_false_start,
     is_growing,
     is_predicted,
+    is_runaway,
     learn_abruptness,
     reconsider,
     restart,
@@ -144,6 +145,9 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     if is_false_start(status, reading, off, step):
         status.additive = status.sense = 0.0
         restart(status, reading, (reading - status.read) / step, step, row)
+        return
+    if is_runaway(status, reading - status.read, step):
+        restart(status, reading, math.copysign(status.travel, status.leapt) / status.interval, step, row)
         return
     guess_resolution(status, abs(reading - status.read))
     if abs(reading - status.read - status.speed * step) > ROUNDED_APART * status.resolution:

@@ -23,6 +23,7 @@ from textile_twin_core.shaft.measurement_noise import (
     FIRST_JITTER,
     LEAP_GUESSED,
     OFTEN_HELD,
+    SETTLING,
     measurement_variance,
     set_correlated,
     unwrap_reading,
@@ -39,6 +40,7 @@ OUTLIER_WEIGHT = 3.0  # of an outlier in `abrupt`, a manoeuvre's being 1
 GROWTH = 1.25  # ratio of two successive innovations from which they grow as in a manoeuvre
 MAX_SPEED_RATIO = 2.0  # of the highest speed seen, above which one rejection more is needed: outliers line up by chance
 MAX_GAP_SIGMA = 0.05  # [rad] predicted across a gap: at most 1 in 20 other motions passes a gate of 3 sigma by chance
+RUNAWAY = 8.0  # times the mean move of readings, beyond which no shaft moves between them for long
 FALSE_START = 4.0  # innovation in deviations from the line through the latest measurements
 SENSOR_SPEED_SIGMA = 0.02  # standard deviation of a sensor's own speed, relative
 
@@ -83,7 +85,7 @@ def initiate(status: Record, step: float, angle: float, row: Record) -> None:
     status.mode_probability[0] = 1.0
     status.leading = 0
     status.since = status.rejected_run = status.unconfirmed = status.clean = status.ripple_tried = 0.0
-    status.off_before = status.off_last = 0.0
+    status.off_before = status.off_last = status.runaway = 0.0
     row.reading, row.cut = angle, STRETCH
     row.noise = row.unit = measurement_variance(status, status.speed)
 
@@ -107,6 +109,18 @@ def is_false_start(status: Record, reading: float, off: float, step: float) -> b
     bend = reading - status.kept - status.moved * step / status.interval
     limit = FALSE_START * (abs(bend) + math.sqrt(measurement_variance(status, status.speed)))
     return abs(off) > limit  # type: ignore[no-any-return]
+
+
+@compiled_in_place
+def is_runaway(status: Record, moved: float, step: float) -> bool:
+    """Whether the estimated speed has for long been many times that of the readings, which `moved` [rad] now.
+
+    No reading would correct it: their noise follows the speed.
+    """
+    status.travel += (abs(moved) - status.travel) / SETTLING
+    runs = status.still == 0.0 and abs(status.speed) * step > RUNAWAY * (status.travel + status.resolution)
+    status.runaway = status.runaway + 1.0 if runs else 0.0
+    return status.runaway > UNCONFIRMED  # type: ignore[no-any-return]
 
 
 @compiled_in_place

@@ -10,6 +10,7 @@ from textile_twin_core.shaft.measurement_noise import measurement_variance
 from textile_twin_core.shaft.status import Records
 
 LOOK_EVERY = 1024  # samples between two checks
+FIRST_LOOK = 128  # after which the first is; then each time after as many again as there were, up to LOOK_EVERY
 CHANGED, UNSURE = 0.25, 3.0  # a change exceeds so many sigmas of a measurement and of the ripples' difference
 MOST_KNOWN = 64  # ripples kept; beyond, every second one is dropped
 
@@ -19,17 +20,18 @@ class RippleHistory:
 
     def __init__(self) -> None:
         self.known: list[Records] = []
-        self._taken = 0
+        self._taken, self._due = 0, FIRST_LOOK
 
     @property
     def until_look(self) -> int:
         """Samples until the next check."""
-        return LOOK_EVERY - self._taken % LOOK_EVERY
+        return self._due - self._taken
 
     def follow(self, status: Records, samples: int) -> None:
         """Count the samples that led to a status (at most `until_look`) and check it when due."""
         self._taken += samples
-        if self._taken % LOOK_EVERY == 0:
+        if self._taken == self._due:
+            self._due += min(self._taken, LOOK_EVERY)
             self._check(status)
 
     def end(self, status: Records) -> None:

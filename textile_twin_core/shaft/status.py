@@ -53,6 +53,7 @@ _NUMBERS = (
     "rejected_run", "unconfirmed",  # readings rejected in a row; those that must fit until the state is settled
     "off_before", "off_last", "step_last",  # prediction errors of the last two rejected [rad], the last's step [s]
     "clean",  # readings since the last outlier
+    "travel", "runaway",  # mean move from sample to sample [rad]; samples for which the speed was far beyond it
     "abrupt", "doubtful",  # above 0 where what left the gate was motion; 1 after such a reading until the next
     "basis_at", "basis_waves",  # angle and orders for which `basis` is evaluated
     "heard", "heard_since", "listened",  # leading family of late, `used` when it began to lead; weight of the averages
@@ -61,6 +62,7 @@ _NUMBERS = (
 _BY_FAMILY = (
     "density", "mode_probability",  # predictive density of the latest reading
     "active", "travelled", "began",  # 1 if active; angle turned [rad] since it started, speed then
+    "ample",  # angle turned [rad] with readings enough for more orders
     "rest", "pause",  # angle [rad] left to rest, or if negative turned since it was probable; cycles of its next rest
     "log_memory",  # mean logarithm of its memory
 )  # fmt: skip
