@@ -96,8 +96,7 @@ def is_active(status: Record, f: int, turned: float) -> bool:
         for row in range(9):
             status.start[row] = status.clock[row, m]
         initialise(status, f, status.scale[m])
-        # The noise scale of sampled readings keeps its weight; that of edges, which are exact, was mostly ripple.
-        for lane in range(lanes.FIRST[f], lanes.FIRST[f] if status.edges > 0.0 else lanes.END[f]):
+        for lane in range(lanes.FIRST[f], lanes.END[f]):
             status.scale_samples[lane] = status.scale_samples[m]
         status.active[f], status.rest[f], status.travelled[f], status.mode_probability[f] = 1.0, 0.0, 0.0, 0.0
         status.began[f] = max(speed, standstill_speed(status))

@@ -34,7 +34,6 @@ from textile_twin_core.shaft.measurement_noise import (
     SETTLING,
     adapt_additive_noise,
     adapt_jitter,
-    guess_resolution,
     is_repetition,
     learn_repetitions,
     measurement_variance,
@@ -149,7 +148,6 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     if is_runaway(status, reading - status.read, step):
         restart(status, reading, math.copysign(status.travel, status.leapt) / status.interval, step, row)
         return
-    guess_resolution(status, abs(reading - status.read))
     if abs(reading - status.read - status.speed * step) > ROUNDED_APART * status.resolution:
         status.correlated = row.correlated = 1.0
     repeated = status.holding

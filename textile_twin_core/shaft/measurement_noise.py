@@ -148,28 +148,18 @@ def least_scale(status: Record, noise: float) -> float:
 
 @compiled_in_place
 def set_resolution(record: Records, resolution: float) -> None:
-    """Set the encoder's step [rad], 0 for none."""
+    """Set the encoder's step [rad], 0 for none.
+
+    A turning shaft's filters keep the variance that they learnt, at rest nothing was learnt.
+    """
     for i in range(2 if record[0].doubtful > 0.0 else 1):
-        record[i].guessed = record[i].held = 0.0
-        _set_resolution(record[i], resolution)
-
-
-@compiled_in_place
-def guess_resolution(status: Record, moved: float) -> None:
-    """Bound an unknown encoder step by `moved` [rad], the difference of two measurements."""
-    if status.guessed > 0.0 and FINEST_STEP_RAD < moved < status.resolution:
-        _set_resolution(status, moved)
-
-
-@compiled_in_place
-def _set_resolution(status: Record, resolution: float) -> None:
-    """Change the step; a turning shaft's filters keep the variance they learnt, at rest nothing was learnt."""
-    before = measurement_variance(status, status.speed)
-    turning = abs(status.speed) * status.interval > status.resolution
-    status.resolution = resolution
-    set_correlated(status)
-    if turning:
-        _rescale(status, before / measurement_variance(status, status.speed))
+        status = record[i]
+        before = measurement_variance(status, status.speed)
+        turning = abs(status.speed) * status.interval > status.resolution
+        status.resolution, status.guessed, status.held = resolution, 0.0, 0.0
+        set_correlated(status)
+        if turning:
+            _rescale(status, before / measurement_variance(status, status.speed))
 
 
 @compiled_in_place

@@ -44,7 +44,7 @@ _NUMBERS = (
     "first", "origin",  # first reading [rad] and its whole turns
     "period", "slips",  # angle at which readings wrap, 0 if they do not; what unwrapping adds [rad]
     "auto", "low", "high",  # 1 if wrapping is found from the readings, and their range [rad]
-    "edges", "resolution", "guessed",  # 1 for edges of teeth; encoder's step [rad], 1 if that is only an upper bound
+    "edges", "resolution", "guessed",  # 1 for edges of teeth; encoder's step [rad], 1 if it is not known yet
     "correlated",  # readings that count as one, as their rounding errors are correlated
     "jitter", "jitter_told", "additive",  # variance of the stamps [s^2], 1 if it is a setting; other noise [rad^2]
     "kept", "kept_at", "moved", "bent",  # last reading not rejected, its time, first and second difference per interval
