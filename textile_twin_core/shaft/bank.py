@@ -34,10 +34,8 @@ RESTART_RATIO = math.exp(
 RESTART_PROBABILITY = 0.01  # below which a filter may restart
 FIRST_SCALE_WEIGHT = 0.1  # of the first noise scale, in innovations: it may be hundreds of times too large
 SCALE_SAMPLES = 500.0  # innovations over which a filter's noise scale is averaged
-RECENT_SAMPLES, FALLEN = (
-    50.0,
-    0.1,
-)  # among the first of them, that of so few replaces a scale that is ten times as large
+RECENT_SAMPLES = 50.0  # of the latest of them, whose scale takes over among the first SCALE_SAMPLES ..
+FALLEN = 0.1  # .. where it is such a part of the whole average
 RIPPLE_SIZE = 0.05  # prior standard deviation of the speed's ripple in each order, relative to the speed
 
 

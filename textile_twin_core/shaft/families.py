@@ -39,7 +39,7 @@ SAMPLES_PER_WAVE = 2.3  # that the highest order of a family needs: 2 (Nyquist),
 EDGES_PER_WAVE = 3.0  # as edges of teeth tell of the same angles in each turn, of all but the missing ones
 BEGIN, KEEP = 1.05, 0.95  # times that many samples for orders to begin with, and to go on
 USUAL_STEP = 1.5  # intervals up to which no sample was lost between two
-MOST_GAIN = 0.2  # of the mean move: of shafts with fewer than five samples a turn no ripple is told
+MOST_GAIN = 0.2  # of a single move in their mean, however few make a turn
 UNBIASED = int(np.argmin(np.abs(lanes.MEMORIES[: lanes.END[lanes.PLAIN]] - 1.0)))
 """Lane of the plain filter with a memory of one sample: ripple biases longer ones, shorter ones are noisy."""
 SECOND_ORDER_EVERY = 8.0  # samples between updates of g2, which changes slowly

@@ -11,7 +11,7 @@ import numpy as np
 from textile_twin_core.compiling import compiled_in_place
 
 MOST_WAVES: Final = (0, 2, 6, 12)  # orders of ripple of each family, fewer where a turn has too few samples for them
-LEAST_WAVES: Final = (0, 1, 3, 7)
+LEAST_WAVES: Final = (0, 1, 3, 7)  # below which a family is at rest: the one before has as many
 FAMILIES: Final = len(MOST_WAVES)
 WIDEST: Final = 2 * MOST_WAVES[-1]  # coefficients of the most orders
 VECTOR = 4  # lanes that the processor handles at once: each family begins with a whole vector
