@@ -70,3 +70,16 @@ def test_outliers_at_rest_do_not_hide_the_encoders_step(seed: int) -> None:
 def test_the_step_of_angles_that_do_not_wrap_need_not_divide_a_turn(move: float) -> None:
     angles = np.round(move * (np.arange(192) + 0.3 * np.sin(np.arange(192))) / 0.01) * 0.01
     assert encoder_step(np.arange(192.0), angles) == pytest.approx(0.01, rel=1e-9)
+
+
+@pytest.mark.parametrize("steps", [2.01, 2.03, 3.03])
+def test_a_shaft_in_step_with_its_encoder_shows_the_step_by_what_is_not_expected(steps: float) -> None:
+    """It turns by so many steps between readings: one in 30 to 100 is a step off, an outlier among equal moves."""
+    step, time = 2.0 * np.pi / 4096, np.arange(1, 8000) / 1000.0
+    speed = steps * step * 1000.0
+    estimator = create_estimator("causal")
+    states = estimator.step(time, np.floor((speed * time + 1.0 + 0.3 * step * np.sin(2.0 * time)) / step) * step)
+    assert estimator.report.resolution_rad == pytest.approx(step, rel=1e-9)
+    late = states.index > 4000
+    truth = speed + 0.6 * step * np.cos(2.0 * time[states.index[late]])
+    assert np.sqrt(np.mean((states.omega_rad_s[late] - truth) ** 2)) < 3e-4 * speed

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft.bank import rescale
 from textile_twin_core.shaft.encoder import FINEST_STEP_RAD
 from textile_twin_core.shaft.status import Record, Records
 from textile_twin_core.shaft.turns import TURN
@@ -159,7 +159,7 @@ def set_resolution(record: Records, resolution: float) -> None:
         status.resolution, status.guessed, status.held = resolution, 0.0, 0.0
         set_correlated(status)
         if turning:
-            _rescale(status, before / measurement_variance(status, status.speed))
+            rescale(status, before / measurement_variance(status, status.speed))
 
 
 @compiled_in_place
@@ -170,20 +170,4 @@ def adapt_jitter(status: Record, noise: float) -> None:
     if status.jitter_told == 0.0:
         jitter = max(found - rounding_variance(status), 0.01 * found) / status.speed**2
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (jitter - status.jitter)
-    _rescale(status, noise / measurement_variance(status, status.speed))
-
-
-@compiled_in_place
-def _rescale(status: Record, change: float) -> None:
-    """Divide the unit of variance by `change`: scales and factors keep the covariances that they stand for."""
-    root = 1.0 / math.sqrt(change)
-    for f in range(lanes.FAMILIES):
-        end = lanes.END[f] if status.active[f] > 0.0 else lanes.FIRST[f]
-        for m in range(lanes.FIRST[f], end):
-            status.scale[m] *= change
-            status.recent_scale[m] *= change
-            for row in range(lanes.L00, lanes.L22 + 1):
-                status.clock[row, m] *= root
-            for j in range(2 * status.waves[f]):
-                for i in range(j, 2 * status.waves[f]):
-                    status.factor[j, i, m] *= root
+    rescale(status, noise / measurement_variance(status, status.speed))

@@ -16,6 +16,7 @@ from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at, set_shaft_second
 from textile_twin_core.shaft.families import SECOND_ORDER_EVERY, samples_a_turn
+from textile_twin_core.shaft.kalman import ROBUST
 from textile_twin_core.shaft.measurement_noise import standstill_speed
 from textile_twin_core.shaft.status import Record, Records
 
@@ -36,11 +37,15 @@ FALL = (np.arange(ORDERS) / np.arange(1.0, ORDERS + 1.0)) ** 6
 
 @compiled_in_place
 def listen_for_orders(status: Record, noise: float) -> None:
-    """Average the Fourier coefficients of the leading filter's innovations, scaled to the readings' noise."""
+    """Average the Fourier coefficients of the leading filter's innovations, scaled to the readings' noise.
+
+    Single large ones count as the filter takes them, or what a restart leaves would have the sensor's flat spectrum.
+    """
     m = status.best[status.leading]
-    left = noise / (noise + status.prior_variance[m])
+    expected = noise + status.prior_variance[m]
+    left, most = noise / expected, math.sqrt(ROBUST * status.scale[m] * expected)
     set_basis_at(status, status.angle, ORDERS // 2)
-    part = 2.0 * math.sqrt(left) * status.innovation[m] / ORDER_SAMPLES
+    part = 2.0 * math.sqrt(left) * min(max(status.innovation[m], -most), most) / ORDER_SAMPLES
     for i in range(2 * ORDERS):
         status.order_sums[i] = KEEP * status.order_sums[i] + part * status.basis[i]
     status.reading_variance += (status.scale[m] * noise - status.reading_variance) / ORDER_SAMPLES

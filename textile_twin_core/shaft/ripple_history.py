@@ -12,6 +12,7 @@ from textile_twin_core.shaft.status import Records
 LOOK_EVERY = 1024  # samples between two checks
 FIRST_LOOK = 128  # after which the first is; then each time after as many again as there were, up to LOOK_EVERY
 CHANGED, UNSURE = 0.25, 3.0  # a change exceeds so many sigmas of a measurement and of the ripples' difference
+LESS_SURE = 2.0  # times the sigma of the same ripple known before, from which the earlier one stays
 MOST_KNOWN = 64  # ripples kept; beyond, every second one is dropped
 
 
@@ -48,7 +49,7 @@ class RippleHistory:
         if self.known:
             before, sigma_before, _ = _ripple(self.known[-1])
             if _rms(ripple - before) < max(CHANGED * reading, UNSURE * float(np.hypot(sigma, sigma_before))):
-                if sigma > UNSURE * sigma_before:
+                if sigma > LESS_SURE * sigma_before:
                     self.known[-1]["received"] = status["received"]
                     return
                 self.known.pop()

@@ -69,7 +69,7 @@ _BY_FAMILY = (
 _BY_LANE = (
     "logarithm", "jerk_strength",  # log N; N^-3, root of the process noise intensity relative to other memories
     "scale", "scale_samples",  # factor on the measurement variance, and the innovations it is averaged over
-    "recent_scale",  # the same of the latest alone
+    "recent_scale", "factor_scale",  # the same of the latest alone; when `factor` was last rescaled
     "probability", "usage", "likelihood_ratio",  # within the family, its mean; ratio to the family since its peak
     "innovation", "prior_variance", "ripple_variance",  # variances of the predicted reading, in all and by ripple
     "ripple_reading", "likelihood", "noise_variance",  # ripple in the reading; measurement variance, robust
