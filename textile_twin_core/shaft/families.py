@@ -138,13 +138,15 @@ def _fit_waves(status: Record, f: int, turned: float, known: bool) -> None:
 
 @compiled_in_place
 def forget_lessons(status: Record) -> None:
-    """Start all families with ripple anew, and the noise scales: the readings until now were not what they seemed."""
+    """Begin anew all but the plain states, and the noise scales: the readings until now were not what they seemed."""
     for m in range(lanes.END[lanes.PLAIN]):
         status.scale_samples[m] = FIRST_SCALE_WEIGHT
     for f in range(1, lanes.FAMILIES):
         status.active[f] = status.mode_probability[f] = status.rest[f] = 0.0
     status.mode_probability[0] = 1.0
     status.leading = 0
+    status.order_sums[:] = status.doubt[:] = 0.0
+    status.listened = status.reading_variance = status.sensor_power = 0.0
 
 
 @compiled_in_place
