@@ -38,6 +38,7 @@ COMPARABLE = 1e-3  # probability at which a family of fewer orders than the lead
 SAMPLES_PER_WAVE = 2.3  # that the highest order of a family needs: 2 (Nyquist), and a margin for changing speeds
 EDGES_PER_WAVE = 3.0  # as edges of teeth tell of the same angles in each turn, of all but the missing ones
 BEGIN, KEEP = 1.05, 0.95  # times that many samples for orders to begin with, and to go on
+HIGH_ORDERS = 0.75  # part of the time: 700 readings in a row at first, by when the sensor's errors are known
 USUAL_STEP = 1.5  # intervals up to which no sample was lost between two
 MOST_GAIN = 0.2  # of a single move in their mean, however few make a turn
 UNBIASED = int(np.argmin(np.abs(lanes.MEMORIES[: lanes.END[lanes.PLAIN]] - 1.0)))
@@ -72,6 +73,12 @@ def is_observed(status: Record, f: int) -> bool:
 
 
 @compiled_in_place
+def has_high_orders(status: Record) -> bool:
+    """Whether orders of motion beyond those that other families model were heard most of the time of late."""
+    return status.high_orders > HIGH_ORDERS  # type: ignore[no-any-return]
+
+
+@compiled_in_place
 def is_active(status: Record, f: int, turned: float) -> bool:
     """Start, restart, resize or rest a family, `turned` [rad] after the last sample; whether it is active.
 
@@ -90,7 +97,8 @@ def is_active(status: Record, f: int, turned: float) -> bool:
         status.rest[f], status.pause[f] = 0.0, FIRST_REST
     faster = speed > RESTART_SPEED * status.began[f]
     working = status.active[f] > 0.0 and not (idle and faster)
-    if not working and status.rest[f] <= 0.0 and resolved_waves(status, f, BEGIN) >= lanes.LEAST_WAVES[f]:
+    resolved = resolved_waves(status, f, BEGIN) >= lanes.LEAST_WAVES[f]
+    if not working and resolved and status.rest[f] <= 0.0 and (f < lanes.HIGH or has_high_orders(status)):
         m = UNBIASED
         status.waves[f] = resolved_waves(status, f, BEGIN)
         for row in range(9):
@@ -104,7 +112,8 @@ def is_active(status: Record, f: int, turned: float) -> bool:
         status.active[f] = status.mode_probability[f] = 0.0
         status.mode_probability[0] = max(status.mode_probability[0], ENTRY_PROBABILITY)
     elif status.active[f] > 0.0 and status.rest[f] * status.lowest < -IDLE_CYCLES * TURN:
-        if f < status.leading and status.mode_probability[f] > COMPARABLE:
+        enough = status.leading < lanes.HIGH or not has_high_orders(status)
+        if f < status.leading and status.mode_probability[f] > COMPARABLE and enough:
             status.mode_probability[f] = 1.0
         else:
             status.active[f] = status.mode_probability[f] = 0.0

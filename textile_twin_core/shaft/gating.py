@@ -79,7 +79,7 @@ def initiate(status: Record, step: float, angle: float, row: Record) -> None:
         waves = resolved_waves(status, f, 1.0)
         status.waves[f] = max(waves, lanes.LEAST_WAVES[f])
         initialise(status, f, 1.0)
-        status.active[f] = 1.0 if waves >= lanes.LEAST_WAVES[f] else 0.0
+        status.active[f] = 1.0 if waves >= lanes.LEAST_WAVES[f] and f < lanes.HIGH else 0.0
         status.mode_probability[f] = status.travelled[f] = status.began[f] = status.rest[f] = 0.0
         status.pause[f] = FIRST_REST
     status.mode_probability[0] = 1.0

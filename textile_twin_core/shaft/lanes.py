@@ -10,14 +10,14 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 
-MOST_WAVES: Final = (0, 2, 6, 12)  # orders of ripple of each family, fewer where a turn has too few samples for them
-LEAST_WAVES: Final = (0, 1, 3, 7)  # below which a family is at rest: the one before has as many
+MOST_WAVES: Final = (0, 2, 6, 12, 24)  # orders of ripple of each family, fewer where a turn has too few samples
+LEAST_WAVES: Final = (0, 1, 3, 7, 13)  # below which a family is at rest: the one before has as many
 FAMILIES: Final = len(MOST_WAVES)
 WIDEST: Final = 2 * MOST_WAVES[-1]  # coefficients of the most orders
 VECTOR = 4  # lanes that the processor handles at once: each family begins with a whole vector
 _COMMON = (1.0, 2.0, 4.0, 8.0, 16.0, 34.0, 82.0, 210.0, 580.0, 1800.0)
 _PLAIN_ONLY = (0.5, 0.7, 3200.0, 5600.0, 10000.0, 17400.0)
-_OF_FAMILIES = (tuple(sorted((*_COMMON, *_PLAIN_ONLY))), _COMMON, _COMMON, (4.0, 34.0, 210.0, 1800.0))
+_OF_FAMILIES = (tuple(sorted((*_COMMON, *_PLAIN_ONLY))), _COMMON, _COMMON, *2 * ((4.0, 34.0, 210.0, 1800.0),))
 """Memories N of the filters, in samples. Families share memories, or the one with that nearest the motion's would lead.
 The Fisher information of a reading on log N is 5 / N (after Whittle 1953), and so the ratio between neighbours grows.
 The plain family, the cheapest, adds those for motions that change within a sample and for very even speeds."""
@@ -40,6 +40,8 @@ def numbers(count: int) -> list[int]:
 
 
 PLAIN: Final = numbers(1)[0]  # the family without ripple
+HIGH: Final = numbers(FAMILIES)[-1]  # the family of high orders, at rest until such are heard: it costs most
+USUAL_WAVES: Final = MOST_WAVES[-2]  # orders of the others
 CHAIN: Final = numbers(COUNT)[-1]  # lane of the smoother's filter, whatever its family
 ACCELERATION, RATE, ANGLE, L00, L10, L20, L11, L21, L22 = numbers(9)
 """Rows of a lane's clock: state and lower triangular covariance factor; L10 is that of rate and acceleration."""

@@ -20,13 +20,15 @@ from textile_twin_core.shaft.kalman import ROBUST
 from textile_twin_core.shaft.measurement_noise import standstill_speed
 from textile_twin_core.shaft.status import Record, Records
 
-ORDERS = lanes.WIDEST  # that are listened for: as many as the basis has room for
+ORDERS = lanes.WIDEST  # that are listened for at most: as many as the basis has room for
 ORDER_SAMPLES = 500.0  # readings over which an order is averaged
 KEEP = 1.0 - 1.0 / ORDER_SAMPLES
 HEARD = 0.9  # of the samples per turn: orders up to it differ from their aliases, as readings fall elsewhere each turn
 SIGNIFICANT = 7.0  # times the mean power of white residuals in an order, exceeded by chance in 1 case of 1000
 ABOVE_SENSOR = 10.0  # times the sensor's, by some 12 orders: exceeded by chance in 1 case of 1400 (F of 2 and 24)
+HIGH_ABOVE_SENSOR = 20.0  # the same of orders above the usual ones, whose accelerations are large: 1 of 140 000
 FEWEST_ORDERS = 5  # by which the sensor's power is known
+HIGH_SIGNIFICANT = 14.0  # of orders above the usual ones: in one case of a million
 LOG_MEAN, LOG_SIGMA = 0.5772, 1.2825  # of exponentially distributed powers: how far the logarithm's mean is below
 # that of their mean, and its standard deviation
 FLAT, FALLING = 2.5, 3.5  # deviations by which the lower half's power exceeds the upper's: the sensor's; a motion's
@@ -44,9 +46,10 @@ def listen_for_orders(status: Record, noise: float) -> None:
     m = status.best[status.leading]
     expected = noise + status.prior_variance[m]
     left, most = noise / expected, math.sqrt(ROBUST * status.scale[m] * expected)
-    set_basis_at(status, status.angle, ORDERS // 2)
+    orders = _listened_orders(status, lanes.HIGH)
+    set_basis_at(status, status.angle, orders // 2)
     part = 2.0 * math.sqrt(left) * min(max(status.innovation[m], -most), most) / ORDER_SAMPLES
-    for i in range(2 * ORDERS):
+    for i in range(2 * orders):
         status.order_sums[i] = KEEP * status.order_sums[i] + part * status.basis[i]
     status.reading_variance += (status.scale[m] * noise - status.reading_variance) / ORDER_SAMPLES
     status.listened += (1.0 - status.listened) / ORDER_SAMPLES
@@ -54,6 +57,7 @@ def listen_for_orders(status: Record, noise: float) -> None:
         status.heard, status.heard_since = float(status.leading), status.used
     if status.used % SECOND_ORDER_EVERY == 0.0:
         _set_sensor_power(status)
+        _hear_high_orders(status)
         for f in range(lanes.FAMILIES):
             if status.active[f] > 0.0 or f == 0:
                 _part_orders(status, f, left)
@@ -86,9 +90,15 @@ def add_systematic(row: Record) -> None:
 
 
 @compiled_in_place
-def _top(status: Record, share: float) -> int:
+def _listened_orders(status: Record, f: int) -> int:
+    """As many orders as any family models, and twice as many where `f` is that of high orders, and active."""
+    return ORDERS if f == lanes.HIGH and status.active[f] > 0.0 else lanes.MOST_WAVES[-1]
+
+
+@compiled_in_place
+def _top(status: Record, share: float, most: int) -> int:
     """Orders of up to such a share of the samples per turn; half of them are resolved."""
-    return min(ORDERS, int(share * samples_a_turn(status) / status.lowest))
+    return min(most, int(share * samples_a_turn(status) / status.lowest))
 
 
 @compiled_in_place
@@ -119,13 +129,14 @@ def _set_sensor_power(status: Record) -> None:
 
     By their mean logarithm, to which single peaks, as of gears, are little; as far as it does not fall with the order.
     """
-    f, top = status.leading, _top(status, 0.5)
-    first = max(status.waves[f] // 2, top // 4)
+    f, top = status.leading, _top(status, 0.5, lanes.MOST_WAVES[-1])
+    first = max(min(status.waves[f], lanes.USUAL_WAVES) // 2, top // 4)
     middle, count, upper, lower, total = (first + top) // 2, 0, 0, 0.0, 0.0
     settled = status.used - status.heard_since > ORDER_SAMPLES
+    most = lanes.MOST_WAVES[-1] if status.active[lanes.HIGH] > 0.0 else lanes.USUAL_WAVES
     for k in range(first, top):
         # What another family modelled until lately is not in the averages.
-        if _is_sensors(status, k) and (settled or k < status.waves[f] or k >= lanes.MOST_WAVES[-1]):
+        if _is_sensors(status, k) and (settled or k < status.waves[f] or k >= most):
             power = math.log(max(_power(status, f, k), 1e-300))
             count, total = count + 1, total + power
             upper, lower = upper + (k >= middle), lower + (power if k < middle else 0.0)
@@ -147,12 +158,13 @@ def _part_orders(status: Record, f: int, left: float) -> None:
     the filter does not follow it (`left`).
     """
     sensor, motion, white = status.sensor_power, 0.0, _white_power(status)
-    top = _top(status, 0.5 if status.edges > 0.0 else HEARD)
+    top = _top(status, 0.5 if status.edges > 0.0 else HEARD, _listened_orders(status, f))
     status.doubt[f, :] = 0.0
     for k in range(max(top, status.waves[f])):
         modelled, power = k < status.waves[f], _power(status, f, k)
         own = sensor if _is_sensors(status, k) else 0.0
-        least = ABOVE_SENSOR * own if modelled else max(ABOVE_SENSOR * own, SIGNIFICANT * white)
+        least = own * (ABOVE_SENSOR if k < lanes.USUAL_WAVES else HIGH_ABOVE_SENSOR)
+        least = least if modelled else max(least, SIGNIFICANT * white)
         motion *= FALL[k]
         if power > least:
             motion = max(power - own, motion)
@@ -166,3 +178,18 @@ def _part_orders(status: Record, f: int, left: float) -> None:
             status.doubt[f, 0] += doubtful
             status.doubt[f, 1] += doubtful * squared
             status.doubt[f, 2] += doubtful * squared**2
+
+
+@compiled_in_place
+def _hear_high_orders(status: Record) -> None:
+    """Average whether there are orders of motion from the highest usual one on, in the ripple or in what it leaves."""
+    f, heard, white = status.leading, 0.0, _white_power(status)
+    settled = status.used - status.heard_since > ORDER_SAMPLES
+    if not settled and status.waves[f] < lanes.USUAL_WAVES:
+        return
+    for k in range(lanes.USUAL_WAVES - 1, _top(status, 0.5, lanes.MOST_WAVES[-1])):
+        own = status.sensor_power if _is_sensors(status, k) else 0.0
+        significant = _power(status, f, k) > max(HIGH_ABOVE_SENSOR * own, HIGH_SIGNIFICANT * white)
+        if significant and (settled or k < status.waves[f]):
+            heard = 1.0
+    status.high_orders += (heard - status.high_orders) * SECOND_ORDER_EVERY / ORDER_SAMPLES
