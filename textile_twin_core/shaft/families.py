@@ -73,6 +73,12 @@ def is_observed(status: Record, f: int) -> bool:
 
 
 @compiled_in_place
+def _turns_remembered(status: Record) -> float:
+    """Memory of the leading filter, in turns."""
+    return float(lanes.MEMORIES[status.best[status.leading]] / samples_a_turn(status))
+
+
+@compiled_in_place
 def has_high_orders(status: Record) -> bool:
     """Whether orders of motion beyond those that other families model were heard most of the time of late."""
     return status.high_orders > HIGH_ORDERS  # type: ignore[no-any-return]
@@ -89,8 +95,7 @@ def is_active(status: Record, f: int, turned: float) -> bool:
         return True
     idle, speed = status.mode_probability[f] <= IMPROBABLE, abs(status.speed)
     if idle and status.rest[f] > 0.0:
-        memory = lanes.MEMORIES[status.best[status.leading]]
-        status.rest[f] -= turned * min(max(samples_a_turn(status) / memory, 1.0), FASTEST_REST)
+        status.rest[f] -= turned * min(max(1.0 / _turns_remembered(status), 1.0), FASTEST_REST)
     elif idle:
         status.rest[f] -= turned
     else:
@@ -113,7 +118,9 @@ def is_active(status: Record, f: int, turned: float) -> bool:
         status.mode_probability[0] = max(status.mode_probability[0], ENTRY_PROBABILITY)
     elif status.active[f] > 0.0 and status.rest[f] * status.lowest < -IDLE_CYCLES * TURN:
         enough = status.leading < lanes.HIGH or not has_high_orders(status)
-        if f < status.leading and status.mode_probability[f] > COMPARABLE and enough:
+        # As good as a ripple that is of little use, since another now, is not enough: it begins anew after its rest.
+        comparable = status.mode_probability[f] > COMPARABLE and _turns_remembered(status) >= 1.0
+        if f < status.leading and comparable and enough:
             status.mode_probability[f] = 1.0
         else:
             status.active[f] = status.mode_probability[f] = 0.0
