@@ -83,7 +83,7 @@ def initialise(status: Record, f: int, scale: float) -> None:
         for i in range(width):
             status.ripple[i, m] = 0.0
         status.scale[m], status.scale_samples[m] = scale, FIRST_SCALE_WEIGHT
-        status.recent_scale[m] = status.factor_scale[m] = scale
+        status.recent_scale[m] = scale
         status.likelihood_ratio[m] = 1.0
         status.probability[m] = status.usage[m] = 1.0 / (lanes.END[f] - first) if m < lanes.END[f] else 0.0
     doubt_ripple(status, f, 0)
@@ -215,26 +215,25 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
 
 
 @compiled_in_place
-def rescale(status: Record, change: float) -> None:
+def rescale(status: Record, change: float, drift: float) -> None:
     """Divide the unit of variance by `change`: scales and factors keep the covariances that they stand for.
 
-    Those of ripple coefficients keep them also where the noise scale, once it forgets, has become another since: what
-    was learnt under the former noise stays known as well as it was.
+    The unit has become `drift` times what it was since the last time, while scales stayed. They will make up for it,
+    and the covariance of the ripple's coefficients would go with them: two estimates of the noise that take turns would
+    make it smaller each time.
     """
     root = 1.0 / math.sqrt(change)
+    ripple_root = root * math.sqrt(drift)
     for f in range(lanes.FAMILIES):
         end = lanes.END[f] if status.active[f] > 0.0 else lanes.FIRST[f]
         for m in range(lanes.FIRST[f], end):
+            status.scale[m] *= change
+            status.recent_scale[m] *= change
             for row in range(lanes.L00, lanes.L22 + 1):
                 status.clock[row, m] *= root
-            forgets = status.scale_samples[m] == SCALE_SAMPLES
-            ripple_root = root * math.sqrt(status.factor_scale[m] / status.scale[m]) if forgets else root
             for j in range(2 * status.waves[f]):
                 for i in range(j, 2 * status.waves[f]):
                     status.factor[j, i, m] *= ripple_root
-            status.scale[m] *= change
-            status.recent_scale[m] *= change
-            status.factor_scale[m] = status.scale[m]
 
 
 @compiled_in_place
@@ -256,5 +255,5 @@ def _restart_from(status: Record, source: int, target: int, width: int) -> None:
         for j in range(i + 1):
             status.factor[j, i, target] = status.factor[j, i, source]
     status.scale[target], status.scale_samples[target] = status.scale[source], status.scale_samples[source]
-    status.recent_scale[target], status.factor_scale[target] = status.recent_scale[source], status.factor_scale[source]
+    status.recent_scale[target] = status.recent_scale[source]
     status.likelihood_ratio[target] = 1.0

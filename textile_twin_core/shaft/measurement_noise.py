@@ -43,7 +43,12 @@ def unwrap_reading(status: Record, raw: float, expected: float) -> float:
 @compiled_in_place
 def measurement_variance(status: Record, speed: float) -> float:
     """Measurement variance [rad^2]: rounding and stamp jitter at `speed` [rad/s], or additive noise if larger."""
-    return float(max(rounding_variance(status) + status.jitter * speed**2, status.additive) + FINEST_RAD2)
+    return _variance(status, speed, status.additive)
+
+
+@compiled_in_place
+def _variance(status: Record, speed: float, additive: float) -> float:
+    return float(max(rounding_variance(status) + status.jitter * speed**2, additive) + FINEST_RAD2)
 
 
 @compiled_in_place
@@ -159,15 +164,17 @@ def set_resolution(record: Records, resolution: float) -> None:
         status.resolution, status.guessed, status.held = resolution, 0.0, 0.0
         set_correlated(status)
         if turning:
-            rescale(status, before / measurement_variance(status, status.speed))
+            rescale(status, before / measurement_variance(status, status.speed), 1.0)
 
 
 @compiled_in_place
 def adapt_jitter(status: Record, noise: float) -> None:
     """Attribute the noise scale of the leading family's best filter to jitter: the variance follows the speed."""
     found = status.scale[status.best[status.leading]] * noise
+    drift = measurement_variance(status, status.speed) / _variance(status, status.speed, status.additive_before)
+    status.additive_before = status.additive
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
         jitter = max(found - rounding_variance(status), 0.01 * found) / status.speed**2
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (jitter - status.jitter)
-    rescale(status, noise / measurement_variance(status, status.speed))
+    rescale(status, noise / measurement_variance(status, status.speed), drift)

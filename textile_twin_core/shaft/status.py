@@ -47,6 +47,7 @@ _NUMBERS = (
     "edges", "resolution", "guessed",  # 1 for edges of teeth; encoder's step [rad], 1 if it is not known yet
     "correlated",  # readings that count as one, as their rounding errors are correlated
     "jitter", "jitter_told", "additive",  # variance of the stamps [s^2], 1 if it is a setting; other noise [rad^2]
+    "additive_before",  # when the unit of variance was last rescaled
     "kept", "kept_at", "moved", "bent",  # last reading not rejected, its time, first and second difference per interval
     "read", "leapt", "leapt_after",  # last reading; last move beyond rounding, and the repetitions before it
     "held", "holding", "longest_hold",  # part of such moves after repetitions; repetitions in a row, and the most
@@ -70,7 +71,7 @@ _BY_FAMILY = (
 _BY_LANE = (
     "logarithm", "jerk_strength",  # log N; N^-3, root of the process noise intensity relative to other memories
     "scale", "scale_samples",  # factor on the measurement variance, and the innovations it is averaged over
-    "recent_scale", "factor_scale",  # the same of the latest alone; when `factor` was last rescaled
+    "recent_scale",  # the same of the latest alone
     "probability", "usage", "likelihood_ratio",  # within the family, its mean; ratio to the family since its peak
     "innovation", "prior_variance", "ripple_variance",  # variances of the predicted reading, in all and by ripple
     "ripple_reading", "likelihood", "noise_variance",  # ripple in the reading; measurement variance, robust
