@@ -162,7 +162,7 @@ def forget_lessons(status: Record) -> None:
     status.mode_probability[0] = 1.0
     status.leading = 0
     status.order_sums[:] = status.doubt[:] = 0.0
-    status.listened = status.reading_variance = status.sensor_power = 0.0
+    status.listened = status.reading_variance = status.sensor_power = status.high_orders = 0.0
 
 
 @compiled_in_place

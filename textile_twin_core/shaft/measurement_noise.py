@@ -25,7 +25,7 @@ FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some
 FINEST_S = 1e-9  # [s] least time between measurements: float stamps months from zero may tell none
 LEAST_SCALE = 1e-6  # least noise scale of a filter where nothing else bounds it
 LEARN_JITTER = 0.5  # gain of the jitter's adaptation at full speed; lower speeds hardly show it
-TAKES_TURNS = 2.0  # ratio of two estimates of the same noise at most: beyond it the noise is another
+SAME_NOISE = 2.0  # ratio of two estimates of one noise at most: beyond it the noise is another now
 FORGET_SPEED = 0.99  # decay of the full speed per adaptation
 
 
@@ -49,6 +49,7 @@ def measurement_variance(status: Record, speed: float) -> float:
 
 @compiled_in_place
 def _variance(status: Record, speed: float, additive: float) -> float:
+    """The same with another additive noise [rad^2]."""
     return float(max(rounding_variance(status) + status.jitter * speed**2, additive) + FINEST_RAD2)
 
 
@@ -173,7 +174,7 @@ def adapt_jitter(status: Record, noise: float) -> None:
     """Attribute the noise scale of the leading family's best filter to jitter: the variance follows the speed."""
     found = status.scale[status.best[status.leading]] * noise
     drift = measurement_variance(status, status.speed) / _variance(status, status.speed, status.additive_before)
-    drift = drift if 1.0 / TAKES_TURNS < drift < TAKES_TURNS else 1.0
+    drift = drift if 1.0 / SAME_NOISE < drift < SAME_NOISE else 1.0
     status.additive_before = status.additive
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:

@@ -56,6 +56,7 @@ def listen_for_orders(status: Record, noise: float) -> None:
     if status.leading != status.heard:
         status.heard, status.heard_since = float(status.leading), status.used
     if status.used % SECOND_ORDER_EVERY == 0.0:
+        status.order_sums[2 * orders :] = 0.0  # not listened for any more
         _set_sensor_power(status)
         _hear_high_orders(status)
         for f in range(lanes.FAMILIES):
