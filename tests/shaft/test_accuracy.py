@@ -55,9 +55,10 @@ def test_sigmas_hold_the_truth_about_as_often_as_they_say(name: str, knocks: boo
 @pytest.mark.parametrize("name", ["causal", "smooth"])
 @pytest.mark.parametrize(("bits", "allowed"), [(8, 3e-3), (10, 1e-3), (12, 4e-4)])
 def test_coarse_encoders(name: str, bits: int, allowed: float) -> None:
-    found = judge(name, make_signal(921, bits=bits, duration_s=8.0), after_s=3.0)
-    assert found.torque_rms <= allowed
-    assert found.report.resolution_rad == pytest.approx(2 * np.pi / 2**bits, rel=1e-6)
+    records = [judge(name, make_signal(seed, bits=bits, duration_s=8.0), after_s=3.0) for seed in (921, 922, 923)]
+    assert np.median([found.torque_rms for found in records]) <= allowed
+    for found in records:
+        assert found.report.resolution_rad == pytest.approx(2 * np.pi / 2**bits, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", ["causal", "smooth"])

@@ -24,6 +24,7 @@ from textile_twin_core.shaft.ripple import (
     update_coefficients,
 )
 from textile_twin_core.shaft.status import Record
+from textile_twin_core.shaft.turns import TURN
 
 SWITCH_PROBABILITY = 1e-3  # from one memory to another at each sample: motions change a few times in 1000 samples
 UNIFORM_PART = 0.01  # of it goes to all memories alike, the rest by their use
@@ -36,6 +37,11 @@ FIRST_SCALE_WEIGHT = 0.1  # of the first noise scale, in innovations: it may be 
 SCALE_SAMPLES = 500.0  # innovations over which a filter's noise scale is averaged
 RECENT_SAMPLES = 50.0  # of the latest of them, whose scale takes over among the first SCALE_SAMPLES ..
 FALLEN = 0.1  # .. where it is such a part of the whole average
+YOUNG_CYCLES = 5.0  # in which what is known of the ripple may be no ripple ..
+UNEVEN, MOST_MOVE = (
+    0.3,
+    0.1,
+)  # .. where the speed changes by less than that part, and so many [rad] from reading to reading
 RIPPLE_SIZE = 0.05  # prior standard deviation of the speed's ripple in each order, relative to the speed
 
 
@@ -115,6 +121,20 @@ def resize(status: Record, f: int, waves: int) -> None:
     status.waves[f], status.sensor_ripple[f, 2 * waves :] = waves, 0.0
     doubt_ripple(status, f, before)
     update_second_order(status, f)
+
+
+@compiled_in_place
+def begin_as(status: Record, f: int, known: int, waves: int) -> None:
+    """Initialise all filters of family `f`, of so many orders, with state and ripple of another family's best one."""
+    first = lanes.FIRST[f]
+    status.waves[f] = status.waves[known]
+    for i in range(4 * status.waves[known]):
+        status.second[f, i] = status.second[known, i]
+    for m in range(first, lanes.STOP[f]):
+        _restart_from(status, status.best[known], m, 2 * status.waves[known])
+        status.probability[m] = status.usage[m] = 1.0 / (lanes.END[f] - first) if m < lanes.END[f] else 0.0
+    status.best[f] = first
+    resize(status, f, waves)
 
 
 @compiled_in_place
@@ -209,9 +229,19 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
         if probability[m] > probability[best]:
             best = m
     status.best[f] = best
-    for m in range(first, end):
+    for m in range(best if _is_young(status, f) else first, end):
         if likelihood_ratio[m] < RESTART_RATIO and probability[m] < RESTART_PROBABILITY and m != best:
             _restart_from(status, best, m, 2 * status.waves[f])
+
+
+@compiled_in_place
+def _is_young(status: Record, f: int) -> bool:
+    """Whether filters of long memory may be too sure of the ripple, so that shorter ones do not restart from them.
+
+    In the first turns of an even motion, each of many readings, they take for ripple what does not come again.
+    """
+    even = abs(abs(status.speed) - status.began[f]) < UNEVEN * status.began[f] and status.move < MOST_MOVE
+    return status.waves[f] > 0 and even and status.travelled[f] * status.lowest < YOUNG_CYCLES * TURN  # type: ignore[no-any-return]
 
 
 @compiled_in_place

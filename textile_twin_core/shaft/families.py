@@ -12,6 +12,7 @@ from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import (
     FIRST_SCALE_WEIGHT,
+    begin_as,
     doubt_ripple,
     initialise,
     log_memory,
@@ -26,7 +27,8 @@ from textile_twin_core.shaft.turns import TURN
 SWITCH_PROBABILITY = 1e-5  # from one family to another at each sample: ripple changes with the work done, so seldom
 SEEN_CYCLES = 1.25  # cycles of motion after which a family enters the comparison
 IMPROBABLE = 0.05  # mode probability up to which a family may rest or restart
-IDLE_CYCLES = 8.0  # that an improbable family is active until it rests
+IDLE_CYCLES = 8.0  # that an improbable family, or one of more orders than the leading one, is active until it rests ..
+LONGEST_TRIAL = 32.0  # .. and the latter while it is nearly as good; then it begins anew from the leading one
 FIRST_REST, LONGEST_REST = 16.0, 256.0  # cycles of a rest, which doubles each time
 SIMPLER_REST = (
     0.25  # part of that for fewer orders than the leading family has: needless orders disturb the acceleration
@@ -88,12 +90,12 @@ def has_high_orders(status: Record) -> bool:
 def is_active(status: Record, f: int, turned: float) -> bool:
     """Start, restart, resize or rest a family, `turned` [rad] after the last sample; whether it is active.
 
-    In motion it starts from the plain filter that ripple has biased least. A probable family does not restart at a
-    higher speed: it keeps its ripple as a first guess.
+    A probable family does not restart at a higher speed: it keeps its ripple as a first guess.
     """
     if f == 0:
         return True
-    idle, speed = status.mode_probability[f] <= IMPROBABLE, abs(status.speed)
+    speed, improbable = abs(status.speed), status.mode_probability[f] <= IMPROBABLE
+    idle = improbable or f > status.leading
     if idle and status.rest[f] > 0.0:
         status.rest[f] -= turned * min(max(1.0 / _turns_remembered(status), 1.0), FASTEST_REST)
     elif idle:
@@ -101,31 +103,17 @@ def is_active(status: Record, f: int, turned: float) -> bool:
     else:
         status.rest[f], status.pause[f] = 0.0, FIRST_REST
     faster = speed > RESTART_SPEED * status.began[f]
-    working = status.active[f] > 0.0 and not (idle and faster)
+    working = status.active[f] > 0.0 and not (improbable and faster)
     resolved = resolved_waves(status, f, BEGIN) >= lanes.LEAST_WAVES[f]
     if not working and resolved and status.rest[f] <= 0.0 and (f < lanes.HIGH or has_high_orders(status)):
-        m = UNBIASED
-        status.waves[f] = resolved_waves(status, f, BEGIN)
-        for row in range(9):
-            status.start[row] = status.clock[row, m]
-        initialise(status, f, status.scale[m])
-        for lane in range(lanes.FIRST[f], lanes.END[f]):
-            status.scale_samples[lane] = status.scale_samples[m]
+        _begin(status, f)
         status.active[f], status.rest[f], status.travelled[f], status.mode_probability[f] = 1.0, 0.0, 0.0, 0.0
         status.began[f] = max(speed, standstill_speed(status))
     elif status.active[f] > 0.0 and resolved_waves(status, f, KEEP) < lanes.LEAST_WAVES[f]:
         status.active[f] = status.mode_probability[f] = 0.0
         status.mode_probability[0] = max(status.mode_probability[0], ENTRY_PROBABILITY)
     elif status.active[f] > 0.0 and status.rest[f] * status.lowest < -IDLE_CYCLES * TURN:
-        enough = status.leading < lanes.HIGH or not has_high_orders(status)
-        # As good as a ripple that is of little use, since another now, is not enough: it begins anew after its rest.
-        comparable = status.mode_probability[f] > COMPARABLE and _turns_remembered(status) >= 1.0
-        if f < status.leading and comparable and enough:
-            status.mode_probability[f] = 1.0
-        else:
-            status.active[f] = status.mode_probability[f] = 0.0
-            status.rest[f] = status.pause[f] * (SIMPLER_REST if f < status.leading else 1.0) * TURN / status.lowest
-            status.pause[f] = min(2.0 * status.pause[f], LONGEST_REST)
+        _end_trial(status, f)
     if working and status.active[f] > 0.0:
         _fit_waves(status, f, turned, is_observed(status, f) and not faster)
         if faster:
@@ -133,6 +121,44 @@ def is_active(status: Record, f: int, turned: float) -> bool:
             status.began[f], status.travelled[f], status.mode_probability[f] = speed, 0.0, 0.0
             status.mode_probability[0] = max(status.mode_probability[0], ENTRY_PROBABILITY)
     return status.active[f] > 0.0  # type: ignore[no-any-return]
+
+
+@compiled_in_place
+def _begin(status: Record, f: int) -> None:
+    """Begin a family from the leading one, whose ripple it takes over, or else from the plain filter.
+
+    Orders that are new to it have less to prove than all.
+    """
+    waves, m = resolved_waves(status, f, BEGIN), UNBIASED
+    if status.leading > 0 and is_observed(status, status.leading) and _turns_remembered(status) >= 1.0:
+        begin_as(status, f, status.leading, waves)
+        return
+    status.waves[f] = waves
+    for row in range(9):
+        status.start[row] = status.clock[row, m]
+    initialise(status, f, status.scale[m])
+    for lane in range(lanes.FIRST[f], lanes.END[f]):
+        status.scale_samples[lane] = status.scale_samples[m]
+
+
+@compiled_in_place
+def _end_trial(status: Record, f: int) -> None:
+    """Let a family that does not lead rest; lead, if it is simpler and as good; or go on, if it has more orders.
+
+    As good as a ripple that is of little use, since another now, is not enough.
+    """
+    comparable = status.mode_probability[f] > COMPARABLE
+    if f < status.leading:
+        enough = status.leading < lanes.HIGH or not has_high_orders(status)
+        if comparable and enough and _turns_remembered(status) >= 1.0:
+            status.mode_probability[f] = 1.0
+            return
+    elif comparable and status.rest[f] * status.lowest > -LONGEST_TRIAL * TURN:
+        return
+    status.active[f] = status.mode_probability[f] = status.rest[f] = 0.0
+    if f < status.leading or not comparable:
+        status.rest[f] = status.pause[f] * (SIMPLER_REST if f < status.leading else 1.0) * TURN / status.lowest
+        status.pause[f] = min(2.0 * status.pause[f], LONGEST_REST)
 
 
 @compiled_in_place
@@ -163,6 +189,7 @@ def forget_lessons(status: Record) -> None:
     status.leading = 0
     status.order_sums[:] = status.doubt[:] = 0.0
     status.listened = status.reading_variance = status.sensor_power = status.high_orders = 0.0
+    status.tail_heard = status.tail_expected = 0.0
 
 
 @compiled_in_place

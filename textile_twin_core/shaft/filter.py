@@ -8,7 +8,7 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import predict, predict_reading
+from textile_twin_core.shaft.bank import doubt_ripple, predict, predict_reading
 from textile_twin_core.shaft.families import (
     average_move,
     forget_lessons,
@@ -193,6 +193,9 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
     if held <= OFTEN_HELD < status.held:
         forget_lessons(status)
     adapt_additive_noise(status, reading)
+    if status.since == SETTLING and status.ripple_tried == 0.0:
+        for f in range(1, lanes.FAMILIES):  # while the noise scale was found, their prior covariance went with it
+            doubt_ripple(status, f, 0)
     if status.used % ADAPT_EVERY == 0.0 and turning and status.since > ADAPT_EVERY / 2.0:
         adapt_jitter(status, noise)
 

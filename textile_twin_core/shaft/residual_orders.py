@@ -27,6 +27,9 @@ HEARD = 0.9  # of the samples per turn: orders up to it differ from their aliase
 SIGNIFICANT = 7.0  # times the mean power of white residuals in an order, exceeded by chance in 1 case of 1000
 ABOVE_SENSOR = 10.0  # times the sensor's, by some 12 orders: exceeded by chance in 1 case of 1400 (F of 2 and 24)
 HIGH_ABOVE_SENSOR = 20.0  # the same of orders above the usual ones, whose accelerations are large: 1 of 140 000
+TAIL = 3  # highest modelled orders by which those beyond are foretold, and those before by which their fall is known
+TAIL_SAMPLES = 10_000.0  # over which is averaged how much of it is heard
+ENDED = 0.2  # part heard, below which the ripple ends with the modelled orders
 FEWEST_ORDERS = 5  # by which the sensor's power is known
 HIGH_SIGNIFICANT = 14.0  # of orders above the usual ones: in one case of a million
 LOG_MEAN, LOG_SIGMA = 0.5772, 1.2825  # of exponentially distributed powers: how far the logarithm's mean is below
@@ -125,6 +128,12 @@ def _is_sensors(status: Record, k: int) -> bool:
 
 
 @compiled_in_place
+def _own_power(status: Record, k: int) -> float:
+    """Power of the sensor's errors in an order."""
+    return status.sensor_power if _is_sensors(status, k) else 0.0
+
+
+@compiled_in_place
 def _set_sensor_power(status: Record) -> None:
     """Set the power that the sensor's errors have in each order, by the upper orders; unless too few are resolved.
 
@@ -155,30 +164,76 @@ def _part_orders(status: Record, f: int, left: float) -> None:
     """Set which part of each order of a family's ripple is the sensor's, and the variances of what is in doubt.
 
     By Wiener's filter: an order's power of motion is what it has beyond the sensor's where that is significant, else
-    what lower orders make probable. Of an order that the family does not model all that is motion is error, as far as
-    the filter does not follow it (`left`).
+    what lower orders make probable.
     """
-    sensor, motion, white = status.sensor_power, 0.0, _white_power(status)
-    top = _top(status, 0.5 if status.edges > 0.0 else HEARD, _listened_orders(status, f))
+    motion = 0.0
     status.doubt[f, :] = 0.0
-    for k in range(max(top, status.waves[f])):
-        modelled, power = k < status.waves[f], _power(status, f, k)
-        own = sensor if _is_sensors(status, k) else 0.0
-        least = own * (ABOVE_SENSOR if k < lanes.USUAL_WAVES else HIGH_ABOVE_SENSOR)
-        least = least if modelled else max(least, SIGNIFICANT * white)
+    for k in range(status.waves[f]):
+        own, power = _own_power(status, k), _power(status, f, k)
         motion *= FALL[k]
-        if power > least:
+        if power > own * (ABOVE_SENSOR if k < lanes.USUAL_WAVES else HIGH_ABOVE_SENSOR):
             motion = max(power - own, motion)
         part = own / (motion + own) if own > 0.0 else 0.0
-        if modelled:
-            status.sensor_ripple[f, 2 * k] = part * status.ripple[2 * k, status.best[f]]
-            status.sensor_ripple[f, 2 * k + 1] = part * status.ripple[2 * k + 1, status.best[f]]
-        doubtful = 0.5 * (part * motion if modelled else left * min(motion, power))
-        if modelled or sensor > 0.0 or power > least:
-            squared = (status.lowest * (k + 1)) ** 2
-            status.doubt[f, 0] += doubtful
-            status.doubt[f, 1] += doubtful * squared
-            status.doubt[f, 2] += doubtful * squared**2
+        status.sensor_ripple[f, 2 * k] = part * status.ripple[2 * k, status.best[f]]
+        status.sensor_ripple[f, 2 * k + 1] = part * status.ripple[2 * k + 1, status.best[f]]
+        _doubt_order(status, f, k, part * motion)
+    _doubt_higher_orders(status, f, motion, left)
+
+
+@compiled_in_place
+def _doubt_higher_orders(status: Record, f: int, motion: float, left: float) -> None:
+    """Of an order that the family does not model all that is motion is error, as far as the filter does not follow it.
+
+    That is what is heard where it is significant, else what the highest modelled orders make probable: `motion` where
+    these are partly the sensor's, else their tail, by as much of it as was heard of late (`left`: not followed).
+    """
+    white, fall, share, heard, expected = _white_power(status), 1.0, 1.0, 0.0, 0.0
+    if status.sensor_power == 0.0:
+        motion, fall = _tail(status, f)
+        share = (1.0 + status.tail_heard) / (1.0 + status.tail_expected)
+        share = min(share, 1.0) if share > ENDED else 0.0
+    for k in range(status.waves[f], _top(status, 0.5 if status.edges > 0.0 else HEARD, _listened_orders(status, f))):
+        own, power = _own_power(status, k), _power(status, f, k)
+        motion *= FALL[k] * fall
+        heard += motion * (min(power, motion + 4.0 * white) - white) / white**2
+        expected += (motion / white) ** 2
+        least = max(own * (ABOVE_SENSOR if k < lanes.USUAL_WAVES else HIGH_ABOVE_SENSOR), SIGNIFICANT * white)
+        _doubt_order(status, f, k, left * (power - own if power > least else min(share * motion, power)))
+    if f == status.leading and status.sensor_power == 0.0:
+        gain, keep = SECOND_ORDER_EVERY / ORDER_SAMPLES, 1.0 - SECOND_ORDER_EVERY / TAIL_SAMPLES
+        status.tail_heard = keep * status.tail_heard + gain * heard
+        status.tail_expected = keep * status.tail_expected + gain * expected
+
+
+@compiled_in_place
+def _doubt_order(status: Record, f: int, k: int, power: float) -> None:
+    """Add an order of that power to the variances of what is in doubt."""
+    squared = (status.lowest * (k + 1)) ** 2
+    status.doubt[f, 0] += 0.5 * power
+    status.doubt[f, 1] += 0.5 * power * squared
+    status.doubt[f, 2] += 0.5 * power * squared**2
+
+
+@compiled_in_place
+def _tail(status: Record, f: int) -> tuple[float, float]:
+    """What the highest modelled orders tell of those beyond: power of the next, fall from each to the next beyond FALL.
+
+    0 where the highest are not significant, as they end before; they fall faster where those before them do.
+    """
+    last, m, power, before, variance = status.waves[f], status.best[f], 0.0, 0.0, 0.0
+    if last < 2 * TAIL:
+        return 0.0, 0.0
+    for k in range(last - 2 * TAIL, last):
+        weight = ((k + 1.0) / last) ** 6 / TAIL
+        if k < last - TAIL:
+            before += weight * _power(status, f, k)
+            continue
+        power += weight * _power(status, f, k)
+        for i in range(2 * k, 2 * k + 2):
+            for j in range(i + 1):
+                variance += weight * status.scale[m] * status.factor[j, i, m] ** 2
+    fall = min((power / before) ** (1.0 / TAIL), 1.0) if before > 0.0 else 1.0
+    return (power - variance) * fall if power > SIGNIFICANT * variance else 0.0, fall
 
 
 @compiled_in_place
@@ -189,8 +244,7 @@ def _hear_high_orders(status: Record) -> None:
     if not settled and status.waves[f] < lanes.USUAL_WAVES:
         return
     for k in range(lanes.USUAL_WAVES - 1, _top(status, 0.5, lanes.MOST_WAVES[-1])):
-        own = status.sensor_power if _is_sensors(status, k) else 0.0
-        significant = _power(status, f, k) > max(HIGH_ABOVE_SENSOR * own, HIGH_SIGNIFICANT * white)
+        significant = _power(status, f, k) > max(HIGH_ABOVE_SENSOR * _own_power(status, k), HIGH_SIGNIFICANT * white)
         if significant and (settled or k < status.waves[f]):
             heard = 1.0
     status.high_orders += (heard - status.high_orders) * SECOND_ORDER_EVERY / ORDER_SAMPLES

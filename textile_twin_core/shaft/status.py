@@ -58,6 +58,7 @@ _NUMBERS = (
     "abrupt", "doubtful",  # above 0 where what left the gate was motion; 1 after such a reading until the next
     "basis_at", "basis_waves",  # angle and orders for which `basis` is evaluated
     "heard", "heard_since", "listened",  # leading family of late, `used` when it began to lead; weight of the averages
+    "tail_heard", "tail_expected",  # of the power beyond the modelled orders that the highest of these foretell
     "high_orders",  # part of the time in which orders above USUAL_WAVES were heard
     "reading_variance", "sensor_power",  # mean, and of the sensor's errors in each order [rad^2], see `residual_orders`
 )  # fmt: skip
