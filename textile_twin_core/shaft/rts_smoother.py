@@ -183,7 +183,7 @@ def filter_rows(smoother: Smoother, rows: Records) -> float:
             noise = row.noise if fits_bank else max(row.noise, innovation * innovation / ROBUST - prior)
             filters.innovation[m], filters.noise_variance[m] = innovation, noise
             measurement_update(filters, m, m + 1)
-            total -= 0.5 * (math.log(noise + prior) + min(innovation * innovation / (noise + prior), ROBUST))
+            total -= 0.5 * (math.log(noise + prior) + innovation * innovation / (noise + prior))
         copy_numbers(clock[:, m], smoother.filtered[i])
     return total
 
