@@ -87,13 +87,11 @@ def has_high_orders(status: Record) -> bool:
 
 
 @compiled_in_place
-def is_active(status: Record, f: int, turned: float) -> bool:
-    """Start, restart, resize or rest a family, `turned` [rad] after the last sample; whether it is active.
+def begin_or_rest(status: Record, f: int, turned: float) -> None:
+    """Begin, resize or rest a family with ripple, `turned` [rad] after the last sample.
 
     A probable family does not restart at a higher speed: it keeps its ripple as a first guess.
     """
-    if f == 0:
-        return True
     speed, improbable = abs(status.speed), status.mode_probability[f] <= IMPROBABLE
     idle = improbable or f > status.leading
     if idle and status.rest[f] > 0.0:
@@ -120,7 +118,6 @@ def is_active(status: Record, f: int, turned: float) -> bool:
             doubt_ripple(status, f, 0)
             status.began[f], status.travelled[f], status.mode_probability[f] = speed, 0.0, 0.0
             status.mode_probability[0] = max(status.mode_probability[0], ENTRY_PROBABILITY)
-    return status.active[f] > 0.0  # type: ignore[no-any-return]
 
 
 @compiled_in_place

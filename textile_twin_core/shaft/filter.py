@@ -11,8 +11,8 @@ from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import doubt_ripple, predict, predict_reading
 from textile_twin_core.shaft.families import (
     average_move,
+    begin_or_rest,
     forget_lessons,
-    is_active,
     is_observed,
     memory_of,
     update_mode_probabilities,
@@ -158,9 +158,11 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     density, turned = 0.0, abs(status.speed) * step
     if not held:
         average_move(status, step, samples_between(status, repeated) * turned)
+    for f in range(1, lanes.FAMILIES):
+        begin_or_rest(status, f, turned)
     for back in range(lanes.FAMILIES):
         f = lanes.FAMILIES - 1 - back
-        if is_active(status, f, turned):
+        if status.active[f] > 0.0:
             predict(status, f, step, noise, status.interval)
             status.travelled[f] += turned
             # Until the ripple is observed, its angle is better known from the measurement than from the prediction.
