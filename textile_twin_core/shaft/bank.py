@@ -38,10 +38,8 @@ SCALE_SAMPLES = 500.0  # innovations over which a filter's noise scale is averag
 RECENT_SAMPLES = 50.0  # of the latest of them, whose scale takes over among the first SCALE_SAMPLES ..
 FALLEN = 0.1  # .. where it is such a part of the whole average
 YOUNG_CYCLES = 5.0  # in which what is known of the ripple may be no ripple ..
-UNEVEN, MOST_MOVE = (
-    0.3,
-    0.1,
-)  # .. where the speed changes by less than that part, and so many [rad] from reading to reading
+UNEVEN = 0.3  # .. unless the speed changes by such a part ..
+MANY_READINGS = 63.0  # .. or a turn has fewer readings, too few to be too sure
 RIPPLE_SIZE = 0.05  # prior standard deviation of the speed's ripple in each order, relative to the speed
 
 
@@ -240,7 +238,7 @@ def _is_young(status: Record, f: int) -> bool:
 
     In the first turns of an even motion, each of many readings, they take for ripple what does not come again.
     """
-    even = abs(abs(status.speed) - status.began[f]) < UNEVEN * status.began[f] and status.move < MOST_MOVE
+    even = abs(abs(status.speed) - status.began[f]) < UNEVEN * status.began[f] and status.move * MANY_READINGS < TURN
     return status.waves[f] > 0 and even and status.travelled[f] * status.lowest < YOUNG_CYCLES * TURN  # type: ignore[no-any-return]
 
 

@@ -29,6 +29,7 @@ ABOVE_SENSOR = 10.0  # times the sensor's, by some 12 orders: exceeded by chance
 HIGH_ABOVE_SENSOR = 20.0  # the same of orders above the usual ones, whose accelerations are large: 1 of 140 000
 TAIL = 3  # highest modelled orders by which those beyond are foretold, and those before by which their fall is known
 TAIL_SAMPLES = 10_000.0  # over which is averaged how much of it is heard
+CHANCE = 4.0  # times the mean power of white residuals, that an order may have beyond its own: 1 case of 50
 ENDED = 0.2  # part heard, below which the ripple ends with the modelled orders
 FEWEST_ORDERS = 5  # by which the sensor's power is known
 HIGH_SIGNIFICANT = 14.0  # of orders above the usual ones: in one case of a million
@@ -195,7 +196,7 @@ def _doubt_higher_orders(status: Record, f: int, motion: float, left: float) -> 
     for k in range(status.waves[f], _top(status, 0.5 if status.edges > 0.0 else HEARD, _listened_orders(status, f))):
         own, power = _own_power(status, k), _power(status, f, k)
         motion *= FALL[k] * fall
-        heard += motion * (min(power, motion + 4.0 * white) - white) / white**2
+        heard += motion * (min(power, motion + CHANCE * white) - white) / white**2
         expected += (motion / white) ** 2
         least = max(own * (ABOVE_SENSOR if k < lanes.USUAL_WAVES else HIGH_ABOVE_SENSOR), SIGNIFICANT * white)
         _doubt_order(status, f, k, left * (power - own if power > least else min(share * motion, power)))
