@@ -15,7 +15,7 @@ import numpy as np
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import dot, set_basis, set_second
-from textile_twin_core.shaft.kalman import ROBUST, innovate, measurement_update, time_update
+from textile_twin_core.shaft.kalman import ROBUST, innovate, measurement_update
 from textile_twin_core.shaft.ripple import (
     correct_sensitivity,
     predict_ripple,
@@ -137,23 +137,21 @@ def begin_as(status: Record, f: int, known: int, waves: int) -> None:
 
 @compiled_in_place
 def open_manoeuvre(
-    status: Record, f: int, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float
+    status: Record, row: Record, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float
 ) -> None:
-    """Shift angle and rate of all filters, and add to their covariance factors' diagonal [rad, rad/s, rad/s^2]."""
+    """Shift angle and rate of all filters, add to their covariance factors' diagonal, and predict the reading again."""
     clock = status.clock
-    for m in range(lanes.FIRST[f], lanes.END[f]):
-        root = math.sqrt(status.scale[m])
-        clock[lanes.ANGLE, m] += angle
-        clock[lanes.RATE, m] += rate
-        clock[lanes.L22, m] += by_angle / root
-        clock[lanes.L11, m] += by_rate / root
-        clock[lanes.L00, m] += by_acceleration / root
-
-
-@compiled_in_place
-def predict(status: Record, f: int, step: float, noise: float, interval: float) -> None:
-    """Time update of all filters; memory N means white jerk of intensity q = r / (N^6 T^5) (Kalata 1984)."""
-    time_update(status, math.sqrt(noise * step / interval**5), step, lanes.FIRST[f], lanes.STOP[f])
+    for f in range(lanes.FAMILIES):
+        if status.active[f] == 0.0:
+            continue
+        for m in range(lanes.FIRST[f], lanes.END[f]):
+            root = math.sqrt(status.scale[m])
+            clock[lanes.ANGLE, m] += angle
+            clock[lanes.RATE, m] += rate
+            clock[lanes.L22, m] += by_angle / root
+            clock[lanes.L11, m] += by_rate / root
+            clock[lanes.L00, m] += by_acceleration / root
+        predict_reading(status, f, 0.0, row.reading, row.reading, row.unit)
 
 
 @compiled_in_place
@@ -183,8 +181,6 @@ def _correct_filters(status: Record, f: int) -> None:
     measurement_update(status, first, stop)
     if width == 0:
         return
-    for m in range(first, stop):
-        status.clock_variance[m] = status.noise_variance[m] + status.prior_variance[m] - status.ripple_variance[m]
     correct_sensitivity(status.sensitivity, status.regressor, status.gain, width, first, stop)
     update_coefficients(
         status.ripple, status.factor, status.projected_ripple, status.innovation, status.clock_variance,
@@ -262,13 +258,6 @@ def rescale(status: Record, change: float, drift: float) -> None:
             for j in range(2 * status.waves[f]):
                 for i in range(j, 2 * status.waves[f]):
                     status.factor[j, i, m] *= ripple_root
-
-
-@compiled_in_place
-def log_memory(status: Record, f: int) -> float:
-    """Mean logarithm of the memory under the filters' probabilities."""
-    first, stop = lanes.FIRST[f], lanes.STOP[f]
-    return dot(status.probability[first:stop], status.logarithm[first:stop], stop - first)
 
 
 @compiled_in_place

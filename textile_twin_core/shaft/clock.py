@@ -112,32 +112,16 @@ def gradient(
 
 @compiled_in_place
 def add_spread(clock: FloatArray, slopes: FloatArray, scale: float, covariance: FloatArray) -> None:
-    """Add scale times what the factor in a clock (9,) makes of the shaft's covariance (6,)."""
-    columns = (
-        gradient(clock[lanes.L20], clock[lanes.L10], clock[lanes.L00], 0.0, 0.0, 0.0, slopes),
-        gradient(clock[lanes.L21], clock[lanes.L11], 0.0, 0.0, 0.0, 0.0, slopes),
-        gradient(clock[lanes.L22], 0.0, 0.0, 0.0, 0.0, 0.0, slopes),
-    )
-    for d0, d1, d2 in columns:
-        add_products(d0, d1, d2, scale, covariance)
+    """Add scale times what the factor in a clock (9,) makes of the shaft's covariance (9,)."""
+    column = gradient(clock[lanes.L20], clock[lanes.L10], clock[lanes.L00], 0.0, 0.0, 0.0, slopes)
+    add_products(column, scale, covariance)
+    add_products(gradient(clock[lanes.L21], clock[lanes.L11], 0.0, 0.0, 0.0, 0.0, slopes), scale, covariance)
+    add_products(gradient(clock[lanes.L22], 0.0, 0.0, 0.0, 0.0, 0.0, slopes), scale, covariance)
 
 
 @compiled_in_place
-def add_products(d0: float, d1: float, d2: float, scale: float, covariance: FloatArray) -> None:
-    """Add scale times the products 00, 01, 02, 11, 12, 22 to a covariance (6,)."""
-    covariance[0] += scale * d0 * d0
-    covariance[1] += scale * d0 * d1
-    covariance[2] += scale * d0 * d2
-    covariance[3] += scale * d1 * d1
-    covariance[4] += scale * d1 * d2
-    covariance[5] += scale * d2 * d2
-
-
-@compiled_in_place
-def write_covariance(covariance: FloatArray, matrix: FloatArray) -> None:
-    """Write 00, 01, 02, 11, 12, 22 of a covariance into a matrix (9,), row by row."""
-    place = 0
+def add_products(d: tuple[float, float, float], scale: float, covariance: FloatArray) -> None:
+    """Add scale times the products of three numbers to a covariance (9,), row by row."""
     for p in range(3):
-        for q in range(p, 3):
-            matrix[3 * p + q] = matrix[3 * q + p] = covariance[place]
-            place += 1
+        for q in range(3):
+            covariance[3 * p + q] += scale * d[p] * d[q]

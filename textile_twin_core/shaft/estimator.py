@@ -12,7 +12,7 @@ from textile_twin_core.errors import MotionError
 from textile_twin_core.shaft.encoder import UNKNOWN_STEP_RAD, StepFinder
 from textile_twin_core.shaft.filter import run_filter
 from textile_twin_core.shaft.measurement_noise import set_resolution
-from textile_twin_core.shaft.report import SampleReport
+from textile_twin_core.shaft.report import REJECTION_CAUSES, SampleReport
 from textile_twin_core.shaft.samples import Block, Stamps, as_samples
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.single import OneSample, OneState
@@ -23,7 +23,6 @@ from textile_twin_core.shaft.turns import TURN
 
 Part = tuple[Stamps, Records]  # stamps and rows of accepted samples
 PIECE = 262_144  # samples filtered at once: an array of so many rows is returned to the system when it is freed
-REJECTED = {"not_finite": "not_finite", "duplicate_stamp": "duplicate", "older_stamp": "older"}  # cause: status field
 
 
 class ShaftEstimator:
@@ -93,7 +92,7 @@ class ShaftEstimator:
         state = "waiting" if now["accepted"] == 0 else MOTIONS[int(now["motion"])]
         return SampleReport(
             received=int(now["received"]),
-            rejected={cause: int(now[name]) for cause, name in REJECTED.items()},
+            rejected={cause: int(now[cause]) for cause in REJECTION_CAUSES},
             longest_gap_s=float(now["longest"]),
             period_s=float(now["interval"]),
             samples_per_turn=float(TURN / travel) if travel > 0.0 else float("inf"),

@@ -15,11 +15,11 @@ from textile_twin_core.shaft.bank import (
     begin_as,
     doubt_ripple,
     initialise,
-    log_memory,
     resize,
     update_filters,
     update_second_order,
 )
+from textile_twin_core.shaft.clock import dot
 from textile_twin_core.shaft.measurement_noise import least_scale, standstill_speed
 from textile_twin_core.shaft.status import Record
 from textile_twin_core.shaft.turns import TURN
@@ -41,8 +41,6 @@ SAMPLES_PER_WAVE = 2.3  # that the highest order of a family needs: 2 (Nyquist),
 EDGES_PER_WAVE = 3.0  # as edges of teeth tell of the same angles in each turn, of all but the missing ones
 BEGIN, KEEP = 1.05, 0.95  # times that many samples for orders to begin with, and to go on
 HIGH_ORDERS = 0.75  # part of the time: 700 readings in a row at first, by when the sensor's errors are known
-USUAL_STEP = 1.5  # intervals up to which no sample was lost between two
-MOST_GAIN = 0.2  # of a single move in their mean, however few make a turn
 UNBIASED = int(np.argmin(np.abs(lanes.MEMORIES[: lanes.END[lanes.PLAIN]] - 1.0)))
 """Lane of the plain filter with a memory of one sample: ripple biases longer ones, shorter ones are noisy."""
 SECOND_ORDER_EVERY = 8.0  # samples between updates of g2, which changes slowly
@@ -52,13 +50,6 @@ SECOND_ORDER_EVERY = 8.0  # samples between updates of g2, which changes slowly
 def samples_a_turn(status: Record) -> float:
     """Readings per turn of late."""
     return float(TURN / max(status.move, 1e-9))
-
-
-@compiled_in_place
-def average_move(status: Record, step: float, moved: float) -> None:
-    """Average over a turn how far the shaft turns from one reading to the next, lately `moved` [rad] in `step` [s]."""
-    if step < USUAL_STEP * status.interval:
-        status.move += (moved - status.move) * min(moved / TURN, MOST_GAIN)
 
 
 @compiled_in_place
@@ -81,12 +72,6 @@ def _turns_remembered(status: Record) -> float:
 
 
 @compiled_in_place
-def has_high_orders(status: Record) -> bool:
-    """Whether orders of motion beyond those that other families model were heard most of the time of late."""
-    return status.high_orders > HIGH_ORDERS  # type: ignore[no-any-return]
-
-
-@compiled_in_place
 def begin_or_rest(status: Record, f: int, turned: float) -> None:
     """Begin, resize or rest a family with ripple, `turned` [rad] after the last sample.
 
@@ -103,7 +88,7 @@ def begin_or_rest(status: Record, f: int, turned: float) -> None:
     faster = speed > RESTART_SPEED * status.began[f]
     working = status.active[f] > 0.0 and not (improbable and faster)
     resolved = resolved_waves(status, f, BEGIN) >= lanes.LEAST_WAVES[f]
-    if not working and resolved and status.rest[f] <= 0.0 and (f < lanes.HIGH or has_high_orders(status)):
+    if not working and resolved and status.rest[f] <= 0.0 and (f < lanes.HIGH or status.high_orders > HIGH_ORDERS):
         _begin(status, f)
         status.active[f], status.rest[f], status.travelled[f], status.mode_probability[f] = 1.0, 0.0, 0.0, 0.0
         status.began[f] = max(speed, standstill_speed(status))
@@ -146,7 +131,7 @@ def _end_trial(status: Record, f: int) -> None:
     """
     comparable = status.mode_probability[f] > COMPARABLE
     if f < status.leading:
-        enough = status.leading < lanes.HIGH or not has_high_orders(status)
+        enough = status.leading < lanes.HIGH or status.high_orders <= HIGH_ORDERS
         if comparable and enough and _turns_remembered(status) >= 1.0:
             status.mode_probability[f] = 1.0
             return
@@ -206,7 +191,8 @@ def update_mode_probabilities(status: Record, noise: float, turning: bool) -> No
             mode_probability[f] *= likelihood if turning else plain
             if observed and turning and mode_probability[f] == 0.0:
                 mode_probability[f] = -1.0  # enters below, once the total is known
-            status.log_memory[f] = log_memory(status, f)
+            first, stop = lanes.FIRST[f], lanes.STOP[f]
+            status.log_memory[f] = dot(status.probability[first:stop], status.logarithm[first:stop], stop - first)
             total += max(mode_probability[f], 0.0)
             count += 1
     entry = total * (ENTRY_PROBABILITY if status.ripple_tried > 0.0 else 1.0)

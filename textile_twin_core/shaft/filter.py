@@ -8,9 +8,8 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import doubt_ripple, predict, predict_reading
+from textile_twin_core.shaft.bank import doubt_ripple, predict_reading
 from textile_twin_core.shaft.families import (
-    average_move,
     begin_or_rest,
     forget_lessons,
     is_observed,
@@ -29,6 +28,7 @@ from textile_twin_core.shaft.gating import (
     reconsider,
     restart,
 )
+from textile_twin_core.shaft.kalman import time_update
 from textile_twin_core.shaft.measurement_noise import (
     OFTEN_HELD,
     SETTLING,
@@ -55,6 +55,8 @@ MAX_SPREAD = 1.0 / 6.0  # deviation of a predicted angle, in periods, from which
 MAX_SPEED_SIGMA, LEAST_SPEED = 0.25, 0.3  # a settled state's, relative to the speed; that at least, part of full speed
 ROUNDED_APART = 1.5  # encoder steps beyond the predicted move from which two rounding errors are uncorrelated
 MAX_HEARD = 1.5  # moves per interval, innovation up to which a rejected measurement still tells the encoder's step
+USUAL_STEP = 1.5  # intervals up to which no sample was lost between two
+MOST_GAIN = 0.2  # of a single move in their mean, however few make a turn
 ADAPT_EVERY = 32.0  # samples between two adaptations of the jitter
 INTERVAL_SAMPLES = 500.0  # memory of the mean sampling interval
 
@@ -90,14 +92,15 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
     row.noise, row.cut, row.intensity, row.residual = 0.0, 0.0, 0.0, 0.0
     if status.samples == 1.0:
         status.origin, status.time = turns, 0.0
-        status.first = status.angle = status.low = status.high = phase
+        status.angle = status.low = status.high = phase
         row.reading, row.theta, row.origin = phase, phase, turns
     else:
         status.time += step
         status.longest = max(status.longest, step)
         row.step, row.time, row.correlated = step, status.time, status.correlated
         if status.samples == 2.0:
-            initiate(status, step, unwrap_reading(status, raw, status.first), row)
+            reading = unwrap_reading(status, raw, status.angle)
+            initiate(status, step, reading, (reading - status.angle) / step, row)
         else:
             _process_reading(record, step, raw, row)
         if status.doubtful > 0.0:
@@ -153,17 +156,19 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     repeated = status.holding
     held = is_repetition(status, reading)
     status.read, status.angle, row.reading = reading, expected, reading
-    row.unit = noise = measurement_variance(status, status.speed)
+    row.unit = noise = measurement_variance(status)
     row.noise = status.scale[status.best[status.leading]] * noise
     density, turned = 0.0, abs(status.speed) * step
-    if not held:
-        average_move(status, step, samples_between(status, repeated) * turned)
+    if not held and step < USUAL_STEP * status.interval:
+        moved = samples_between(status, repeated) * turned
+        status.move += (moved - status.move) * min(moved / TURN, MOST_GAIN)  # the mean of a turn
     for f in range(1, lanes.FAMILIES):
         begin_or_rest(status, f, turned)
+    strength = math.sqrt(noise * step / status.interval**5)  # of memory N: q = r / (N^6 T^5) (Kalata 1984)
     for back in range(lanes.FAMILIES):
         f = lanes.FAMILIES - 1 - back
         if status.active[f] > 0.0:
-            predict(status, f, step, noise, status.interval)
+            time_update(status, strength, step, lanes.FIRST[f], lanes.STOP[f])
             status.travelled[f] += turned
             # Until the ripple is observed, its angle is better known from the measurement than from the prediction.
             predict_reading(status, f, step, reading, expected if is_observed(status, f) else reading, noise)

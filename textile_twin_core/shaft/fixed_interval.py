@@ -15,7 +15,7 @@ from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.measurement_noise import FINEST_RAD2
 from textile_twin_core.shaft.residual_orders import set_sensor_power
 from textile_twin_core.shaft.ripple_history import RippleHistory
-from textile_twin_core.shaft.rts_smoother import log_likelihood, new_smoother, smooth_family
+from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_family
 from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, STRETCH, Records
@@ -109,7 +109,7 @@ class SmoothEstimator(ShaftEstimator):
         own, fits = rows["memory"][:first].copy(), []
         for memories in (own, np.min(rows["memory"][first:], axis=0)):
             rows["memory"][:first] = memories
-            fits.append(log_likelihood(smoother, self._history.known[-1], int(lanes.PLAIN), rows))
+            fits.append(smooth_family(smoother, self._history.known[-1], int(lanes.PLAIN), rows, 1, 0))
         if fits[0] > fits[1] + PENALTY * first:
             rows["memory"][:first] = own
 
@@ -166,7 +166,7 @@ class SmoothEstimator(ShaftEstimator):
             return tried[0]
         parts = _model_parts(rows)
         smoother, penalty = new_smoother(self._settings, max(map(len, parts))), np.log(sum(map(len, parts)))
-        fits = [sum(log_likelihood(smoother, status, f, part) for part in parts) for status, f in tried]
+        fits = [sum(smooth_family(smoother, status, f, part, 1, 0) for part in parts) for status, f in tried]
         waves = np.array([status["waves"][0][f] for status, f in tried])
         return tried[int(np.argmax(np.asarray(fits) - penalty * waves))]
 

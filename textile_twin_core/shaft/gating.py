@@ -9,14 +9,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import (
-    RIPPLE_SIZE,
-    initialise,
-    open_manoeuvre,
-    predict_reading,
-    set_basis_at,
-    update_filters,
-)
+from textile_twin_core.shaft.bank import RIPPLE_SIZE, initialise, open_manoeuvre, set_basis_at, update_filters
 from textile_twin_core.shaft.clock import wave
 from textile_twin_core.shaft.families import FIRST_REST, resolved_waves
 from textile_twin_core.shaft.measurement_noise import (
@@ -55,13 +48,12 @@ def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: 
 
 
 @compiled_in_place
-def initiate(status: Record, step: float, angle: float, row: Record) -> None:
-    """Initiate all families from `status.first` and the measurement `angle`, `step` [s] later.
+def initiate(status: Record, step: float, angle: float, rate: float, row: Record) -> None:
+    """Initiate all families from the measurement `angle`, `step` [s] after the last, and a speed [rad/s].
 
     A sensor's own speed replaces the slope where it agrees. It is no measurement later: drives mostly differentiate the
     same angles, smoothed and late, and updates with it made the acceleration's error ten times larger.
     """
-    rate = (angle - status.first) / step
     status.interval = step
     if status.jitter_told == 0.0:
         status.jitter = (FIRST_JITTER * step) ** 2
@@ -69,7 +61,7 @@ def initiate(status: Record, step: float, angle: float, row: Record) -> None:
     status.move = abs(rate) * step
     status.read, status.kept, status.kept_at, status.moved, status.bent = angle, angle, status.time, 0.0, 0.0
     set_correlated(status)
-    initial, noise = status.start, measurement_variance(status, rate)
+    initial, noise = status.start, measurement_variance(status)
     set_start(initial, angle, rate, noise, step)
     if abs(status.sensor_speed - rate) <= 3.0 * initial[lanes.L11]:
         initial[lanes.RATE] = status.speed = status.sensor_speed
@@ -87,15 +79,14 @@ def initiate(status: Record, step: float, angle: float, row: Record) -> None:
     status.since = status.rejected_run = status.unconfirmed = status.clean = status.ripple_tried = 0.0
     status.off_before = status.off_last = status.runaway = 0.0
     row.reading, row.cut = angle, STRETCH
-    row.noise = row.unit = measurement_variance(status, status.speed)
+    row.noise = row.unit = measurement_variance(status)
 
 
 @compiled_in_place
 def restart(status: Record, reading: float, rate: float, step: float, row: Record) -> None:
     """Track loss: initiate again from a measurement and a speed [rad/s]."""
     status.losses += 1.0
-    status.first = reading - rate * step
-    initiate(status, step, reading, row)
+    initiate(status, step, reading, rate, row)
 
 
 @compiled_in_place
@@ -107,7 +98,7 @@ def is_false_start(status: Record, reading: float, off: float, step: float) -> b
     if status.samples != 5.0 or step < 0.5 * status.interval:
         return False
     bend = reading - status.kept - status.moved * step / status.interval
-    limit = FALSE_START * (abs(bend) + math.sqrt(measurement_variance(status, status.speed)))
+    limit = FALSE_START * (abs(bend) + math.sqrt(measurement_variance(status)))
     return abs(off) > limit  # type: ignore[no-any-return]
 
 
@@ -167,26 +158,15 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
         learn_abruptness(status, True)
     status.clean = 0.5 * CLEAN_SAMPLES if early else status.clean
     row.cut = STRETCH if slipped else MANOEUVRE
-    _follow_manoeuvre(status, reading, off, 0.0 if slipped else grown, span, row)
+    rate, sigma = 0.0 if slipped else grown / span, math.sqrt(row.noise)  # speeds stay where the encoder slipped
+    by_rate = 0.0 if slipped else (sigma + abs(grown)) / span
+    open_manoeuvre(status, row, off, rate, sigma + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
+    row.unit += (RIPPLE_SIZE * off) ** 2
     status.jumps += row.cut == STRETCH
     status.outliers -= status.rejected_run
     more = UNCONFIRMED if early or at_once else status.rejected_run
     status.unconfirmed = max(min(status.unconfirmed + more, MAX_UNCONFIRMED), UNCONFIRMED)
     return True
-
-
-@compiled_in_place
-def _follow_manoeuvre(status: Record, reading: float, off: float, grown: float, span: float, row: Record) -> None:
-    """Shift all states and inflate their covariances, then predict the measurement again.
-
-    The innovation grew by `grown` [rad] over `span` [s], 0 where the encoder slipped: then speeds stay as they are.
-    """
-    rate, sigma = grown / span, math.sqrt(row.noise)
-    by_rate = (sigma + abs(grown)) / span if row.cut == MANOEUVRE else 0.0
-    for f in range(lanes.FAMILIES):
-        open_manoeuvre(status, f, off, rate, sigma + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
-        predict_reading(status, f, 0.0, reading, reading, row.unit)
-    row.unit += (RIPPLE_SIZE * off) ** 2
 
 
 @compiled_in_place
@@ -217,7 +197,8 @@ def reconsider(record: Records, raw: float, step: float, gap: bool) -> bool:
         learn_abruptness(status, True)
         return True
     without.accepted, without.received = status.accepted, status.received
-    without.not_finite, without.duplicate, without.older = status.not_finite, status.duplicate, status.older
+    without.not_finite = status.not_finite
+    without.duplicate_stamp, without.older_stamp = status.duplicate_stamp, status.older_stamp
     record[0] = record[1]
     return False
 
@@ -236,7 +217,7 @@ def is_predicted(status: Record, step: float, reading: float) -> bool:
     The variance is that of `kalman.time_update`, without changing the state.
     """
     f, half, interval = status.leading, 0.5 * step * step, step / status.interval
-    m, clock, noise = status.best[f], status.clock, measurement_variance(status, status.speed)
+    m, clock, noise = status.best[f], status.clock, measurement_variance(status)
     set_basis_at(status, reading, status.waves[f])
     g = wave(status.ripple[:, m], status.second[f], status.waves[f], status.lowest, status.basis)
     off = reading + g[0] - clock[lanes.ANGLE, m] - step * clock[lanes.RATE, m] - half * clock[lanes.ACCELERATION, m]
@@ -251,13 +232,12 @@ def is_predicted(status: Record, step: float, reading: float) -> bool:
 def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
     """After a gap: keep the ripple, shift the angle to the measurement and inflate the state's covariance."""
     reading = unwrap_reading(status, raw, status.angle + status.speed * step)
-    row.unit = measurement_variance(status, status.speed)
+    row.unit = measurement_variance(status)
     row.reading, row.cut, row.noise = reading, STRETCH, row.unit * status.scale[status.best[status.leading]]
     by_rate = 0.5 * abs(status.speed) + math.sqrt(row.noise) / status.interval
+    open_manoeuvre(status, row, reading - status.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))
     for f in range(lanes.FAMILIES):
-        open_manoeuvre(status, f, reading - status.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))
         if status.active[f] > 0.0:
-            predict_reading(status, f, 0.0, reading, reading, row.unit)
             update_filters(status, f, row.unit, 0.0)
     status.angle = status.read = reading
     status.since = status.rejected_run = status.off_before = status.off_last = 0.0

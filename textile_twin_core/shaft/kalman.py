@@ -97,7 +97,7 @@ def measurement_update(filters: Record, first: int, end: int) -> None:
     acceleration, rate, angle = x[lanes.ACCELERATION], x[lanes.RATE], x[lanes.ANGLE]
     l00, l10, l20 = x[lanes.L00], x[lanes.L10], x[lanes.L20]
     l11, l21, l22 = x[lanes.L11], x[lanes.L21], x[lanes.L22]
-    noise_variance, innovation = filters.noise_variance, filters.innovation
+    noise_variance, innovation, clock_variance = filters.noise_variance, filters.innovation, filters.clock_variance
     for m in range(np.uint64(first), np.uint64(end)):
         p0, p1, p2 = projected[0, m], projected[1, m], projected[2, m]
         before = noise_variance[m]
@@ -120,7 +120,7 @@ def measurement_update(filters: Record, first: int, end: int) -> None:
         l00[m] = keep * f00
         l10[m] = keep * f10 - mix * g1
         l20[m] = keep * f20 - mix * g2
-        inverse = 1.0 / total
+        clock_variance[m], inverse = total, 1.0 / total
         k0, k1, k2 = f00 * p0 * inverse, (g1 + f10 * p0) * inverse, (g2 + f20 * p0) * inverse
         gain[0, m], gain[1, m], gain[2, m] = k0, k1, k2
         acceleration[m] += k0 * innovation[m]

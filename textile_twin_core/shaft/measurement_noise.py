@@ -42,15 +42,9 @@ def unwrap_reading(status: Record, raw: float, expected: float) -> float:
 
 
 @compiled_in_place
-def measurement_variance(status: Record, speed: float) -> float:
-    """Measurement variance [rad^2]: rounding and stamp jitter at `speed` [rad/s], or additive noise if larger."""
-    return _variance(status, speed, status.additive)
-
-
-@compiled_in_place
-def _variance(status: Record, speed: float, additive: float) -> float:
-    """The same with another additive noise [rad^2]."""
-    return float(max(rounding_variance(status) + status.jitter * speed**2, additive) + FINEST_RAD2)
+def measurement_variance(status: Record) -> float:
+    """Measurement variance [rad^2]: rounding and stamp jitter at the present speed, or additive noise if larger."""
+    return float(max(rounding_variance(status) + status.jitter * status.speed**2, status.additive) + FINEST_RAD2)
 
 
 @compiled_in_place
@@ -92,7 +86,7 @@ def adapt_additive_noise(status: Record, reading: float) -> None:
     if smooth or status.ripple_tried > 0.0:
         bent = moved - status.moved
         found = -0.25 * bent * status.bent - status.jitter * status.speed**2
-        noise = measurement_variance(status, status.speed)
+        noise = measurement_variance(status)
         samples = ADDITIVE_SAMPLES if smooth else ADDITIVE_FEW
         status.additive += (min(max(found, -noise), MOST_ADDITIVE * noise) - status.additive) / samples
     status.kept, status.kept_at, status.moved, status.bent = reading, status.time, moved, bent
@@ -136,7 +130,7 @@ def learn_repetitions(status: Record, reading: float, repeated: float) -> None:
 @compiled_in_place
 def standstill_speed(status: Record) -> float:
     """Speed [rad/s] below which the shaft stays within its measurement noise for SETTLING samples."""
-    noise = max(status.resolution, 3.0 * math.sqrt(measurement_variance(status, status.speed)))
+    noise = max(status.resolution, 3.0 * math.sqrt(measurement_variance(status)))
     return float(noise / (SETTLING * status.interval))
 
 
@@ -161,23 +155,24 @@ def set_resolution(record: Records, resolution: float) -> None:
     """
     for i in range(2 if record[0].doubtful > 0.0 else 1):
         status = record[i]
-        before = measurement_variance(status, status.speed)
+        before = measurement_variance(status)
         turning = abs(status.speed) * status.interval > status.resolution
         status.resolution, status.guessed, status.held = resolution, 0.0, 0.0
         set_correlated(status)
         if turning:
-            rescale(status, before / measurement_variance(status, status.speed), 1.0)
+            rescale(status, before / measurement_variance(status), 1.0)
 
 
 @compiled_in_place
 def adapt_jitter(status: Record, noise: float) -> None:
     """Attribute the noise scale of the leading family's best filter to jitter: the variance follows the speed."""
     found = status.scale[status.best[status.leading]] * noise
-    drift = measurement_variance(status, status.speed) / _variance(status, status.speed, status.additive_before)
+    least = rounding_variance(status) + status.jitter * status.speed**2
+    drift = measurement_variance(status) / (max(least, status.additive_before) + FINEST_RAD2)
     drift = drift if 1.0 / SAME_NOISE < drift < SAME_NOISE else 1.0
     status.additive_before = status.additive
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
         jitter = max(found - rounding_variance(status), 0.01 * found) / status.speed**2
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (jitter - status.jitter)
-    rescale(status, noise / measurement_variance(status, status.speed), drift)
+    rescale(status, noise / measurement_variance(status), drift)

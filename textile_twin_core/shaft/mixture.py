@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
-from textile_twin_core.shaft.clock import add_products, add_spread, gradient, shaft_state, wave, write_covariance
+from textile_twin_core.shaft.clock import add_products, add_spread, gradient, shaft_state, wave
 from textile_twin_core.shaft.status import Record
 
 MINOR = 0.05  # filters of less than this part of the greatest probability do not enter the mixture
@@ -30,31 +31,27 @@ def combine(status: Record, row: Record) -> None:
         clock[lanes.ANGLE], clock[lanes.RATE], clock[lanes.ACCELERATION], about, g, status.slopes
     )
     moments[:] = 0.0
-    status.products[:] = 0.0
+    row.covariance[:] = 0.0
     for f in range(lanes.FAMILIES):
         if status.mode_probability[f] >= MINOR * top:
-            _add_moments(status, f, about, top)
-    for p in range(3):
-        moments[1 + p] /= moments[0]
-    place = 0
-    for p in range(3):
-        for q in range(p, 3):
-            status.products[place] = status.products[place] / moments[0] - moments[1 + p] * moments[1 + q]
-            place += 1
-    write_covariance(status.products, row.covariance)
-    status.angle = about + moments[1]
-    status.speed = row.speed = status.speed + moments[2]
-    status.acceleration = row.acceleration = status.acceleration + moments[3]
+            _add_moments(status, f, about, top, row.covariance)
+    mean = moments[1] / moments[0], moments[2] / moments[0], moments[3] / moments[0]
+    for place in range(9):
+        row.covariance[place] /= moments[0]
+    add_products(mean, -1.0, row.covariance)
+    status.angle = about + mean[0]
+    status.speed = row.speed = status.speed + mean[1]
+    status.acceleration = row.acceleration = status.acceleration + mean[2]
 
 
 @compiled_in_place
-def _add_moments(status: Record, f: int, about: float, top: float) -> None:
+def _add_moments(status: Record, f: int, about: float, top: float, products: FloatArray) -> None:
     """Add a family's filters to the moments about the best filter's state, which avoids cancellation.
 
-    `moments` (4,): total probability, weighted deviations of angle, speed, acceleration; `products` (6,): second
-    moments 00, 01, 02, 11, 12, 22.
+    `moments` (4,): total probability, weighted deviations of angle, speed, acceleration; `products` (9,): second
+    moments.
     """
-    waves, moments, products, slopes = status.waves[f], status.moments, status.products, status.slopes
+    waves, moments, slopes = status.waves[f], status.moments, status.slopes
     set_basis_at(status, about, waves)
     for m in range(lanes.FIRST[f], lanes.END[f]):
         weight = status.mode_probability[f] * status.probability[m]
@@ -71,18 +68,16 @@ def _add_moments(status: Record, f: int, about: float, top: float) -> None:
         moments[1] += weight * d0
         moments[2] += weight * d1
         moments[3] += weight * d2
-        add_products(d0, d1, d2, weight, products)
+        add_products((d0, d1, d2), weight, products)
         if waves > 0:
-            set_ripple_covariance(status, waves, m)
-            for place in range(6):
-                products[place] += scale * status.covariance_part[place]
+            add_ripple_covariance(status, waves, m, scale, products)
 
 
 @compiled_in_place
-def set_ripple_covariance(status: Record, waves: int, m: int) -> None:
-    """Set `covariance_part` (6,), the shaft's covariance due to lane m's uncertain ripple, at the basis and slopes."""
+def add_ripple_covariance(status: Record, waves: int, m: int, scale: float, covariance: FloatArray) -> None:
+    """Add scale times the shaft's covariance (9,) due to lane m's uncertain ripple, at the basis and slopes."""
     width, basis, sensitivity, factor = 2 * waves, status.basis, status.sensitivity, status.factor
-    jacobian, covariance = status.ripple_jacobian, status.covariance_part
+    jacobian = status.ripple_jacobian
     for i in range(width):
         order = status.lowest * (i // 2 + 1)
         value, slope = basis[i], order * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
@@ -90,12 +85,10 @@ def set_ripple_covariance(status: Record, waves: int, m: int) -> None:
             sensitivity[2, i, m], sensitivity[1, i, m], sensitivity[0, i, m], value, slope, -order * order * value,
             status.slopes,
         )  # fmt: skip
-    for place in range(6):
-        covariance[place] = 0.0
     for j in range(np.uint64(width)):
         s0 = s1 = s2 = 0.0
         for i in range(j, np.uint64(width)):
             s0 += factor[j, i, m] * jacobian[0, i]
             s1 += factor[j, i, m] * jacobian[1, i]
             s2 += factor[j, i, m] * jacobian[2, i]
-        add_products(s0, s1, s2, 1.0, covariance)
+        add_products((s0, s1, s2), scale, covariance)

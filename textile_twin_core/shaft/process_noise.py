@@ -68,8 +68,6 @@ def adapt_intensities(rows: Records, interval: float) -> float:
         if rows[i].noise > 0.0:
             noise = rows[i].noise
         unit = noise / interval**5
-        if unit == 0.0 or rows[i].intensity == 0.0:
-            continue
         half = max(half - half // 3, 2)
         before, last = max(i - half - 1, 0), min(i + half, count - 1)
         while rows[last].jerk[1] - rows[before].jerk[1] < FOUND and half < min(WIDEST, count):

@@ -64,7 +64,7 @@ def _ripple(status: Records) -> tuple[FloatArray, float, float]:
     lane, width = int(now["best"][now["leading"]]), 2 * int(now["waves"][now["leading"]])
     ripple, scale = np.where(np.arange(lanes.WIDEST) < width, now["ripple"][:, lane], 0.0), float(now["scale"][lane])
     sigma = _rms(now["factor"][:width, :width, lane]) * np.sqrt(scale)
-    return ripple, sigma, float(np.sqrt(scale * measurement_variance(now, float(now["speed"]))))
+    return ripple, sigma, float(np.sqrt(scale * measurement_variance(now)))
 
 
 def _rms(coefficients: FloatArray) -> float:

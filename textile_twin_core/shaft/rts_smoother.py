@@ -17,11 +17,11 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
-from textile_twin_core.shaft.clock import add_spread, shaft_state, wave, write_covariance
+from textile_twin_core.shaft.clock import add_spread, shaft_state, wave
 from textile_twin_core.shaft.filter import put_angle
 from textile_twin_core.shaft.gating import set_start
-from textile_twin_core.shaft.kalman import HALF_JERK, LAST_JERK, ROBUST, measurement_update, time_update
-from textile_twin_core.shaft.mixture import set_ripple_covariance
+from textile_twin_core.shaft.kalman import HALF_JERK, LAST_JERK, ROBUST, innovate, measurement_update, time_update
+from textile_twin_core.shaft.mixture import add_ripple_covariance
 from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial_intensities
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.ripple import set_sensitivity
@@ -47,7 +47,7 @@ class Smoother(NamedTuple):
 def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
     """Arrays for passes over at most so many rows."""
     filters = new_status(settings, 0.0)
-    filters["jerk_strength"][0, lanes.CHAIN] = 1.0
+    filters["scale"][0, lanes.CHAIN] = 1.0
     return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((3, 3, 3)), np.zeros((3, 9)))
 
 
@@ -105,17 +105,6 @@ def begin_at_row(filters: Record, row: Record) -> None:
 
 
 @compiled_in_place
-def _begin_at_reading(smoother: Smoother, record: Records, family: int, rows: Records) -> None:
-    """Initial state and covariance factor from the first row's reading and filtered speed; ripple of a family."""
-    filters, first = smoother.filters[0], rows[0]
-    set_ripple(filters, record[0], family)
-    for i in range(rows.size):
-        rows[i].intensity = 0.0
-    set_start(filters.start, first.reading, first.speed, first.noise or first.unit, rows[1].step)
-    begin_at_state(filters, first.reading, first.speed, 0.0, filters.second[filters.leading])
-
-
-@compiled_in_place
 def is_far(filters: Record, row: Record) -> bool:
     """Whether the initial angle is far from the bank's at a row, whose reading is much closer to the bank's."""
     angle = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta, filters.shaft_second[filters.leading])[0]
@@ -124,20 +113,22 @@ def is_far(filters: Record, row: Record) -> bool:
 
 
 @compiled_in_place
-def log_likelihood(smoother: Smoother, record: Records, family: int, rows: Records) -> float:
-    """Log-likelihood of the readings of all rows but the first under a family's ripple, up to a constant."""
-    _begin_at_reading(smoother, record, family, rows)
-    smooth(smoother, record[0].interval, rows, 1, 0)
-    return filter_rows(smoother, rows)
+def smooth_family(smoother: Smoother, record: Records, family: int, rows: Records, first: int, last: int) -> float:
+    """Smooth (n,) rows under a family's ripple, from the first reading on: rows `first` .. `last` get their states.
 
-
-@compiled_in_place
-def smooth_family(smoother: Smoother, record: Records, family: int, rows: Records, first: int, last: int) -> None:
-    """Smooth (n,) rows under a family's ripple; rows `first` .. `last` get their states."""
-    _begin_at_reading(smoother, record, family, rows)
+    Returns the log-likelihood of all readings but the first, up to a constant.
+    """
+    filters, start = smoother.filters[0], rows[0]
+    set_ripple(filters, record[0], family)
+    for i in range(rows.size):
+        rows[i].intensity = 0.0
+    set_start(filters.start, start.reading, start.speed, start.noise or start.unit, rows[1].step)
+    begin_at_state(filters, start.reading, start.speed, 0.0, filters.second[filters.leading])
     smooth(smoother, record[0].interval, rows, 1, 0)
-    filter_rows(smoother, rows)
-    smooth_back(smoother, rows, first, last)
+    total = filter_rows(smoother, rows)
+    if first <= last:
+        smooth_back(smoother, rows, first, last)
+    return total
 
 
 @compiled_in_place
@@ -168,22 +159,19 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
 def filter_rows(smoother: Smoother, rows: Records) -> float:
     """Forward pass over all rows but the first; returns the readings' log-likelihood, up to a constant."""
     filters, m, total = smoother.filters[0], lanes.CHAIN, 0.0
-    clock, projected = filters.clock, filters.projected
+    clock = filters.clock
     copy_numbers(filters.start, clock[:, m])
     copy_numbers(filters.start, smoother.filtered[0])
     for i in range(1, rows.size):
         row = rows[i]
         time_update(filters, math.sqrt(row.intensity * row.step), row.step, m, m + 1)
         if row.noise > 0.0:
-            innovation = row.clock - clock[lanes.ANGLE, m]
-            p0, p1, p2 = clock[lanes.L20, m], clock[lanes.L21, m], clock[lanes.L22, m]
-            projected[0, m], projected[1, m], projected[2, m] = p0, p1, p2
-            prior = p0**2 + p1**2 + p2**2
-            fits_bank = (row.reading - row.theta) ** 2 <= ROBUST * row.noise
-            noise = row.noise if fits_bank else max(row.noise, innovation * innovation / ROBUST - prior)
-            filters.innovation[m], filters.noise_variance[m] = innovation, noise
+            innovate(filters, row.clock, row.noise, m, m + 1)
+            if (row.reading - row.theta) ** 2 <= ROBUST * row.noise:  # the bank believed it
+                filters.noise_variance[m] = row.noise
+            variance = filters.noise_variance[m] + filters.prior_variance[m]
             measurement_update(filters, m, m + 1)
-            total -= 0.5 * (math.log(noise + prior) + innovation * innovation / (noise + prior))
+            total -= 0.5 * (math.log(variance) + filters.innovation[m] ** 2 / variance)
         copy_numbers(clock[:, m], smoother.filtered[i])
     return total
 
@@ -310,8 +298,8 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
         rejected = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6
         for i in range(3):
             sensitivity[i, k, lanes.CHAIN] *= row.intensity / (row.intensity + rejected)
-    set_ripple_covariance(filters, waves, lanes.CHAIN)
-    add_spread(s, filters.slopes, 1.0, filters.covariance_part)
-    write_covariance(filters.covariance_part, row.covariance)
+    row.covariance[:] = 0.0
+    add_ripple_covariance(filters, waves, lanes.CHAIN, 1.0, row.covariance)
+    add_spread(s, filters.slopes, 1.0, row.covariance)
     add_systematic(row)
     put_angle(row, theta)

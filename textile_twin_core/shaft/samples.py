@@ -35,8 +35,8 @@ def admit(status: Record, last: Stamps, stamp: float, angle: float) -> bool:
         status.not_finite += 1.0
         return False
     if status.accepted > 0.0 and stamp <= last[0]:
-        status.duplicate += stamp == last[0]
-        status.older += stamp < last[0]
+        status.duplicate_stamp += stamp == last[0]
+        status.older_stamp += stamp < last[0]
         return False
     status.accepted += 1.0
     return True

@@ -28,20 +28,20 @@ MANOEUVRE, STRETCH = 1.0, 2.0
 
 COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
 KEPT = (
-    *COUNTS, "received", "not_finite", "duplicate", "older", "longest", "interval", "jitter", "jitter_told", "unit",
-    "motion", "speed", "leading", "best", "waves", "ripple", "sensor_ripple", "guessed",
+    *COUNTS, "received", "not_finite", "duplicate_stamp", "older_stamp", "longest", "interval", "jitter", "jitter_told",
+    "unit", "motion", "speed", "leading", "best", "waves", "ripple", "sensor_ripple", "guessed",
 )  # fmt: skip
 """Fields that outlast the end of a record."""
 
 _NUMBERS = (
-    "received", "not_finite", "duplicate", "older",  # samples received, and rejected by cause
+    "received", "not_finite", "duplicate_stamp", "older_stamp",  # samples received, and rejected by cause
     "unit", "samples", "used", "time",  # unit of the stamps [s]; since the begin: samples accepted, used; time [s]
     "interval", "longest", "move",  # mean interval of samples, longest one [s]; mean move of readings [rad]
     "angle", "speed", "acceleration", "speed_sigma", "acceleration_sigma",  # estimate, standard deviations [rad, s]
     "sensor_speed", "fastest",  # speed by the sensor (NaN: none), full speed as far as known [rad/s]
     "motion", "sense", "still", "since",  # STARTING ..; +-1; samples at rest, and since the motion was initialised
     "lowest", "ripple_tried",  # lowest order of ripple; 1 once a family with ripple has entered the comparison
-    "first", "origin",  # first reading [rad] and its whole turns
+    "origin",  # whole turns of the first reading
     "period", "slips",  # angle at which readings wrap, 0 if they do not; what unwrapping adds [rad]
     "auto", "low", "high",  # 1 if wrapping is found from the readings, and their range [rad]
     "edges", "resolution", "guessed",  # 1 for edges of teeth; encoder's step [rad], 1 if it is not known yet
@@ -95,7 +95,7 @@ _ARRAYS = {
     "order_sums": (2 * _WIDTH,),  # Fourier coefficients of the residuals
     "ripple_jacobian": (3, _WIDTH), "slopes": (6,),  # work space
     "start": (9,),  # initial state and covariance factor
-    "moments": (4,), "products": (6,), "covariance_part": (6,),  # work space of `mixture`
+    "moments": (4,),  # work space of `mixture`
 }  # fmt: skip
 STATUS = np.dtype(
     [(name, np.float64, (lanes.COUNT,)) for name in _BY_LANE]

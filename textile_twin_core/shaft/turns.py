@@ -13,17 +13,9 @@ TURN = 2.0 * math.pi
 TURN_TAIL = 2.4492935982947064e-16  # 2 pi minus its float64 value
 
 
-def split_turns(angle: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Whole turns (n,) and phase (n,) in about [-pi, pi] of angles (n,) [rad], exact to the input's own rounding."""
-    phase = np.fmod(angle, TURN)  # exact, in the float64 period
-    phase -= np.rint(phase / TURN) * TURN
-    turns = np.rint((angle - phase) / TURN)
-    return turns.astype(np.int64), phase - turns * TURN_TAIL
-
-
 @compiled_in_place
 def split_turn(angle: float) -> tuple[float, float]:
-    """`split_turns` for one angle; the turns as a float."""
+    """Whole turns and phase in about [-pi, pi] of an angle [rad], exact to the input's own rounding."""
     phase = float(np.fmod(angle, TURN))  # exact, in the float64 period
     phase -= np.rint(phase / TURN) * TURN
     turns = np.rint((angle - phase) / TURN)
