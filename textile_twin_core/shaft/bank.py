@@ -23,7 +23,7 @@ from textile_twin_core.shaft.ripple import (
     set_sensitivity,
     update_coefficients,
 )
-from textile_twin_core.shaft.status import Record
+from textile_twin_core.shaft.status import MANOEUVRE, Record
 from textile_twin_core.shaft.turns import TURN
 
 SWITCH_PROBABILITY = 1e-3  # from one memory to another at each sample: motions change a few times in 1000 samples
@@ -89,8 +89,16 @@ def initialise(status: Record, f: int, scale: float) -> None:
         status.scale[m], status.scale_samples[m] = scale, FIRST_SCALE_WEIGHT
         status.recent_scale[m] = scale
         status.likelihood_ratio[m] = 1.0
-        status.probability[m] = status.usage[m] = 1.0 / (lanes.END[f] - first) if m < lanes.END[f] else 0.0
     doubt_ripple(status, f, 0)
+    _weigh_evenly(status, f)
+
+
+@compiled_in_place
+def _weigh_evenly(status: Record, f: int) -> None:
+    """Make all memories of family `f` equally probable."""
+    first, end = lanes.FIRST[f], lanes.END[f]
+    for m in range(first, lanes.STOP[f]):
+        status.probability[m] = status.usage[m] = 1.0 / (end - first) if m < end else 0.0
     status.best[f] = first
 
 
@@ -130,8 +138,7 @@ def begin_as(status: Record, f: int, known: int, waves: int) -> None:
         status.second[f, i] = status.second[known, i]
     for m in range(first, lanes.STOP[f]):
         _restart_from(status, status.best[known], m, 2 * status.waves[known])
-        status.probability[m] = status.usage[m] = 1.0 / (lanes.END[f] - first) if m < lanes.END[f] else 0.0
-    status.best[f] = first
+    _weigh_evenly(status, f)
     resize(status, f, waves)
 
 
@@ -139,7 +146,10 @@ def begin_as(status: Record, f: int, known: int, waves: int) -> None:
 def open_manoeuvre(
     status: Record, row: Record, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float
 ) -> None:
-    """Shift angle and rate of all filters, add to their covariance factors' diagonal, and predict the reading again."""
+    """Shift angle and rate of all filters, add to their covariance factors' diagonal, and predict the reading again.
+
+    How even a motion was says nothing of a manoeuvre: all memories are equally probable then.
+    """
     clock = status.clock
     for f in range(lanes.FAMILIES):
         if status.active[f] == 0.0:
@@ -151,6 +161,8 @@ def open_manoeuvre(
             clock[lanes.L22, m] += by_angle / root
             clock[lanes.L11, m] += by_rate / root
             clock[lanes.L00, m] += by_acceleration / root
+        if row.cut == MANOEUVRE:
+            _weigh_evenly(status, f)
         predict_reading(status, f, 0.0, row.reading, row.reading, row.unit)
 
 
