@@ -57,3 +57,40 @@ def test_speeds_above_all_that_were_seen_take_more_to_be_believed(seed: int, vie
     states = [estimator.step(time, angles), estimator.finish()][view == "smooth"]
     off = np.abs(states.omega_rad_s - omega[states.index])[states.settled & (states.index > 2000)]
     assert off.max() < top
+
+
+@pytest.mark.parametrize("wild", [8.5, 20.0, -1000.0])
+def test_a_reading_beyond_the_turn_does_not_end_unwrapping(wild: float) -> None:
+    """Wrapping is found from the readings' range, of which one alone is no part; each turn was a jump then."""
+    time, step = np.arange(5000) / 500.0, 2.0 * np.pi / 4096
+    angles = np.round(17.0 * time / step) * step % (2.0 * np.pi)
+    angles[1000] = wild
+    estimator = create_estimator("causal")
+    states = estimator.step(time, angles)
+    assert (estimator.report.jumps, estimator.report.outliers) == (0, 1)
+    assert abs(states.theta_rad[-1] - 17.0 * time[-1]) < 2.0 * step
+
+
+@pytest.mark.parametrize(("speed", "rate_hz"), [(400.0, 100.0), (1000.0, 50.0), (-400.0, 50.0)])
+def test_an_angle_that_leaps_by_more_than_half_a_turn_keeps_its_turns(speed: float, rate_hz: float) -> None:
+    """It is not wrapped, which its first readings show; what was added to them until then must go."""
+    time = np.arange(2000) / rate_hz
+    states = create_estimator("causal").step(time, 3.0 + speed * time)
+    assert np.allclose(states.theta_rad[50:], 3.0 + speed * time[states.index[50:]], rtol=0.0, atol=1e-6)
+    assert np.allclose(states.omega_rad_s[50:], speed)
+
+
+@pytest.mark.parametrize("place", range(23, 30))
+def test_no_place_of_a_wrong_reading_hides_the_ripple(place: int) -> None:
+    """Where the noise is known the ripple gets its prior covariance back, with the next reading where one is wrong."""
+    time, ripple, step = np.arange(2000) / 1000.0, 0.05, 2.0 * np.pi / 2**17
+    theta = 50.0 * time
+    for _ in range(40):
+        theta = 50.0 * time + ripple * np.sin(theta)
+    angles = np.round(theta / step) * step
+    angles[place] += 0.5
+    states = create_estimator("causal").step(time, angles)
+    slope = 1.0 - ripple * np.cos(theta)
+    alpha = -((50.0 / slope) ** 2) * ripple * np.sin(theta) / slope
+    late = states.index > 500
+    assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha[states.index])[late] ** 2)) < 0.5

@@ -93,16 +93,23 @@ def begin_or_rest(status: Record, f: int, turned: float) -> None:
         status.active[f], status.rest[f], status.travelled[f], status.mode_probability[f] = 1.0, 0.0, 0.0, 0.0
         status.began[f] = max(speed, standstill_speed(status))
     elif status.active[f] > 0.0 and resolved_waves(status, f, KEEP) < lanes.LEAST_WAVES[f]:
-        status.active[f] = status.mode_probability[f] = 0.0
-        status.mode_probability[0] = max(status.mode_probability[0], ENTRY_PROBABILITY)
+        _strike_out(status, f)
+        status.active[f] = 0.0
     elif status.active[f] > 0.0 and status.rest[f] * status.lowest < -IDLE_CYCLES * TURN:
         _end_trial(status, f)
     if working and status.active[f] > 0.0:
         _fit_waves(status, f, turned, is_observed(status, f) and not faster)
         if faster:
             doubt_ripple(status, f, 0)
-            status.began[f], status.travelled[f], status.mode_probability[f] = speed, 0.0, 0.0
-            status.mode_probability[0] = max(status.mode_probability[0], ENTRY_PROBABILITY)
+            _strike_out(status, f)
+            status.began[f], status.travelled[f] = speed, 0.0
+
+
+@compiled_in_place
+def _strike_out(status: Record, f: int) -> None:
+    """Give a family's probability to the plain one: the gate takes the probabilities for whole."""
+    status.mode_probability[0] += status.mode_probability[f]
+    status.mode_probability[f] = 0.0
 
 
 @compiled_in_place

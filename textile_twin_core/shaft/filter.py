@@ -46,7 +46,7 @@ from textile_twin_core.shaft.mixture import combine
 from textile_twin_core.shaft.residual_orders import add_systematic, listen_for_orders, set_systematic
 from textile_twin_core.shaft.samples import Block, admit
 from textile_twin_core.shaft.status import MANOEUVRE, RUNNING, STANDSTILL, STARTING, Record, Records
-from textile_twin_core.shaft.turns import TURN, TURN_TAIL, split_turn
+from textile_twin_core.shaft.turns import TURN, split_turn
 
 # [1/rad], the gate: density of outliers without the constant 0.38 of Student's t, one sample in 130 within a radian
 OUTLIER_DENSITY = 0.02
@@ -94,6 +94,7 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
         status.origin, status.time = turns, 0.0
         status.angle = status.low = status.high = phase
         row.reading, row.theta, row.origin = phase, phase, turns
+        put_angle(row, phase)
     else:
         status.time += step
         status.longest = max(status.longest, step)
@@ -149,6 +150,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
         restart(status, reading, (reading - status.read) / step, step, row)
         return
     if is_runaway(status, reading - status.read, step):
+        status.fastest = 0.0
         restart(status, reading, math.copysign(status.travel, status.leapt) / status.interval, step, row)
         return
     if abs(reading - status.read - status.speed * step) > ROUNDED_APART * status.resolution:
@@ -189,6 +191,7 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
     if was_outlier:
         learn_abruptness(status, False)
     status.clean = 0.0 if was_outlier else status.clean + 1.0
+    settles = status.since - status.rejected_run <= SETTLING <= status.since
     status.rejected_run = status.off_before = status.off_last = 0.0
     moved = samples_between(status, repeated) * status.interval * abs(status.speed)
     turning = moved > 3.0 * math.sqrt(row.noise)
@@ -200,7 +203,7 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
     if held <= OFTEN_HELD < status.held:
         forget_lessons(status)
     adapt_additive_noise(status, reading)
-    if status.since == SETTLING and status.ripple_tried == 0.0:
+    if settles and status.ripple_tried == 0.0:
         for f in range(1, lanes.FAMILIES):  # while the noise scale was found, their prior covariance went with it
             doubt_ripple(status, f, 0)
     if status.used % ADAPT_EVERY == 0.0 and turning and status.since > ADAPT_EVERY / 2.0:
@@ -263,5 +266,5 @@ def _detect_motion(status: Record, sigma: float) -> None:
 def put_angle(row: Record, angle: float) -> None:
     """Write an angle [rad], relative to the row's origin, as whole turns and phase."""
     turns = np.floor(angle / TURN + 0.5)
-    row.phase = angle - turns * TURN - turns * TURN_TAIL
+    row.phase = angle - turns * TURN
     row.turns = row.origin + turns

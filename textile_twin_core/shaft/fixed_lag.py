@@ -138,8 +138,9 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     held, status, filters = window.held[0], record[0], smoother.filters[0]
     theta, omega, alpha = state_at_start(filters, window.filtered[0].theta)
     changed = status.leading != filters.leading or status.waves[status.leading] != filters.waves[filters.leading]
-    set_ripple(filters, status, status.leading)
-    if changed:
+    if status.since > 0.0:  # else it has restarted, and knows none
+        set_ripple(filters, status, status.leading)
+    if changed and status.since > 0.0:
         begin_at_state(filters, theta, omega, alpha, filters.shaft_second[filters.leading])
     if held.restart != 0 or is_far(filters, window.filtered[0]):
         begin_at_row(filters, window.filtered[0])

@@ -59,7 +59,7 @@ def initiate(status: Record, step: float, angle: float, rate: float, row: Record
         status.jitter = (FIRST_JITTER * step) ** 2
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
     status.move = abs(rate) * step
-    status.read, status.kept, status.kept_at, status.moved, status.bent = angle, angle, status.time, 0.0, 0.0
+    _begin_differences(status, angle)
     set_correlated(status)
     initial, noise = status.start, measurement_variance(status)
     set_start(initial, angle, rate, noise, step)
@@ -80,6 +80,12 @@ def initiate(status: Record, step: float, angle: float, rate: float, row: Record
     status.off_before = status.off_last = status.runaway = 0.0
     row.reading, row.cut = angle, STRETCH
     row.noise = row.unit = measurement_variance(status)
+
+
+@compiled_in_place
+def _begin_differences(status: Record, reading: float) -> None:
+    """Forget the readings before one, where moves from them to later ones tell nothing."""
+    status.read, status.kept, status.kept_at, status.moved, status.bent = reading, reading, status.time, 0.0, 0.0
 
 
 @compiled_in_place
@@ -239,5 +245,6 @@ def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
     for f in range(lanes.FAMILIES):
         if status.active[f] > 0.0:
             update_filters(status, f, row.unit, 0.0)
-    status.angle = status.read = reading
+    status.angle = reading
+    _begin_differences(status, reading)
     status.since = status.rejected_run = status.off_before = status.off_last = 0.0

@@ -33,9 +33,11 @@ FORGET_SPEED = 0.99  # decay of the full speed per adaptation
 def unwrap_reading(status: Record, raw: float, expected: float) -> float:
     """The measurement [rad] nearest to the prediction; one whose range exceeds a period is not wrapped."""
     if status.auto > 0.0 and status.period > 0.0:
-        status.low, status.high = min(status.low, raw), max(status.high, raw)
+        # A wild reading is one alone: the range is what two in a row share, but for the first few, that may leap.
+        before = status.read - status.slips if status.samples > SETTLING else raw
+        status.low, status.high = min(status.low, max(raw, before)), max(status.high, min(raw, before))
         if status.high - status.low > 1.25 * status.period:
-            status.period = 0.0
+            status.period = status.slips = 0.0
     if status.period > 0.0:
         status.slips = status.period * np.rint((expected - raw) / status.period)
     return float(raw + status.slips)
