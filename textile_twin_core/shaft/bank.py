@@ -29,9 +29,7 @@ from textile_twin_core.shaft.turns import TURN
 SWITCH_PROBABILITY = 1e-3  # from one memory to another at each sample: motions change a few times in 1000 samples
 UNIFORM_PART = 0.01  # of it goes to all memories alike, the rest by their use
 USAGE_SAMPLES = 300.0  # over which a memory's probability is averaged as its use
-RESTART_RATIO = math.exp(
-    -10.0
-)  # likelihood ratio to the family since its peak, below which a filter restarts (Page 1954)
+RESTART_RATIO = math.exp(-10.0)  # likelihood ratio to the family since its peak: less restarts a filter (Page 1954)
 RESTART_PROBABILITY = 0.01  # below which a filter may restart
 FIRST_SCALE_WEIGHT = 0.1  # of the first noise scale, in innovations: it may be hundreds of times too large
 SCALE_SAMPLES = 500.0  # innovations over which a filter's noise scale is averaged
@@ -247,7 +245,7 @@ def _is_young(status: Record, f: int) -> bool:
     In the first turns of an even motion, each of many readings, they take for ripple what does not come again.
     """
     even = abs(abs(status.speed) - status.began[f]) < UNEVEN * status.began[f] and status.move * MANY_READINGS < TURN
-    return status.waves[f] > 0 and even and status.travelled[f] * status.lowest < YOUNG_CYCLES * TURN  # type: ignore[no-any-return]
+    return status.waves[f] > 0 and even and status.travelled[f] * status.lowest < YOUNG_CYCLES * TURN
 
 
 @compiled_in_place

@@ -30,9 +30,7 @@ IMPROBABLE = 0.05  # mode probability up to which a family may rest or restart
 IDLE_CYCLES = 8.0  # that an improbable family, or one of more orders than the leading one, is active until it rests ..
 LONGEST_TRIAL = 32.0  # .. and the latter while it is nearly as good; then it begins anew from the leading one
 FIRST_REST, LONGEST_REST = 16.0, 256.0  # cycles of a rest, which doubles each time
-SIMPLER_REST = (
-    0.25  # part of that for fewer orders than the leading family has: needless orders disturb the acceleration
-)
+SIMPLER_REST = 0.25  # part of that for fewer orders than lead: needless orders disturb the acceleration
 FASTEST_REST = 32.0  # at most so many times faster does a rest pass where memory is short: the ripple may have changed
 RESTART_SPEED = 2.0  # at so many times its first speed a family forgets: it mistook the run-up for ripple
 ENTRY_PROBABILITY = 1e-5  # of a family that enters the comparison after another one with ripple
@@ -62,7 +60,7 @@ def resolved_waves(status: Record, f: int, margin: float) -> int:
 @compiled_in_place
 def is_observed(status: Record, f: int) -> bool:
     """Whether the shaft has turned enough for the family's ripple to be observable."""
-    return status.travelled[f] * status.lowest >= SEEN_CYCLES * TURN  # type: ignore[no-any-return]
+    return status.travelled[f] * status.lowest >= SEEN_CYCLES * TURN
 
 
 @compiled_in_place
@@ -221,4 +219,4 @@ def memory_of(status: Record, f: int) -> float:
     """
     simpler = f < status.leading and status.active[f] > 0.0 and is_observed(status, f)
     own = f == 0 or status.mode_probability[f] > IMPROBABLE or simpler
-    return status.log_memory[f if own else status.leading]  # type: ignore[no-any-return]
+    return status.log_memory[f if own else status.leading]

@@ -120,7 +120,7 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
             due = max(due, last // (BATCH + 1))
         if due > 0 and (due >= (last - due) // BATCH or full):
             _release(record, due, window, smoother, ready, table)
-    return held.ready  # type: ignore[no-any-return]
+    return held.ready
 
 
 @compiled_in_place
@@ -129,7 +129,7 @@ def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, t
     held = window.held[0]
     if held.rows > 1:
         _release(record, held.rows - 1, window, smoother, ready, table)
-    return held.ready  # type: ignore[no-any-return]
+    return held.ready
 
 
 @compiled_in_place

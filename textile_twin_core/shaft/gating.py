@@ -105,7 +105,7 @@ def is_false_start(status: Record, reading: float, off: float, step: float) -> b
         return False
     bend = reading - status.kept - status.moved * step / status.interval
     limit = FALSE_START * (abs(bend) + math.sqrt(measurement_variance(status)))
-    return abs(off) > limit  # type: ignore[no-any-return]
+    return abs(off) > limit
 
 
 @compiled_in_place
@@ -117,13 +117,13 @@ def is_runaway(status: Record, moved: float, step: float) -> bool:
     status.travel += (abs(moved) - status.travel) / SETTLING
     runs = status.still == 0.0 and abs(status.speed) * step > RUNAWAY * (status.travel + status.resolution)
     status.runaway = status.runaway + 1.0 if runs else 0.0
-    return status.runaway > UNCONFIRMED  # type: ignore[no-any-return]
+    return status.runaway > UNCONFIRMED
 
 
 @compiled_in_place
 def is_growing(status: Record, off: float) -> bool:
     """Whether an innovation has the sign of the last rejected one and is larger."""
-    return off * status.off_last >= 0.0 and abs(off) > GROWTH * abs(status.off_last)  # type: ignore[no-any-return]
+    return off * status.off_last >= 0.0 and abs(off) > GROWTH * abs(status.off_last)
 
 
 @compiled_in_place
@@ -231,7 +231,7 @@ def is_predicted(status: Record, step: float, reading: float) -> bool:
     p1, p2 = clock[lanes.L21, m] + step * clock[lanes.L11, m], clock[lanes.L22, m]
     jerk = status.jerk_strength[m] ** 2 * interval**5 / 20.0
     variance = status.scale[m] * (p0 * p0 + p1 * p1 + p2 * p2 + (1.0 + jerk) * noise)
-    return variance <= MAX_GAP_SIGMA**2 and off * off <= 9.0 * variance  # type: ignore[no-any-return]
+    return variance <= MAX_GAP_SIGMA**2 and off * off <= 9.0 * variance
 
 
 @compiled_in_place

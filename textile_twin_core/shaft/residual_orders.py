@@ -111,15 +111,15 @@ def _power(status: Record, f: int, k: int) -> float:
     """Squared amplitude of an order, in the ripple of family `f` or in the innovations."""
     if k < status.waves[f]:
         ripple = status.ripple[:, status.best[f]]
-        return ripple[2 * k] ** 2 + ripple[2 * k + 1] ** 2  # type: ignore[no-any-return]
-    return (status.order_sums[2 * k] ** 2 + status.order_sums[2 * k + 1] ** 2) / status.listened**2  # type: ignore[no-any-return]
+        return ripple[2 * k] ** 2 + ripple[2 * k + 1] ** 2
+    return (status.order_sums[2 * k] ** 2 + status.order_sums[2 * k + 1] ** 2) / status.listened**2
 
 
 @compiled_in_place
 def _white_power(status: Record) -> float:
     """Mean power of an order in white residuals."""
     variance = status.reading_variance / status.listened
-    return 2.0 * variance / ORDER_SAMPLES * (2.0 / status.listened - 1.0)  # type: ignore[no-any-return]
+    return 2.0 * variance / ORDER_SAMPLES * (2.0 / status.listened - 1.0)
 
 
 @compiled_in_place

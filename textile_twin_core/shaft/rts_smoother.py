@@ -109,7 +109,7 @@ def is_far(filters: Record, row: Record) -> bool:
     """Whether the initial angle is far from the bank's at a row, whose reading is much closer to the bank's."""
     angle = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta, filters.shaft_second[filters.leading])[0]
     far = (angle - row.theta) ** 2 > FAR * row.covariance[0]
-    return far and abs(row.reading - angle) > 2.0 * abs(row.reading - row.theta)  # type: ignore[no-any-return]
+    return far and abs(row.reading - angle) > 2.0 * abs(row.reading - row.theta)
 
 
 @compiled_in_place
