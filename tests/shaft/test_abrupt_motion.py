@@ -35,6 +35,19 @@ def test_a_start_within_a_reading_is_followed_sooner_where_no_outliers_came() ->
     assert np.median(ratios) < 1.15
 
 
+@pytest.mark.parametrize("view", ["lag", "smooth"])
+def test_a_start_that_was_believed_at_once_is_smoothed_as_one(view: str) -> None:
+    """Where its first reading stays set aside the speed is 2.5 times as far off as the textbook's."""
+    ratios = []
+    for seed in range(8):
+        time, readings, speed = _drive(seed)
+        states, book = _smoothed(view, time, readings), textbook(time, readings)
+        late = states.index > 0.5 * time.size
+        off, reference = states.omega_rad_s - speed[states.index], book.smooth[:, 1] - speed
+        ratios.append(np.sqrt(np.mean(off[late] ** 2) / np.mean(reference[states.index[late]] ** 2)))
+    assert np.median(ratios) < 1.1
+
+
 @pytest.mark.parametrize("size", [0.5, 0.8, 2.0])
 @pytest.mark.parametrize("seed", range(4))
 def test_an_outlier_after_starts_and_stops_is_believed_for_one_reading_at_most(seed: int, size: float) -> None:

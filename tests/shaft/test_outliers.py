@@ -42,6 +42,20 @@ def test_outliers_on_both_sides_of_the_motion_are_no_motion() -> None:
     assert np.allclose(states.omega_rad_s[states.index > 100], 15.0, rtol=1e-3)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_outliers_on_one_side_that_follow_no_line_are_no_motion(seed: int) -> None:
+    """Taken for one, each three of them would make a speed off by some hundred rad/s."""
+    rng, time, step = np.random.default_rng(seed), np.arange(4000) / 500.0, 2.0 * np.pi / 4096
+    angles = np.round((20.0 * time + 0.02 * np.sin(20.0 * time)) / step) * step
+    for place in range(300, 3900, 120):
+        angles[place : place + 3] += np.array([0.5, 0.1, 0.45]) * rng.uniform(0.7, 1.0, 3)
+    estimator = create_estimator("causal")
+    states = estimator.step(time, angles)
+    assert (estimator.report.outliers, estimator.report.jumps) == (90, 0)
+    off = states.omega_rad_s - 20.0 - 0.4 * np.cos(20.0 * time[states.index])
+    assert np.abs(off[states.index > 200]).max() < 0.1
+
+
 @pytest.mark.parametrize("view", ["causal", "smooth"])
 @pytest.mark.parametrize("seed", [19, 39, 133, 135, 175, 199, 249, 274, 323])
 def test_speeds_above_all_that_were_seen_take_more_to_be_believed(seed: int, view: str) -> None:
