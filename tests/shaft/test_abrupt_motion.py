@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.shaft.kinds import TURN
+from tests.shaft.shaft_motion import rippling
 from tests.shaft.textbook import textbook
 from textile_twin_core.shaft import ShaftStates, create_estimator
 from textile_twin_core.shaft.status import MANOEUVRE
@@ -25,27 +26,22 @@ def _drive(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_a_start_within_a_reading_is_followed_sooner_where_no_outliers_came() -> None:
     """With two readings rejected each time the speed is 1.9 times as far off as the textbook's, with one 1.5 times."""
-    ratios = []
-    for seed in range(8):
-        time, readings, speed = _drive(seed)
-        states, book = create_estimator("causal").step(time, readings), textbook(time, readings)
-        late = states.index > 0.5 * time.size
-        off, reference = states.omega_rad_s - speed[states.index], book.causal[:, 1] - speed
-        ratios.append(np.sqrt(np.mean(off[late] ** 2) / np.mean(reference[states.index[late]] ** 2)))
-    assert np.median(ratios) < 1.15
+    assert np.median([_beside_the_textbook("causal", seed) for seed in range(8)]) < 1.15
 
 
 @pytest.mark.parametrize("view", ["lag", "smooth"])
 def test_a_start_that_was_believed_at_once_is_smoothed_as_one(view: str) -> None:
     """Where its first reading stays set aside the speed is 2.5 times as far off as the textbook's."""
-    ratios = []
-    for seed in range(8):
-        time, readings, speed = _drive(seed)
-        states, book = _smoothed(view, time, readings), textbook(time, readings)
-        late = states.index > 0.5 * time.size
-        off, reference = states.omega_rad_s - speed[states.index], book.smooth[:, 1] - speed
-        ratios.append(np.sqrt(np.mean(off[late] ** 2) / np.mean(reference[states.index[late]] ** 2)))
-    assert np.median(ratios) < 1.1
+    assert np.median([_beside_the_textbook(view, seed) for seed in range(8)]) < 1.1
+
+
+def _beside_the_textbook(view: str, seed: int) -> float:
+    """Error of the speed over the textbook's in the second half of `_drive`."""
+    time, readings, speed = _drive(seed)
+    states, book = _states(view, time, readings), textbook(time, readings)
+    late, tuned = states.index > 0.5 * time.size, book.causal if view == "causal" else book.smooth
+    off, reference = states.omega_rad_s - speed[states.index], tuned[:, 1] - speed
+    return float(np.sqrt(np.mean(off[late] ** 2) / np.mean(reference[states.index[late]] ** 2)))
 
 
 @pytest.mark.parametrize("size", [0.5, 0.8, 2.0])
@@ -72,17 +68,15 @@ def test_an_outlier_after_starts_and_stops_is_believed_for_one_reading_at_most(s
 def test_an_outlier_that_was_believed_does_nothing_to_smoothed_states(view: str, size: float, after: int) -> None:
     """Whether more readings follow or none."""
     time, readings, clean, at = _believed(20.0 / RATE_HZ * np.arange(1, 150 + after), size, 149)
-    found, truth = (_smoothed(view, time, each) for each in (readings, clean))
+    found, truth = (_states(view, time, each) for each in (readings, clean))
     assert np.abs(found.omega_rad_s - truth.omega_rad_s)[truth.index > at - 50].max() < 0.5
 
 
 @pytest.mark.parametrize("view", ["lag", "smooth"])
 def test_an_outlier_that_was_believed_is_smoothed_at_the_ripples_own_angle(view: str) -> None:
-    even, angle = 20.0 / RATE_HZ * np.arange(1, 3001), np.zeros(3000)
-    for _ in range(60):
-        angle = even - 0.25 * np.sin(angle)
+    angle = rippling(20.0 / RATE_HZ * np.arange(1, 3001), 20.0, 0.0, -0.25)[0]
     time, readings, clean, at = _believed(angle, -1.2, 2100)
-    found, truth = (_smoothed(view, time, each) for each in (readings, clean))
+    found, truth = (_states(view, time, each) for each in (readings, clean))
     there = truth.index == at
     assert np.abs(found.theta_rad - truth.theta_rad)[there] < 0.01
     assert np.abs(found.omega_rad_s - truth.omega_rad_s)[there] < 0.05
@@ -92,8 +86,8 @@ def test_an_outlier_that_was_believed_is_smoothed_at_the_ripples_own_angle(view:
 @pytest.mark.parametrize("view", ["lag", "smooth"])
 def test_a_sample_that_is_refused_decides_nothing(view: str) -> None:
     time, readings, _, at = _believed(20.0 / RATE_HZ * np.arange(1, 301), 0.5, 149)
-    states = _smoothed(view, time, readings)
-    refused = _smoothed(view, np.insert(time, at + 1, np.inf), np.insert(readings, at + 1, readings[at + 1]))
+    states = _states(view, time, readings)
+    refused = _states(view, np.insert(time, at + 1, np.inf), np.insert(readings, at + 1, readings[at + 1]))
     assert np.array_equal(states.omega_rad_s, refused.omega_rad_s)
 
 
@@ -129,7 +123,7 @@ def test_what_was_believed_and_taken_back_is_counted_once(view: str) -> None:
     assert len(one) == whole.report.accepted - 2
 
 
-def _smoothed(view: str, time: np.ndarray, readings: np.ndarray) -> ShaftStates:
+def _states(view: str, time: np.ndarray, readings: np.ndarray) -> ShaftStates:
     estimator = create_estimator(view)
     parts = [estimator.step(time, readings), estimator.finish()]
     return ShaftStates.join([part for part in parts if len(part)])

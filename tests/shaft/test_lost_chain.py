@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.shaft.kinds import make
+from tests.shaft.shaft_motion import rippling
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 
 
@@ -121,17 +122,13 @@ def _smoothed_off(speed: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, Sam
 @pytest.mark.parametrize("seed", range(4))
 def test_lag_knows_the_ripple_before_a_loss(seed: int) -> None:
     """What is smoothed after garbage has ended a motion was said before it: there the ripple is known."""
-    rng, time, ripple, step = np.random.default_rng(seed), np.arange(4000) / 1000.0, 0.05, 2.0 * np.pi / 2**14
+    rng, time, step = np.random.default_rng(seed), np.arange(4000) / 1000.0, 2.0 * np.pi / 2**14
     clock = 30.0 * time + rng.uniform(0.0, 2.0 * np.pi)
-    theta = clock.copy()
-    for _ in range(40):
-        theta = clock + ripple * np.sin(theta)
+    theta, _, alpha = rippling(clock, 30.0, 0.0, 0.05)
     angles = np.round(theta / step) * step
     angles[3000:3012] = rng.uniform(0.0, 6.28, 12)
     estimator = create_estimator("lag", shaft_lag_s=0.08, wrapping="wrapped")
     states = estimator.step(time, angles % (2.0 * np.pi))
     assert estimator.report.losses > 0
-    slope = 1.0 - ripple * np.cos(theta)
-    alpha = -((30.0 / slope) ** 2) * ripple * np.sin(theta) / slope
     before = (states.index >= 2900) & (states.index < 3000)
     assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha[states.index])[before] ** 2)) < 0.2

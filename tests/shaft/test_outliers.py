@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.shaft.kinds import make
+from tests.shaft.shaft_motion import rippling
 from textile_twin_core.shaft import ESTIMATORS, ShaftStates, create_estimator
 
 HARD = (12, 17, 23, 43, 46, 187, 218, 237, 290, 317)
@@ -97,14 +98,10 @@ def test_an_angle_that_leaps_by_more_than_half_a_turn_keeps_its_turns(speed: flo
 @pytest.mark.parametrize("place", range(23, 30))
 def test_no_place_of_a_wrong_reading_hides_the_ripple(place: int) -> None:
     """Where the noise is known the ripple gets its prior covariance back, with the next reading where one is wrong."""
-    time, ripple, step = np.arange(2000) / 1000.0, 0.05, 2.0 * np.pi / 2**17
-    theta = 50.0 * time
-    for _ in range(40):
-        theta = 50.0 * time + ripple * np.sin(theta)
+    time, step = np.arange(2000) / 1000.0, 2.0 * np.pi / 2**17
+    theta, _, alpha = rippling(50.0 * time, 50.0, 0.0, 0.05)
     angles = np.round(theta / step) * step
     angles[place] += 0.5
     states = create_estimator("causal").step(time, angles)
-    slope = 1.0 - ripple * np.cos(theta)
-    alpha = -((50.0 / slope) ** 2) * ripple * np.sin(theta) / slope
     late = states.index > 500
     assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha[states.index])[late] ** 2)) < 0.5

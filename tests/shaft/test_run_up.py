@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.generators.mill_recordings import START_NS, healthy, record
+from tests.shaft.shaft_motion import rippling
 from textile_twin_core.shaft import create_estimator
 
 
@@ -45,15 +46,11 @@ def test_a_start_from_rest_does_not_hide_the_ripple(view: str, seed: int) -> Non
 def test_ripple_that_is_learnt_anew_at_double_speed_costs_no_readings(bits: int, rate_hz: float, most: float) -> None:
     """From 8 to 40 rad/s in 3 s: good readings were outside the gate where the leading ripple began anew, off by 70."""
     for seed in range(3):
-        time, ripple = np.arange(int(10.0 * rate_hz)) / rate_hz, 0.05
+        time = np.arange(int(10.0 * rate_hz)) / rate_hz
         even = np.interp(time, [0.0, 5.0, 8.0, 10.0], [8.0, 8.0, 40.0, 40.0])
         begun = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi)
         clock = begun + np.append(0.0, np.cumsum(0.5 * (even[1:] + even[:-1])) / rate_hz)
-        theta = clock.copy()
-        for _ in range(40):  # theta - ripple sin(theta) = clock
-            theta = clock + ripple * np.sin(theta)
-        slope = 1.0 - ripple * np.cos(theta)
-        alpha = (np.gradient(even, time) - (even / slope) ** 2 * ripple * np.sin(theta)) / slope
+        theta, _, alpha = rippling(clock, even, np.gradient(even, time), 0.05)
         step = 2.0 * np.pi / 2**bits
         estimator = create_estimator("smooth")
         estimator.step(time, np.round(theta / step) * step % (2.0 * np.pi))

@@ -140,8 +140,8 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     changed = status.leading != filters.leading or status.waves[status.leading] != filters.waves[filters.leading]
     if status.since > 0.0:  # else it has restarted, and knows none
         set_ripple(filters, status, status.leading)
-    if changed and status.since > 0.0:
-        begin_at_state(filters, theta, omega, alpha, filters.shaft_second[filters.leading])
+        if changed:
+            begin_at_state(filters, theta, omega, alpha, filters.shaft_second[filters.leading])
     if held.restart != 0 or is_far(filters, window.filtered[0]):
         begin_at_row(filters, window.filtered[0])
     held.restart = 0
