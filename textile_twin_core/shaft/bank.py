@@ -13,16 +13,9 @@ import math
 import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.clock import dot, set_basis, set_second
+from textile_twin_core.shaft import lanes, ripple
+from textile_twin_core.shaft.clock import copy_numbers, dot, set_basis, set_second
 from textile_twin_core.shaft.kalman import ROBUST, innovate, measurement_update
-from textile_twin_core.shaft.ripple import (
-    correct_sensitivity,
-    predict_ripple,
-    propagate_sensitivity,
-    set_sensitivity,
-    update_coefficients,
-)
 from textile_twin_core.shaft.status import MANOEUVRE, Record
 from textile_twin_core.shaft.turns import TURN
 
@@ -69,29 +62,6 @@ def update_second_order(status: Record, f: int) -> None:
 
 
 @compiled_in_place
-def initialise(status: Record, f: int, scale: float) -> None:
-    """Initialise all filters of family `f` with one state and zero ripple coefficients.
-
-    `status.start` (9,) holds state and covariance factor, the factor in units of the root of `scale`.
-    """
-    width, start, first, stop = 2 * status.waves[f], status.start, lanes.FIRST[f], lanes.STOP[f]
-    set_basis_at(status, start[lanes.ANGLE], status.waves[f])
-    status.second[f, :] = status.shaft_second[f, :] = 0.0
-    status.sensor_ripple[f, :] = status.doubt[f, :] = 0.0
-    set_sensitivity(status.sensitivity, status.basis, status.lowest, start[lanes.RATE], width, first, stop)
-    for m in range(first, stop):
-        for row in range(9):
-            status.clock[row, m] = start[row]
-        for i in range(width):
-            status.ripple[i, m] = 0.0
-        status.scale[m], status.scale_samples[m] = scale, FIRST_SCALE_WEIGHT
-        status.recent_scale[m] = scale
-        status.likelihood_ratio[m] = 1.0
-    doubt_ripple(status, f, 0)
-    _weigh_evenly(status, f)
-
-
-@compiled_in_place
 def _weigh_evenly(status: Record, f: int) -> None:
     """Make all memories of family `f` equally probable."""
     first, end = lanes.FIRST[f], lanes.END[f]
@@ -128,16 +98,23 @@ def resize(status: Record, f: int, waves: int) -> None:
 
 
 @compiled_in_place
-def begin_as(status: Record, f: int, known: int, waves: int) -> None:
-    """Initialise all filters of family `f`, of so many orders, with state and ripple of another family's best one."""
-    first = lanes.FIRST[f]
+def begin_family(status: Record, f: int, known: int, source: int, waves: int) -> None:
+    """Begin all filters of family `f`, of so many orders, from lane `source` of family `known`, with its ripple.
+
+    A plain filter follows the shaft's angle: the state depends on the ripple that is to be found.
+    """
+    first, stop = lanes.FIRST[f], lanes.STOP[f]
     status.waves[f] = status.waves[known]
-    for i in range(4 * status.waves[known]):
-        status.second[f, i] = status.second[known, i]
-    for m in range(first, lanes.STOP[f]):
-        _restart_from(status, status.best[known], m, 2 * status.waves[known])
+    copy_numbers(status.second[known], status.second[f])
+    status.sensor_ripple[f, :] = status.doubt[f, :] = 0.0
+    for m in range(first, stop):
+        _restart_from(status, source, m, 2 * status.waves[known])
     _weigh_evenly(status, f)
     resize(status, f, waves)
+    if known == lanes.PLAIN:
+        set_basis_at(status, status.clock[lanes.ANGLE, source], waves)
+        rate = status.clock[lanes.RATE, source]
+        ripple.set_sensitivity(status.sensitivity, status.basis, status.lowest, rate, 2 * waves, first, stop)
 
 
 @compiled_in_place
@@ -175,8 +152,8 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
         set_basis_at(status, at, status.waves[f])
         reading += dot(status.second[f], status.basis, 4 * status.waves[f])
     width, first, stop = 2 * status.waves[f], lanes.FIRST[f], lanes.STOP[f]
-    propagate_sensitivity(status.sensitivity, step, status.basis, status.regressor, width, first, stop)
-    predict_ripple(
+    ripple.propagate_sensitivity(status.sensitivity, step, status.basis, status.regressor, width, first, stop)
+    ripple.predict_ripple(
         status.ripple, status.factor, status.basis, status.regressor, status.projected_ripple, status.ripple_reading,
         status.ripple_variance, width, first, stop,
     )  # fmt: skip
@@ -191,8 +168,8 @@ def _correct_filters(status: Record, f: int) -> None:
     measurement_update(status, first, stop)
     if width == 0:
         return
-    correct_sensitivity(status.sensitivity, status.regressor, status.gain, width, first, stop)
-    update_coefficients(
+    ripple.correct_sensitivity(status.sensitivity, status.regressor, status.gain, width, first, stop)
+    ripple.update_coefficients(
         status.ripple, status.factor, status.projected_ripple, status.innovation, status.clock_variance,
         status.sensitivity, status.clock, status.parts, status.ripple_change, width, first, stop,
     )  # fmt: skip
@@ -273,8 +250,7 @@ def rescale(status: Record, change: float, drift: float) -> None:
 @compiled_in_place
 def _restart_from(status: Record, source: int, target: int, width: int) -> None:
     """Copy state, ripple and noise scale from one lane to another."""
-    for row in range(9):
-        status.clock[row, target] = status.clock[row, source]
+    copy_numbers(status.clock[:, source], status.clock[:, target])
     for i in range(width):
         status.ripple[i, target] = status.ripple[i, source]
         for row in range(3):

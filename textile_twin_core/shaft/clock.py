@@ -60,6 +60,13 @@ def dot(a: FloatArray, b: FloatArray, size: int) -> float:
 
 
 @compiled_in_place
+def copy_numbers(source: FloatArray, target: FloatArray) -> None:
+    """Copy (n,) numbers."""
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+@compiled_in_place
 def wave(
     ripple: FloatArray, second: FloatArray, waves: int, lowest: float, basis: FloatArray
 ) -> tuple[float, float, float, float]:

@@ -9,16 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import (
-    FIRST_SCALE_WEIGHT,
-    begin_as,
-    doubt_ripple,
-    initialise,
-    resize,
-    update_filters,
-    update_second_order,
-)
+from textile_twin_core.shaft import bank, lanes
+from textile_twin_core.shaft.bank import FIRST_SCALE_WEIGHT
 from textile_twin_core.shaft.clock import dot
 from textile_twin_core.shaft.measurement_noise import least_scale, standstill_speed
 from textile_twin_core.shaft.status import Record
@@ -98,7 +90,7 @@ def begin_or_rest(status: Record, f: int, turned: float) -> None:
     if working and status.active[f] > 0.0:
         _fit_waves(status, f, turned, is_observed(status, f) and not faster)
         if faster:
-            doubt_ripple(status, f, 0)
+            bank.doubt_ripple(status, f, 0)
             _strike_out(status, f)
             status.began[f], status.travelled[f] = speed, 0.0
 
@@ -116,16 +108,10 @@ def _begin(status: Record, f: int) -> None:
 
     Orders that are new to it have less to prove than all.
     """
-    waves, m = resolved_waves(status, f, BEGIN), UNBIASED
+    known, m = lanes.PLAIN, UNBIASED
     if status.leading > 0 and is_observed(status, status.leading) and _turns_remembered(status) >= 1.0:
-        begin_as(status, f, status.leading, waves)
-        return
-    status.waves[f] = waves
-    for row in range(9):
-        status.start[row] = status.clock[row, m]
-    initialise(status, f, status.scale[m])
-    for lane in range(lanes.FIRST[f], lanes.END[f]):
-        status.scale_samples[lane] = status.scale_samples[m]
+        known, m = status.leading, status.best[status.leading]
+    bank.begin_family(status, f, known, m, resolved_waves(status, f, BEGIN))
 
 
 @compiled_in_place
@@ -162,7 +148,7 @@ def _fit_waves(status: Record, f: int, turned: float, known: bool) -> None:
     elif status.ample[f] * status.lowest >= SEEN_CYCLES * TURN:
         waves = more
     if waves != status.waves[f]:
-        resize(status, f, waves)
+        bank.resize(status, f, waves)
 
 
 @compiled_in_place
@@ -188,10 +174,10 @@ def update_mode_probabilities(status: Record, noise: float, turning: bool) -> No
     for f in range(lanes.FAMILIES):
         if status.active[f] > 0.0:
             likelihood = status.density[f]
-            update_filters(status, f, noise, least)
+            bank.update_filters(status, f, noise, least)
             observed = f > 0 and is_observed(status, f)
             if observed and status.used % SECOND_ORDER_EVERY == 0.0:
-                update_second_order(status, f)
+                bank.update_second_order(status, f)
             plain = likelihood if f == 0 else plain
             mode_probability[f] *= likelihood if turning else plain
             if observed and turning and mode_probability[f] == 0.0:

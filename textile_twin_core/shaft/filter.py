@@ -7,41 +7,10 @@ import math
 import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft import families, gating, lanes, measurement_noise
 from textile_twin_core.shaft.bank import doubt_ripple, predict_reading
-from textile_twin_core.shaft.families import (
-    begin_or_rest,
-    forget_lessons,
-    is_observed,
-    memory_of,
-    update_mode_probabilities,
-)
-from textile_twin_core.shaft.gating import (
-    accept_manoeuvre,
-    bridge_gap,
-    initiate,
-    is_false_start,
-    is_growing,
-    is_predicted,
-    is_runaway,
-    learn_abruptness,
-    reconsider,
-    restart,
-)
 from textile_twin_core.shaft.kalman import time_update
-from textile_twin_core.shaft.measurement_noise import (
-    OFTEN_HELD,
-    SETTLING,
-    adapt_additive_noise,
-    adapt_jitter,
-    is_repetition,
-    learn_repetitions,
-    measurement_variance,
-    samples_between,
-    set_correlated,
-    standstill_speed,
-    unwrap_reading,
-)
+from textile_twin_core.shaft.measurement_noise import OFTEN_HELD, SETTLING, measurement_variance, set_correlated
 from textile_twin_core.shaft.mixture import combine
 from textile_twin_core.shaft.residual_orders import add_systematic, listen_for_orders, set_systematic
 from textile_twin_core.shaft.samples import Block, admit
@@ -84,7 +53,7 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
     turns, phase = split_turn(angle)
     raw = phase + (turns - status.origin) * TURN
     if status.doubtful > 0.0:
-        confirmed = reconsider(record, raw, step, step > GAP_SAMPLES * status.interval)
+        confirmed = gating.reconsider(record, raw, step, step > GAP_SAMPLES * status.interval)
     block.last[0] = stamp
     status.sensor_speed = block.velocities[i] if block.velocities.size > 0 else math.nan
     status.samples += 1.0
@@ -100,8 +69,8 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
         status.longest = max(status.longest, step)
         row.step, row.time, row.correlated = step, status.time, status.correlated
         if status.samples == 2.0:
-            reading = unwrap_reading(status, raw, status.angle)
-            initiate(status, step, reading, (reading - status.angle) / step, row)
+            reading = measurement_noise.unwrap_reading(status, raw, status.angle)
+            gating.initiate(status, step, reading, (reading - status.angle) / step, row)
         else:
             _process_reading(record, step, raw, row)
         if status.doubtful > 0.0:
@@ -127,12 +96,12 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     if not gap or status.since < GAP_SAMPLES:
         gain = max(1.0 / status.samples, 1.0 / INTERVAL_SAMPLES)
         status.interval += (min(step, GAP_SAMPLES * status.interval) - status.interval) * gain
-    expected = status.angle + step * (status.speed + 0.5 * step * status.acceleration)
+    expected = gating.foretold(status, step)
     if gap and status.since > 1.0:
         status.gaps += 1.0
-        expected = unwrap_reading(status, raw, expected)
-        if status.since < SETTLING or not is_predicted(status, step, expected):
-            bridge_gap(status, step, raw, row)
+        expected = measurement_noise.unwrap_reading(status, raw, expected)
+        if status.since < SETTLING or not gating.is_predicted(status, step, expected):
+            gating.bridge_gap(status, step, raw, row)
             return
     longest = max(step, status.interval) if status.since < SETTLING else status.interval
     if status.held > OFTEN_HELD:
@@ -140,32 +109,30 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     aliased = status.period > 0.0 and 2.0 * abs(status.speed) * longest > status.period
     # A wrapped angle leaves speeds above half a period per interval open; and a gap after a gap was none.
     begins = aliased or (gap and status.since <= 1.0)
-    reading = unwrap_reading(status, raw, status.read if begins else expected)
+    reading = measurement_noise.unwrap_reading(status, raw, status.read if begins else expected)
+    off, rate = reading - expected, math.nan
     if begins and (reading != status.read or status.held <= OFTEN_HELD):
-        restart(status, reading, (reading - status.read) / (step * (1.0 + status.holding)), step, row)
-        return
-    off = reading - expected
-    if is_false_start(status, reading, off, step):
-        status.additive = status.sense = 0.0
-        restart(status, reading, (reading - status.read) / step, step, row)
-        return
-    if is_runaway(status, reading - status.read, step):
-        status.fastest = 0.0
-        restart(status, reading, math.copysign(status.travel, status.leapt) / status.interval, step, row)
+        rate = (reading - status.read) / (step * (1.0 + status.holding))
+    elif gating.is_false_start(status, reading, off, step):
+        status.additive, status.sense, rate = 0.0, 0.0, (reading - status.read) / step
+    elif gating.is_runaway(status, reading - status.read, step):
+        status.fastest, rate = 0.0, math.copysign(status.travel, status.leapt) / status.interval
+    if not math.isnan(rate):
+        gating.initiate(status, step, reading, rate, row)
         return
     if abs(reading - status.read - status.speed * step) > ROUNDED_APART * status.resolution:
         status.correlated = row.correlated = 1.0
     repeated = status.holding
-    held = is_repetition(status, reading)
+    held = measurement_noise.is_repetition(status, reading)
     status.read, status.angle, row.reading = reading, expected, reading
     row.unit = noise = measurement_variance(status)
     row.noise = status.scale[status.best[status.leading]] * noise
     density, turned = 0.0, abs(status.speed) * step
     if not held and step < USUAL_STEP * status.interval:
-        moved = samples_between(status, repeated) * turned
+        moved = measurement_noise.samples_between(status, repeated) * turned
         status.move += (moved - status.move) * min(moved / TURN, MOST_GAIN)  # the mean of a turn
     for f in range(1, lanes.FAMILIES):
-        begin_or_rest(status, f, turned)
+        families.begin_or_rest(status, f, turned)
     strength = math.sqrt(noise * step / status.interval**5)  # of memory N: q = r / (N^6 T^5) (Kalata 1984)
     for back in range(lanes.FAMILIES):
         f = lanes.FAMILIES - 1 - back
@@ -173,13 +140,13 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
             time_update(status, strength, step, lanes.FIRST[f], lanes.STOP[f])
             status.travelled[f] += turned
             # Until the ripple is observed, its angle is better known from the measurement than from the prediction.
-            predict_reading(status, f, step, reading, expected if is_observed(status, f) else reading, noise)
+            predict_reading(status, f, step, reading, expected if families.is_observed(status, f) else reading, noise)
             density += status.mode_probability[f] * status.density[f]
     outlying = density < OUTLIER_DENSITY and status.since > 5.0
     if held:
         row.noise = 0.0
         status.repeats += 1.0
-    elif not outlying or accept_manoeuvre(record, reading, off, step, row):
+    elif not outlying or gating.accept_manoeuvre(record, reading, off, step, row):
         _update(status, off, reading, repeated, noise, row)
 
 
@@ -187,27 +154,27 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
 def _update(status: Record, off: float, reading: float, repeated: float, noise: float, row: Record) -> None:
     """Update filters and mode probabilities with an accepted measurement, and adapt the measurement noise."""
     status.used += 1.0
-    was_outlier = status.rejected_run > 0.0 and row.cut == 0.0 and not is_growing(status, off)
+    was_outlier = status.rejected_run > 0.0 and row.cut == 0.0 and not gating.is_growing(status, off)
     if was_outlier:
-        learn_abruptness(status, False)
+        gating.learn_abruptness(status, False)
     status.clean = 0.0 if was_outlier else status.clean + 1.0
     settles = status.since - status.rejected_run <= SETTLING <= status.since
     status.rejected_run = status.off_before = status.off_last = 0.0
-    moved = samples_between(status, repeated) * status.interval * abs(status.speed)
+    moved = measurement_noise.samples_between(status, repeated) * status.interval * abs(status.speed)
     turning = moved > 3.0 * math.sqrt(row.noise)
-    update_mode_probabilities(status, noise, turning)
+    families.update_mode_probabilities(status, noise, turning)
     if turning:
         listen_for_orders(status, noise)
     held = status.held
-    learn_repetitions(status, reading, repeated)
+    measurement_noise.learn_repetitions(status, reading, repeated)
     if held <= OFTEN_HELD < status.held:
-        forget_lessons(status)
-    adapt_additive_noise(status, reading)
+        families.forget_lessons(status)
+    measurement_noise.adapt_additive_noise(status, reading)
     if settles and status.ripple_tried == 0.0:
         for f in range(1, lanes.FAMILIES):  # while the noise scale was found, their prior covariance went with it
             doubt_ripple(status, f, 0)
     if status.used % ADAPT_EVERY == 0.0 and turning and status.since > ADAPT_EVERY / 2.0:
-        adapt_jitter(status, noise)
+        measurement_noise.adapt_jitter(status, noise)
 
 
 @compiled_in_place
@@ -217,11 +184,12 @@ def _report_state(status: Record, row: Record) -> None:
     sigma = math.sqrt(max(row.covariance[4], 0.0))
     status.speed_sigma, status.acceleration_sigma = sigma, math.sqrt(max(row.covariance[8], 0.0))
     set_correlated(status)
-    _detect_motion(status, sigma)
+    least = measurement_noise.standstill_speed(status)
+    _detect_motion(status, sigma, least)
     if status.samples > 2.0:
         # Bounded by the highest speed seen: outliers feign speeds that would excuse any sigma.
         speed = abs(status.speed) if status.fastest == 0.0 else min(abs(status.speed), status.fastest)
-        limit = max(MAX_SPEED_SIGMA * max(speed, LEAST_SPEED * status.fastest), standstill_speed(status))
+        limit = max(MAX_SPEED_SIGMA * max(speed, LEAST_SPEED * status.fastest), least)
         settled = sigma <= limit and status.unconfirmed == 0.0 and status.since >= SETTLING
         row.settled = 1.0 if settled else 0.0
     set_systematic(status, row)
@@ -231,7 +199,7 @@ def _report_state(status: Record, row: Record) -> None:
     row.theta, row.origin, row.leading = status.angle, status.origin, float(status.leading)
     put_angle(row, status.angle)
     for f in range(lanes.FAMILIES):
-        row.memory[f] = memory_of(status, f)
+        row.memory[f] = families.memory_of(status, f)
 
 
 @compiled_in_place
@@ -245,9 +213,8 @@ def _report_in_doubt(record: Records, row: Record) -> None:
 
 
 @compiled_in_place
-def _detect_motion(status: Record, sigma: float) -> None:
-    """Detect standstill and reversals; `sigma` [rad/s] is the speed's standard deviation."""
-    least = standstill_speed(status)
+def _detect_motion(status: Record, sigma: float, least: float) -> None:
+    """Detect standstill, slower than `least` [rad/s], and reversals; `sigma` [rad/s] is the speed's deviation."""
     status.still = status.still + 1.0 if abs(status.speed) < least else 0.0
     if status.since < SETTLING:
         status.motion = STARTING

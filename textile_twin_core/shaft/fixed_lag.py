@@ -7,19 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from textile_twin_core.compiling import by_reference, compiled_in_place, records
+from textile_twin_core.shaft import rts_smoother
+from textile_twin_core.shaft.clock import copy_numbers
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
 from textile_twin_core.shaft.filter import process_sample
-from textile_twin_core.shaft.rts_smoother import (
-    Smoother,
-    begin_at_row,
-    begin_at_state,
-    copy_numbers,
-    is_far,
-    new_smoother,
-    set_ripple,
-    smooth,
-    state_at_start,
-)
+from textile_twin_core.shaft.rts_smoother import Smoother, new_smoother
 from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
@@ -136,17 +128,17 @@ def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, t
 def _release(record: Records, due: int, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> None:
     """Smooth the window and release the `due` rows after the first; the last of these becomes the first."""
     held, status, filters = window.held[0], record[0], smoother.filters[0]
-    theta, omega, alpha = state_at_start(filters, window.filtered[0].theta)
+    theta, omega, alpha = rts_smoother.state_at_start(filters, window.filtered[0].theta)
     changed = status.leading != filters.leading or status.waves[status.leading] != filters.waves[filters.leading]
     if status.since > 0.0:  # else it has restarted, and knows none
-        set_ripple(filters, status, status.leading)
+        rts_smoother.set_ripple(filters, status, status.leading)
         if changed:
-            begin_at_state(filters, theta, omega, alpha, filters.shaft_second[filters.leading])
-    if held.restart != 0 or is_far(filters, window.filtered[0]):
-        begin_at_row(filters, window.filtered[0])
+            rts_smoother.begin_at_state(filters, theta, omega, alpha, filters.shaft_second[filters.leading])
+    if held.restart != 0 or rts_smoother.is_far(filters, window.filtered[0]):
+        rts_smoother.begin_at_row(filters, window.filtered[0])
     held.restart = 0
     window.filtered[0] = window.rows[due]
-    smooth(smoother, status.interval, window.rows[: held.rows], 1, due)
+    rts_smoother.smooth(smoother, status.interval, window.rows[: held.rows], 1, due)
     copy_numbers(smoother.filtered[due], filters.start)
     for k in range(1, due + 1):
         scale_covariance(window.rows[k], weigh_residual(held.weight, window.rows[k]))

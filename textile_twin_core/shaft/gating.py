@@ -8,19 +8,11 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import RIPPLE_SIZE, initialise, open_manoeuvre, set_basis_at, update_filters
-from textile_twin_core.shaft.clock import wave
-from textile_twin_core.shaft.families import FIRST_REST, resolved_waves
-from textile_twin_core.shaft.measurement_noise import (
-    FIRST_JITTER,
-    LEAP_GUESSED,
-    OFTEN_HELD,
-    SETTLING,
-    measurement_variance,
-    set_correlated,
-    unwrap_reading,
-)
+from textile_twin_core.shaft import bank, lanes, measurement_noise
+from textile_twin_core.shaft.clock import copy_numbers, wave
+from textile_twin_core.shaft.families import FIRST_REST, UNBIASED
+from textile_twin_core.shaft.kalman import time_update
+from textile_twin_core.shaft.measurement_noise import FIRST_JITTER, LEAP_GUESSED, OFTEN_HELD, SETTLING
 from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records
 
 MAX_OUTLIERS = 2  # consecutive measurements rejected as outliers before a manoeuvre may be declared
@@ -39,6 +31,12 @@ SENSOR_SPEED_SIGMA = 0.02  # standard deviation of a sensor's own speed, relativ
 
 
 @compiled_in_place
+def foretold(status: Record, step: float) -> float:
+    """The angle [rad] `step` [s] after the estimate, which the acceleration foretells."""
+    return float(status.angle + step * (status.speed + 0.5 * step * status.acceleration))
+
+
+@compiled_in_place
 def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: float) -> None:
     """Two-point initiation: state and covariance factor (9,); acceleration may change the speed by a tenth a step."""
     root = math.sqrt(noise)
@@ -49,50 +47,42 @@ def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: 
 
 @compiled_in_place
 def initiate(status: Record, step: float, angle: float, rate: float, row: Record) -> None:
-    """Initiate all families from the measurement `angle`, `step` [s] after the last, and a speed [rad/s].
+    """Initiate the track, at first or after its loss, from the measurement `angle`, `step` [s] after the last, and a
+    speed [rad/s].
 
     A sensor's own speed replaces the slope where it agrees. It is no measurement later: drives mostly differentiate the
     same angles, smoothed and late, and updates with it made the acceleration's error ten times larger.
     """
+    status.losses += status.samples > 2.0
     status.interval = step
     if status.jitter_told == 0.0:
         status.jitter = (FIRST_JITTER * step) ** 2
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
     status.move = abs(rate) * step
     _begin_differences(status, angle)
-    set_correlated(status)
-    initial, noise = status.start, measurement_variance(status)
+    measurement_noise.set_correlated(status)
+    initial, noise = status.start, measurement_noise.measurement_variance(status)
     set_start(initial, angle, rate, noise, step)
     if abs(status.sensor_speed - rate) <= 3.0 * initial[lanes.L11]:
         initial[lanes.RATE] = status.speed = status.sensor_speed
         initial[lanes.L11] = SENSOR_SPEED_SIGMA * (abs(status.speed) + initial[lanes.L11])
         initial[lanes.L21], initial[lanes.L22] = 0.0, math.sqrt(noise)
-    for f in range(lanes.FAMILIES):
-        waves = resolved_waves(status, f, 1.0)
-        status.waves[f] = max(waves, lanes.LEAST_WAVES[f])
-        initialise(status, f, 1.0)
-        status.active[f] = 1.0 if waves >= lanes.LEAST_WAVES[f] and f < lanes.HIGH else 0.0
-        status.mode_probability[f] = status.travelled[f] = status.began[f] = status.rest[f] = 0.0
-        status.pause[f] = FIRST_REST
-    status.mode_probability[0] = 1.0
-    status.leading = 0
+    copy_numbers(initial, status.clock[:, UNBIASED])
+    status.scale[UNBIASED] = status.recent_scale[UNBIASED] = 1.0
+    status.scale_samples[UNBIASED] = bank.FIRST_SCALE_WEIGHT
+    bank.begin_family(status, lanes.PLAIN, lanes.PLAIN, UNBIASED, 0)
+    status.active[:] = status.mode_probability[:] = status.rest[:] = 0.0
+    status.active[0], status.mode_probability[0], status.leading, status.pause[:] = 1.0, 1.0, 0, FIRST_REST
     status.since = status.rejected_run = status.unconfirmed = status.clean = status.ripple_tried = 0.0
     status.off_before = status.off_last = status.runaway = 0.0
     row.reading, row.cut = angle, STRETCH
-    row.noise = row.unit = measurement_variance(status)
+    row.noise = row.unit = measurement_noise.measurement_variance(status)
 
 
 @compiled_in_place
 def _begin_differences(status: Record, reading: float) -> None:
     """Forget the readings before one, where moves from them to later ones tell nothing."""
     status.read, status.kept, status.kept_at, status.moved, status.bent = reading, reading, status.time, 0.0, 0.0
-
-
-@compiled_in_place
-def restart(status: Record, reading: float, rate: float, step: float, row: Record) -> None:
-    """Track loss: initiate again from a measurement and a speed [rad/s]."""
-    status.losses += 1.0
-    initiate(status, step, reading, rate, row)
 
 
 @compiled_in_place
@@ -104,7 +94,7 @@ def is_false_start(status: Record, reading: float, off: float, step: float) -> b
     if status.samples != 5.0 or step < 0.5 * status.interval:
         return False
     bend = reading - status.kept - status.moved * step / status.interval
-    limit = FALSE_START * (abs(bend) + math.sqrt(measurement_variance(status)))
+    limit = FALSE_START * (abs(bend) + math.sqrt(measurement_noise.measurement_variance(status)))
     return abs(off) > limit
 
 
@@ -154,7 +144,7 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
         row.noise = 0.0
         _set_aside(status, off, step)
         if status.unconfirmed > MAX_UNCONFIRMED:
-            restart(status, reading, 0.0 if status.holding > 0.0 else status.speed, step, row)
+            initiate(status, step, reading, 0.0 if status.holding > 0.0 else status.speed, row)
         return False
     if at_once:
         record[1] = record[0]
@@ -166,8 +156,8 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
     row.cut = STRETCH if slipped else MANOEUVRE
     rate, sigma = 0.0 if slipped else grown / span, math.sqrt(row.noise)  # speeds stay where the encoder slipped
     by_rate = 0.0 if slipped else (sigma + abs(grown)) / span
-    open_manoeuvre(status, row, off, rate, sigma + RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
-    row.unit += (RIPPLE_SIZE * off) ** 2
+    bank.open_manoeuvre(status, row, off, rate, sigma + bank.RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
+    row.unit += (bank.RIPPLE_SIZE * off) ** 2
     status.jumps += row.cut == STRETCH
     status.outliers -= status.rejected_run
     more = UNCONFIRMED if early or at_once else status.rejected_run
@@ -212,39 +202,38 @@ def reconsider(record: Records, raw: float, step: float, gap: bool) -> bool:
 @compiled_in_place
 def _distance(status: Record, raw: float, step: float) -> float:
     """Of a measurement from the prediction [rad]."""
-    off = raw + status.slips - status.angle - step * (status.speed + 0.5 * step * status.acceleration)
+    off = raw + status.slips - foretold(status, step)
     return float(off - status.period * np.rint(off / status.period) if status.period > 0.0 else off)
 
 
 @compiled_in_place
 def is_predicted(status: Record, step: float, reading: float) -> bool:
-    """Whether the best filter predicts a measurement [rad] after a gap of `step` [s], so that the track continues.
-
-    The variance is that of `kalman.time_update`, without changing the state.
-    """
-    f, half, interval = status.leading, 0.5 * step * step, step / status.interval
-    m, clock, noise = status.best[f], status.clock, measurement_variance(status)
-    set_basis_at(status, reading, status.waves[f])
+    """Whether the best filter predicts a measurement [rad] after a gap of `step` [s], so that the track continues."""
+    f, noise = status.leading, measurement_noise.measurement_variance(status)
+    m, trial = status.best[f], lanes.CHAIN
+    copy_numbers(status.clock[:, m], status.clock[:, trial])
+    status.jerk_strength[trial] = status.jerk_strength[m]
+    time_update(status, math.sqrt(noise * step / status.interval**5), step, trial, trial + 1)
+    bank.set_basis_at(status, reading, status.waves[f])
     g = wave(status.ripple[:, m], status.second[f], status.waves[f], status.lowest, status.basis)
-    off = reading + g[0] - clock[lanes.ANGLE, m] - step * clock[lanes.RATE, m] - half * clock[lanes.ACCELERATION, m]
-    p0 = clock[lanes.L20, m] + step * clock[lanes.L10, m] + half * clock[lanes.L00, m]
-    p1, p2 = clock[lanes.L21, m] + step * clock[lanes.L11, m], clock[lanes.L22, m]
-    jerk = status.jerk_strength[m] ** 2 * interval**5 / 20.0
-    variance = status.scale[m] * (p0 * p0 + p1 * p1 + p2 * p2 + (1.0 + jerk) * noise)
-    return variance <= MAX_GAP_SIGMA**2 and off * off <= 9.0 * variance
+    x = status.clock[:, trial]
+    variance = status.scale[m] * (noise + x[lanes.L20] ** 2 + x[lanes.L21] ** 2 + x[lanes.L22] ** 2)
+    return variance <= MAX_GAP_SIGMA**2 and (reading + g[0] - x[lanes.ANGLE]) ** 2 <= 9.0 * variance
 
 
 @compiled_in_place
 def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
     """After a gap: keep the ripple, shift the angle to the measurement and inflate the state's covariance."""
-    reading = unwrap_reading(status, raw, status.angle + status.speed * step)
-    row.unit = measurement_variance(status)
+    reading = measurement_noise.unwrap_reading(status, raw, status.angle + status.speed * step)
+    row.unit = measurement_noise.measurement_variance(status)
     row.reading, row.cut, row.noise = reading, STRETCH, row.unit * status.scale[status.best[status.leading]]
     by_rate = 0.5 * abs(status.speed) + math.sqrt(row.noise) / status.interval
-    open_manoeuvre(status, row, reading - status.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval))
+    bank.open_manoeuvre(
+        status, row, reading - status.angle, 0.0, bank.RIPPLE_SIZE, by_rate, by_rate / (10.0 * status.interval)
+    )
     for f in range(lanes.FAMILIES):
         if status.active[f] > 0.0:
-            update_filters(status, f, row.unit, 0.0)
+            bank.update_filters(status, f, row.unit, 0.0)
     status.angle = reading
     _begin_differences(status, reading)
     status.since = status.rejected_run = status.off_before = status.off_last = 0.0

@@ -45,3 +45,4 @@ USUAL_WAVES: Final = MOST_WAVES[-2]  # orders of the others
 CHAIN: Final = numbers(COUNT)[-1]  # lane of the smoother's filter, whatever its family
 ACCELERATION, RATE, ANGLE, L00, L10, L20, L11, L21, L22 = numbers(9)
 """Rows of a lane's clock: state and lower triangular covariance factor; L10 is that of rate and acceleration."""
+FACTOR: Final = np.array([[L00, 0, 0], [L10, L11, 0], [L20, L21, L22]])  # the same by row and column

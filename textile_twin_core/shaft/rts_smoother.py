@@ -2,7 +2,7 @@
 
 Let L, L- and S be the factors of the filtered, the predicted and the next smoothed covariance, G that of the process
 noise and F the transition over a step, with x, x- and x+ the states. With K = L-^-1 F L, M = L-^-1 G, W = L-^-1 S and
-d = L-^-1 (x+ - x-) the smoothed factor is L times that of [I - K'K, K'M, K'W], positive by form, the smoothed state
+d = L-^-1 (x+ - x-) the smoothed factor is L times that of [K'K - I, K'M, K'W], positive by form, the smoothed state
 x + L K'd, and M'd the smoothed normalised jerk.
 """
 
@@ -17,7 +17,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import set_basis_at
-from textile_twin_core.shaft.clock import add_spread, shaft_state, wave
+from textile_twin_core.shaft.clock import add_spread, copy_numbers, dot, shaft_state, wave
 from textile_twin_core.shaft.filter import put_angle
 from textile_twin_core.shaft.gating import set_start
 from textile_twin_core.shaft.kalman import HALF_JERK, LAST_JERK, ROBUST, innovate, measurement_update, time_update
@@ -40,22 +40,15 @@ class Smoother(NamedTuple):
     filters: Records  # (1,) a status, of which lane CHAIN is the filter
     filtered: FloatArray  # (n, 9) its filtered state and factor at each row
     smoothed: FloatArray  # (9,) smoothed state and factor in the backward pass
-    work: FloatArray  # (3, 3, 3) K, M, W
-    columns: FloatArray  # (3, 9) of the factor [I - K'K, K'M, K'W]
+    whitened: FloatArray  # (3, 10) K, M, W, d
+    product: FloatArray  # (3, 10) [K'K - I, K'M, K'W, K'd]
 
 
 def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
     """Arrays for passes over at most so many rows."""
     filters = new_status(settings, 0.0)
     filters["scale"][0, lanes.CHAIN] = 1.0
-    return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((3, 3, 3)), np.zeros((3, 9)))
-
-
-@compiled_in_place
-def copy_numbers(source: FloatArray, target: FloatArray) -> None:
-    """Copy (n,) numbers."""
-    for i in range(source.size):
-        target[i] = source[i]
+    return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((3, 10)), np.zeros((3, 10)))
 
 
 @compiled_in_place
@@ -201,76 +194,47 @@ def _step_back(
     smoother: Smoother, predicted: FloatArray, filtered: FloatArray, step: float, strength: float, jerk: FloatArray
 ) -> None:
     """Smoothed state and factor before a step from those after it, and the step's jerk."""
-    smoothed, columns = smoother.smoothed, smoother.columns
-    K, M, W, half = smoother.work[0], smoother.work[1], smoother.work[2], 0.5 * step * step
-    l00, l10, l20 = filtered[lanes.L00], filtered[lanes.L10], filtered[lanes.L20]
-    l11, l21, l22 = filtered[lanes.L11], filtered[lanes.L21], filtered[lanes.L22]
-    K[0, 0], K[1, 0], K[2, 0] = l00, l10 + step * l00, l20 + step * l10 + half * l00
-    K[1, 1], K[2, 1], K[2, 2] = l11, l21 + step * l11, l22
-    M[0, 0], M[1, 0], M[2, 0] = strength, 0.5 * strength * step, strength * half / 3.0
-    M[1, 1], M[2, 1] = strength * step * HALF_JERK, strength * half * HALF_JERK
-    M[2, 2] = strength * step * step * LAST_JERK
-    W[0, 0], W[1, 0], W[2, 0] = smoothed[lanes.L00], smoothed[lanes.L10], smoothed[lanes.L20]
-    W[1, 1], W[2, 1], W[2, 2] = smoothed[lanes.L11], smoothed[lanes.L21], smoothed[lanes.L22]
+    s, A, B, place, half = smoother.smoothed, smoother.whitened, smoother.product, lanes.FACTOR, 0.5 * step * step
+    A[0, 1] = A[0, 2] = A[1, 2] = A[0, 4] = A[0, 5] = A[1, 5] = A[0, 7] = A[0, 8] = A[1, 8] = 0.0
+    for j in range(3):
+        for i in range(j, 3):
+            A[i, j], A[i, 6 + j] = filtered[place[i, j]], s[place[i, j]]
+        A[2, j] += step * A[1, j] + half * A[0, j]
+        A[1, j] += step * A[0, j]
+        A[j, 9] = s[j] - predicted[j]
+    A[0, 3], A[1, 3], A[2, 3] = strength, 0.5 * strength * step, strength * half / 3.0
+    A[1, 4], A[2, 4] = strength * step * HALF_JERK, strength * half * HALF_JERK
+    A[2, 5] = strength * step * step * LAST_JERK
     i00, i11, i22 = 1.0 / predicted[lanes.L00], 1.0 / predicted[lanes.L11], 1.0 / predicted[lanes.L22]
     p10, p20, p21 = predicted[lanes.L10], predicted[lanes.L20], predicted[lanes.L21]
-    for factor in (K, M, W):
-        for j in range(3):
-            a = factor[0, j] * i00
-            b = (factor[1, j] - p10 * a) * i11
-            factor[0, j], factor[1, j], factor[2, j] = a, b, (factor[2, j] - p20 * a - p21 * b) * i22
-    d0 = (smoothed[0] - predicted[0]) * i00
-    d1 = (smoothed[1] - predicted[1] - p10 * d0) * i11
-    d2 = (smoothed[2] - predicted[2] - p20 * d0 - p21 * d1) * i22
-    jerk[0], jerk[1] = 0.0, 0.0
-    for j in range(3):
-        mean = M[0, j] * d0 + M[1, j] * d1 + M[2, j] * d2
-        jerk[0] += mean * mean
+    for j in range(10):
+        a = A[0, j] * i00
+        b = (A[1, j] - p10 * a) * i11
+        A[0, j], A[1, j], A[2, j] = a, b, (A[2, j] - p20 * a - p21 * b) * i22
+    jerk[0] = jerk[1] = 0.0
+    for j in range(3, 6):
+        jerk[0] += (A[0, j] * A[0, 9] + A[1, j] * A[1, 9] + A[2, j] * A[2, 9]) ** 2
         for k in range(3):
-            left = M[0, j] * W[0, k] + M[1, j] * W[1, k] + M[2, j] * W[2, k]
-            jerk[1] += M[k, j] * M[k, j] - left * left
+            jerk[1] += A[k, j] ** 2
+            jerk[1] -= (A[0, j] * A[0, 6 + k] + A[1, j] * A[1, 6 + k] + A[2, j] * A[2, 6 + k]) ** 2
     jerk[1] = max(jerk[1], 0.0)
     for i in range(3):
-        for j in range(3):
-            kk = km = kw = 0.0
-            for k in range(i, 3):
-                kk += K[k, i] * K[k, j]
-                km += K[k, i] * M[k, j]
-                kw += K[k, i] * W[k, j]
-            columns[i, j], columns[i, 3 + j], columns[i, 6 + j] = (1.0 if i == j else 0.0) - kk, km, kw
-    t00, t10, t20, t11, t21, t22 = _triangular(columns)
-    s0 = K[0, 0] * d0 + K[1, 0] * d1 + K[2, 0] * d2
-    s1, s2 = K[1, 1] * d1 + K[2, 1] * d2, K[2, 2] * d2
-    smoothed[0] = filtered[0] + l00 * s0
-    smoothed[1] = filtered[1] + l10 * s0 + l11 * s1
-    smoothed[2] = filtered[2] + l20 * s0 + l21 * s1 + l22 * s2
-    smoothed[lanes.L00], smoothed[lanes.L10], smoothed[lanes.L11] = l00 * t00, l10 * t00 + l11 * t10, l11 * t11
-    smoothed[lanes.L20] = l20 * t00 + l21 * t10 + l22 * t20
-    smoothed[lanes.L21], smoothed[lanes.L22] = l21 * t11 + l22 * t21, l22 * t22
-
-
-@compiled_in_place
-def _triangular(a: FloatArray) -> tuple[float, float, float, float, float, float]:
-    """T of A A' = T T' for A (3, 9), by modified Gram-Schmidt on its rows: T00, T10, T20, T11, T21, T22."""
-    s00 = s10 = s20 = 0.0
-    for k in range(9):
-        s00 += a[0, k] * a[0, k]
-        s10 += a[1, k] * a[0, k]
-        s20 += a[2, k] * a[0, k]
-    t00 = math.sqrt(s00)
-    part1, part2 = (s10 / s00, s20 / s00) if s00 > 0.0 else (0.0, 0.0)
-    s11 = s21 = 0.0
-    for k in range(9):
-        a[1, k] -= part1 * a[0, k]
-        a[2, k] -= part2 * a[0, k]
-        s11 += a[1, k] * a[1, k]
-        s21 += a[2, k] * a[1, k]
-    t11 = math.sqrt(s11)
-    part = s21 / s11 if s11 > 0.0 else 0.0
-    s22 = 0.0
-    for k in range(9):
-        s22 += (a[2, k] - part * a[1, k]) ** 2
-    return t00, part1 * t00, part2 * t00, t11, part * t11, math.sqrt(s22)
+        for j in range(10):
+            B[i, j] = A[0, i] * A[0, j] + A[1, i] * A[1, j] + A[2, i] * A[2, j] - (1.0 if i == j else 0.0)
+    for i in range(3):  # modified Gram-Schmidt on the rows of B: the triangle takes the place of K
+        for k in range(i):
+            part = dot(B[i], B[k], 9) / max(dot(B[k], B[k], 9), 1e-300)
+            for j in range(9):
+                B[i, j] -= part * B[k, j]
+            A[i, k] = part * A[k, k]
+        A[i, i] = math.sqrt(dot(B[i], B[i], 9))
+    for i in range(3):
+        s[i] = filtered[i]
+        for k in range(i + 1):
+            s[i] += filtered[place[i, k]] * B[k, 9]
+            s[place[i, k]] = 0.0
+            for j in range(k, i + 1):
+                s[place[i, k]] += filtered[place[i, j]] * A[j, k]
 
 
 @compiled_in_place
