@@ -203,7 +203,7 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
         recent = recent_scale[m] + (scale[m] * squared - recent_scale[m]) * (1.0 / RECENT_SAMPLES)
         if recent < FALLEN * found and samples < SCALE_SAMPLES:
             found = recent
-        recent_scale[m] = recent
+        recent_scale[m] = recent if recent > least_scale else least_scale
         scale_samples[m], scale[m] = samples, found if found > least_scale else least_scale
     best = first
     for m in range(first, end):

@@ -85,7 +85,7 @@ def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TUR
     changes = np.abs(np.diff(moves))[longer < SAME_TIME * shorter]
     changes = changes[changes > FINEST_STEP_RAD]
     if changes.size < WINDOW:
-        return no_step
+        return no_step if changes.size == 0 and moves.size >= LOOK_AT[1] // 2 else None  # moves may be alike for long
     windows = sliding_window_view(changes, WINDOW)
     steps = _common_divisors(windows[np.linspace(0, len(windows) - 1, CANDIDATES).astype(np.int64)])
     multiples = (_remainders(moving, steps) == 0.0) & (moving > 0.5 * steps) & (steps > FINEST_STEP_RAD)

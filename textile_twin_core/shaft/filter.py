@@ -120,6 +120,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     if not math.isnan(rate):
         gating.initiate(status, step, reading, rate, row)
         return
+    measurement_noise.bound_guess(status, reading)
     if abs(reading - status.read - status.speed * step) > ROUNDED_APART * status.resolution:
         status.correlated = row.correlated = 1.0
     repeated = status.holding

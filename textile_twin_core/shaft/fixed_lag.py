@@ -20,6 +20,7 @@ from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scal
 
 MOST_ROWS = 512  # rows in the window at most: a longer lag at a high rate is cut
 BATCH = 3  # rows are released when they are 1 / BATCH of those beyond them: one backward pass serves all of them
+CERTAIN = 0.5  # mode probability from which a family's ripple is smoothed with
 
 # Lag [s]; rows in the window; rows released by this call; 1 where the smoother must begin again; see `unit_weight`.
 HELD = np.dtype(
@@ -130,7 +131,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     held, status, filters = window.held[0], record[0], smoother.filters[0]
     theta, omega, alpha = rts_smoother.state_at_start(filters, window.filtered[0].theta)
     changed = status.leading != filters.leading or status.waves[status.leading] != filters.waves[filters.leading]
-    if status.since > 0.0:  # else it has restarted, and knows none
+    if status.since > 0.0 and status.mode_probability[status.leading] > CERTAIN:  # else it has restarted, and knows none
         rts_smoother.set_ripple(filters, status, status.leading)
         if changed:
             rts_smoother.begin_at_state(filters, theta, omega, alpha, filters.shaft_second[filters.leading])

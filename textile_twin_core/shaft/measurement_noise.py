@@ -8,7 +8,7 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft.bank import rescale
-from textile_twin_core.shaft.encoder import FINEST_STEP_RAD
+from textile_twin_core.shaft.encoder import FINEST_STEP_RAD, UNKNOWN_STEP_RAD
 from textile_twin_core.shaft.status import Record, Records
 from textile_twin_core.shaft.turns import TURN
 
@@ -53,6 +53,14 @@ def measurement_variance(status: Record) -> float:
 def rounding_variance(status: Record) -> float:
     """Variance [rad^2] of rounding to the encoder's step, times the measurements that share one rounding error."""
     return float(status.correlated * status.resolution**2 / 12.0)
+
+
+@compiled_in_place
+def bound_guess(status: Record, reading: float) -> None:
+    """Lower a guessed encoder step to the least move of the readings: no move is smaller than the step."""
+    moved = abs(reading - status.read)
+    if status.guessed > 0.0 and FINEST_STEP_RAD < moved < status.resolution:
+        status.resolution = moved
 
 
 @compiled_in_place
@@ -158,7 +166,7 @@ def set_resolution(record: Records, resolution: float) -> None:
     for i in range(2 if record[0].doubtful > 0.0 else 1):
         status = record[i]
         before = measurement_variance(status)
-        turning = abs(status.speed) * status.interval > status.resolution
+        turning = abs(status.speed) * status.interval > (UNKNOWN_STEP_RAD if status.guessed > 0.0 else status.resolution)
         status.resolution, status.guessed, status.held = resolution, 0.0, 0.0
         set_correlated(status)
         if turning:
