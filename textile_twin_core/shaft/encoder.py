@@ -8,7 +8,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.shaft.turns import TURN
 
-LOOK_AT = (12, 48, 192, 768)  # numbers of readings at which the step is looked for
+LOOK_AT = (12, 24, 48, 96, 192, 384, 768)  # numbers of readings at which the step is looked for
 UNKNOWN_STEP_RAD = 0.012  # assumed until the step is found: 9 bits
 FINEST_STEP_RAD = 1e-6  # readings of a finer step count as not rounded
 OUTLIER_RAD = 0.05  # a reading further than this from the median of five is left out
@@ -85,7 +85,7 @@ def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TUR
     changes = np.abs(np.diff(moves))[longer < SAME_TIME * shorter]
     changes = changes[changes > FINEST_STEP_RAD]
     if changes.size < WINDOW:
-        return no_step if changes.size == 0 and moves.size >= LOOK_AT[1] // 2 else None  # moves may be alike for long
+        return no_step if changes.size == 0 and moves.size >= LOOK_AT[1] else None  # moves may be alike for long
     windows = sliding_window_view(changes, WINDOW)
     steps = _common_divisors(windows[np.linspace(0, len(windows) - 1, CANDIDATES).astype(np.int64)])
     multiples = (_remainders(moving, steps) == 0.0) & (moving > 0.5 * steps) & (steps > FINEST_STEP_RAD)

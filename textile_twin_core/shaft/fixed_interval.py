@@ -12,7 +12,7 @@ from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
-from textile_twin_core.shaft.measurement_noise import FINEST_RAD2
+from textile_twin_core.shaft.measurement_noise import FINEST_RAD2, OFTEN_HELD
 from textile_twin_core.shaft.residual_orders import set_sensor_power
 from textile_twin_core.shaft.ripple_history import RippleHistory
 from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_family
@@ -85,6 +85,8 @@ class SmoothEstimator(ShaftEstimator):
 
     def _smooth(self, rows: Records) -> None:
         """Smooth each stretch; repeatedly with a toothed wheel, whose pitch errors are learnt from the residuals."""
+        if self._status["held"][0] > OFTEN_HELD:
+            _set_copies_aside(rows, float(self._status["longest_hold"][0]))
         cuts = np.flatnonzero(rows["cut"] >= STRETCH).tolist()
         stretches = [rows[first:end] for first, end in pairwise([*cuts, len(rows)])]
         for stretch in stretches:
@@ -169,6 +171,13 @@ class SmoothEstimator(ShaftEstimator):
         fits = [sum(smooth_family(smoother, status, f, part, 1, 0) for part in parts) for status, f in tried]
         waves = np.array([status["waves"][0][f] for status, f in tried])
         return tried[int(np.argmax(np.asarray(fits) - penalty * waves))]
+
+
+def _set_copies_aside(rows: Records, longest_hold: float) -> None:
+    """Set readings aside that the sensor said again, before the filter knew that it does; longer repeats are stops."""
+    repeats = np.append(False, rows["reading"][1:] == rows["reading"][:-1])
+    run = np.cumsum(~repeats)
+    rows["noise"][repeats & (np.bincount(run)[run] <= longest_hold + 2.0)] = 0.0
 
 
 def _compact(rows: Records) -> Records:
