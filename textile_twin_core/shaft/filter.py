@@ -27,7 +27,7 @@ MAX_HEARD = 1.5  # moves per interval, innovation up to which a rejected measure
 USUAL_STEP = 1.5  # intervals up to which no sample was lost between two
 MOST_GAIN = 0.2  # of a single move in their mean, however few make a turn
 ADAPT_EVERY = 32.0  # samples between two adaptations of the jitter
-INTERVAL_SAMPLES = 500.0  # memory of the mean sampling interval
+INTERVAL_SAMPLES, INTERVAL_EDGES = 500.0, 60.0  # memory of the mean interval; that of edges goes with the speed
 
 
 @compiled_in_place
@@ -94,7 +94,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     turn_unknown = step > 2.0 * status.interval and spread > MAX_SPREAD * status.period > 0.0
     gap = turn_unknown or step > GAP_SAMPLES * status.interval
     if not gap or status.since < GAP_SAMPLES:
-        gain = max(1.0 / status.samples, 1.0 / INTERVAL_SAMPLES)
+        gain = 1.0 / min(status.samples, INTERVAL_EDGES if status.edges > 0.0 else INTERVAL_SAMPLES)
         status.interval += (min(step, GAP_SAMPLES * status.interval) - status.interval) * gain
     expected = gating.foretold(status, step)
     if gap and status.since > 1.0:

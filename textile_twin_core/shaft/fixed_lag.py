@@ -131,7 +131,8 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     held, status, filters = window.held[0], record[0], smoother.filters[0]
     theta, omega, alpha = rts_smoother.state_at_start(filters, window.filtered[0].theta)
     changed = status.leading != filters.leading or status.waves[status.leading] != filters.waves[filters.leading]
-    if status.since > 0.0 and status.mode_probability[status.leading] > CERTAIN:  # else it has restarted, and knows none
+    known = status.since > 0.0  # else it has restarted
+    if known and status.mode_probability[status.leading] > CERTAIN:
         rts_smoother.set_ripple(filters, status, status.leading)
         if changed:
             rts_smoother.begin_at_state(filters, theta, omega, alpha, filters.shaft_second[filters.leading])

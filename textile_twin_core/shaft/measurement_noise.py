@@ -166,7 +166,8 @@ def set_resolution(record: Records, resolution: float) -> None:
     for i in range(2 if record[0].doubtful > 0.0 else 1):
         status = record[i]
         before = measurement_variance(status)
-        turning = abs(status.speed) * status.interval > (UNKNOWN_STEP_RAD if status.guessed > 0.0 else status.resolution)
+        least = UNKNOWN_STEP_RAD if status.guessed > 0.0 else status.resolution
+        turning = abs(status.speed) * status.interval > least
         status.resolution, status.guessed, status.held = resolution, 0.0, 0.0
         set_correlated(status)
         if turning:
