@@ -30,6 +30,7 @@ from textile_twin_core.shaft.status import MANOEUVRE, Record, Records, new_statu
 
 FAR = 9.0  # squared distance from the bank's angle beyond which a filter is far from it, in variances of that angle
 MOST_PASSES = 3
+BURST, NEARER = 10, 0.25  # rows after a manoeuvre in which it is taken back, by a reading so much nearer to the motion
 FAR_OFF = 10.0  # times too weak that some process noise was: smoothing begins again
 
 
@@ -132,7 +133,7 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
     ahead of a detected manoeuvre are used again, with the shortest memory.
     """
     for i in range(3, rows.size):
-        if rows[i].cut == MANOEUVRE:
+        if rows[i].cut == MANOEUVRE and not _is_taken_back(rows, i):
             for j in range(i - 2, i + 1):
                 if j == i or rows[j].noise == 0.0:
                     rows[j].memory[:] = math.log(0.5)
@@ -146,6 +147,31 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
         smooth_back(smoother, rows, first, last)
         if adapt_intensities(rows, interval) < FAR_OFF:
             break
+
+
+@compiled_in_place
+def _is_taken_back(rows: Records, i: int) -> bool:
+    """Whether a manoeuvre at row `i` was a burst of wrong readings: the next one leads back to the motion before it.
+
+    Then all readings between are set aside, and those that were rejected before the way back are used again.
+    """
+    before, first = rows[i - 3], i - 2
+    off = rows[i].reading - _foretold(before, rows[i])
+    for k in range(i + 1, min(i + BURST, rows.size)):
+        if rows[k].cut == MANOEUVRE and abs(rows[k].reading - _foretold(before, rows[k])) < NEARER * abs(off):
+            for j in range(first, k + 1):
+                copy_numbers(before.memory, rows[j].memory)
+                rows[j].cut = 0.0
+                rows[j].noise = max(rows[j].noise, rows[k].unit) if j >= k - 2 else 0.0
+            return True
+    return False
+
+
+@compiled_in_place
+def _foretold(before: Record, row: Record) -> float:
+    """The angle at a row by the state at another."""
+    step = row.time - before.time
+    return float(before.theta + step * (before.speed + 0.5 * step * before.acceleration))
 
 
 @compiled_in_place
