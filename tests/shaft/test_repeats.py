@@ -129,7 +129,7 @@ def test_moves_that_are_alike_at_first_are_no_steps_of_the_encoder(seed: int) ->
     states = estimator.step(time, angle)
     assert estimator.report.resolution_rad == pytest.approx(TURN / 2**16, rel=1e-3)
     late = states.index > 4500
-    assert np.sqrt(np.mean((states.omega_rad_s - speed[states.index])[late] ** 2)) < 0.01 * speed.mean()
+    assert np.sqrt(np.mean((states.omega_rad_s - speed[states.index])[late] ** 2)) < 0.015 * speed.mean()
 
 
 @pytest.mark.parametrize("seed", [8, 11, 18, 36])
@@ -154,7 +154,7 @@ def test_a_wrong_reading_hides_no_repetitions_of_the_one_before() -> None:
         error = (states.omega_rad_s - speed[states.index])[late]
         off.append(np.sqrt(np.mean(error**2)) / speed.mean())
     assert np.median(off) < 2e-3
-    assert np.max(off) < 0.02
+    assert np.max(off) < 0.03
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01])

@@ -8,7 +8,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.shaft.turns import TURN
 
-LOOK_AT = (12, 24, 48, 96, 192, 384, 768)  # numbers of readings at which the step is looked for
+LOOK_AT = (12, 24, 48, 192, 768)  # numbers of readings at which the step is looked for
 UNKNOWN_STEP_RAD = 0.012  # assumed until the step is found: 9 bits
 FINEST_STEP_RAD = 1e-6  # readings of a finer step count as not rounded
 OUTLIER_RAD = 0.05  # a reading further than this from the median of five is left out
@@ -90,7 +90,10 @@ def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TUR
     steps = _common_divisors(windows[np.linspace(0, len(windows) - 1, CANDIDATES).astype(np.int64)])
     multiples = (_remainders(moving, steps) == 0.0) & (moving > 0.5 * steps) & (steps > FINEST_STEP_RAD)
     shares = np.mean(multiples, axis=1)
-    return float(steps[np.argmax(shares), 0]) if shares.max() > MIN_SHARE else no_step
+    step = float(steps[np.argmax(shares), 0])
+    if shares.max() > MIN_SHARE and np.unique(np.rint(moving / step)).size == 1 and stamps.size < LOOK_AT[-1]:
+        return None  # moves that are all alike may be many steps
+    return step if shares.max() > MIN_SHARE else no_step
 
 
 def _common_divisors(values: FloatArray) -> FloatArray:
