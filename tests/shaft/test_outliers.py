@@ -105,3 +105,15 @@ def test_no_place_of_a_wrong_reading_hides_the_ripple(place: int) -> None:
     states = create_estimator("causal").step(time, angles)
     late = states.index > 500
     assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha[states.index])[late] ** 2)) < 0.5
+
+
+@pytest.mark.parametrize(("view", "most"), [("lag", 1.0), ("smooth", 0.01)])
+def test_three_wrong_readings_on_one_side_are_no_motion_once_the_old_one_goes_on(view: str, most: float) -> None:
+    """Believed to be a manoeuvre, as live they may be, they made the speed 170 rad/s for 12."""
+    time, step = np.arange(1600) * 0.0025, 2.0 * np.pi / 4096
+    readings = np.floor(12.0 * time / step) * step
+    readings[800:803] += (-0.27, -0.27, -0.21)
+    estimator = create_estimator(view)
+    states = [estimator.step(time, readings), estimator.finish()][view == "smooth"]
+    around = np.abs(states.index - 801) < 40
+    assert np.abs(states.omega_rad_s[around] - 12.0).max() < most

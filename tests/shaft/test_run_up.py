@@ -58,3 +58,20 @@ def test_ripple_that_is_learnt_anew_at_double_speed_costs_no_readings(bits: int,
         rising = (time[states.index] > 5.0) & (time[states.index] < 8.0)
         assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha[states.index])[rising] ** 2)) < most
         assert estimator.report.losses == estimator.report.jumps == 0
+
+
+@pytest.mark.parametrize(("teeth", "most"), [(24, 2.0), (36, 0.7), (60, 0.25)])
+def test_edges_of_teeth_while_the_speed_grows_tenfold(teeth: int, most: float) -> None:
+    """In 1 s, with 8 % of ripple. As edges came on average over 500 of them it was 3.0, 1.3, .4 rad/s off."""
+    turn, time = 2.0 * np.pi, np.arange(0.0, 2.5, 2e-5)
+    x = np.clip(time - 0.5, 0.0, 1.0)
+    even = 30.0 + 270.0 * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    clock = np.append(0.0, np.cumsum(0.5 * (even[1:] + even[:-1])) * 2e-5)
+    theta, omega, _ = 0.5 * rippling(2.0 * clock, 2.0 * even, 2.0 * np.gradient(even, time), 0.08)
+    edges = np.arange(1, int(theta[-1] / turn * teeth)) * turn / teeth
+    stamps = np.interp(edges, theta, time) + 5e-7 * np.random.default_rng(0).normal(size=edges.size)
+    states = create_estimator("causal", teeth=teeth).step(stamps, edges)
+    at = stamps[states.index]
+    rising = (at > 0.5) & (at < 1.5)
+    off = states.omega_rad_s - np.interp(at, time, omega)
+    assert np.sqrt(np.mean(off[rising] ** 2)) < most
