@@ -194,7 +194,7 @@ def _report_state(status: Record, row: Record) -> None:
         settled = sigma <= limit and status.unconfirmed == 0.0 and status.since >= SETTLING
         row.settled = 1.0 if settled else 0.0
     set_systematic(status, row)
-    add_systematic(row)
+    add_systematic(row, 1.0)
     if row.noise > 0.0:
         status.unconfirmed = max(status.unconfirmed - 1.0, 0.0)
     row.theta, row.origin, row.leading = status.angle, status.origin, float(status.leading)

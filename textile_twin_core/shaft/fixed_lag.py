@@ -80,7 +80,8 @@ class LagEstimator(ShaftEstimator):
         """The states still held; then the estimator begins again, but for the report and the newest stamp."""
         self._window.held["ready"] = 0
         ready, rows = self._room(0)
-        count = _flush(self._status, self._window, self._smoother, ready, rows)
+        _release(self._status, int(self._window.held["rows"][0]) - 1, self._window, self._smoother, ready, rows)
+        count = int(self._window.held["ready"][0])
         adopt_weight(self._status, self._window.held["weight"][0])
         super().finish()
         self._begin()
@@ -99,7 +100,7 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
             continue
         window.stamps[last] = block.stamps[i]
         if row.cut >= STRETCH:
-            _flush(record, window, smoother, ready, table)
+            _release(record, last - 1, window, smoother, ready, table)
             rows[0], window.stamps[0] = rows[last], window.stamps[last]
             window.filtered[0], held.rows, held.restart = rows[0], 1, 1
             if rows[0].settled >= 0.0:
@@ -117,25 +118,14 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
 
 
 @compiled_in_place
-def _flush(record: Records, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> int:
-    """Smooth and release all rows of the window; returns how many were released by this call of `_follow`."""
-    held = window.held[0]
-    if held.rows > 1:
-        _release(record, held.rows - 1, window, smoother, ready, table)
-    return held.ready
-
-
-@compiled_in_place
 def _release(record: Records, due: int, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> None:
-    """Smooth the window and release the `due` rows after the first; the last of these becomes the first."""
+    """Smooth the window and release the `due` rows after the first, if any; the last of these becomes the first."""
+    if due <= 0:
+        return
     held, status, filters = window.held[0], record[0], smoother.filters[0]
-    theta, omega, alpha = rts_smoother.state_at_start(filters, window.filtered[0].theta)
-    changed = status.leading != filters.leading or status.waves[status.leading] != filters.waves[filters.leading]
     known = status.since > 0.0  # else it has restarted
     if known and status.mode_probability[status.leading] > CERTAIN:
-        rts_smoother.set_ripple(filters, status, status.leading)
-        if changed:
-            rts_smoother.begin_at_state(filters, theta, omega, alpha, filters.shaft_second[filters.leading])
+        rts_smoother.take_ripple(filters, status, window.filtered[0].theta)
     if held.restart != 0 or rts_smoother.is_far(filters, window.filtered[0]):
         rts_smoother.begin_at_row(filters, window.filtered[0])
     held.restart = 0

@@ -88,10 +88,10 @@ def set_systematic(status: Record, row: Record) -> None:
 
 
 @compiled_in_place
-def add_systematic(row: Record) -> None:
-    """Add these variances to a row's covariance."""
+def add_systematic(row: Record, part: float) -> None:
+    """Add such a part of these variances to a row's covariance."""
     for place in range(3):
-        row.covariance[4 * place] += row.systematic[place]
+        row.covariance[4 * place] += part * row.systematic[place]
 
 
 @compiled_in_place

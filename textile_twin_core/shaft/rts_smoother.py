@@ -67,14 +67,6 @@ def set_ripple(filters: Record, status: Record, family: int) -> None:
 
 
 @compiled_in_place
-def state_at_start(filters: Record, near: float) -> tuple[float, float, float]:
-    """The shaft's initial angle, speed and acceleration, from the initial clock state; `near` [rad] is close to it."""
-    start = filters.start
-    g = _wave_at(filters, near, filters.shaft_second[filters.leading])
-    return shaft_state(start[lanes.ANGLE], start[lanes.RATE], start[lanes.ACCELERATION], near, g, filters.slopes)
-
-
-@compiled_in_place
 def begin_at_state(filters: Record, theta: float, omega: float, alpha: float, added: FloatArray) -> None:
     """Initial clock state from the shaft's; `filters.start[3:]` is already the initial covariance's factor.
 
@@ -84,6 +76,20 @@ def begin_at_state(filters: Record, theta: float, omega: float, alpha: float, ad
     filters.start[lanes.ANGLE] = theta + g[0]
     filters.start[lanes.RATE] = omega * (1.0 + g[1])
     filters.start[lanes.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
+
+
+@compiled_in_place
+def take_ripple(filters: Record, status: Record, near: float) -> None:
+    """Go on with the leading ripple of a status; where it has other orders the shaft's state stays, `near` [rad]."""
+    f, start = status.leading, filters.start
+    g = _wave_at(filters, near, filters.shaft_second[filters.leading])
+    theta, omega, alpha = shaft_state(
+        start[lanes.ANGLE], start[lanes.RATE], start[lanes.ACCELERATION], near, g, filters.slopes
+    )
+    changed = f != filters.leading or status.waves[f] != filters.waves[f]
+    set_ripple(filters, status, f)
+    if changed:
+        begin_at_state(filters, theta, omega, alpha, filters.shaft_second[f])
 
 
 @compiled_in_place
@@ -291,5 +297,5 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
     row.covariance[:] = 0.0
     add_ripple_covariance(filters, waves, lanes.CHAIN, 1.0, row.covariance)
     add_spread(s, filters.slopes, 1.0, row.covariance)
-    add_systematic(row)
+    add_systematic(row, 1.0)
     put_angle(row, theta)

@@ -11,6 +11,7 @@ import math
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
+from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.status import Record, Records
 
 MEMORY = 500.0  # redundant measurements over which the factor is averaged, as the filters' noise scale is
@@ -38,8 +39,7 @@ def scale_covariance(row: Record, factor: float) -> None:
     """Multiply a row's covariance, but for what no residual shows."""
     for i in range(9):
         row.covariance[i] *= factor
-    for place in range(3):
-        row.covariance[4 * place] += (1.0 - factor) * row.systematic[place]
+    add_systematic(row, 1.0 - factor)
 
 
 @compiled_in_place
