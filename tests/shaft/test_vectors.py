@@ -34,9 +34,9 @@ def test_roots_are_taken_of_several_lanes_at_once(
 def test_ripple_is_updated_in_several_lanes_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
     status, width = new_status(ShaftSettings(), 0.0)[0], np.int64(4)
-    anew: Any = lanes.vectorised(ripple.update_coefficients.py_func)  # type: ignore[attr-defined]
-    names = ("ripple", "factor", "projected_ripple", "innovation", "clock_variance")
-    more = ("sensitivity", "clock", "parts", "ripple_change")
+    anew: Any = lanes.vectorised(ripple.update_ripple.py_func)  # type: ignore[attr-defined]
+    names = ("sensitivity", "ripple", "factor", "regressor", "projected_ripple", "innovation", "clock_variance")
+    more = ("gain", "clock", "parts", "ripple_change")
     anew.compile(tuple(numba.typeof(each) for each in (*(status[name] for name in (*names, *more)), width, *LANES)))
     (assembly,) = anew.inspect_asm().values()
     assert "sqrtpd" in assembly

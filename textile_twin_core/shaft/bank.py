@@ -152,27 +152,12 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
         set_basis_at(status, at, status.waves[f])
         reading += dot(status.second[f], status.basis, 4 * status.waves[f])
     width, first, stop = 2 * status.waves[f], lanes.FIRST[f], lanes.STOP[f]
-    ripple.propagate_sensitivity(status.sensitivity, step, status.basis, status.regressor, width, first, stop)
     ripple.predict_ripple(
-        status.ripple, status.factor, status.basis, status.regressor, status.projected_ripple, status.ripple_reading,
-        status.ripple_variance, width, first, stop,
+        status.sensitivity, status.ripple, status.factor, status.basis, status.regressor, status.projected_ripple,
+        status.ripple_reading, status.ripple_variance, step, width, first, stop,
     )  # fmt: skip
     innovate(status, reading, noise, first, stop)
     status.density[f] = dot(status.probability[first:stop], status.likelihood[first:stop], stop - first)
-
-
-@compiled_in_place
-def _correct_filters(status: Record, f: int) -> None:
-    """Measurement update of all filters: state, sensitivity and ripple coefficients, which shift the state again."""
-    first, stop, width = lanes.FIRST[f], lanes.STOP[f], 2 * status.waves[f]
-    measurement_update(status, first, stop)
-    if width == 0:
-        return
-    ripple.correct_sensitivity(status.sensitivity, status.regressor, status.gain, width, first, stop)
-    ripple.update_coefficients(
-        status.ripple, status.factor, status.projected_ripple, status.innovation, status.clock_variance,
-        status.sensitivity, status.clock, status.parts, status.ripple_change, width, first, stop,
-    )  # fmt: skip
 
 
 @compiled_in_place
@@ -185,7 +170,13 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
     probability, usage, likelihood_ratio = status.probability, status.usage, status.likelihood_ratio
     innovation, scale, scale_samples = status.innovation, status.scale, status.scale_samples
     recent_scale = status.recent_scale
-    _correct_filters(status, f)
+    measurement_update(status, first, lanes.STOP[f])
+    if status.waves[f] > 0:
+        ripple.update_ripple(
+            status.sensitivity, status.ripple, status.factor, status.regressor, status.projected_ripple, innovation,
+            status.clock_variance, status.gain, status.clock, status.parts, status.ripple_change, 2 * status.waves[f],
+            first, lanes.STOP[f],
+        )  # fmt: skip
     uniform, inverse = UNIFORM_PART / (end - first), 1.0 / status.density[f]
     likelihood, prior_variance = status.likelihood, status.prior_variance
     for m in range(np.uint64(first), np.uint64(lanes.STOP[f])):

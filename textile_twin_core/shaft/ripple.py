@@ -30,39 +30,27 @@ def set_sensitivity(
 
 
 @vectorised
-def propagate_sensitivity(
-    sensitivity: FloatArray, step: float, basis: FloatArray, regressor: FloatArray, width: int, first: int, stop: int
-) -> None:
-    """Time update of a sensitivity (3, ., .) over `step` [s]; sets `regressor` (., .), that of the innovation.
+def predict_ripple(
+    sensitivity: FloatArray, ripple: FloatArray, factor: FloatArray, basis: FloatArray, regressor: FloatArray,
+    projected: FloatArray, reading: FloatArray, variance: FloatArray, step: float, width: int, first: int, stop: int,
+) -> None:  # fmt: skip
+    """Time update of the sensitivity over `step` [s], and of what the ripple does to a reading with the basis.
 
-    The measured clock angle has the sensitivity `basis` (.).
+    Sets `reading` (.), the ripple in it, and `variance` (.), what its uncertainty adds to the innovation's. `factor`
+    (., ., .) holds the transposed covariance factor L' of the coefficients, `projected` (., .) becomes L' times the
+    `regressor` (., .).
     """
-    half = 0.5 * step * step
-    for i in range(width):
+    begin, end, half = np.uint64(first), np.uint64(stop), 0.5 * step * step
+    for m in range(begin, end):
+        reading[m] = variance[m] = 0.0
+    for i in range(np.uint64(width)):
         at = basis[i]
-        for m in range(np.uint64(first), np.uint64(stop)):
+        for m in range(begin, end):
             acceleration, rate = sensitivity[0, i, m], sensitivity[1, i, m]
             angle = sensitivity[2, i, m] + (step * rate + half * acceleration)
             sensitivity[1, i, m] = rate + step * acceleration
             sensitivity[2, i, m] = angle
             regressor[i, m] = at - angle
-
-
-@vectorised
-def predict_ripple(
-    ripple: FloatArray, factor: FloatArray, basis: FloatArray, regressor: FloatArray, projected: FloatArray,
-    reading: FloatArray, variance: FloatArray, width: int, first: int, stop: int,
-) -> None:  # fmt: skip
-    """Set the ripple in a measurement (.), and what its uncertainty adds to the innovation's variance (.).
-
-    `factor` (., ., .) holds the transposed covariance factor L' of the coefficients, `projected` (., .) becomes L'
-    times the regressor.
-    """
-    begin, end = np.uint64(first), np.uint64(stop)
-    for m in range(begin, end):
-        reading[m] = variance[m] = 0.0
-    for i in range(np.uint64(width)):
-        for m in range(begin, end):
             projected[i, m] = 0.0
         for j in range(i + np.uint64(1)):  # a sum at a time would wait for itself
             for m in range(begin, end):
@@ -75,27 +63,15 @@ def predict_ripple(
 
 
 @vectorised
-def correct_sensitivity(
-    sensitivity: FloatArray, regressor: FloatArray, gain: FloatArray, width: int, first: int, stop: int
-) -> None:
-    """Measurement update of a sensitivity, by the gains (3, .) of the state's."""
-    for i in range(width):
-        for m in range(np.uint64(first), np.uint64(stop)):
-            sensitivity[0, i, m] += gain[0, m] * regressor[i, m]
-            sensitivity[1, i, m] += gain[1, m] * regressor[i, m]
-            sensitivity[2, i, m] += gain[2, m] * regressor[i, m]
-
-
-@vectorised
-def update_coefficients(
-    ripple: FloatArray, factor: FloatArray, projected: FloatArray, innovation: FloatArray, variance: FloatArray,
-    sensitivity: FloatArray, clock: FloatArray, parts: FloatArray, change: FloatArray, width: int, first: int,
-    stop: int,
+def update_ripple(
+    sensitivity: FloatArray, ripple: FloatArray, factor: FloatArray, regressor: FloatArray, projected: FloatArray,
+    innovation: FloatArray, variance: FloatArray, gain: FloatArray, clock: FloatArray, parts: FloatArray,
+    change: FloatArray, width: int, first: int, stop: int,
 ) -> None:  # fmt: skip
-    """Measurement update of the coefficients, and of the clock's state that changes with them.
+    """Measurement update of sensitivity and coefficients, and of the clock's state that changes with them.
 
-    `variance` (.) is the innovation's without that of the coefficients, and becomes the whole; `parts` (2, .) and
-    `change` (., .) are work space.
+    `variance` (.), the innovation's without that of the coefficients, becomes the whole; `parts` (2, .) and `change`
+    (., .) are work space.
     """
     begin, end, count = np.uint64(first), np.uint64(stop), np.uint64(width)
     for back in range(count):
@@ -115,6 +91,6 @@ def update_coefficients(
         for m in range(begin, end):
             step = change[i, m] * (-innovation[m] / variance[m])
             ripple[i, m] += step
-            clock[0, m] += sensitivity[0, i, m] * step
-            clock[1, m] += sensitivity[1, i, m] * step
-            clock[2, m] += sensitivity[2, i, m] * step
+            for row in range(3):
+                sensitivity[row, i, m] += gain[row, m] * regressor[i, m]
+                clock[row, m] += sensitivity[row, i, m] * step
