@@ -28,7 +28,8 @@ LEAST_LEFT = 1e-4  # part of the readings' variance that pitch errors leave at l
 LEAST_LED = 0.05  # part of a stretch in which a family must lead to be a candidate
 MODEL_PARTS, MODEL_ROWS = 32, 256  # parts of a long stretch, and rows of each, that suffice to choose its model
 OVERLAP = 512  # rows on either side of a part that are smoothed along with it
-CONVERGENCE = 128  # first rows of a stretch, in which the bank may not have converged: the next rows' memories count
+PENALTY = 0.5  # log likelihood for each row that is given a memory of its own
+CONVERGENCE = 128  # first rows of a stretch, in which the bank may not have converged
 FEWEST = 4  # rows below which a stretch keeps the filter's states
 
 
@@ -89,8 +90,7 @@ class SmoothEstimator(ShaftEstimator):
         cuts = np.flatnonzero(rows["cut"] >= STRETCH).tolist()
         stretches = [rows[first:end] for first, end in pairwise([*cuts, len(rows)])]
         for stretch in stretches:
-            first = stretch["memory"][: 2 * CONVERGENCE]
-            first[: len(first) // 2] = first[len(first) // 2 :].min(axis=0)
+            self._choose_first_memories(stretch[: 2 * CONVERGENCE + 1])
         wheel = self._wheel
         passes = PITCH_PASSES if wheel is not None and wheel.learning else 0
         for done in range(passes + 1):
@@ -102,6 +102,18 @@ class SmoothEstimator(ShaftEstimator):
         weight = np.array(FIRST_WEIGHT)
         scale_covariances(weight, np.array(FIRST_WEIGHT), rows)
         adopt_weight(self._status, weight)
+
+    def _choose_first_memories(self, rows: Records) -> None:
+        """Memories of the first half of rows: the next rows' shortest, unless the bank's own are much likelier."""
+        if len(rows) < FEWEST:
+            return
+        first, smoother = len(rows) // 2, new_smoother(self._settings, len(rows))
+        own, fits = rows["memory"][:first].copy(), []
+        for memories in (own, np.min(rows["memory"][first:], axis=0)):
+            rows["memory"][:first] = memories
+            fits.append(smooth_family(smoother, self._history.known[-1], int(lanes.PLAIN), rows, 1, 0))
+        if fits[0] > fits[1] + PENALTY * first:
+            rows["memory"][:first] = own
 
     def _learn_wheel(self, wheel: ToothWheel, rows: Records, first: bool) -> None:
         """Take pitch errors out of the readings; at first out of their noise and of the known ripples, too."""
