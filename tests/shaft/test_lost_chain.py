@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.shaft.kinds import make
+from tests.shaft.kinds import TURN, make
 from tests.shaft.shaft_motion import rippling
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 
@@ -132,3 +132,16 @@ def test_lag_knows_the_ripple_before_a_loss(seed: int) -> None:
     assert estimator.report.losses > 0
     before = (states.index >= 2900) & (states.index < 3000)
     assert np.sqrt(np.mean((states.alpha_rad_s2 - alpha[states.index])[before] ** 2)) < 0.2
+
+
+@pytest.mark.parametrize(("rate_hz", "swing_rad"), [(2.2, 0.8), (0.6, 0.8), (1.1, 0.4)])
+def test_lag_smooths_with_no_ripple_that_leads_for_a_sample(rate_hz: float, swing_rad: float) -> None:
+    """A sley's shaft that rocks: where families enter the comparison one of them led for a sample, 33 and 38 sigmas."""
+    time, rate, step = np.arange(0.001, 8.0, 0.0025), TURN * rate_hz, TURN / 8192
+    theta = 1.0 + swing_rad * (np.sin(rate * time) + 0.2 * np.sin(2.0 * rate * time + 1.0))
+    omega = swing_rad * rate * (np.cos(rate * time) + 0.4 * np.cos(2.0 * rate * time + 1.0))
+    estimator = create_estimator("lag")
+    stamps, readings = np.rint(time * 1e9).astype(np.int64), np.floor(theta / step) * step % TURN
+    states = ShaftStates.join([estimator.step(stamps, readings), estimator.finish()])
+    counts = states.settled & (states.index > 50)
+    assert np.all((np.abs(states.omega_rad_s - omega[states.index]) < 12.0 * states.sigma[:, 1])[counts])
