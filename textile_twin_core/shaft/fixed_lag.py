@@ -125,7 +125,11 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     held, status, filters = window.held[0], record[0], smoother.filters[0]
     known = status.since > 0.0  # else it has restarted
     if known and status.mode_probability[status.leading] > CERTAIN:
-        rts_smoother.take_ripple(filters, status, window.filtered[0].theta)
+        # With another ripple the clock is another, of which the state so far knows little.
+        held.restart += (
+            status.leading != filters.leading or status.waves[status.leading] != filters.waves[filters.leading]
+        )
+        rts_smoother.set_ripple(filters, status, status.leading)
     if held.restart != 0 or rts_smoother.is_far(filters, window.filtered[0]):
         rts_smoother.begin_at_row(filters, window.filtered[0])
     held.restart = 0

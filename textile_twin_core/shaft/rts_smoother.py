@@ -28,7 +28,7 @@ from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import MANOEUVRE, Record, Records, new_status
 
-FAR = 9.0  # squared distance from the bank's angle beyond which a filter is far from it, in variances of that angle
+FAR, SURELY_FAR = 9.0, 1e4  # squared distance from the bank's angle that is far, in its variances; without a reading
 MOST_PASSES = 3
 BURST, NEARER = 10, 0.25  # rows after a manoeuvre in which it is taken back, by a reading so much nearer to the motion
 FAR_OFF = 10.0  # times too weak that some process noise was: smoothing begins again
@@ -79,20 +79,6 @@ def begin_at_state(filters: Record, theta: float, omega: float, alpha: float, ad
 
 
 @compiled_in_place
-def take_ripple(filters: Record, status: Record, near: float) -> None:
-    """Go on with the leading ripple of a status; where it has other orders the shaft's state stays, `near` [rad]."""
-    f, start = status.leading, filters.start
-    g = _wave_at(filters, near, filters.shaft_second[filters.leading])
-    theta, omega, alpha = shaft_state(
-        start[lanes.ANGLE], start[lanes.RATE], start[lanes.ACCELERATION], near, g, filters.slopes
-    )
-    changed = f != filters.leading or status.waves[f] != filters.waves[f]
-    set_ripple(filters, status, f)
-    if changed:
-        begin_at_state(filters, theta, omega, alpha, filters.shaft_second[f])
-
-
-@compiled_in_place
 def begin_at_row(filters: Record, row: Record) -> None:
     """Initial state and covariance factor from the state of a row."""
     start, p = filters.start, row.covariance
@@ -106,10 +92,13 @@ def begin_at_row(filters: Record, row: Record) -> None:
 
 @compiled_in_place
 def is_far(filters: Record, row: Record) -> bool:
-    """Whether the initial angle is far from the bank's at a row, whose reading is much closer to the bank's."""
+    """Whether the initial angle is far from the bank's at a row, whose reading, if not set aside, is closer to it."""
     angle = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta, filters.shaft_second[filters.leading])[0]
-    far = (angle - row.theta) ** 2 > FAR * row.covariance[0]
-    return far and abs(row.reading - angle) > 2.0 * abs(row.reading - row.theta)
+    squared = (angle - row.theta) ** 2
+    closer = abs(row.reading - angle) > 2.0 * abs(row.reading - row.theta)
+    return (
+        squared > SURELY_FAR * row.covariance[0] if row.noise == 0.0 else squared > FAR * row.covariance[0] and closer
+    )
 
 
 @compiled_in_place
