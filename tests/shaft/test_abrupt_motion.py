@@ -156,3 +156,16 @@ def test_a_soft_stop_after_a_wrong_reading_is_settled_only_when_it_is_right(seed
     states = create_estimator("causal").step(np.arange(count) * 0.01, angle)
     late = states.settled & (states.index > 400)
     assert np.all(np.abs(states.omega_rad_s - speed[states.index])[late] < 0.1 * full)
+
+
+@pytest.mark.parametrize("brake", [4.5, 6.0, 8.0, 8.5])
+@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
+def test_a_brake_that_holds_the_shaft_within_a_few_readings(view: str, brake: float) -> None:
+    """So many intervals from 200 rad/s to rest at 500 Hz: readings that stay are a shaft's that stands, not a bus's."""
+    time, step = np.arange(700) / 500.0, TURN / 2**13
+    turned = np.clip((time - 1.0) * 500.0, 0.0, brake) / 500.0
+    theta = 200.0 * (np.minimum(time, 1.0) + turned - 0.5 * turned**2 * 500.0 / brake)
+    states = _states(view, time, np.round(theta / step) * step)
+    rests = states.index >= 500.0 + brake
+    assert np.abs(states.omega_rad_s[rests]).max() < 60.0
+    assert np.abs(states.omega_rad_s[rests][5:]).max() < (10.0 if view == "causal" else 1.0)

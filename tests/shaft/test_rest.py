@@ -7,7 +7,7 @@ import pytest
 
 from tests.shaft.kinds import make
 from tests.shaft.textbook import textbook
-from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft import ShaftStates, create_estimator
 
 TURN = 2.0 * np.pi
 SPEED = 18.85
@@ -127,3 +127,28 @@ def test_what_a_rest_seemed_to_tell_of_the_noise_does_not_last(view: str) -> Non
     part = (record.time_s[states.index] > 3.0) & (record.time_s[states.index] < 8.5)
     off = (states.alpha_rad_s2 - record.alpha[states.index])[part]
     assert np.sqrt(np.mean(off**2)) < 1.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
+def test_noise_of_an_indexed_shaft(view: str, seed: int) -> None:
+    """Moves within 40 ms and rests in turn, noise that does not fade: what moves seem to tell of late stamps is no
+    reason to believe readings at rest.
+    """
+    rng, time = np.random.default_rng([81, seed]), np.arange(3000) / 4000.0
+    theta, omega, begin = np.zeros(time.size), np.zeros(time.size), 0.04
+    while begin < time[-1]:
+        x = np.clip((time - begin) / 0.05, 0.0, 1.0)
+        height = rng.uniform(2.0, 4.0)
+        theta += height * (x - np.sin(TURN * x) / TURN)
+        omega += height / 0.05 * (1.0 - np.cos(TURN * x))
+        begin += 0.05 + rng.uniform(0.03, 0.05)
+    readings = theta + 2e-4 * rng.normal(size=time.size)
+    estimator, book = create_estimator(view), textbook(time, readings)
+    states = [estimator.step(time, readings), estimator.finish()]
+    joined = ShaftStates.join([part for part in states if len(part)])
+    late = joined.index > 0.15 * time.size
+    tuned = (book.causal if view == "causal" else book.smooth)[joined.index[late], 1]
+    truth = omega[joined.index[late]]
+    off = np.sqrt(np.mean((joined.omega_rad_s[late] - truth) ** 2) / np.mean((tuned - truth) ** 2))
+    assert off < 1.1

@@ -9,7 +9,7 @@ from tests.shaft.disturbances import wander
 from tests.shaft.shaft_motion import Law, ShaftMotion
 from tests.shaft.shaft_signal import make_signal
 from tests.shaft.textbook import textbook
-from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft import ShaftStates, create_estimator
 
 
 def test_two_samples_at_once_in_the_beginning_do_not_make_gaps_of_all_others() -> None:
@@ -80,3 +80,20 @@ def _polled(seed: int, view: str, cycle_s: float = 4e-3, rate_hz: float = 50.0, 
     rows, truth = states.index[late], motion.at(stamps)[2]
     off, book = states.alpha_rad_s2[late] - truth[rows], getattr(textbook(stamps, read), view)[rows, 2] - truth[rows]
     return float(np.sqrt(np.mean(off**2) / np.mean(book**2)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
+def test_stamps_of_a_host_that_is_late_now_and_then(view: str, seed: int) -> None:
+    """Up to 30 ms late, with the readings that waited stamped 10 ns apart: no speed is found between these."""
+    rng, time, step = np.random.default_rng([80, seed]), np.arange(2500) * 2e-3, 2.0 * np.pi / 2**14
+    phase = rng.uniform(0.0, 2.0 * np.pi)
+    theta = 20.0 * time + 0.05 * np.sin(20.0 * time + phase)
+    late = np.minimum(1e-4 * np.abs(rng.standard_t(1.5, time.size)), 0.03)
+    stamps = np.maximum.accumulate(time + late) + 1e-8 * np.arange(time.size)
+    estimator = create_estimator(view)
+    parts = [estimator.step(stamps, np.round(theta / step) * step), estimator.finish()]
+    states = ShaftStates.join([part for part in parts if len(part)])
+    off = np.abs(states.omega_rad_s - 20.0 - np.cos(20.0 * stamps[states.index] + phase))
+    assert off[states.index > 0.15 * time.size].max() < 2.0
+    assert estimator.report.losses == 0

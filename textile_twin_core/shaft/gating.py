@@ -12,7 +12,7 @@ from textile_twin_core.shaft import bank, lanes, measurement_noise
 from textile_twin_core.shaft.clock import copy_numbers, wave
 from textile_twin_core.shaft.families import FIRST_REST, UNBIASED
 from textile_twin_core.shaft.kalman import time_update
-from textile_twin_core.shaft.measurement_noise import FIRST_JITTER, LEAP_GUESSED, OFTEN_HELD, SETTLING
+from textile_twin_core.shaft.measurement_noise import BUNCHED, FIRST_JITTER, LEAP_GUESSED, OFTEN_HELD, SETTLING
 from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records
 
 MAX_OUTLIERS = 2  # consecutive measurements rejected as outliers before a manoeuvre may be declared
@@ -137,13 +137,15 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
         bend = off - 2.0 * status.off_last + status.off_before
         on_line = abs(bend) <= 0.5 * max(abs(off), abs(status.off_before))
         straight = one_side and on_line and status.rejected_run >= MAX_OUTLIERS
-    # A bus that dropped out repeats one measurement of a shaft that moved by many encoder steps; more lasts at a stop.
-    dropout = abs(status.moved) > LEAP_GUESSED * status.resolution and status.holding > status.rejected_run
+    # A bus that dropped out repeats a reading, behind a shaft that moved by many encoder steps; more last at a stop.
+    behind = off * status.moved < 0.0 and abs(status.moved) > LEAP_GUESSED * status.resolution
+    dropout = behind and status.holding > status.rejected_run
     too_fast = not slipped and 0.0 < MAX_SPEED_RATIO * status.fastest < abs(status.speed + grown / span)
-    if not straight or dropout or (too_fast and status.rejected_run <= MAX_OUTLIERS):
+    bunched = step < BUNCHED * status.interval
+    if not straight or dropout or bunched or (too_fast and status.rejected_run <= MAX_OUTLIERS):
         row.noise = 0.0
         _set_aside(status, off, step)
-        if status.unconfirmed > MAX_UNCONFIRMED:
+        if status.unconfirmed > MAX_UNCONFIRMED and not bunched:
             initiate(status, step, reading, 0.0 if status.holding > 0.0 else status.speed, row)
         return False
     if at_once:

@@ -17,12 +17,12 @@ MOST_CORRELATED = 16.0  # upper bound of `correlated`: a shaft at rest stays wit
 FIRST_JITTER = 0.01  # initial standard deviation of the stamps, in intervals
 SMOOTH_MOVE = TURN / 48.0  # [rad] per interval, up to which the shortest wave of ripple has at least 4 samples
 ADDITIVE_SAMPLES, ADDITIVE_FEW = 100.0, 50.0  # memory of the additive noise; where a wave has fewer samples than that
-MOST_ADDITIVE = 128.0  # bound of one sample's estimate in current variances, as it may be an outlier
+MOST_ADDITIVE = 128.0  # bound of one sample's estimate in current variances
 HELD_MOVES, OFTEN_HELD = 10.0, 0.3  # memory in moves, and share after repetitions from which the sensor holds values
 LEAP, LEAP_GUESSED = 2.5, 4.5  # encoder steps, more than rounding can hide of a move; while the step is a guess
 FORGET_HOLD = 0.98  # decay of the longest repetition per leap
 FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some hundred turns from the origin
-FINEST_S = 1e-9  # [s] least time between measurements: float stamps months from zero may tell none
+BUNCHED = 0.1  # of the mean interval: readings nearer to each other in time came late, together, and tell no speed
 LEAST_SCALE = 1e-6  # least noise scale of a filter where nothing else bounds it
 LEARN_JITTER = 0.5  # gain of the jitter's adaptation at full speed; lower speeds hardly show it
 SAME_NOISE = 2.0  # ratio of two estimates of one noise at most: beyond it the noise is another now
@@ -46,7 +46,8 @@ def unwrap_reading(status: Record, raw: float, expected: float) -> float:
 @compiled_in_place
 def measurement_variance(status: Record) -> float:
     """Measurement variance [rad^2]: rounding and stamp jitter at the present speed, or additive noise if larger."""
-    return float(max(rounding_variance(status) + status.jitter * status.speed**2, status.additive) + FINEST_RAD2)
+    fading = rounding_variance(status) + status.jitter * status.speed**2
+    return float(max(fading, status.additive, status.noise_at_rest) + FINEST_RAD2)
 
 
 @compiled_in_place
@@ -88,18 +89,29 @@ def adapt_additive_noise(status: Record, reading: float) -> None:
     """Estimate the noise beyond jitter from the lag-1 autocovariance of second differences, -4 sigma^2 if white.
 
     The motion's own is positive, and feigns no noise, while ripple has many samples per wave. Where it has few it may
-    pass for noise: such samples count only once families with ripple have had a probability.
+    pass for noise: such samples count only once families with ripple have had a probability. What was found at rest
+    stays: a shaft that moves cannot tell it from jitter.
     """
-    moved = (reading - status.kept) * status.interval / max(status.time - status.kept_at, FINEST_S)
+    elapsed = status.time - status.kept_at
+    if elapsed < BUNCHED * status.interval:
+        return
+    moved = (reading - status.kept) * status.interval / elapsed
     smooth = max(abs(moved), abs(status.moved)) <= SMOOTH_MOVE
     bent = 0.0
     if smooth or status.ripple_tried > 0.0:
         bent = moved - status.moved
-        found = -0.25 * bent * status.bent - status.jitter * status.speed**2
-        noise = measurement_variance(status)
+        found, noise = -0.25 * bent * status.bent, measurement_variance(status)
         samples = ADDITIVE_SAMPLES if smooth else ADDITIVE_FEW
-        status.additive += (min(max(found, -noise), MOST_ADDITIVE * noise) - status.additive) / samples
+        status.additive = _averaged(status.additive, found - status.jitter * status.speed**2, noise, samples)
+        if status.still > 0.0:
+            status.noise_at_rest = _averaged(status.noise_at_rest, found, noise, samples)
     status.kept, status.kept_at, status.moved, status.bent = reading, status.time, moved, bent
+
+
+@compiled_in_place
+def _averaged(variance: float, found: float, noise: float, samples: float) -> float:
+    """Mean of a variance with one sample's estimate, bounded by the present `noise`, as it may be an outlier."""
+    return max(variance + (min(max(found, -noise), MOST_ADDITIVE * noise) - variance) / samples, 0.0)
 
 
 @compiled_in_place
@@ -181,7 +193,7 @@ def adapt_jitter(status: Record, noise: float) -> None:
     least = rounding_variance(status) + status.jitter * status.speed**2
     drift = measurement_variance(status) / (max(least, status.additive_before) + FINEST_RAD2)
     drift = drift if 1.0 / SAME_NOISE < drift < SAME_NOISE else 1.0
-    status.additive_before = status.additive
+    status.additive_before = max(status.additive, status.noise_at_rest)
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
         jitter = max(found - rounding_variance(status), 0.01 * found) / status.speed**2
