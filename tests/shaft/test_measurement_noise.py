@@ -31,7 +31,7 @@ def test_half_the_readings_until_the_shaft_moved_by_a_step_count_as_one(
     steps: float, bend: float, jitter: float, count: float
 ) -> None:
     """By steps of the encoder: from reading to reading, that per reading again, and the jitter."""
-    status = new_status(ShaftSettings(resolution_rad=1e-3), 1e-3)[0]
+    status = new_status(ShaftSettings(resolution_rad=1e-3))[0]
     status["interval"] = 0.01
     status["speed"], status["acceleration"] = steps * 0.1, bend * 10.0
     status["jitter"] = (jitter * 1e-3 / (steps * 0.1)) ** 2 if jitter else 0.0

@@ -26,7 +26,7 @@ def _rows(rest_noise: float) -> Any:
     rows["noise"][8:16], rows["intensity"][8:16] = rest_noise, 1e-3
     rows["reading"][8:16] = rows["reading"][8] + rng.normal(0.0, np.sqrt(rest_noise), 8)
     rows["noise"][[5, 12, 20]] = 0.0
-    rows["theta"] = rows["clock"] = rows["reading"]
+    rows["angle"] = rows["clock"] = rows["reading"]
     return rows
 
 
@@ -73,10 +73,10 @@ def test_smoothed_states_and_covariances_are_those_of_the_joint_distribution(
     """In parts of a sigma. Where readings of a rest are 1e10 times as good their own rounding counts."""
     rows = _rows(rest_noise)
     smoother = new_smoother(ShaftSettings(), COUNT)
-    start = smoother.filters["start"][0]
+    start = smoother.filtered[0]
     start[3:] = 50.0, 0.1, 1e-4, 3.0, 1e-3, 1e-3
     filters = smoother.filters[0]
-    begin_at_state(filters, float(rows["reading"][0]), 15.0, 0.0, filters["second"][0])
+    begin_at_state(smoother, float(rows["reading"][0]), 15.0, 0.0, filters["second"])
     began = start.copy()
     filter_rows(smoother, rows)
     smooth_back(smoother, rows, 1, COUNT - 1)

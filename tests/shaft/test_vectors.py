@@ -25,7 +25,7 @@ def test_roots_are_taken_of_several_lanes_at_once(
 ) -> None:
     monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))  # what comes from the disk cannot be looked into
     anew: Any = compiled(function.py_func)
-    anew.compile(tuple(numba.typeof(each) for each in (new_status(ShaftSettings(), 0.0)[0], *numbers, *LANES)))
+    anew.compile(tuple(numba.typeof(each) for each in (new_status(ShaftSettings())[0], *numbers, *LANES)))
     (assembly,) = anew.inspect_asm().values()
     assert "sqrtpd" in assembly
 
@@ -33,7 +33,7 @@ def test_roots_are_taken_of_several_lanes_at_once(
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="names the instructions of x86-64")
 def test_ripple_is_updated_in_several_lanes_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
-    status, width = new_status(ShaftSettings(), 0.0)[0], np.int64(4)
+    status, width = new_status(ShaftSettings())[0], np.int64(4)
     anew: Any = lanes.vectorised(ripple.update_ripple.py_func)  # type: ignore[attr-defined]
     names = ("sensitivity", "ripple", "factor", "regressor", "projected_ripple", "innovation", "clock_variance")
     more = ("gain", "clock", "parts", "ripple_change")

@@ -9,12 +9,12 @@ from textile_twin_core.shaft.estimator import ShaftEstimator
 from textile_twin_core.shaft.fixed_interval import SmoothEstimator
 from textile_twin_core.shaft.fixed_lag import LagEstimator
 from textile_twin_core.shaft.report import SampleReport
-from textile_twin_core.shaft.states import ShaftStates
+from textile_twin_core.shaft.states import OneState, ShaftStates
 
 _VIEWS: dict[str, Any] = {"causal": ShaftEstimator, "lag": LagEstimator, "smooth": SmoothEstimator}
 ESTIMATORS = tuple(_VIEWS)
 
-__all__ = ["ESTIMATORS", "SampleReport", "ShaftEstimator", "ShaftStates", "create_estimator"]
+__all__ = ["ESTIMATORS", "OneState", "SampleReport", "ShaftEstimator", "ShaftStates", "create_estimator"]
 
 
 def create_estimator(name: str, **settings: Any) -> ShaftEstimator:

@@ -1,9 +1,6 @@
 """A family: Kalman filters with one ripple model and different memories, weighted by their likelihoods.
 
-Static multiple models (Magill 1965) with a fixed share of switching probability (Herbster and Warmuth 1998), given
-mostly to memories in recent use (Bousquet and Warmuth 2002). States are not mixed at each step as in interacting
-multiple models (Blom and Bar-Shalom 1988), as filters of long memory would never converge; a filter that has diverged
-restarts from the best one instead.
+Static multiple models (Magill 1965), with a share of switching probability, and restarts of filters that diverged.
 """
 
 from __future__ import annotations
@@ -14,7 +11,7 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes, ripple
-from textile_twin_core.shaft.clock import copy_numbers, dot, set_basis, set_second
+from textile_twin_core.shaft.clock import copy_numbers, dot, set_basis_at, set_second
 from textile_twin_core.shaft.kalman import ROBUST, innovate, measurement_update
 from textile_twin_core.shaft.status import MANOEUVRE, Record
 from textile_twin_core.shaft.turns import TURN
@@ -25,21 +22,14 @@ USAGE_SAMPLES = 300.0  # over which a memory's probability is averaged as its us
 RESTART_RATIO = math.exp(-10.0)  # likelihood ratio to the family since its peak: less restarts a filter (Page 1954)
 RESTART_PROBABILITY = 0.01  # below which a filter may restart
 FIRST_SCALE_WEIGHT = 0.1  # of the first noise scale, in innovations: it may be hundreds of times too large
-SCALE_SAMPLES = 500.0  # innovations over which a filter's noise scale is averaged
+SCALE_SAMPLES = 500.0  # innovations over which all is averaged that is learnt of their size
+KNOWN_SCALE = 100.0  # innovations after which the first noise scale is found
 RECENT_SAMPLES = 50.0  # of the latest of them, whose scale takes over among the first SCALE_SAMPLES ..
 FALLEN = 0.1  # .. where it is such a part of the whole average
 YOUNG_CYCLES = 5.0  # in which what is known of the ripple may be no ripple ..
 UNEVEN = 0.3  # .. unless the speed changes by such a part ..
 MANY_READINGS = 63.0  # .. or a turn has fewer readings, too few to be too sure
 RIPPLE_SIZE = 0.05  # prior standard deviation of the speed's ripple in each order, relative to the speed
-
-
-@compiled_in_place
-def set_basis_at(status: Record, theta: float, waves: int) -> None:
-    """Evaluate the ripple's basis at an angle unless it is already."""
-    if waves > 0 and (status.basis_at != theta or status.basis_waves < waves):
-        set_basis(theta, status.lowest, 4 * waves, status.basis)
-        status.basis_at, status.basis_waves = theta, float(waves)
 
 
 @compiled_in_place
@@ -52,13 +42,15 @@ def set_shaft_second(status: Record, f: int) -> None:
 @compiled_in_place
 def update_second_order(status: Record, f: int) -> None:
     """Recompute g2 from the best filter's ripple; all states shift as they would by a change of the coefficients."""
-    waves, change = status.waves[f], status.change
-    change[:] = 0.0
-    set_second(status.ripple[:, status.best[f]], waves, status.lowest, status.second[f], change)
+    width, change, second = 2 * status.waves[f], status.change, status.second[f]
+    copy_numbers(second[:width], change)
+    set_second(status.ripple[:, status.best[f]], status.waves[f], status.lowest, second)
     set_shaft_second(status, f)
+    for i in range(width):
+        change[i] = second[i] - change[i]
     for m in range(lanes.FIRST[f], lanes.END[f]):
         for row in range(3):
-            status.clock[row, m] += dot(status.sensitivity[row, :, m], change, 2 * waves)
+            status.clock[row, m] += dot(status.sensitivity[row, :, m], change, width)
 
 
 @compiled_in_place
@@ -148,9 +140,8 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
     Where an innovation is too large, the filter's measurement variance is widened. The family's `density` is the
     reading's predictive density, but for the constant of Student's t.
     """
-    if status.waves[f] > 0:
-        set_basis_at(status, at, status.waves[f])
-        reading += dot(status.second[f], status.basis, 4 * status.waves[f])
+    set_basis_at(status, at, status.waves[f])
+    reading += dot(status.second[f], status.basis, 4 * status.waves[f])
     width, first, stop = 2 * status.waves[f], lanes.FIRST[f], lanes.STOP[f]
     ripple.predict_ripple(
         status.sensitivity, status.ripple, status.factor, status.basis, status.regressor, status.projected_ripple,
@@ -208,34 +199,32 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
 
 @compiled_in_place
 def _is_young(status: Record, f: int) -> bool:
-    """Whether filters of long memory may be too sure of the ripple, so that shorter ones do not restart from them.
-
-    In the first turns of an even motion, each of many readings, they take for ripple what does not come again.
-    """
+    """Whether filters of long memory may be too sure of the ripple, so that shorter ones do not restart from them."""
     even = abs(abs(status.speed) - status.began[f]) < UNEVEN * status.began[f] and status.move * MANY_READINGS < TURN
     return status.waves[f] > 0 and even and status.travelled[f] * status.lowest < YOUNG_CYCLES * TURN
 
 
 @compiled_in_place
-def rescale(status: Record, change: float, drift: float) -> None:
+def rescale(status: Record, change: float) -> None:
     """Divide the unit of variance by `change`: scales and factors keep the covariances that they stand for.
 
-    The unit has become `drift` times what it was since the last time, while scales stayed. They will make up for it,
-    and the covariance of the ripple's coefficients would go with them: two estimates of the noise that take turns would
-    make it smaller each time.
+    So they do where the noise is another than the last time: what was learnt beside much noise is not better known
+    beside little. Only while a filter's first scale is found its covariance goes with it.
     """
-    root = 1.0 / math.sqrt(change)
-    ripple_root = root * math.sqrt(drift)
     for f in range(lanes.FAMILIES):
         end = lanes.END[f] if status.active[f] > 0.0 else lanes.FIRST[f]
         for m in range(lanes.FIRST[f], end):
+            root = 1.0 / math.sqrt(change)
+            if status.scale_samples[m] >= KNOWN_SCALE:
+                root *= math.sqrt(status.scale_before[m] / status.scale[m])
             status.scale[m] *= change
             status.recent_scale[m] *= change
+            status.scale_before[m] = status.scale[m]
             for row in range(lanes.L00, lanes.L22 + 1):
                 status.clock[row, m] *= root
             for j in range(2 * status.waves[f]):
                 for i in range(j, 2 * status.waves[f]):
-                    status.factor[j, i, m] *= ripple_root
+                    status.factor[j, i, m] *= root
 
 
 @compiled_in_place
@@ -250,4 +239,5 @@ def _restart_from(status: Record, source: int, target: int, width: int) -> None:
             status.factor[j, i, target] = status.factor[j, i, source]
     status.scale[target], status.scale_samples[target] = status.scale[source], status.scale_samples[source]
     status.recent_scale[target] = status.recent_scale[source]
+    status.scale_before[target] = status.scale_before[source]
     status.likelihood_ratio[target] = 1.0

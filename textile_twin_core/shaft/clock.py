@@ -1,40 +1,40 @@
 """Ripple as a function of the angle: a clock phi = theta + g(theta) that runs evenly while the shaft's speed ripples.
 
-g = g1 + g2 with g1 = sum(a_k cos(k theta) + b_k sin(k theta)), linear in the coefficients. For a relative speed ripple
-h, to first order -dg/dtheta, an even clock needs 1 / (1 + h) = 1 + g', hence g2' = g1'^2 less its mean: few orders of h
-then take few coefficients.
+g = g1 + g2, g1 linear in the coefficients. For a relative speed ripple h, to first order -dg/dtheta, an even clock
+needs 1 / (1 + h) = 1 + g', hence g2' = g1'^2 less its mean.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft.status import Record
 
 LEAST_SLOPE = 0.3  # of a clock over the angle, dphi/dtheta: one that stands still measures nothing
 
 
 @compiled_in_place
-def set_basis(theta: float, lowest: float, size: int, basis: FloatArray) -> None:
-    """cos and sin of theta times lowest, 2 lowest, 3 lowest ..., alternating, by the addition theorem."""
-    c, s = math.cos(lowest * theta), math.sin(lowest * theta)
+def set_basis_at(status: Record, theta: float, waves: int) -> None:
+    """cos and sin of theta times lowest, 2 lowest .. 2 waves lowest, alternating, unless `basis` has them already."""
+    if waves == 0 or (status.basis_at == theta and status.basis_waves >= waves):
+        return
+    status.basis_at, status.basis_waves = theta, float(waves)
+    c, s = math.cos(status.lowest * theta), math.sin(status.lowest * theta)
     ck, sk = c, s
-    for k in range(size // 2):
-        basis[2 * k] = ck
-        basis[2 * k + 1] = sk
+    for k in range(2 * waves):
+        status.basis[2 * k] = ck
+        status.basis[2 * k + 1] = sk
         ck, sk = ck * c - sk * s, sk * c + ck * s
 
 
 @compiled_in_place
-def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray, change: FloatArray) -> None:
-    """Coefficients of g2 from those of g1: g1' = sum(p cos + q sin), squared and integrated.
-
-    Adds to `change` (.) how those of g1's own orders change.
-    """
-    for i in range(2 * waves):
-        change[i] -= second[i]
+def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray) -> None:
+    """Coefficients of g2 from those of g1: g1' = sum(p cos + q sin), squared and integrated."""
     second[: 4 * waves] = 0.0
     for i in range(1, waves + 1):
         pi, qi = lowest * i * ripple[2 * i - 1], -lowest * i * ripple[2 * i - 2]
@@ -46,8 +46,6 @@ def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray
             if down > 0:
                 second[2 * down - 1] += (pi * pj + qi * qj) / (lowest * down)
                 second[2 * down - 2] -= (qi * pj - pi * qj) / (lowest * down)
-    for i in range(2 * waves):
-        change[i] += second[i]
 
 
 @compiled_in_place
@@ -67,14 +65,14 @@ def copy_numbers(source: FloatArray, target: FloatArray) -> None:
 
 
 @compiled_in_place
-def wave(
-    ripple: FloatArray, second: FloatArray, waves: int, lowest: float, basis: FloatArray
-) -> tuple[float, float, float, float]:
-    """g and its first three derivatives by theta at the angle of the basis; `second` (.) is added to g1's `ripple`."""
+def wave_at(status: Record, f: int, m: int, second: FloatArray, theta: float) -> tuple[float, float, float, float]:
+    """g and its first three derivatives at an angle, by the ripple of lane m of family f; `second` (., .) is added."""
+    ripple, waves, basis = status.ripple[:, m], status.waves[f], status.basis
+    set_basis_at(status, theta, waves)
     g0 = g1 = g2 = g3 = 0.0
     for k in range(2 * waves):
-        order = lowest * (k + 1)
-        a, b = second[2 * k], second[2 * k + 1]
+        order = status.lowest * (k + 1)
+        a, b = second[f, 2 * k], second[f, 2 * k + 1]
         if k < waves:
             a += ripple[2 * k]
             b += ripple[2 * k + 1]
@@ -88,19 +86,17 @@ def wave(
 
 
 @compiled_in_place
-def shaft_state(
-    clock: float, rate: float, acceleration: float, theta: float, g: tuple[float, float, float, float], slopes:
-    FloatArray,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Angle, speed and acceleration of the shaft from those of its clock, by a Newton step from `theta`, where `g` is.
+def shaft_state(status: Record, f: int, m: int, clock: FloatArray, theta: float) -> tuple[float, float, float]:
+    """Angle, speed and acceleration of the shaft from its clock (9,) with the ripple of a lane, by a Newton step.
 
-    Sets `slopes` (.) for `gradient`.
+    The step is from `theta`. Sets `slopes` for `gradient`.
     """
-    shift = (clock - theta - g[0]) / max(1.0 + g[1], LEAST_SLOPE)
+    g, slopes = wave_at(status, f, m, status.shaft_second, theta), status.slopes
+    shift = (clock[lanes.ANGLE] - theta - g[0]) / max(1.0 + g[1], LEAST_SLOPE)
     slope, bend = g[1] + shift * g[2], g[2] + shift * g[3]
     even = 1.0 / max(1.0 + slope, LEAST_SLOPE)
-    omega = rate * even
-    alpha = (acceleration - omega * omega * bend) * even
+    omega = clock[lanes.RATE] * even
+    alpha = (clock[lanes.ACCELERATION] - omega * omega * bend) * even
     slopes[0], slopes[1], slopes[2], slopes[3], slopes[4] = even, omega, alpha, bend, g[3]
     return theta + shift, omega, alpha
 
@@ -132,3 +128,24 @@ def add_products(d: tuple[float, float, float], scale: float, covariance: FloatA
     for p in range(3):
         for q in range(3):
             covariance[3 * p + q] += scale * d[p] * d[q]
+
+
+@compiled_in_place
+def add_ripple_covariance(status: Record, waves: int, m: int, scale: float, covariance: FloatArray) -> None:
+    """Add scale times the shaft's covariance (9,) due to lane m's uncertain ripple, at the basis and slopes."""
+    width, basis, sensitivity, factor = 2 * waves, status.basis, status.sensitivity, status.factor
+    jacobian = status.ripple_jacobian
+    for i in range(width):
+        order = status.lowest * (i // 2 + 1)
+        value, slope = basis[i], order * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
+        jacobian[0, i], jacobian[1, i], jacobian[2, i] = gradient(
+            sensitivity[2, i, m], sensitivity[1, i, m], sensitivity[0, i, m], value, slope, -order * order * value,
+            status.slopes,
+        )  # fmt: skip
+    for j in range(np.uint64(width)):
+        s0 = s1 = s2 = 0.0
+        for i in range(j, np.uint64(width)):
+            s0 += factor[j, i, m] * jacobian[0, i]
+            s1 += factor[j, i, m] * jacobian[1, i]
+            s2 += factor[j, i, m] * jacobian[2, i]
+        add_products((s0, s1, s2), scale, covariance)

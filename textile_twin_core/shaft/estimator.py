@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from textile_twin_core.compiling import records
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import entry, records
 from textile_twin_core.errors import MotionError
-from textile_twin_core.shaft.encoder import UNKNOWN_STEP_RAD, StepFinder
-from textile_twin_core.shaft.filter import run_filter
+from textile_twin_core.shaft.encoder import StepFinder
+from textile_twin_core.shaft.filter import Block, run_filter
 from textile_twin_core.shaft.measurement_noise import set_resolution
 from textile_twin_core.shaft.report import REJECTION_CAUSES, SampleReport
-from textile_twin_core.shaft.samples import Block, Stamps, as_samples
 from textile_twin_core.shaft.settings import ShaftSettings
-from textile_twin_core.shaft.single import OneSample, OneState
-from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import COUNTS, KEPT, MOTIONS, ROW, Records, new_status, ripple_amplitudes
+from textile_twin_core.shaft.states import OneState, ShaftStates
+from textile_twin_core.shaft.status import COUNTS, KEPT, MOTIONS, ROW, STATE, Records, Stamps, new_status
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
 Part = tuple[Stamps, Records]  # stamps and rows of accepted samples
+_STATE = struct.Struct(f"={STATE.names.index('settled') + 1}d" if STATE.names else "")
 PIECE = 262_144  # samples filtered at once: an array of so many rows is returned to the system when it is freed
 
 
@@ -49,10 +50,15 @@ class ShaftEstimator:
         """Forget everything, the report included."""
         given = self._settings
         self._finder = StepFinder(given.period_rad, given.step_rad)
-        self._status = new_status(given, UNKNOWN_STEP_RAD if given.step_rad is None else given.step_rad, 2)
+        self._status = new_status(given, 2)
         self._last: Stamps = np.zeros(1, np.int64)
-        self._kind, self._one = "", OneSample()
+        self._kind, self._run, self._one = "", run_filter, Block(*np.zeros((5, 1)))
+        self._row: Any = records(ROW)
         self._wheel = ToothWheel(given.teeth, given.tooth_zero_rad, given.pitch_errors_rad) if given.teeth else None
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin a record."""
 
     def step(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None = None) -> ShaftStates:
         """Take a block of samples of any size; the states that are ready.
@@ -73,15 +79,28 @@ class ShaftEstimator:
         return ready and type(stamp) is int and not self._finder.wanted
 
     def step_one(self, stamp: int, angle: float, velocity: float) -> OneState | None:
-        """Take a sample: stamp [ns], angle [rad], speed [rad/s] or NaN; its state, None where it has none."""
-        return self._one.take(self._status, self._last, stamp, angle, velocity)
+        """Take a sample: stamp [ns], angle [rad], speed [rad/s] or NaN; its state, None where it has none.
+
+        A live node wakes for each sample with cold caches, where making, checking and looking up arrays around the loop
+        takes five times as long as the loop: the block is made once.
+        """
+        if self._last is not self._one.last:
+            self._one = Block(self._last, np.zeros(1, np.int64), np.zeros(1), np.zeros(1), np.zeros(1))
+            self._run = entry(run_filter, self._status, self._one, self._row)
+        one = self._one
+        one.stamps[0], one.angles[0], one.velocities[0] = stamp, angle, velocity
+        if not self._run(self._status, one, self._row):
+            return None
+        phase, omega, alpha, turns, settled = _STATE.unpack_from(self._row)
+        return None if settled < 0.0 else OneState(phase, omega, alpha, turns)
 
     def finish(self) -> ShaftStates:
         """The states that are still held; the estimator is then as after `reset`, but for report and newest stamp."""
-        fresh = new_status(self._settings, float(self._status["resolution"][0]), 2)
+        fresh = new_status(self._settings, 2)
         for name in KEPT:
             fresh[name] = self._status[name]
         self._status = fresh
+        self._begin()
         return ShaftStates.empty(self._last)
 
     @property
@@ -99,14 +118,14 @@ class ShaftEstimator:
             resolution_rad=float(now["resolution"]) if self._finder.step else 0.0,
             stamp_jitter_s=float(np.sqrt(now["jitter"])),
             pitch_errors_rad=() if self._wheel is None else tuple(self._wheel.errors_rad.tolist()),
-            ripple=tuple(ripple_amplitudes(self._status).tolist()),
+            ripple=tuple(_ripple_amplitudes(self._status).tolist()),
             state="lost" if state == "starting" and now["losses"] > 0 else state,
             **{name: int(now[name]) for name in COUNTS},
         )
 
     def _walk(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None) -> list[Part]:
         """Take samples piece by piece, the encoder's resolution estimated between them; the rows of each piece."""
-        stamp, angle, velocity = as_samples(stamps, angles, velocities)
+        stamp, angle, velocity = _as_samples(stamps, angles, velocities)
         if self._kind != stamp.dtype.char:
             if self._last.dtype != stamp.dtype and self._status["accepted"][0] > 0:
                 raise MotionError("stamps changed between integer nanoseconds and float seconds: keep to one, or reset")
@@ -118,13 +137,11 @@ class ShaftEstimator:
         for first in range(0, max(stamp.size, 1), PIECE):
             end, done, count = min(first + PIECE, stamp.size), first, 0
             ready, rows = self._room(end - first)
-            heard = np.empty(end - first)
             while done < end:
-                wanted = self._finder.wanted
-                to = min(end, done + (wanted or PIECE), done + self._piece())
-                block = Block(self._last, stamp[done:to], angle[done:to], velocity[done:to], heard[done - first :])
+                to = min(end, done + self._piece())
+                block = Block(self._last, stamp[done:to], angle[done:to], velocity[done:to], np.empty(to - done))
                 count += self._take(block, ready[count:], rows[count:])
-                if wanted:
+                if self._finder.wanted:
                     self._find_step(block)
                 done = to
             parts.append((ready, rows) if count == rows.size else (ready[:count], rows[:count]))
@@ -136,7 +153,7 @@ class ShaftEstimator:
 
     def _piece(self) -> int:
         """Most samples in a block."""
-        return PIECE
+        return self._finder.wanted or PIECE
 
     def _take(self, block: Block, ready: Stamps, rows: Records) -> int:
         """Filter a block; sets stamps and rows of the states that become ready, and returns their number."""
@@ -149,11 +166,34 @@ class ShaftEstimator:
 
     def _find_step(self, block: Block) -> None:
         """Look for the encoder's step in a block that was filtered."""
-        heard = block.heard[: block.stamps.size]
-        used = ~np.isnan(heard)
-        step = self._finder.take(block.stamps[used].astype(np.float64), heard[used])
+        used = ~np.isnan(block.heard)
+        step = self._finder.take(block.stamps[used].astype(np.float64), block.heard[used])
         if step is not None:
             set_resolution(self._status, step)
+
+
+def _as_samples(
+    stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None
+) -> tuple[Stamps, FloatArray, FloatArray]:
+    """Samples as arrays: stamps int64 [ns] or float64 [s], angles [rad], velocities [rad/s] (empty for none).
+
+    Raises:
+        MotionError: arrays of different lengths, or stamps that are no numbers.
+    """
+    stamp, angle = np.asarray(stamps), np.ascontiguousarray(angles, dtype=np.float64)
+    kind = stamp.dtype.kind
+    if kind not in "iuf":
+        raise MotionError(f"stamps are of type {stamp.dtype}: give integer nanoseconds or float seconds")
+    stamp = np.ascontiguousarray(stamp, dtype=np.float64 if kind == "f" else np.int64)
+    if stamp.ndim != 1 or angle.shape != stamp.shape:
+        raise MotionError(
+            f"{stamp.size} stamps (shape {stamp.shape}) but {angle.size} angles (shape {angle.shape}): "
+            "give one stamp per angle"
+        )
+    velocity = np.zeros(0) if velocities is None else np.ascontiguousarray(velocities, dtype=np.float64)
+    if velocity.size and velocity.shape != stamp.shape:
+        raise MotionError(f"{stamp.size} stamps but {velocity.size} velocities: give one per angle, or none")
+    return stamp, angle, velocity
 
 
 def joined(parts: list[Part]) -> Part:
@@ -172,7 +212,15 @@ def joined(parts: list[Part]) -> Part:
 def states_of(parts: list[Part]) -> ShaftStates:
     """States of the rows, but for the first two samples of a record, which have none."""
     stamps, rows = joined(parts)
-    first = 0
-    while first < min(2, stamps.size) and rows["settled"][first] < 0.0:
-        first += 1
+    first = int(np.count_nonzero(rows["settled"][:2] < 0.0))
     return ShaftStates(stamps[first:], rows[first:])
+
+
+def _ripple_amplitudes(record: Records) -> FloatArray:
+    """Amplitude of the speed's ripple in each order of the leading family, relative to the speed."""
+    status = record[0]
+    family = int(status["leading"])
+    waves = int(status["waves"][family])
+    ripple = status["ripple"][: 2 * waves, int(status["best"][family])] - status["sensor_ripple"][family][: 2 * waves]
+    cosines, sines = ripple.reshape(-1, 2).T
+    return np.asarray(np.hypot(cosines, sines) * status["lowest"] * np.arange(1, waves + 1))

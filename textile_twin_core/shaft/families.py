@@ -1,8 +1,4 @@
-"""Mode probabilities of the families, and which of them are active.
-
-They follow the families' likelihoods, with a fixed share of switching. A family with ripple enters the comparison once
-the shaft has turned 1.25 cycles, and rests while it is improbable, to save computation.
-"""
+"""Mode probabilities of the families, which of them are active, and the state that all of them tell."""
 
 from __future__ import annotations
 
@@ -10,13 +6,12 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import bank, lanes
-from textile_twin_core.shaft.bank import FIRST_SCALE_WEIGHT
-from textile_twin_core.shaft.clock import dot
+from textile_twin_core.shaft.clock import add_products, add_ripple_covariance, add_spread, dot, shaft_state
 from textile_twin_core.shaft.measurement_noise import least_scale, standstill_speed
 from textile_twin_core.shaft.status import Record
 from textile_twin_core.shaft.turns import TURN
 
-SWITCH_PROBABILITY = 1e-5  # from one family to another at each sample: ripple changes with the work done, so seldom
+SWITCH_PROBABILITY = 1e-5  # from one family to another at each sample, and of one that enters after another with ripple
 SEEN_CYCLES = 1.25  # cycles of motion after which a family enters the comparison
 IMPROBABLE = 0.05  # mode probability up to which a family may rest or restart
 IDLE_CYCLES = 8.0  # that an improbable family, or one of more orders than the leading one, is active until it rests ..
@@ -25,7 +20,6 @@ FIRST_REST, LONGEST_REST = 16.0, 256.0  # cycles of a rest, which doubles each t
 SIMPLER_REST = 0.25  # part of that for fewer orders than lead: needless orders disturb the acceleration
 FASTEST_REST = 32.0  # at most so many times faster does a rest pass where memory is short: the ripple may have changed
 RESTART_SPEED = 2.0  # at so many times its first speed a family forgets: it mistook the run-up for ripple
-ENTRY_PROBABILITY = 1e-5  # of a family that enters the comparison after another one with ripple
 COMPARABLE = 1e-3  # probability at which a family of fewer orders than the leading one has caught up, and is preferred
 SAMPLES_PER_WAVE = 2.3  # that the highest order of a family needs: 2 (Nyquist), and a margin for changing speeds
 EDGES_PER_WAVE = 3.0  # as edges of teeth tell of the same angles in each turn, of all but the missing ones
@@ -33,6 +27,7 @@ BEGIN, KEEP = 1.05, 0.95  # times that many samples for orders to begin with, an
 HIGH_ORDERS = 0.75  # part of the time: 700 readings in a row at first, by when the sensor's errors are known
 UNBIASED = int(np.argmin(np.abs(lanes.MEMORIES[: lanes.END[lanes.PLAIN]] - 1.0)))
 """Lane of the plain filter with a memory of one sample: ripple biases longer ones, shorter ones are noisy."""
+MINOR = 0.05  # filters of less than this part of the greatest probability do not enter the mixture
 SECOND_ORDER_EVERY = 8.0  # samples between updates of g2, which changes slowly
 
 
@@ -68,11 +63,9 @@ def begin_or_rest(status: Record, f: int, turned: float) -> None:
     A probable family does not restart at a higher speed: it keeps its ripple as a first guess.
     """
     speed, improbable = abs(status.speed), status.mode_probability[f] <= IMPROBABLE
-    idle = improbable or f > status.leading
-    if idle and status.rest[f] > 0.0:
-        status.rest[f] -= turned * min(max(1.0 / _turns_remembered(status), 1.0), FASTEST_REST)
-    elif idle:
-        status.rest[f] -= turned
+    if improbable or f > status.leading:
+        pace = min(max(1.0 / _turns_remembered(status), 1.0), FASTEST_REST) if status.rest[f] > 0.0 else 1.0
+        status.rest[f] -= turned * pace
     else:
         status.rest[f], status.pause[f] = 0.0, FIRST_REST
     faster = speed > RESTART_SPEED * status.began[f]
@@ -104,10 +97,7 @@ def _strike_out(status: Record, f: int) -> None:
 
 @compiled_in_place
 def _begin(status: Record, f: int) -> None:
-    """Begin a family from the leading one, whose ripple it takes over, or else from the plain filter.
-
-    Orders that are new to it have less to prove than all.
-    """
+    """Begin a family from the leading one, whose ripple it takes over, or else from the plain filter."""
     known, m = lanes.PLAIN, UNBIASED
     if status.leading > 0 and is_observed(status, status.leading) and _turns_remembered(status) >= 1.0:
         known, m = status.leading, status.best[status.leading]
@@ -116,10 +106,7 @@ def _begin(status: Record, f: int) -> None:
 
 @compiled_in_place
 def _end_trial(status: Record, f: int) -> None:
-    """Let a family that does not lead rest; lead, if it is simpler and as good; or go on, if it has more orders.
-
-    As good as a ripple that is of little use, since another now, is not enough.
-    """
+    """Let a family that does not lead rest; lead, if it is simpler and as good; or go on, if it has more orders."""
     comparable = status.mode_probability[f] > COMPARABLE
     if f < status.leading:
         enough = status.leading < lanes.HIGH or status.high_orders <= HIGH_ORDERS
@@ -136,11 +123,7 @@ def _end_trial(status: Record, f: int) -> None:
 
 @compiled_in_place
 def _fit_waves(status: Record, f: int, turned: float, known: bool) -> None:
-    """Model as many orders as there are readings for.
-
-    What is known of an order stays so where the shaft is a little faster. New ones begin once there were readings
-    enough for 1.25 cycles, as an order that is not known takes what it can of a stop.
-    """
+    """Model as many orders as there are readings for; new ones late, as one that is not known takes part of a stop."""
     waves, more = status.waves[f], resolved_waves(status, f, BEGIN)
     status.ample[f] = status.ample[f] + turned if more > waves else 0.0
     if not known:
@@ -155,9 +138,8 @@ def _fit_waves(status: Record, f: int, turned: float, known: bool) -> None:
 def forget_lessons(status: Record) -> None:
     """Begin anew all but the plain states, and the noise scales: the readings until now were not what they seemed."""
     for m in range(lanes.END[lanes.PLAIN]):
-        status.scale_samples[m] = FIRST_SCALE_WEIGHT
-    for f in range(1, lanes.FAMILIES):
-        status.active[f] = status.mode_probability[f] = status.rest[f] = 0.0
+        status.scale_samples[m] = bank.FIRST_SCALE_WEIGHT
+    status.active[1:] = status.mode_probability[1:] = status.rest[1:] = 0.0
     status.mode_probability[0] = 1.0
     status.leading = 0
     status.order_sums[:] = status.doubt[:] = 0.0
@@ -169,24 +151,22 @@ def forget_lessons(status: Record) -> None:
 def update_mode_probabilities(status: Record, noise: float, turning: bool) -> None:
     """Measurement update of all active families, and of their mode probabilities while the shaft turns."""
     least = least_scale(status, noise)
-    plain, total, count = 0.0, 0.0, 0
+    total, count = 0.0, 0
     mode_probability = status.mode_probability
     for f in range(lanes.FAMILIES):
         if status.active[f] > 0.0:
-            likelihood = status.density[f]
             bank.update_filters(status, f, noise, least)
             observed = f > 0 and is_observed(status, f)
             if observed and status.used % SECOND_ORDER_EVERY == 0.0:
                 bank.update_second_order(status, f)
-            plain = likelihood if f == 0 else plain
-            mode_probability[f] *= likelihood if turning else plain
+            mode_probability[f] *= status.density[f if turning else lanes.PLAIN]
             if observed and turning and mode_probability[f] == 0.0:
                 mode_probability[f] = -1.0  # enters below, once the total is known
             first, stop = lanes.FIRST[f], lanes.STOP[f]
             status.log_memory[f] = dot(status.probability[first:stop], status.logarithm[first:stop], stop - first)
             total += max(mode_probability[f], 0.0)
             count += 1
-    entry = total * (ENTRY_PROBABILITY if status.ripple_tried > 0.0 else 1.0)
+    entry = total * (SWITCH_PROBABILITY if status.ripple_tried > 0.0 else 1.0)
     for f in range(lanes.FAMILIES):
         if mode_probability[f] < 0.0:
             mode_probability[f] = entry
@@ -206,3 +186,41 @@ def memory_of(status: Record, f: int) -> float:
     simpler = f < status.leading and status.active[f] > 0.0 and is_observed(status, f)
     own = f == 0 or status.mode_probability[f] > IMPROBABLE or simpler
     return status.log_memory[f if own else status.leading]
+
+
+@compiled_in_place
+def combine(status: Record, row: Record) -> None:
+    """Set mean and covariance (9,) of the mixture of all filters, as the state of the status and of a row."""
+    top = 0.0
+    for f in range(lanes.FAMILIES):
+        share = status.mode_probability[f] * status.probability[status.best[f]]
+        if share > top:
+            top, status.leading = share, f
+    f, m, covariance = status.leading, status.best[status.leading], row.covariance
+    # Moments about the best filter's state: their differences do not cancel.
+    about, speed, acceleration = shaft_state(status, f, m, status.clock[:, m], status.angle)
+    total = by_angle = by_speed = by_acceleration = 0.0
+    covariance[:] = 0.0
+    for f in range(lanes.FAMILIES):
+        if status.mode_probability[f] < MINOR * top:
+            continue
+        for m in range(lanes.FIRST[f], lanes.END[f]):
+            weight = status.mode_probability[f] * status.probability[m]
+            if weight < MINOR * top:
+                continue
+            theta, omega, alpha = shaft_state(status, f, m, status.clock[:, m], about)
+            d0, d1, d2 = theta - about, omega - speed, alpha - acceleration
+            total += weight
+            by_angle += weight * d0
+            by_speed += weight * d1
+            by_acceleration += weight * d2
+            add_spread(status.clock[:, m], status.slopes, weight * status.scale[m], covariance)
+            add_products((d0, d1, d2), weight, covariance)
+            add_ripple_covariance(status, status.waves[f], m, weight * status.scale[m], covariance)
+    mean = by_angle / total, by_speed / total, by_acceleration / total
+    for place in range(9):
+        covariance[place] /= total
+    add_products(mean, -1.0, covariance)
+    status.angle = about + mean[0]
+    status.speed = row.speed = speed + mean[1]
+    status.acceleration = row.acceleration = acceleration + mean[2]

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from textile_twin_core.compiling import compiled_in_place
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import families, gating, lanes, measurement_noise
 from textile_twin_core.shaft.bank import doubt_ripple, predict_reading
+from textile_twin_core.shaft.encoder import FINEST_STEP_RAD
 from textile_twin_core.shaft.kalman import time_update
-from textile_twin_core.shaft.measurement_noise import OFTEN_HELD, SETTLING, measurement_variance, set_correlated
-from textile_twin_core.shaft.mixture import combine
 from textile_twin_core.shaft.residual_orders import add_systematic, listen_for_orders, set_systematic
-from textile_twin_core.shaft.samples import Block, admit
-from textile_twin_core.shaft.status import MANOEUVRE, RUNNING, STANDSTILL, STARTING, Record, Records
+from textile_twin_core.shaft.status import MANOEUVRE, RUNNING, STANDSTILL, STARTING, Record, Records, Stamps
 from textile_twin_core.shaft.turns import TURN, split_turn
 
 # [1/rad], the gate: density of outliers without the constant 0.38 of Student's t, one sample in 130 within a radian
@@ -24,10 +24,22 @@ MAX_SPREAD = 1.0 / 6.0  # deviation of a predicted angle, in periods, from which
 MAX_SPEED_SIGMA, LEAST_SPEED = 0.25, 0.3  # a settled state's, relative to the speed; that at least, part of full speed
 ROUNDED_APART = 1.5  # encoder steps beyond the predicted move from which two rounding errors are uncorrelated
 MAX_HEARD = 1.5  # moves per interval, innovation up to which a rejected measurement still tells the encoder's step
+BUNCHED = 0.1  # of the mean interval: readings nearer to each other in time came late, together, and tell nothing
 USUAL_STEP = 1.5  # intervals up to which no sample was lost between two
 MOST_GAIN = 0.2  # of a single move in their mean, however few make a turn
 ADAPT_EVERY = 32.0  # samples between two adaptations of the jitter
 INTERVAL_SAMPLES, INTERVAL_EDGES = 500.0, 60.0  # memory of the mean interval; that of edges goes with the speed
+
+
+@by_reference
+class Block(NamedTuple):
+    """A block of n input samples."""
+
+    last: Stamps  # (1,) the newest stamp accepted
+    stamps: Stamps  # (n,)
+    angles: FloatArray  # (n,) [rad]
+    velocities: FloatArray  # (n,) [rad/s], NaN for none, or empty
+    heard: FloatArray  # (n,) set: unwrapped readings that tell of the encoder's resolution, else NaN
 
 
 @compiled_in_place
@@ -47,7 +59,7 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
     """Filter sample `i` of a block; whether it was accepted and its row filled."""
     status, stamp, angle = record[0], block.stamps[i], block.angles[i]
     block.heard[i] = math.nan
-    if not admit(status, block.last, stamp, angle):
+    if not _admit(status, block.last, stamp, angle):
         return False
     step, confirmed = (stamp - block.last[0]) * status.unit, False
     turns, phase = split_turn(angle)
@@ -62,7 +74,7 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
     if status.samples == 1.0:
         status.origin, status.time = turns, 0.0
         status.angle = status.low = status.high = phase
-        row.reading, row.theta, row.origin = phase, phase, turns
+        row.reading, row.angle, row.origin = phase, phase, turns
         put_angle(row, phase)
     else:
         status.time += step
@@ -86,10 +98,28 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
 
 
 @compiled_in_place
+def _admit(status: Record, last: Stamps, stamp: float, angle: float) -> bool:
+    """Whether to accept a sample: angle and stamp finite, the stamp newer than `last` (1,); counts the cause if not."""
+    status.received += 1.0
+    if not (math.isfinite(angle) and math.isfinite(stamp)):
+        status.not_finite += 1.0
+        return False
+    if status.accepted > 0.0 and stamp <= last[0]:
+        status.duplicate_stamp += stamp == last[0]
+        status.older_stamp += stamp < last[0]
+        return False
+    status.accepted += 1.0
+    return True
+
+
+@compiled_in_place
 def _process_reading(record: Records, step: float, raw: float, row: Record) -> None:
     """One measurement from the third on, `raw` [rad] before unwrapping, `step` [s] after the one before."""
     status = record[0]
-    status.since += 1.0
+    status.bunched = status.bunched + 1.0 if step < BUNCHED * status.interval else 0.0
+    bunched = 0.0 < status.bunched <= measurement_noise.SETTLING  # else they come more often now
+    if not bunched:
+        status.since += 1.0
     spread = step * (status.speed_sigma + 0.5 * step * status.acceleration_sigma)
     turn_unknown = step > 2.0 * status.interval and spread > MAX_SPREAD * status.period > 0.0
     gap = turn_unknown or step > GAP_SAMPLES * status.interval
@@ -100,33 +130,37 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     if gap and status.since > 1.0:
         status.gaps += 1.0
         expected = measurement_noise.unwrap_reading(status, raw, expected)
-        if status.since < SETTLING or not gating.is_predicted(status, step, expected):
+        if status.since < measurement_noise.SETTLING or not gating.is_predicted(status, step, expected):
             gating.bridge_gap(status, step, raw, row)
             return
-    longest = max(step, status.interval) if status.since < SETTLING else status.interval
-    if status.held > OFTEN_HELD:
+    longest = max(step, status.interval) if status.since < measurement_noise.SETTLING else status.interval
+    if status.held > measurement_noise.OFTEN_HELD:
         longest *= 1.0 + status.longest_hold
     aliased = status.period > 0.0 and 2.0 * abs(status.speed) * longest > status.period
     # A wrapped angle leaves speeds above half a period per interval open; and a gap after a gap was none.
-    begins = aliased or (gap and status.since <= 1.0)
+    begins = (aliased and not bunched) or (gap and status.since <= 1.0)
     reading = measurement_noise.unwrap_reading(status, raw, status.read if begins else expected)
     off, rate = reading - expected, math.nan
-    if begins and (reading != status.read or status.held <= OFTEN_HELD):
+    if begins and (reading != status.read or status.held <= measurement_noise.OFTEN_HELD):
         rate = (reading - status.read) / (step * (1.0 + status.holding))
     elif gating.is_false_start(status, reading, off, step):
         status.additive, status.sense, rate = 0.0, 0.0, (reading - status.read) / step
-    elif gating.is_runaway(status, reading - status.read, step):
+    elif not bunched and gating.is_runaway(status, reading - status.read, step):
         status.fastest, rate = 0.0, math.copysign(status.travel, status.leapt) / status.interval
     if not math.isnan(rate):
         gating.initiate(status, step, reading, rate, row)
         return
-    measurement_noise.bound_guess(status, reading)
+    moved = abs(reading - status.read)
+    if status.guessed > 0.0 and FINEST_STEP_RAD < moved < status.resolution:
+        status.resolution = moved  # no move is smaller than the step
     if abs(reading - status.read - status.speed * step) > ROUNDED_APART * status.resolution:
         status.correlated = row.correlated = 1.0
     repeated = status.holding
-    held = measurement_noise.is_repetition(status, reading)
-    status.read, status.angle, row.reading = reading, expected, reading
-    row.unit = noise = measurement_variance(status)
+    held = bunched or measurement_noise.is_repetition(status, reading)
+    status.angle, row.reading = expected, reading
+    if not bunched:
+        status.read = reading
+    row.unit = noise = measurement_noise.measurement_variance(status)
     row.noise = status.scale[status.best[status.leading]] * noise
     density, turned = 0.0, abs(status.speed) * step
     if not held and step < USUAL_STEP * status.interval:
@@ -135,8 +169,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     for f in range(1, lanes.FAMILIES):
         families.begin_or_rest(status, f, turned)
     strength = math.sqrt(noise * step / status.interval**5)  # of memory N: q = r / (N^6 T^5) (Kalata 1984)
-    for back in range(lanes.FAMILIES):
-        f = lanes.FAMILIES - 1 - back
+    for f in range(lanes.FAMILIES - 1, -1, -1):
         if status.active[f] > 0.0:
             time_update(status, strength, step, lanes.FIRST[f], lanes.STOP[f])
             status.travelled[f] += turned
@@ -159,7 +192,7 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
     if was_outlier:
         gating.learn_abruptness(status, False)
     status.clean = 0.0 if was_outlier else status.clean + 1.0
-    settles = status.since - status.rejected_run <= SETTLING <= status.since
+    settles = status.since - status.rejected_run <= measurement_noise.SETTLING <= status.since
     status.rejected_run = status.off_before = status.off_last = 0.0
     moved = measurement_noise.samples_between(status, repeated) * status.interval * abs(status.speed)
     turning = moved > 3.0 * math.sqrt(row.noise)
@@ -168,7 +201,7 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
         listen_for_orders(status, noise)
     held = status.held
     measurement_noise.learn_repetitions(status, reading, repeated)
-    if held <= OFTEN_HELD < status.held:
+    if held <= measurement_noise.OFTEN_HELD < status.held:
         families.forget_lessons(status)
     measurement_noise.adapt_additive_noise(status, reading)
     if settles and status.ripple_tried == 0.0:
@@ -181,23 +214,23 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
 @compiled_in_place
 def _report_state(status: Record, row: Record) -> None:
     """The mixture's state and covariance, whether it is settled, and what the smoothers need, into a row."""
-    combine(status, row)
+    families.combine(status, row)
     sigma = math.sqrt(max(row.covariance[4], 0.0))
     status.speed_sigma, status.acceleration_sigma = sigma, math.sqrt(max(row.covariance[8], 0.0))
-    set_correlated(status)
+    measurement_noise.set_correlated(status)
     least = measurement_noise.standstill_speed(status)
     _detect_motion(status, sigma, least)
     if status.samples > 2.0:
         # Bounded by the highest speed seen: outliers feign speeds that would excuse any sigma.
         speed = abs(status.speed) if status.fastest == 0.0 else min(abs(status.speed), status.fastest)
         limit = max(MAX_SPEED_SIGMA * max(speed, LEAST_SPEED * status.fastest), least)
-        settled = sigma <= limit and status.unconfirmed == 0.0 and status.since >= SETTLING
+        settled = sigma <= limit and status.unconfirmed == 0.0 and status.since >= measurement_noise.SETTLING
         row.settled = 1.0 if settled else 0.0
     set_systematic(status, row)
     add_systematic(row, 1.0)
     if row.noise > 0.0:
         status.unconfirmed = max(status.unconfirmed - 1.0, 0.0)
-    row.theta, row.origin, row.leading = status.angle, status.origin, float(status.leading)
+    row.angle, row.origin, row.leading = status.angle, status.origin, float(status.leading)
     put_angle(row, status.angle)
     for f in range(lanes.FAMILIES):
         row.memory[f] = families.memory_of(status, f)
@@ -208,18 +241,18 @@ def _report_in_doubt(record: Records, row: Record) -> None:
     """The state with a reading that is in doubt; the smoothers take it for set aside until the next confirms it."""
     noise, row.noise = row.noise, 0.0
     _report_state(record[1], row)
-    theta, row.noise = row.theta, noise
+    theta, row.noise = row.angle, noise
     _report_state(record[0], row)
-    row.theta, row.noise, row.cut = theta, 0.0, 0.0
+    row.angle, row.noise, row.cut = theta, 0.0, 0.0
 
 
 @compiled_in_place
 def _detect_motion(status: Record, sigma: float, least: float) -> None:
     """Detect standstill, slower than `least` [rad/s], and reversals; `sigma` [rad/s] is the speed's deviation."""
     status.still = status.still + 1.0 if abs(status.speed) < least else 0.0
-    if status.since < SETTLING:
+    if status.since < measurement_noise.SETTLING:
         status.motion = STARTING
-    elif status.still > SETTLING:
+    elif status.still > measurement_noise.SETTLING:
         status.standstills += status.motion != STANDSTILL
         status.motion = STANDSTILL
     elif status.still == 0.0 or status.motion != STANDSTILL:

@@ -7,22 +7,26 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from textile_twin_core.arrays import BoolArray
+from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
-from textile_twin_core.shaft.measurement_noise import FINEST_RAD2, OFTEN_HELD
+from textile_twin_core.shaft.filter import Block
+from textile_twin_core.shaft.measurement_noise import FINEST_RAD2, OFTEN_HELD, measurement_variance
 from textile_twin_core.shaft.residual_orders import set_sensor_power
-from textile_twin_core.shaft.ripple_history import RippleHistory
 from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_family
-from textile_twin_core.shaft.samples import Block, Stamps
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import ROW, STATE, STRETCH, Records
+from textile_twin_core.shaft.status import ROW, STATE, STRETCH, Records, Stamps
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariances
 
+LOOK_EVERY = 1024  # samples between two checks whether the ripple is another
+FIRST_LOOK = 128  # after which the first is; then each time after as many again as there were, up to LOOK_EVERY
+CHANGED, UNSURE = 0.25, 3.0  # a change exceeds so many sigmas of a measurement and of the ripples' difference
+LESS_SURE = 2.0  # times the sigma of the same ripple known before, from which the earlier one stays
+MOST_KNOWN = 64  # ripples kept; beyond, every second one is dropped
 PITCH_PASSES = 4  # smoothing passes whose residuals correct the teeth's pitch errors
 LEAST_LEFT = 1e-4  # part of the readings' variance that pitch errors leave at least
 LEAST_LED = 0.05  # part of a stretch in which a family must lead to be a candidate
@@ -38,10 +42,10 @@ class SmoothEstimator(ShaftEstimator):
 
     at_once = False
 
-    def reset(self) -> None:
-        """Forget everything, the report included."""
-        super().reset()
-        self._history = RippleHistory()
+    def _begin(self) -> None:
+        # Copies of the status where each ripple was known best; `received` is the last sample that it holds for.
+        self._known: list[Records] = []
+        self._taken, self._due = 0, FIRST_LOOK
         self._blocks: list[Part] = []
         self._new: list[Part] = []
         self._count = 0
@@ -57,12 +61,31 @@ class SmoothEstimator(ShaftEstimator):
         return ShaftStates.empty(self._last)
 
     def _piece(self) -> int:
-        return self._history.until_look
+        return min(super()._piece(), self._due - self._taken)
 
     def _take(self, block: Block, ready: Stamps, rows: Records) -> int:
         count = super()._take(block, ready, rows)
-        self._history.follow(self._surest, block.stamps.size)
+        self._taken += block.stamps.size
+        if self._taken == self._due:
+            self._due += min(self._taken, LOOK_EVERY)
+            self._keep_ripple()
         return count
+
+    def _keep_ripple(self) -> None:
+        """Keep the status if its ripple is certain: in place of the last one unless the ripple changed."""
+        ripple, sigma, reading = _ripple(self._surest)
+        if not 0.0 < sigma < CHANGED * reading:
+            return
+        if self._known:
+            before, sigma_before, _ = _ripple(self._known[-1])
+            if _rms(ripple - before) < max(CHANGED * reading, UNSURE * float(np.hypot(sigma, sigma_before))):
+                if sigma > LESS_SURE * sigma_before:
+                    self._known[-1]["received"] = self._surest["received"]
+                    return
+                self._known.pop()
+        self._known.append(self._surest.copy())
+        if len(self._known) > MOST_KNOWN:
+            del self._known[1::2]
 
     @property
     def _surest(self) -> Records:
@@ -71,16 +94,18 @@ class SmoothEstimator(ShaftEstimator):
 
     def finish(self) -> ShaftStates:
         """The states of all samples from the third on."""
-        blocks, self._blocks, self._new, self._count = self._blocks + self._new, [], [], 0
+        blocks = self._blocks + self._new
         if not blocks:
             return ShaftStates.empty(self._last)
+        self._blocks, self._new = [], []  # whose memory `joined` gives back
         stamps, rows = joined(blocks)
-        self._history.end(self._surest)
-        for status in self._history.known:  # ripple changes, the sensor does not
+        self._keep_ripple()
+        if not self._known or self._known[-1]["received"][0] != self._surest["received"][0]:
+            self._known.append(self._surest.copy())
+        for status in self._known:  # ripple changes, the sensor does not
             set_sensor_power(status, float(self._surest["sensor_power"][0]))
         self._smooth(rows)
         super().finish()
-        self._history = RippleHistory()
         return states_of([(stamps, _compact(rows))])
 
     def _smooth(self, rows: Records) -> None:
@@ -92,7 +117,7 @@ class SmoothEstimator(ShaftEstimator):
         for stretch in stretches:
             self._choose_first_memories(stretch[: 2 * CONVERGENCE + 1])
         wheel = self._wheel
-        passes = PITCH_PASSES if wheel is not None and wheel.learning else 0
+        passes = PITCH_PASSES if wheel is not None and wheel.learning and rows.size else 0
         for done in range(passes + 1):
             for stretch in stretches:
                 if len(stretch) >= FEWEST:
@@ -111,7 +136,7 @@ class SmoothEstimator(ShaftEstimator):
         own, fits = rows["memory"][:first].copy(), []
         for memories in (own, np.min(rows["memory"][first:], axis=0)):
             rows["memory"][:first] = memories
-            fits.append(smooth_family(smoother, self._history.known[-1], int(lanes.PLAIN), rows, 1, 0))
+            fits.append(smooth_family(smoother, self._known[-1], lanes.PLAIN, rows, 1, 0))
         if fits[0] > fits[1] + PENALTY * first:
             rows["memory"][:first] = own
 
@@ -120,23 +145,23 @@ class SmoothEstimator(ShaftEstimator):
         residual = rows["reading"] - rows["phase"] - (rows["turns"] - rows["origin"]) * TURN
         change = wheel.learn(rows["reading"], residual)
         rows["reading"] += change
-        if not first or not rows.size:
+        if not first:
             return
         left = np.median((residual + change) ** 2) / max(np.median(residual**2), FINEST_RAD2)
         for field in ("noise", "unit"):
             rows[field] *= np.clip(left, LEAST_LEFT, 1.0)
-        last = self._history.known[-1][0]
+        last = self._known[-1][0]
         mine, lowest = last["sensor_ripple"][int(last["leading"])].copy(), float(last["lowest"])
-        for status in [*self._history.known, self._status]:
+        for status in [*self._known, self._status]:
             for f in range(1, lanes.FAMILIES):
                 ripple, waves = status[0]["ripple"][:, status[0]["best"][f]], int(status[0]["waves"][f])
                 ripple[: 2 * waves] -= mine[: 2 * waves]
-                set_second(ripple, waves, lowest, status[0]["second"][f], np.zeros(lanes.WIDEST))
+                set_second(ripple, waves, lowest, status[0]["second"][f])
             status["sensor_ripple"], status["shaft_second"] = 0.0, status["second"]
 
     def _smooth_stretch(self, rows: Records) -> None:
         """Smooth a stretch in parts of one model each, chosen wherever the known ripple changed."""
-        known = self._history.known
+        known = self._known
         changes = np.searchsorted(rows["index"], [status["received"][0] for status in known[:-1]])
         led = np.bincount(rows["leading"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
         parts: list[tuple[int, Records, int]] = []
@@ -163,7 +188,7 @@ class SmoothEstimator(ShaftEstimator):
         least, families = SEEN_CYCLES * (self._settings.cycle_turns * TURN), range(1, lanes.FAMILIES)
         tried = [(status, f) for status in known for f in families if led[f] and status["travelled"][0][f] >= least]
         if len(tried) != 1 or led[0]:
-            tried.insert(0, (self._history.known[-1], int(lanes.PLAIN)))
+            tried.insert(0, (self._known[-1], lanes.PLAIN))
         if len(tried) < 2:
             return tried[0]
         parts = _model_parts(rows)
@@ -171,6 +196,20 @@ class SmoothEstimator(ShaftEstimator):
         fits = [sum(smooth_family(smoother, status, f, part, 1, 0) for part in parts) for status, f in tried]
         waves = np.array([status["waves"][0][f] for status, f in tried])
         return tried[int(np.argmax(np.asarray(fits) - penalty * waves))]
+
+
+def _ripple(status: Records) -> tuple[FloatArray, float, float]:
+    """Coefficients (WIDEST,) of the leading ripple, their sigma (RMS over a turn) and a measurement's [rad]."""
+    now = status[0]
+    lane, width = int(now["best"][now["leading"]]), 2 * int(now["waves"][now["leading"]])
+    ripple, scale = np.where(np.arange(lanes.WIDEST) < width, now["ripple"][:, lane], 0.0), float(now["scale"][lane])
+    sigma = _rms(now["factor"][:width, :width, lane]) * np.sqrt(scale)
+    return ripple, sigma, float(np.sqrt(scale * measurement_variance(now)))
+
+
+def _rms(coefficients: FloatArray) -> float:
+    """Of the ripple with these coefficients, over a turn."""
+    return float(np.sqrt(0.5 * np.sum(coefficients**2)))
 
 
 def _set_copies_aside(rows: Records, longest_hold: float) -> None:

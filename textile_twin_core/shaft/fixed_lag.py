@@ -7,15 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from textile_twin_core.compiling import by_reference, compiled_in_place, records
-from textile_twin_core.shaft import rts_smoother
 from textile_twin_core.shaft.clock import copy_numbers
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
-from textile_twin_core.shaft.filter import process_sample
-from textile_twin_core.shaft.rts_smoother import Smoother, new_smoother
-from textile_twin_core.shaft.samples import Block, Stamps
+from textile_twin_core.shaft.filter import Block, process_sample
+from textile_twin_core.shaft.rts_smoother import Smoother, begin_at_row, is_far, new_smoother, set_ripple, smooth
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import ROW, STRETCH, Records
+from textile_twin_core.shaft.status import ROW, STRETCH, Records, Stamps
 from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariance, weigh_residual
 
 MOST_ROWS = 512  # rows in the window at most: a longer lag at a high rate is cut
@@ -57,11 +55,6 @@ class LagEstimator(ShaftEstimator):
         self._lag = float(shaft_lag_s)
         super().__init__(**settings)
 
-    def reset(self) -> None:
-        """Forget everything, the report included."""
-        super().reset()
-        self._begin()
-
     def _begin(self) -> None:
         self._window = Window(records(HELD), records(ROW, MOST_ROWS), records(ROW), np.zeros(MOST_ROWS, np.int64))
         self._window.held["lag"] = self._lag
@@ -84,7 +77,6 @@ class LagEstimator(ShaftEstimator):
         count = int(self._window.held["ready"][0])
         adopt_weight(self._status, self._window.held["weight"][0])
         super().finish()
-        self._begin()
         return states_of([(ready[:count], rows[:count])])
 
 
@@ -126,16 +118,15 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     known = status.since > 0.0  # else it has restarted
     if known and status.mode_probability[status.leading] > CERTAIN:
         # With another ripple the clock is another, of which the state so far knows little.
-        held.restart += (
-            status.leading != filters.leading or status.waves[status.leading] != filters.waves[filters.leading]
-        )
-        rts_smoother.set_ripple(filters, status, status.leading)
-    if held.restart != 0 or rts_smoother.is_far(filters, window.filtered[0]):
-        rts_smoother.begin_at_row(filters, window.filtered[0])
+        f = status.leading
+        held.restart += f != filters.leading or status.waves[f] != filters.waves[f]
+        set_ripple(filters, status, f)
+    if held.restart != 0 or is_far(smoother, window.filtered[0]):
+        begin_at_row(smoother, window.filtered[0])
     held.restart = 0
     window.filtered[0] = window.rows[due]
-    rts_smoother.smooth(smoother, status.interval, window.rows[: held.rows], 1, due)
-    copy_numbers(smoother.filtered[due], filters.start)
+    smooth(smoother, status.interval, window.rows[: held.rows], 1, due)
+    copy_numbers(smoother.filtered[due], smoother.filtered[0])
     for k in range(1, due + 1):
         scale_covariance(window.rows[k], weigh_residual(held.weight, window.rows[k]))
         _emit(window, k, ready, table)

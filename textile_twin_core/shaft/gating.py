@@ -9,10 +9,10 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import bank, lanes, measurement_noise
-from textile_twin_core.shaft.clock import copy_numbers, wave
+from textile_twin_core.shaft.clock import copy_numbers, wave_at
 from textile_twin_core.shaft.families import FIRST_REST, UNBIASED
 from textile_twin_core.shaft.kalman import time_update
-from textile_twin_core.shaft.measurement_noise import BUNCHED, FIRST_JITTER, LEAP_GUESSED, OFTEN_HELD, SETTLING
+from textile_twin_core.shaft.measurement_noise import FIRST_JITTER, LEAP_GUESSED, OFTEN_HELD, SETTLING
 from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records
 
 MAX_OUTLIERS = 2  # consecutive measurements rejected as outliers before a manoeuvre may be declared
@@ -31,9 +31,9 @@ SENSOR_SPEED_SIGMA = 0.02  # standard deviation of a sensor's own speed, relativ
 
 
 @compiled_in_place
-def foretold(status: Record, step: float) -> float:
-    """The angle [rad] `step` [s] after the estimate, which the acceleration foretells."""
-    return float(status.angle + step * (status.speed + 0.5 * step * status.acceleration))
+def foretold(state: Record, step: float) -> float:
+    """The angle [rad] that the acceleration foretells `step` [s] after a status or a row."""
+    return float(state.angle + step * (state.speed + 0.5 * step * state.acceleration))
 
 
 @compiled_in_place
@@ -47,11 +47,10 @@ def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: 
 
 @compiled_in_place
 def initiate(status: Record, step: float, angle: float, rate: float, row: Record) -> None:
-    """Initiate the track, at first or after its loss, from the measurement `angle`, `step` [s] after the last, and a
-    speed [rad/s].
+    """Initiate the track, at first or after its loss, from the measurement `angle`, `step` [s] after the last.
 
-    A sensor's own speed replaces the slope where it agrees. It is no measurement later: drives mostly differentiate the
-    same angles, smoothed and late, and updates with it made the acceleration's error ten times larger.
+    A sensor's own speed replaces the speed `rate` [rad/s] where it agrees. It is no measurement later: drives mostly
+    differentiate the same angles, smoothed and late, which made the acceleration's error ten times larger.
     """
     status.losses += status.samples > 2.0
     status.interval = step
@@ -61,14 +60,13 @@ def initiate(status: Record, step: float, angle: float, rate: float, row: Record
     status.move = abs(rate) * step
     _begin_differences(status, angle)
     measurement_noise.set_correlated(status)
-    initial, noise = status.start, measurement_noise.measurement_variance(status)
+    initial, noise = status.clock[:, UNBIASED], measurement_noise.measurement_variance(status)
     set_start(initial, angle, rate, noise, step)
     if abs(status.sensor_speed - rate) <= 3.0 * initial[lanes.L11]:
         initial[lanes.RATE] = status.speed = status.sensor_speed
         initial[lanes.L11] = SENSOR_SPEED_SIGMA * (abs(status.speed) + initial[lanes.L11])
         initial[lanes.L21], initial[lanes.L22] = 0.0, math.sqrt(noise)
-    copy_numbers(initial, status.clock[:, UNBIASED])
-    status.scale[UNBIASED] = status.recent_scale[UNBIASED] = 1.0
+    status.scale[UNBIASED] = status.recent_scale[UNBIASED] = status.scale_before[UNBIASED] = 1.0
     status.scale_samples[UNBIASED] = bank.FIRST_SCALE_WEIGHT
     bank.begin_family(status, lanes.PLAIN, lanes.PLAIN, UNBIASED, 0)
     status.active[:] = status.mode_probability[:] = status.rest[:] = 0.0
@@ -120,9 +118,8 @@ def is_growing(status: Record, off: float) -> bool:
 def accept_manoeuvre(record: Records, reading: float, off: float, step: float, row: Record) -> bool:
     """Whether an innovation outside the gate is a manoeuvre: it lies on a line with the last two rejected, on one side.
 
-    After many samples without an outlier two that grow are enough, but not at once again; where such innovations were
-    manoeuvres before, one is enough until the next measurement decides (see `reconsider`). Where the innovations are
-    alike the encoder slipped. What is no manoeuvre is rejected.
+    Or fewer are enough (`early`, `at_once`, see `reconsider`). Where the innovations are alike the encoder slipped.
+    What is no manoeuvre is rejected.
     """
     status = record[0]
     early = status.rejected_run == 1.0 and status.clean >= CLEAN_SAMPLES
@@ -141,11 +138,10 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
     behind = off * status.moved < 0.0 and abs(status.moved) > LEAP_GUESSED * status.resolution
     dropout = behind and status.holding > status.rejected_run
     too_fast = not slipped and 0.0 < MAX_SPEED_RATIO * status.fastest < abs(status.speed + grown / span)
-    bunched = step < BUNCHED * status.interval
-    if not straight or dropout or bunched or (too_fast and status.rejected_run <= MAX_OUTLIERS):
+    if not straight or dropout or (too_fast and status.rejected_run <= MAX_OUTLIERS):
         row.noise = 0.0
         _set_aside(status, off, step)
-        if status.unconfirmed > MAX_UNCONFIRMED and not bunched:
+        if status.unconfirmed > MAX_UNCONFIRMED:
             initiate(status, step, reading, 0.0 if status.holding > 0.0 else status.speed, row)
         return False
     if at_once:
@@ -216,9 +212,7 @@ def is_predicted(status: Record, step: float, reading: float) -> bool:
     copy_numbers(status.clock[:, m], status.clock[:, trial])
     status.jerk_strength[trial] = status.jerk_strength[m]
     time_update(status, math.sqrt(noise * step / status.interval**5), step, trial, trial + 1)
-    bank.set_basis_at(status, reading, status.waves[f])
-    g = wave(status.ripple[:, m], status.second[f], status.waves[f], status.lowest, status.basis)
-    x = status.clock[:, trial]
+    x, g = status.clock[:, trial], wave_at(status, f, m, status.second, reading)
     variance = status.scale[m] * (noise + x[lanes.L20] ** 2 + x[lanes.L21] ** 2 + x[lanes.L22] ** 2)
     return variance <= MAX_GAP_SIGMA**2 and (reading + g[0] - x[lanes.ANGLE]) ** 2 <= 9.0 * variance
 

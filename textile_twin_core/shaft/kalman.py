@@ -26,9 +26,8 @@ HALF_JERK, LAST_JERK = math.sqrt(1.0 / 12.0), math.sqrt(1.0 / 720.0)
 def time_update(filters: Record, strength: float, step: float, first: int, end: int) -> None:
     """Time update of lanes first .. end - 1 over `step` [s]: constant acceleration driven by white jerk.
 
-    The process noise over a step h is q [[h^5/20, h^4/8, h^3/6], [., h^3/3, h^2/2], [., ., h]] for angle, rate and
-    acceleration (Bar-Shalom, Li and Kirubarajan 2001, 6.2.3), sqrt(q h) = jerk_strength * strength. A Givens rotation
-    and a Householder reflection merge its factor with the lane's.
+    With process noise of sqrt(q h) = jerk_strength * strength (Bar-Shalom, Li and Kirubarajan 2001, 6.2.3). A Givens
+    rotation and a Householder reflection merge its factor with the lane's.
     """
     x = filters.clock
     acceleration, rate, angle = x[lanes.ACCELERATION], x[lanes.RATE], x[lanes.ANGLE]

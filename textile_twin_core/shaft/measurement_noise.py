@@ -22,10 +22,8 @@ HELD_MOVES, OFTEN_HELD = 10.0, 0.3  # memory in moves, and share after repetitio
 LEAP, LEAP_GUESSED = 2.5, 4.5  # encoder steps, more than rounding can hide of a move; while the step is a guess
 FORGET_HOLD = 0.98  # decay of the longest repetition per leap
 FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some hundred turns from the origin
-BUNCHED = 0.1  # of the mean interval: readings nearer to each other in time came late, together, and tell no speed
 LEAST_SCALE = 1e-6  # least noise scale of a filter where nothing else bounds it
 LEARN_JITTER = 0.5  # gain of the jitter's adaptation at full speed; lower speeds hardly show it
-SAME_NOISE = 2.0  # ratio of two estimates of one noise at most: beyond it the noise is another now
 FORGET_SPEED = 0.99  # decay of the full speed per adaptation
 
 
@@ -57,14 +55,6 @@ def rounding_variance(status: Record) -> float:
 
 
 @compiled_in_place
-def bound_guess(status: Record, reading: float) -> None:
-    """Lower a guessed encoder step to the least move of the readings: no move is smaller than the step."""
-    moved = abs(reading - status.read)
-    if status.guessed > 0.0 and FINEST_STEP_RAD < moved < status.resolution:
-        status.resolution = moved
-
-
-@compiled_in_place
 def set_correlated(status: Record) -> None:
     """Set the number of measurements that count as one because their rounding errors are correlated.
 
@@ -89,13 +79,9 @@ def adapt_additive_noise(status: Record, reading: float) -> None:
     """Estimate the noise beyond jitter from the lag-1 autocovariance of second differences, -4 sigma^2 if white.
 
     The motion's own is positive, and feigns no noise, while ripple has many samples per wave. Where it has few it may
-    pass for noise: such samples count only once families with ripple have had a probability. What was found at rest
-    stays: a shaft that moves cannot tell it from jitter.
+    pass for noise: such samples count only once families with ripple have had a probability.
     """
-    elapsed = status.time - status.kept_at
-    if elapsed < BUNCHED * status.interval:
-        return
-    moved = (reading - status.kept) * status.interval / elapsed
+    moved = (reading - status.kept) * status.interval / (status.time - status.kept_at)
     smooth = max(abs(moved), abs(status.moved)) <= SMOOTH_MOVE
     bent = 0.0
     if smooth or status.ripple_tried > 0.0:
@@ -183,19 +169,15 @@ def set_resolution(record: Records, resolution: float) -> None:
         status.resolution, status.guessed, status.held = resolution, 0.0, 0.0
         set_correlated(status)
         if turning:
-            rescale(status, before / measurement_variance(status), 1.0)
+            rescale(status, before / measurement_variance(status))
 
 
 @compiled_in_place
 def adapt_jitter(status: Record, noise: float) -> None:
     """Attribute the noise scale of the leading family's best filter to jitter: the variance follows the speed."""
     found = status.scale[status.best[status.leading]] * noise
-    least = rounding_variance(status) + status.jitter * status.speed**2
-    drift = measurement_variance(status) / (max(least, status.additive_before) + FINEST_RAD2)
-    drift = drift if 1.0 / SAME_NOISE < drift < SAME_NOISE else 1.0
-    status.additive_before = max(status.additive, status.noise_at_rest)
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
         jitter = max(found - rounding_variance(status), 0.01 * found) / status.speed**2
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (jitter - status.jitter)
-    rescale(status, noise / measurement_variance(status), drift)
+    rescale(status, noise / measurement_variance(status))

@@ -17,7 +17,8 @@ class SampleReport:
         received, accepted: samples that came in, and of these the ones that were used.
         rejected: count by cause: not_finite (NaN or infinite angle or stamp), duplicate_stamp (that of the newest
             accepted sample), older_stamp (late or reversed).
-        repeats: readings equal to the one before, of a sensor that measures less often than it is asked.
+        repeats: readings equal to the one before, of a sensor that measures less often than it is asked, and those that
+            came late, at once with the one before.
         gaps: pauses of more than 50 intervals, or in which a wrapped angle may have made a turn more or less; where the
             prediction failed after one, the filter was restarted.
         jumps: lasting offsets of the angle that no shaft can make.

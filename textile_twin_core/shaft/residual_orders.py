@@ -1,9 +1,6 @@
 """Orders of the turn in what the leading filter leaves: ripple that it does not model, and errors of the sensor.
 
-A filter takes orders that it does not model for measurement noise, and underestimates the speed's variance. White
-residuals have the same power in every order; a significant excess is ripple. Pitch errors of teeth, or of an encoder's
-disc, come again every turn as ripple does, but have the same power in all orders, where that of motion falls. The
-orders of the ripple have their part of it, which is no motion.
+White residuals, and a sensor's errors that come again each turn, have the same power in all orders; motion's falls.
 """
 
 from __future__ import annotations
@@ -14,15 +11,15 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import set_basis_at, set_shaft_second
+from textile_twin_core.shaft.bank import SCALE_SAMPLES, set_shaft_second
+from textile_twin_core.shaft.clock import set_basis_at
 from textile_twin_core.shaft.families import SECOND_ORDER_EVERY, samples_a_turn
 from textile_twin_core.shaft.kalman import ROBUST
 from textile_twin_core.shaft.measurement_noise import standstill_speed
 from textile_twin_core.shaft.status import Record, Records
 
 ORDERS = lanes.WIDEST  # that are listened for at most: as many as the basis has room for
-ORDER_SAMPLES = 500.0  # readings over which an order is averaged
-KEEP = 1.0 - 1.0 / ORDER_SAMPLES
+KEEP = 1.0 - 1.0 / SCALE_SAMPLES  # of what is known of an order, at each reading
 HEARD = 0.9  # of the samples per turn: orders up to it differ from their aliases, as readings fall elsewhere each turn
 SIGNIFICANT = 7.0  # times the mean power of white residuals in an order, exceeded by chance in 1 case of 1000
 ABOVE_SENSOR = 10.0  # times the sensor's, by some 12 orders: exceeded by chance in 1 case of 1400 (F of 2 and 24)
@@ -52,11 +49,11 @@ def listen_for_orders(status: Record, noise: float) -> None:
     left, most = noise / expected, math.sqrt(ROBUST * status.scale[m] * expected)
     orders = _listened_orders(status, lanes.HIGH)
     set_basis_at(status, status.angle, orders // 2)
-    part = 2.0 * math.sqrt(left) * min(max(status.innovation[m], -most), most) / ORDER_SAMPLES
+    part = 2.0 * math.sqrt(left) * min(max(status.innovation[m], -most), most) / SCALE_SAMPLES
     for i in range(2 * orders):
         status.order_sums[i] = KEEP * status.order_sums[i] + part * status.basis[i]
-    status.reading_variance += (status.scale[m] * noise - status.reading_variance) / ORDER_SAMPLES
-    status.listened += (1.0 - status.listened) / ORDER_SAMPLES
+    status.reading_variance += (status.scale[m] * noise - status.reading_variance) / SCALE_SAMPLES
+    status.listened += (1.0 - status.listened) / SCALE_SAMPLES
     if status.leading != status.heard:
         status.heard, status.heard_since = float(status.leading), status.used
     if status.used % SECOND_ORDER_EVERY == 0.0:
@@ -64,7 +61,7 @@ def listen_for_orders(status: Record, noise: float) -> None:
         _set_sensor_power(status)
         _hear_high_orders(status)
         for f in range(lanes.FAMILIES):
-            if status.active[f] > 0.0 or f == 0:
+            if status.active[f] > 0.0:
                 _part_orders(status, f, left)
 
 
@@ -119,7 +116,7 @@ def _power(status: Record, f: int, k: int) -> float:
 def _white_power(status: Record) -> float:
     """Mean power of an order in white residuals."""
     variance = status.reading_variance / status.listened
-    return 2.0 * variance / ORDER_SAMPLES * (2.0 / status.listened - 1.0)
+    return 2.0 * variance / SCALE_SAMPLES * (2.0 / status.listened - 1.0)
 
 
 @compiled_in_place
@@ -143,7 +140,7 @@ def _set_sensor_power(status: Record) -> None:
     f, top = status.leading, _top(status, 0.5, lanes.MOST_WAVES[-1])
     first = max(min(status.waves[f], lanes.USUAL_WAVES) // 2, top // 4)
     middle, count, upper, lower, total = (first + top) // 2, 0, 0, 0.0, 0.0
-    settled = status.used - status.heard_since > ORDER_SAMPLES
+    settled = status.used - status.heard_since > SCALE_SAMPLES
     most = lanes.MOST_WAVES[-1] if status.active[lanes.HIGH] > 0.0 else lanes.USUAL_WAVES
     for k in range(first, top):
         # What another family modelled until lately is not in the averages.
@@ -162,11 +159,7 @@ def _set_sensor_power(status: Record) -> None:
 
 @compiled_in_place
 def _part_orders(status: Record, f: int, left: float) -> None:
-    """Set which part of each order of a family's ripple is the sensor's, and the variances of what is in doubt.
-
-    By Wiener's filter: an order's power of motion is what it has beyond the sensor's where that is significant, else
-    what lower orders make probable.
-    """
+    """Set which part of each order of a family's ripple is the sensor's (Wiener), and variances of what is in doubt."""
     motion = 0.0
     status.doubt[f, :] = 0.0
     for k in range(status.waves[f]):
@@ -201,7 +194,7 @@ def _doubt_higher_orders(status: Record, f: int, motion: float, left: float) -> 
         least = max(own * (ABOVE_SENSOR if k < lanes.USUAL_WAVES else HIGH_ABOVE_SENSOR), SIGNIFICANT * white)
         _doubt_order(status, f, k, left * (power - own if power > least else min(share * motion, power)))
     if f == status.leading and status.sensor_power == 0.0:
-        gain, keep = SECOND_ORDER_EVERY / ORDER_SAMPLES, 1.0 - SECOND_ORDER_EVERY / TAIL_SAMPLES
+        gain, keep = SECOND_ORDER_EVERY / SCALE_SAMPLES, 1.0 - SECOND_ORDER_EVERY / TAIL_SAMPLES
         status.tail_heard = keep * status.tail_heard + gain * heard
         status.tail_expected = keep * status.tail_expected + gain * expected
 
@@ -241,11 +234,11 @@ def _tail(status: Record, f: int) -> tuple[float, float]:
 def _hear_high_orders(status: Record) -> None:
     """Average whether there are orders of motion from the highest usual one on, in the ripple or in what it leaves."""
     f, heard, white = status.leading, 0.0, _white_power(status)
-    settled = status.used - status.heard_since > ORDER_SAMPLES
+    settled = status.used - status.heard_since > SCALE_SAMPLES
     if not settled and status.waves[f] < lanes.USUAL_WAVES:
         return
     for k in range(lanes.USUAL_WAVES - 1, _top(status, 0.5, lanes.MOST_WAVES[-1])):
         significant = _power(status, f, k) > max(HIGH_ABOVE_SENSOR * _own_power(status, k), HIGH_SIGNIFICANT * white)
         if significant and (settled or k < status.waves[f]):
             heard = 1.0
-    status.high_orders += (heard - status.high_orders) * SECOND_ORDER_EVERY / ORDER_SAMPLES
+    status.high_orders += (heard - status.high_orders) * SECOND_ORDER_EVERY / SCALE_SAMPLES

@@ -1,8 +1,7 @@
-"""Ripple coefficients estimated apart from the state (Friedland 1969), by recursive least squares.
+"""Ripple coefficients estimated apart from the state (Friedland 1969), by least squares in factors (Carlson 1973).
 
-The coefficients c are constant: a filter that takes them as c0 estimates x where c would give x + V (c - c0). The
-sensitivity V goes through the same updates as the state, and an innovation changes by `regressor` . (c - c0). The
-least squares are in square-root form (Carlson 1973). Arrays end in lanes: functions work on lanes first .. stop - 1.
+The sensitivity is that of the state to the coefficients, the `regressor` that of the innovation. Arrays end in lanes:
+functions work on lanes first .. stop - 1.
 """
 
 from __future__ import annotations

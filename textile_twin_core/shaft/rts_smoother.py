@@ -16,12 +16,10 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import lanes
-from textile_twin_core.shaft.bank import set_basis_at
-from textile_twin_core.shaft.clock import add_spread, copy_numbers, dot, shaft_state, wave
+from textile_twin_core.shaft.clock import add_ripple_covariance, add_spread, copy_numbers, dot, shaft_state, wave_at
 from textile_twin_core.shaft.filter import put_angle
-from textile_twin_core.shaft.gating import set_start
+from textile_twin_core.shaft.gating import foretold, set_start
 from textile_twin_core.shaft.kalman import HALF_JERK, LAST_JERK, ROBUST, innovate, measurement_update, time_update
-from textile_twin_core.shaft.mixture import add_ripple_covariance
 from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial_intensities
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.ripple import set_sensitivity
@@ -39,7 +37,7 @@ class Smoother(NamedTuple):
     """Arrays of a smoothing pass over n rows."""
 
     filters: Records  # (1,) a status, of which lane CHAIN is the filter
-    filtered: FloatArray  # (n, 9) its filtered state and factor at each row
+    filtered: FloatArray  # (n, 9) its filtered state and factor at each row, initial ones at the first
     smoothed: FloatArray  # (9,) smoothed state and factor in the backward pass
     whitened: FloatArray  # (3, 10) K, M, W, d
     product: FloatArray  # (3, 10) [K'K - I, K'M, K'W, K'd]
@@ -47,7 +45,7 @@ class Smoother(NamedTuple):
 
 def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
     """Arrays for passes over at most so many rows."""
-    filters = new_status(settings, 0.0)
+    filters = new_status(settings)
     filters["scale"][0, lanes.CHAIN] = 1.0
     return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((3, 10)), np.zeros((3, 10)))
 
@@ -67,38 +65,39 @@ def set_ripple(filters: Record, status: Record, family: int) -> None:
 
 
 @compiled_in_place
-def begin_at_state(filters: Record, theta: float, omega: float, alpha: float, added: FloatArray) -> None:
-    """Initial clock state from the shaft's; `filters.start[3:]` is already the initial covariance's factor.
+def begin_at_state(smoother: Smoother, theta: float, omega: float, alpha: float, added: FloatArray) -> None:
+    """Initial clock state from the shaft's; `filtered[0, 3:]` is already the initial covariance's factor.
 
-    `added` (.) is `shaft_second`, or `second` where the angle is a reading.
+    `added` (., .) is `shaft_second`, or `second` where the angle is a reading.
     """
-    g = _wave_at(filters, theta, added)
-    filters.start[lanes.ANGLE] = theta + g[0]
-    filters.start[lanes.RATE] = omega * (1.0 + g[1])
-    filters.start[lanes.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
+    filters, start = smoother.filters[0], smoother.filtered[0]
+    g = wave_at(filters, filters.leading, lanes.CHAIN, added, theta)
+    start[lanes.ANGLE] = theta + g[0]
+    start[lanes.RATE] = omega * (1.0 + g[1])
+    start[lanes.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
 
 
 @compiled_in_place
-def begin_at_row(filters: Record, row: Record) -> None:
+def begin_at_row(smoother: Smoother, row: Record) -> None:
     """Initial state and covariance factor from the state of a row."""
-    start, p = filters.start, row.covariance
+    start, p = smoother.filtered[0], row.covariance
     start[lanes.L00] = math.sqrt(p[8])
     start[lanes.L10], start[lanes.L20] = p[5] / start[lanes.L00], p[2] / start[lanes.L00]
     start[lanes.L11] = math.sqrt(max(p[4] - start[lanes.L10] ** 2, 1e-9 * p[4]))
     start[lanes.L21] = (p[1] - start[lanes.L10] * start[lanes.L20]) / start[lanes.L11]
     start[lanes.L22] = math.sqrt(max(p[0] - start[lanes.L20] ** 2 - start[lanes.L21] ** 2, 1e-9 * p[0]))
-    begin_at_state(filters, row.theta, row.speed, row.acceleration, filters.shaft_second[filters.leading])
+    begin_at_state(smoother, row.angle, row.speed, row.acceleration, smoother.filters[0].shaft_second)
 
 
 @compiled_in_place
-def is_far(filters: Record, row: Record) -> bool:
+def is_far(smoother: Smoother, row: Record) -> bool:
     """Whether the initial angle is far from the bank's at a row, whose reading, if not set aside, is closer to it."""
-    angle = filters.start[lanes.ANGLE] - _wave_at(filters, row.theta, filters.shaft_second[filters.leading])[0]
-    squared = (angle - row.theta) ** 2
-    closer = abs(row.reading - angle) > 2.0 * abs(row.reading - row.theta)
-    return (
-        squared > SURELY_FAR * row.covariance[0] if row.noise == 0.0 else squared > FAR * row.covariance[0] and closer
-    )
+    filters = smoother.filters[0]
+    g = wave_at(filters, filters.leading, lanes.CHAIN, filters.shaft_second, row.angle)
+    angle = smoother.filtered[0, lanes.ANGLE] - g[0]
+    if row.noise > 0.0 and abs(row.reading - angle) <= 2.0 * abs(row.reading - row.angle):
+        return False
+    return bool((angle - row.angle) ** 2 > (FAR if row.noise > 0.0 else SURELY_FAR) * row.covariance[0])
 
 
 @compiled_in_place
@@ -111,8 +110,8 @@ def smooth_family(smoother: Smoother, record: Records, family: int, rows: Record
     set_ripple(filters, record[0], family)
     for i in range(rows.size):
         rows[i].intensity = 0.0
-    set_start(filters.start, start.reading, start.speed, start.noise or start.unit, rows[1].step)
-    begin_at_state(filters, start.reading, start.speed, 0.0, filters.second[filters.leading])
+    set_start(smoother.filtered[0], start.reading, start.speed, start.noise or start.unit, rows[1].step)
+    begin_at_state(smoother, start.reading, start.speed, 0.0, filters.second)
     smooth(smoother, record[0].interval, rows, 1, 0)
     total = filter_rows(smoother, rows)
     if first <= last:
@@ -135,7 +134,8 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
                     rows[j].noise = max(rows[j].noise, rows[i].unit)
     filters = smoother.filters[0]
     for i in range(rows.size):
-        rows[i].clock = rows[i].reading + _wave_at(filters, rows[i].theta, filters.second[filters.leading])[0]
+        g = wave_at(filters, filters.leading, lanes.CHAIN, filters.second, rows[i].angle)
+        rows[i].clock = rows[i].reading + g[0]
     set_initial_intensities(rows, filters.leading, interval)
     for _ in range(MOST_PASSES):
         filter_rows(smoother, rows)
@@ -151,9 +151,10 @@ def _is_taken_back(rows: Records, i: int) -> bool:
     Then all readings between are set aside, and those that were rejected before the way back are used again.
     """
     before, first = rows[i - 3], i - 2
-    off = rows[i].reading - _foretold(before, rows[i])
+    off = rows[i].reading - foretold(before, rows[i].time - before.time)
     for k in range(i + 1, min(i + BURST, rows.size)):
-        if rows[k].cut == MANOEUVRE and abs(rows[k].reading - _foretold(before, rows[k])) < NEARER * abs(off):
+        off_now = rows[k].reading - foretold(before, rows[k].time - before.time)
+        if rows[k].cut == MANOEUVRE and abs(off_now) < NEARER * abs(off):
             for j in range(first, k + 1):
                 copy_numbers(before.memory, rows[j].memory)
                 rows[j].cut = 0.0
@@ -163,25 +164,17 @@ def _is_taken_back(rows: Records, i: int) -> bool:
 
 
 @compiled_in_place
-def _foretold(before: Record, row: Record) -> float:
-    """The angle at a row by the state at another."""
-    step = row.time - before.time
-    return float(before.theta + step * (before.speed + 0.5 * step * before.acceleration))
-
-
-@compiled_in_place
 def filter_rows(smoother: Smoother, rows: Records) -> float:
     """Forward pass over all rows but the first; returns the readings' log-likelihood, up to a constant."""
     filters, m, total = smoother.filters[0], lanes.CHAIN, 0.0
     clock = filters.clock
-    copy_numbers(filters.start, clock[:, m])
-    copy_numbers(filters.start, smoother.filtered[0])
+    copy_numbers(smoother.filtered[0], clock[:, m])
     for i in range(1, rows.size):
         row = rows[i]
         time_update(filters, math.sqrt(row.intensity * row.step), row.step, m, m + 1)
         if row.noise > 0.0:
             innovate(filters, row.clock, row.noise, m, m + 1)
-            if (row.reading - row.theta) ** 2 <= ROBUST * row.noise:  # the bank believed it
+            if (row.reading - row.angle) ** 2 <= ROBUST * row.noise:  # the bank believed it
                 filters.noise_variance[m] = row.noise
             variance = filters.noise_variance[m] + filters.prior_variance[m]
             measurement_update(filters, m, m + 1)
@@ -259,25 +252,12 @@ def _step_back(
 
 
 @compiled_in_place
-def _wave_at(filters: Record, theta: float, added: FloatArray) -> tuple[float, float, float, float]:
-    """g of the known ripple and its first three derivatives at an angle; `added` (.) is `second` or `shaft_second`."""
-    waves = filters.waves[filters.leading]
-    set_basis_at(filters, theta, waves)
-    return wave(filters.ripple[:, lanes.CHAIN], added, waves, filters.lowest, filters.basis)
-
-
-@compiled_in_place
 def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
-    """State and covariance of the shaft from the smoothed clock, the uncertainty of its ripple included.
-
-    An error of the ripple at frequency w makes the smoothed clock follow q / (q + r T w^6) of it (q process noise
-    intensity, r measurement noise, T sampling interval); the rest is an error of the state.
-    """
+    """State and covariance of the shaft from the smoothed clock, with that of ripple which it does not follow."""
     filters, s = smoother.filters[0], smoother.smoothed
     waves, sensitivity = filters.waves[filters.leading], filters.sensitivity
     row.residual = row.clock - s[lanes.ANGLE]
-    g = _wave_at(filters, row.theta, filters.shaft_second[filters.leading])
-    theta, row.speed, row.acceleration = shaft_state(s[2], s[1], s[0], row.theta, g, filters.slopes)
+    theta, row.speed, row.acceleration = shaft_state(filters, filters.leading, lanes.CHAIN, s, row.angle)
     set_sensitivity(sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves, lanes.CHAIN, lanes.CHAIN + 1)
     for k in range(2 * waves):
         rejected = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,15 @@ from textile_twin_core.shaft.status import STATE, Records
 from textile_twin_core.shaft.turns import join_turns
 
 INFLATION = np.array([1.0, 1.15, 1.15])  # of sigmas, as real motions are no white jerk: median in tests/shaft/kinds.py
+
+
+class OneState(NamedTuple):
+    """The shaft at one sample: phase [rad] beyond its whole turns, speed [rad/s], acceleration [rad/s^2], turns."""
+
+    phase_rad: float
+    omega_rad_s: float
+    alpha_rad_s2: float
+    turns: float
 
 
 @dataclass(frozen=True)
@@ -79,9 +89,9 @@ class ShaftStates:
         return np.asarray(np.einsum("ni,nij,nj->n", gradient, self.covariance, gradient))
 
     @classmethod
-    def empty(cls, stamps: FloatArray | IntArray | None = None) -> ShaftStates:
+    def empty(cls, stamps: FloatArray | IntArray) -> ShaftStates:
         """No states; with the dtype of `stamps`."""
-        return cls(np.zeros(0, np.float64 if stamps is None else stamps.dtype), np.zeros(0, STATE))
+        return cls(stamps[:0], np.zeros(0, STATE))
 
     @classmethod
     def join(cls, parts: Sequence[ShaftStates]) -> ShaftStates:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import aligned_records
 from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft.encoder import UNKNOWN_STEP_RAD
 from textile_twin_core.shaft.settings import ShaftSettings
 
-if TYPE_CHECKING:
-    from typing import Any
-
-    Records: TypeAlias = npt.NDArray[Any]
-    Record: TypeAlias = Any
-else:
-    Records = Record = np.ndarray
+Records: TypeAlias = npt.NDArray[Any]
+Record: TypeAlias = Any
+Stamps: TypeAlias = npt.NDArray[Any]  # int64 nanoseconds or float64 seconds
 
 STARTING, RUNNING, STANDSTILL = 0.0, 1.0, 2.0
 MOTIONS = ("starting", "running", "standstill")
@@ -29,7 +25,7 @@ MANOEUVRE, STRETCH = 1.0, 2.0
 COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
 KEPT = (
     *COUNTS, "received", "not_finite", "duplicate_stamp", "older_stamp", "longest", "interval", "jitter", "jitter_told",
-    "unit", "motion", "speed", "leading", "best", "waves", "ripple", "sensor_ripple", "guessed",
+    "unit", "motion", "speed", "leading", "best", "waves", "ripple", "sensor_ripple", "guessed", "resolution",
 )  # fmt: skip
 """Fields that outlast the end of a record."""
 
@@ -37,6 +33,7 @@ _NUMBERS = (
     "received", "not_finite", "duplicate_stamp", "older_stamp",  # samples received, and rejected by cause
     "unit", "samples", "used", "time",  # unit of the stamps [s]; since the begin: samples accepted, used; time [s]
     "interval", "longest", "move",  # mean interval of samples, longest one [s]; mean move of readings [rad]
+    "bunched",  # samples in a row that came late, together
     "angle", "speed", "acceleration", "speed_sigma", "acceleration_sigma",  # estimate, standard deviations [rad, s]
     "sensor_speed", "fastest",  # speed by the sensor (NaN: none), full speed as far as known [rad/s]
     "motion", "sense", "still", "since",  # STARTING ..; +-1; samples at rest, and since the motion was initialised
@@ -48,7 +45,6 @@ _NUMBERS = (
     "correlated",  # readings that count as one, as their rounding errors are correlated
     "jitter", "jitter_told",  # variance of the stamps [s^2], 1 if it is a setting
     "additive", "noise_at_rest",  # variance of other noise [rad^2], of late and as seen at rest
-    "additive_before",  # when the unit of variance was last rescaled
     "kept", "kept_at", "moved", "bent",  # last reading not rejected, its time, first and second difference per interval
     "read", "leapt", "leapt_after",  # last reading; last move beyond rounding, and the repetitions before it
     "held", "holding", "longest_hold",  # part of such moves after repetitions; repetitions in a row, and the most
@@ -73,7 +69,7 @@ _BY_FAMILY = (
 _BY_LANE = (
     "logarithm", "jerk_strength",  # log N; N^-3, root of the process noise intensity relative to other memories
     "scale", "scale_samples",  # factor on the measurement variance, and the innovations it is averaged over
-    "recent_scale",  # the same of the latest alone
+    "recent_scale", "scale_before",  # the same of the latest alone; when the unit of variance was last rescaled
     "probability", "usage", "likelihood_ratio",  # within the family, its mean; ratio to the family since its peak
     "innovation", "prior_variance", "ripple_variance",  # variances of the predicted reading, in all and by ripple
     "ripple_reading", "likelihood", "noise_variance",  # ripple in the reading; measurement variance, robust
@@ -94,9 +90,7 @@ _ARRAYS = {
     "doubt": (lanes.FAMILIES, 3),  # variance [rad^2] by orders in doubt, times their squares and fourth powers
     "shaft_second": (lanes.FAMILIES, 2 * _WIDTH),  # coefficients of g2 less that part
     "order_sums": (2 * _WIDTH,),  # Fourier coefficients of the residuals
-    "ripple_jacobian": (3, _WIDTH), "slopes": (6,),  # work space
-    "start": (9,),  # initial state and covariance factor
-    "moments": (4,),  # work space of `mixture`
+    "ripple_jacobian": (3, _WIDTH), "slopes": (5,),  # work space
 }  # fmt: skip
 STATUS = np.dtype(
     [(name, np.float64, (lanes.COUNT,)) for name in _BY_LANE]
@@ -117,7 +111,7 @@ STATE = np.dtype(
 yet), number of the input sample, covariance."""
 _FOR_SMOOTHING = (
     "reading", "noise", "unit",  # unwrapped reading [rad]; its variance (0: rejected), and that without noise scale
-    "theta", "origin",  # estimated angle [rad]; whole turns to add to both
+    "angle", "origin",  # estimated angle [rad]; whole turns to add to both
     "correlated", "time", "step",  # as in the status; time since the first sample and the last one [s]
     "cut",  # MANOEUVRE .., or 0
     "leading", "clock", "residual",  # leading family; reading of the clock, and less the smoothed one [rad]
@@ -132,12 +126,12 @@ ROW = np.dtype(
 no residual shows, see `residual_orders`."""
 
 
-def new_status(settings: ShaftSettings, resolution: float, count: int = 1) -> Records:
-    """So many times the status before the first sample; `resolution` [rad] is the encoder's step, 0 for none."""
+def new_status(settings: ShaftSettings, count: int = 1) -> Records:
+    """So many times the status before the first sample."""
     record = aligned_records(STATUS, count)
     record["period"] = 0.0 if settings.wrapping == "unwrapped" else settings.period_rad
     record["auto"] = settings.wrapping == "auto"
-    record["resolution"] = resolution
+    record["resolution"] = UNKNOWN_STEP_RAD if settings.step_rad is None else settings.step_rad
     record["guessed"] = settings.step_rad is None
     record["edges"] = settings.teeth > 0
     record["lowest"] = 1.0 / settings.cycle_turns
@@ -145,13 +139,3 @@ def new_status(settings: ShaftSettings, resolution: float, count: int = 1) -> Re
     if settings.stamp_jitter_s is not None:
         record["jitter"], record["jitter_told"] = settings.stamp_jitter_s**2, 1.0
     return record
-
-
-def ripple_amplitudes(record: Records) -> FloatArray:
-    """Amplitude of the speed's ripple in each order of the leading family, relative to the speed."""
-    status = record[0]
-    family = int(status["leading"])
-    waves = int(status["waves"][family])
-    ripple = status["ripple"][: 2 * waves, int(status["best"][family])] - status["sensor_ripple"][family][: 2 * waves]
-    cosines, sines = ripple.reshape(-1, 2).T
-    return np.asarray(np.hypot(cosines, sines) * status["lowest"] * np.arange(1, waves + 1))

@@ -43,14 +43,12 @@ class ToothWheel:
         Residuals of outliers belong in it, too: a tooth may stand so wrong that all of its readings were rejected.
 
         Args:
-            readings: (n,) corrected readings [rad].
+            readings: (n,) corrected readings [rad], one at least.
             residuals: (n,) readings less the smoothed angles [rad].
 
         Returns:
             (n,) by how much each reading is to be corrected further [rad].
         """
-        if not readings.size:
-            return readings
         tooth = self._tooth(readings)
         order = np.argsort(tooth)
         of_tooth = np.split(residuals[order], np.searchsorted(tooth[order], np.arange(1, self.errors_rad.size)))

@@ -1,9 +1,4 @@
-"""Variance of unit weight: how much larger or smaller smoothed covariances are, by the residuals they leave.
-
-A smoothed clock's residual has the variance N - P, N the measurement's and P the smoothed angle's; N comes from
-predictions, whose misfits it holds as well. The mean of residual^2 / (N - P) is the variance factor a posteriori of
-least squares (Baarda 1968; 1 - P / N is the redundancy of a measurement). States do not change: N and P scale alike.
-"""
+"""Variance of unit weight (Baarda 1968): how much larger or smaller smoothed covariances are, by their residuals."""
 
 from __future__ import annotations
 
@@ -11,10 +6,10 @@ import math
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
+from textile_twin_core.shaft.bank import SCALE_SAMPLES
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.status import Record, Records
 
-MEMORY = 500.0  # redundant measurements over which the factor is averaged, as the filters' noise scale is
 FIRST_WEIGHT = (1.0, 25.0)  # the factor at first, and the redundant measurements that it counts for
 CLIP = 4.0  # residuals beyond two deviations count as two, as outliers are no noise
 CLIPPED = 0.9205  # mean of min(z^2, CLIP) of a normal z
@@ -24,11 +19,11 @@ BOUND = 4.0  # of the factor and its inverse: exact readings are no promise for 
 
 @compiled_in_place
 def weigh_residual(weight: FloatArray, row: Record) -> float:
-    """Take a smoothed row's residual into `weight` (2,), the factor and the measurements it rests on; the factor."""
+    """Take a smoothed row's residual into `weight` (2,), the factor and the redundancy it rests on; the factor."""
     if row.noise > 0.0 and row.residual != 0.0 and abs(row.speed) * row.step > 3.0 * math.sqrt(row.noise):
         redundancy = max(1.0 - (row.covariance[0] - row.systematic[0]) / row.noise, LEAST_REDUNDANCY)
         found = min(row.residual * row.residual / (row.noise * redundancy), CLIP * weight[0]) / CLIPPED
-        weight[1] = min(weight[1] + redundancy, MEMORY)
+        weight[1] = min(weight[1] + redundancy, SCALE_SAMPLES)
         weight[0] += redundancy / weight[1] * (found - weight[0])
         weight[0] = min(max(weight[0], 1.0 / BOUND), BOUND)
     return float(weight[0])

@@ -16,8 +16,7 @@ from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machine import ContactMachine
 from textile_twin_core.machine.contact_motion import ContactMotion, measured_error
-from textile_twin_core.shaft import ShaftStates
-from textile_twin_core.shaft.single import OneState
+from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
 from textile_twin_core.twin.predictor import StampedEvent
 from textile_twin_core.twin.session import Session

@@ -12,8 +12,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
-from textile_twin_core.shaft import ShaftStates
-from textile_twin_core.shaft.single import OneState
+from textile_twin_core.shaft import OneState, ShaftStates
 
 _FEW = 80
 """Samples up to which one by one is faster than as arrays."""

@@ -9,8 +9,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
-from textile_twin_core.shaft import ShaftStates
-from textile_twin_core.shaft.single import OneState
+from textile_twin_core.shaft import OneState, ShaftStates
 
 
 class StampedEvent(NamedTuple):
