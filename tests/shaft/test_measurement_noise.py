@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.generators.mill_recordings import healthy, record
-from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft import ShaftStates, create_estimator
 from textile_twin_core.shaft.encoder import encoder_step
 from textile_twin_core.shaft.measurement_noise import MOST_CORRELATED, set_correlated
 from textile_twin_core.shaft.settings import ShaftSettings
@@ -83,3 +83,25 @@ def test_a_shaft_in_step_with_its_encoder_shows_the_step_by_what_is_not_expected
     late = states.index > 4000
     truth = speed + 0.6 * step * np.cos(2.0 * time[states.index[late]])
     assert np.sqrt(np.mean((states.omega_rad_s[late] - truth) ** 2)) < 3e-4 * speed
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
+def test_a_noisy_past_is_soon_forgotten(view: str, seed: int) -> None:
+    """Noise that becomes a hundredth: what is small beside it, and was taken for noise, is ripple now."""
+    rng, time = np.random.default_rng([90, seed]), np.arange(5000) * 1e-3
+    phases = rng.uniform(0.0, 2.0 * np.pi, 3)
+    orders, sizes = np.array([1.0, 2.0, 3.0]), np.array([0.05, 0.015, 0.0007])
+    angle = 40.0 * time[:, None] * orders + phases
+    theta, omega = 40.0 * time + np.sin(angle) @ sizes, 40.0 * (1.0 + np.cos(angle) @ (orders * sizes))
+    readings = theta + np.where(time < 1.5, 1e-2, 1e-4) * rng.normal(size=time.size)
+    fresh = _speed_error(view, time[1500:], readings[1500:], omega[1500:])
+    assert _speed_error(view, time, readings, omega) < 3.0 * fresh
+
+
+def _speed_error(view: str, time: np.ndarray, readings: np.ndarray, omega: np.ndarray) -> float:
+    """RMS over the last two seconds."""
+    estimator = create_estimator(view)
+    states = ShaftStates.join([part for part in (estimator.step(time, readings), estimator.finish()) if len(part)])
+    late = time[states.index] > time[-1] - 2.0
+    return float(np.sqrt(np.mean((states.omega_rad_s - omega[states.index])[late] ** 2)))

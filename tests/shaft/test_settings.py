@@ -15,6 +15,7 @@ POSITIVE = "give a positive finite number"
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
+        ({"encoder_bits": 0}, f"encoder_bits is 0: {POSITIVE}"),
         ({"resolution_rad": "0.01"}, f"resolution_rad is '0.01': {POSITIVE}"),
         ({"resolution_rad": -0.01}, f"resolution_rad is -0.01: {POSITIVE}"),
         ({"stamp_jitter_s": -1e-5}, "stamp_jitter_s is -1e-05: give a finite number, 0 or more, or None"),
@@ -44,7 +45,7 @@ def test_the_lag_must_be_positive() -> None:
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_settings_may_be_numpys_numbers(name: str) -> None:
-    create_estimator(name, cycle_turns=np.int64(2), resolution_rad=np.float64(1e-3))
+    create_estimator(name, cycle_turns=np.int64(2), encoder_bits=np.float64(14))
 
 
 def test_angles_that_are_told_not_to_wrap_keep_their_turns() -> None:

@@ -24,8 +24,8 @@ RESTART_PROBABILITY = 0.01  # below which a filter may restart
 FIRST_SCALE_WEIGHT = 0.1  # of the first noise scale, in innovations: it may be hundreds of times too large
 SCALE_SAMPLES = 500.0  # innovations over which all is averaged that is learnt of their size
 KNOWN_SCALE = 100.0  # innovations after which the first noise scale is found
-RECENT_SAMPLES = 50.0  # of the latest of them, whose scale takes over among the first SCALE_SAMPLES ..
-FALLEN = 0.1  # .. where it is such a part of the whole average
+RECENT_SAMPLES = 50.0  # the latest of them, whose scale takes over ..
+FALLEN = 0.1, 0.03  # .. where it is such a part of the whole average, among the first SCALE_SAMPLES and later
 YOUNG_CYCLES = 5.0  # in which what is known of the ripple may be no ripple ..
 UNEVEN = 0.3  # .. unless the speed changes by such a part ..
 MANY_READINGS = 63.0  # .. or a turn has fewer readings, too few to be too sure
@@ -183,7 +183,7 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
         samples = samples if samples < SCALE_SAMPLES else SCALE_SAMPLES
         found = scale[m] * (1.0 + (squared - 1.0) / samples)
         recent = recent_scale[m] + (scale[m] * squared - recent_scale[m]) * (1.0 / RECENT_SAMPLES)
-        if recent < FALLEN * found and samples < SCALE_SAMPLES:
+        if recent < (FALLEN[0] if samples < SCALE_SAMPLES else FALLEN[1]) * found:
             found = recent
         recent_scale[m] = recent if recent > least_scale else least_scale
         scale_samples[m], scale[m] = samples, found if found > least_scale else least_scale

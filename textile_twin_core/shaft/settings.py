@@ -21,7 +21,8 @@ class ShaftSettings:
     """Settings of an estimator; the defaults need no tuning.
 
     Attributes:
-        resolution_rad: step of an encoder that rounds, as an angle of the shaft; None: found from the readings.
+        encoder_bits: resolution of the encoder in bits per period; None: found from the readings.
+        resolution_rad: or its step, as an angle of the shaft; None: found.
         stamp_jitter_s: standard deviation of the stamps; None: learnt.
         teeth: number of teeth in a turn, missing ones counted, where samples are edges of a wheel; 0: sampled angles.
         tooth_zero_rad: angle of tooth 0.
@@ -34,6 +35,7 @@ class ShaftSettings:
         SceneError: a setting of the wrong kind or value.
     """
 
+    encoder_bits: float | None = None
     resolution_rad: float | None = None
     stamp_jitter_s: float | None = None
     teeth: int = 0
@@ -45,8 +47,9 @@ class ShaftSettings:
 
     def __post_init__(self) -> None:
         require_positive("period_rad", self.period_rad)
-        if self.resolution_rad is not None:
-            require_positive("resolution_rad", self.resolution_rad)
+        for name in ("encoder_bits", "resolution_rad"):
+            if getattr(self, name) is not None:
+                require_positive(name, getattr(self, name))
         jitter, errors = self.stamp_jitter_s, self.pitch_errors_rad
         valid = jitter is None or (_is_finite(jitter) and jitter >= 0)
         _require(valid, "stamp_jitter_s", jitter, "give a finite number, 0 or more, or None")
@@ -64,7 +67,9 @@ class ShaftSettings:
     @property
     def step_rad(self) -> float | None:
         """The encoder's step, None where it is not given; 0 for edges, which are not rounded."""
-        return 0.0 if self.teeth else self.resolution_rad
+        if self.teeth:
+            return 0.0
+        return self.resolution_rad if self.encoder_bits is None else self.period_rad / 2.0**self.encoder_bits
 
 
 def require_positive(name: str, value: Any) -> None:
