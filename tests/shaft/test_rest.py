@@ -152,3 +152,15 @@ def test_noise_of_an_indexed_shaft(view: str, seed: int) -> None:
     truth = omega[joined.index[late]]
     off = np.sqrt(np.mean((joined.omega_rad_s[late] - truth) ** 2) / np.mean((tuned - truth) ** 2))
     assert off < 1.15
+
+
+@pytest.mark.parametrize("view", ["causal", "lag"])
+def test_a_ripple_that_led_before_a_rest_does_not_keep_the_shaft_there(view: str) -> None:
+    """It took the start for its own, and with the estimate at rest no family was compared with another."""
+    record = make("runs+3%", 791)
+    estimator = create_estimator(view)
+    parts = [estimator.step(record.time_s, record.fed_rad), estimator.finish()]
+    states = ShaftStates.join([part for part in parts if len(part)])
+    truth = record.omega[states.index]
+    starts = states.settled & (states.index > 5450) & (states.index < 5550) & (np.abs(truth) > 2.0)
+    assert np.all(np.abs(states.omega_rad_s - truth)[starts] < 0.5 * np.abs(truth)[starts])

@@ -194,9 +194,11 @@ def _update(status: Record, off: float, reading: float, repeated: float, noise: 
     status.clean = 0.0 if was_outlier else status.clean + 1.0
     settles = status.since - status.rejected_run <= measurement_noise.SETTLING <= status.since
     status.rejected_run = status.off_before = status.off_last = 0.0
-    moved = measurement_noise.samples_between(status, repeated) * status.interval * abs(status.speed)
-    turning = moved > 3.0 * math.sqrt(row.noise)
-    families.update_mode_probabilities(status, noise, turning)
+    span, noticed = measurement_noise.samples_between(status, repeated) * status.interval, 3.0 * math.sqrt(row.noise)
+    turning = span * abs(status.speed) > noticed
+    # A ripple that takes a start for its own keeps the estimate at rest, but not the plain family's.
+    starting = span * abs(status.clock[lanes.RATE, status.best[lanes.PLAIN]]) > noticed
+    families.update_mode_probabilities(status, noise, turning or starting)
     if turning:
         listen_for_orders(status, noise)
     held = status.held

@@ -12,7 +12,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.shaft.status import STATE, Records
 from textile_twin_core.shaft.turns import join_turns
 
-INFLATION = np.array([1.0, 1.15, 1.15])  # of sigmas, as real motions are no white jerk: median in tests/shaft/kinds.py
+INFLATION = np.array([1.0, 1.15, 1.2])  # of sigmas, as real motions are no white jerk: median in tests/shaft/kinds.py
 
 
 class OneState(NamedTuple):
