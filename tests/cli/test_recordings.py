@@ -226,6 +226,25 @@ def test_bad_angles_stop_the_work_or_are_counted(tmp_path: Path, capsys: pytest.
     assert counted["samples"]["rejected_by_cause"]["angle_not_finite"] == 2
 
 
+def test_a_stamp_that_leaps_ahead_stops_the_work_or_is_counted(
+    tmp_path: Path, bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It would cost every sample after it, an hour long."""
+    angles, leapt = open_bag(bag).read_angles(), tmp_path / "leapt"
+    stamps = angles.stamps.copy()
+    stamps[700] += 3600 * 10**9
+    torque = open_bag(bag).read_torques("balancing_torque/measured")
+    with BagWriter(leapt) as out:
+        out.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], angles.angles_rad)
+        out.write_wrenches("balancing_torque/measured", torque.stamps, torque.torque_Nm)
+    assert main(["compare", str(leapt), "--machine", "tufting", "--json", str(tmp_path / "c.json")]) == 2
+    said = "the stamp of sample 700 is 3599.998 s later than that of the next, 1 such of"
+    assert said in capsys.readouterr().err
+    counted = _compare(tmp_path, leapt, "--skip-bad-samples")
+    assert counted["samples"]["rejected_by_cause"]["angle_not_finite"] == 1
+    assert counted["samples"]["rejected_by_cause"].get("angle_older_stamp", 0) == 0
+
+
 def _no_bag(folder: Path) -> Path:
     path = folder / "in.mcap"
     path.write_text("no bag at all")

@@ -66,7 +66,9 @@ def add_recording_topics(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--torque-topic", default="balancing_torque/measured", help="default %(default)s")
     parser.add_argument("--joint", default="main_shaft", help="joint of a JointState topic (default %(default)s)")
     parser.add_argument(
-        "--skip-bad-samples", action="store_true", help="leave out angles that are NaN or infinite instead of stopping"
+        "--skip-bad-samples",
+        action="store_true",
+        help="leave out angles that are NaN or infinite, or whose stamp leaps ahead, instead of stopping",
     )
 
 

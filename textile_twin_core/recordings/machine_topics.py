@@ -16,6 +16,7 @@ from textile_twin_core.twin.references import Reading, Reference, reference_of
 
 ANGLE_TOPIC = "main_shaft/angle"
 MEASURED_TOPIC = "balancing_torque/measured"
+MANY_LATE = 0.01  # part of the samples, from which it matters that they come after a stamp that leapt ahead
 
 
 def namespace_of(angle_topic: str) -> str:
@@ -44,7 +45,8 @@ def usable_angles(
 
     Raises:
         SceneError: edges that this encoder cannot count.
-        RecordingError: an angle is NaN or infinite, unless `skip_bad`: the shaft estimator then rejects and counts it.
+        RecordingError: an angle is NaN or infinite, or a stamp leaps ahead, unless `skip_bad`: the shaft estimator then
+            rejects and counts it, as not finite.
             Without a single finite angle it is an error in any case.
     """
     edges = bag.find_topic(topic).msgtype == HEADER
@@ -69,7 +71,29 @@ def usable_angles(
             f"{bag.path}: topic {angles.topic}: the angle of sample {first} ({after_s:.3f} s after the first) is"
             f" {angles.angles_rad[first]}, {len(bad)} such of {len(angles)}; leave them out with --skip-bad-samples"
         )
+    ahead = stamps_ahead(angles.stamps)
+    if len(ahead) and not skip_bad:
+        first = int(ahead[0])
+        leap_s = (int(angles.stamps[first]) - int(angles.stamps[first + 1])) * 1e-9
+        raise RecordingError(
+            f"{bag.path}: topic {angles.topic}: the stamp of sample {first} is {leap_s:.3f} s later than that of the"
+            f" next, {len(ahead)} such of {len(angles)}; leave them out with --skip-bad-samples"
+        )
+    if len(ahead):
+        kept = angles.angles_rad.copy()
+        kept[ahead] = np.nan
+        angles = replace(angles, angles_rad=kept)
     return angles
+
+
+def stamps_ahead(stamps: IntArray) -> IntArray:
+    """Samples whose stamps leap ahead of later ones, where without them many fewer come too late: (m,) indices.
+
+    A clock that was wrong for one sample would otherwise cost all samples until it is that time.
+    """
+    late = np.count_nonzero(stamps < np.maximum.accumulate(stamps))
+    ahead = np.flatnonzero(stamps > np.minimum.accumulate(stamps[::-1])[::-1])
+    return ahead if len(ahead) < late and late > MANY_LATE * len(stamps) else ahead[:0]
 
 
 def referred(angles: AngleSamples, reference: Reference, pulses: IntArray) -> AngleSamples:
