@@ -22,6 +22,7 @@ HELD_MOVES, OFTEN_HELD = 10.0, 0.3  # memory in moves, and share after repetitio
 LEAP, LEAP_GUESSED = 2.5, 4.5  # encoder steps, more than rounding can hide of a move; while the step is a guess
 FORGET_HOLD = 0.98  # decay of the longest repetition per leap
 FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some hundred turns from the origin
+FINEST_S = 1e-9  # [s] least time between measurements: months after the first it may be lost to rounding
 LEAST_SCALE = 1e-6  # least noise scale of a filter where nothing else bounds it
 LEARN_JITTER = 0.5  # gain of the jitter's adaptation at full speed; lower speeds hardly show it
 FORGET_SPEED = 0.99  # decay of the full speed per adaptation
@@ -81,7 +82,7 @@ def adapt_additive_noise(status: Record, reading: float) -> None:
     The motion's own is positive, and feigns no noise, while ripple has many samples per wave. Where it has few it may
     pass for noise: such samples count only once families with ripple have had a probability.
     """
-    moved = (reading - status.kept) * status.interval / (status.time - status.kept_at)
+    moved = (reading - status.kept) * status.interval / max(status.time - status.kept_at, FINEST_S)
     smooth = max(abs(moved), abs(status.moved)) <= SMOOTH_MOVE
     bent = 0.0
     if smooth or status.ripple_tried > 0.0:
