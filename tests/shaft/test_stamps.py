@@ -41,7 +41,7 @@ def test_readings_that_are_stamped_in_bunches(view: str) -> None:
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
 def test_readings_that_arrive_in_packets(view: str) -> None:
     """Eight every 8 ms from the very first on, 20 us apart: 2000 rad/s, by the slope within a packet, are none."""
-    signal = make_signal(5, duration_s=8.0, rate_hz=1000.0, dropped=0.0, jitter_s=0.0)
+    signal = make_signal(5, duration_s=8.0, rate_hz=1000.0, rpm=380.0, dropped=0.0, jitter_s=0.0)
     count, estimator = np.arange(signal.time.size), create_estimator(view)
     parts = [estimator.step(signal.time[count // 8 * 8 + 7] + count % 8 * 2e-5, signal.angles), estimator.finish()]
     states = ShaftStates.join([part for part in parts if len(part)])
