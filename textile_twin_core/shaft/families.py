@@ -143,6 +143,7 @@ def forget_lessons(status: Record) -> None:
     status.mode_probability[0] = 1.0
     status.leading = 0
     status.order_sums[:] = status.doubt[:] = 0.0
+    status.move *= 1.0 + 0.5 * (status.longest_hold + status.leapt_after)
     status.listened = status.reading_variance = status.sensor_power = status.high_orders = 0.0
     status.tail_heard = status.tail_expected = 0.0
 

@@ -120,6 +120,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     bunched = 0.0 < status.bunched <= measurement_noise.SETTLING  # else they come more often now
     if not bunched:
         status.since += 1.0
+        status.since_slip += 1.0
     spread = step * (status.speed_sigma + 0.5 * step * status.acceleration_sigma)
     turn_unknown = step > 2.0 * status.interval and spread > MAX_SPREAD * status.period > 0.0
     gap = turn_unknown or step > GAP_SAMPLES * status.interval
@@ -176,7 +177,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
             # Until the ripple is observed, its angle is better known from the measurement than from the prediction.
             predict_reading(status, f, step, reading, expected if families.is_observed(status, f) else reading, noise)
             density += status.mode_probability[f] * status.density[f]
-    outlying = density < OUTLIER_DENSITY and status.since > 5.0
+    outlying = (density < OUTLIER_DENSITY or gating.is_alike(status, off)) and status.since > 5.0
     if held:
         row.noise = 0.0
         status.repeats += 1.0

@@ -13,7 +13,7 @@ from textile_twin_core.shaft.clock import copy_numbers, wave_at
 from textile_twin_core.shaft.families import FIRST_REST, UNBIASED
 from textile_twin_core.shaft.kalman import time_update
 from textile_twin_core.shaft.measurement_noise import FIRST_JITTER, LEAP_GUESSED, OFTEN_HELD, SETTLING
-from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records
+from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, TRACK, Record, Records
 
 MAX_OUTLIERS = 2  # consecutive measurements rejected as outliers before a manoeuvre may be declared
 MAX_UNCONFIRMED = 9  # rejected measurements, less those accepted since, beyond which the track is lost
@@ -22,6 +22,8 @@ UNCONFIRMED = 7.0  # that must fit after a manoeuvre: outliers that grew, or a s
 FORGET_ABRUPT, MOST_ABRUPT = 0.97, 2.0  # memory and bound of `abrupt`: an outlier ends the belief in what comes next
 NEARER = 0.5  # ratio of distances: an encoder that slipped is as far from either
 OUTLIER_WEIGHT = 3.0  # of an outlier in `abrupt`, a manoeuvre's being 1
+SLIPPED = 0.25  # part of an innovation by which those of an encoder that slipped differ at most
+SLIPS_APART = 15.0  # samples between two slips the same way
 GROWTH = 1.25  # ratio of two successive innovations from which they grow as in a manoeuvre
 MAX_SPEED_RATIO = 2.0  # of the highest speed seen, above which one rejection more is needed: outliers line up by chance
 MAX_GAP_SIGMA = 0.05  # [rad] predicted across a gap: at most 1 in 20 other motions passes a gate of 3 sigma by chance
@@ -73,7 +75,7 @@ def initiate(status: Record, step: float, angle: float, rate: float, row: Record
     status.active[0], status.mode_probability[0], status.leading, status.pause[:] = 1.0, 1.0, 0, FIRST_REST
     status.since = status.rejected_run = status.unconfirmed = status.clean = status.ripple_tried = 0.0
     status.off_before = status.off_last = status.runaway = 0.0
-    row.reading, row.cut = angle, STRETCH
+    row.reading, row.cut = angle, TRACK
     row.noise = row.unit = measurement_noise.measurement_variance(status)
 
 
@@ -115,6 +117,20 @@ def is_growing(status: Record, off: float) -> bool:
 
 
 @compiled_in_place
+def is_alike(status: Record, off: float) -> bool:
+    """Whether an innovation is like the one just rejected, no nearer as the gate widens, or undoes the last slip."""
+    undone = -status.slip if status.since_slip < SETTLING else 0.0
+    alike = abs(off - (status.off_last if status.rejected_run > 0.0 else undone)) < SLIPPED * abs(off)
+    return alike and status.used > CLEAN_SAMPLES and not _slipped_before(status, off)
+
+
+@compiled_in_place
+def _slipped_before(status: Record, off: float) -> bool:
+    """Whether the encoder seemed to slip the same way just before."""
+    return bool(status.slip * off > 0.0 and status.since_slip < SLIPS_APART)
+
+
+@compiled_in_place
 def accept_manoeuvre(record: Records, reading: float, off: float, step: float, row: Record) -> bool:
     """Whether an innovation outside the gate is a manoeuvre: it lies on a line with the last two rejected, on one side.
 
@@ -129,7 +145,10 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
         straight = at_once or is_growing(status, off)
     else:
         span, grown = step + status.step_last, off - status.off_before
-        slipped = abs(grown) < 0.25 * abs(off)
+        slipped = abs(grown) < SLIPPED * abs(off)
+        if slipped and _slipped_before(status, off):  # stamps that lag behind more and more: the speed is another
+            slipped, grown, span = False, off, status.since_slip * status.interval
+            status.additive = max(status.additive, off * off / 12.0)
         one_side = min(off * status.off_last, off * status.off_before) > 0.0
         bend = off - 2.0 * status.off_last + status.off_before
         on_line = abs(bend) <= 0.5 * max(abs(off), abs(status.off_before))
@@ -141,7 +160,8 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
     if not straight or dropout or (too_fast and status.rejected_run <= MAX_OUTLIERS):
         row.noise = 0.0
         _set_aside(status, off, step)
-        if status.unconfirmed > MAX_UNCONFIRMED:
+        none = status.rejected_run > (MAX_UNCONFIRMED if slipped else MAX_OUTLIERS)
+        if none and status.unconfirmed > MAX_UNCONFIRMED:
             initiate(status, step, reading, 0.0 if status.holding > 0.0 else status.speed, row)
         return False
     if at_once:
@@ -156,7 +176,10 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
     by_rate = 0.0 if slipped else (sigma + abs(grown)) / span
     bank.open_manoeuvre(status, row, off, rate, sigma + bank.RIPPLE_SIZE * abs(off), by_rate, abs(rate) / span)
     row.unit += (bank.RIPPLE_SIZE * off) ** 2
-    status.jumps += row.cut == STRETCH
+    if slipped:
+        status.jumps += 1.0
+        # Until it is known whether the sensor repeats readings, the moves after these look like slips.
+        status.slip, status.since_slip = off if status.used > CLEAN_SAMPLES else 0.0, 0.0
     status.outliers -= status.rejected_run
     more = UNCONFIRMED if early or at_once else status.rejected_run
     status.unconfirmed = max(min(status.unconfirmed + more, MAX_UNCONFIRMED), UNCONFIRMED)

@@ -18,7 +18,8 @@ FIRST_JITTER = 0.01  # initial standard deviation of the stamps, in intervals
 SMOOTH_MOVE = TURN / 48.0  # [rad] per interval, up to which the shortest wave of ripple has at least 4 samples
 ADDITIVE_SAMPLES, ADDITIVE_FEW = 100.0, 50.0  # memory of the additive noise; where a wave has fewer samples than that
 MOST_ADDITIVE = 128.0  # bound of one sample's estimate in current variances
-HELD_MOVES, OFTEN_HELD = 10.0, 0.3  # memory in moves, and share after repetitions from which the sensor holds values
+HELD_MOVES = 10.0, 25.0  # memory at first and at most in moves, a tenth of the readings used between
+OFTEN_HELD = 0.3  # share of moves after repetitions from which the sensor holds values
 LEAP, LEAP_GUESSED = 2.5, 4.5  # encoder steps, more than rounding can hide of a move; while the step is a guess
 FORGET_HOLD = 0.98  # decay of the longest repetition per leap
 FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some hundred turns from the origin
@@ -131,7 +132,8 @@ def learn_repetitions(status: Record, reading: float, repeated: float) -> None:
         return
     if moved * status.leapt > 0.0:
         most = status.longest_hold + 1.0 if status.held > OFTEN_HELD else SETTLING
-        status.held += ((1.0 if before > 0.0 else 0.0) - status.held) / HELD_MOVES
+        memory = min(HELD_MOVES[0] + 0.1 * status.used, HELD_MOVES[1])
+        status.held += ((1.0 if before > 0.0 else 0.0) - status.held) / memory
         status.longest_hold = max(FORGET_HOLD * status.longest_hold, min(before, most))
     status.leapt, status.leapt_after = moved, repeated
 

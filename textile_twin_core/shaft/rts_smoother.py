@@ -24,7 +24,7 @@ from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
-from textile_twin_core.shaft.status import MANOEUVRE, Record, Records, new_status
+from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records, new_status
 
 FAR, SURELY_FAR = 9.0, 1e4  # squared distance from the bank's angle that is far, in its variances; without a reading
 MOST_PASSES = 3
@@ -110,8 +110,11 @@ def smooth_family(smoother: Smoother, record: Records, family: int, rows: Record
     set_ripple(filters, record[0], family)
     for i in range(rows.size):
         rows[i].intensity = 0.0
-    set_start(smoother.filtered[0], start.reading, start.speed, start.noise or start.unit, rows[1].step)
-    begin_at_state(smoother, start.reading, start.speed, 0.0, filters.second)
+    if start.cut == STRETCH:
+        begin_at_row(smoother, start)
+    else:
+        set_start(smoother.filtered[0], start.reading, start.speed, start.noise or start.unit, rows[1].step)
+        begin_at_state(smoother, start.reading, start.speed, 0.0, filters.second)
     smooth(smoother, record[0].interval, rows, 1, 0)
     total = filter_rows(smoother, rows)
     if first <= last:

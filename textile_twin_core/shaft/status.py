@@ -19,8 +19,8 @@ Stamps: TypeAlias = npt.NDArray[Any]  # int64 nanoseconds or float64 seconds
 STARTING, RUNNING, STANDSTILL = 0.0, 1.0, 2.0
 MOTIONS = ("starting", "running", "standstill")
 
-MANOEUVRE, STRETCH = 1.0, 2.0
-"""Of a row: it and the readings rejected just before are a manoeuvre; readings begin anew here."""
+MANOEUVRE, STRETCH, TRACK = 1.0, 2.0, 3.0
+"""Of a row: it and the readings rejected just before are a manoeuvre; the angle is not that before; nothing is."""
 
 COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
 KEPT = (
@@ -50,7 +50,7 @@ _NUMBERS = (
     "held", "holding", "longest_hold",  # part of such moves after repetitions; repetitions in a row, and the most
     "rejected_run", "unconfirmed",  # readings rejected in a row; those that must fit until the state is settled
     "off_before", "off_last", "step_last",  # prediction errors of the last two rejected [rad], the last's step [s]
-    "clean",  # readings since the last outlier
+    "clean", "slip", "since_slip",  # readings since the last outlier; last slip of the encoder [rad], readings since
     "travel", "runaway",  # mean move from sample to sample [rad]; samples for which the speed was far beyond it
     "abrupt", "doubtful",  # above 0 where what left the gate was motion; 1 after such a reading until the next
     "basis_at", "basis_waves",  # angle and orders for which `basis` is evaluated
