@@ -92,7 +92,7 @@ def test_a_controllers_cycle_that_is_told(view: str, cycle_s: float, rate_hz: fl
 
 
 def _asked(seed: int, view: str, drift: float, late: float = 0.05) -> float:
-    """Error of the speed over the textbook's, of a controller asked at intervals longer than its cycle by a part of it."""
+    """Error of the speed over the textbook's, of a controller asked each cycle and such a part of it."""
     rng = np.random.default_rng([seed, 41])
     cycle_s, count = rng.choice([2e-3, 4e-3, 10e-3]), 6000
     speed = rng.uniform(60.0, 400.0) * 2.0 * np.pi / 60.0

@@ -20,7 +20,7 @@ STARTING, RUNNING, STANDSTILL = 0.0, 1.0, 2.0
 MOTIONS = ("starting", "running", "standstill")
 
 MANOEUVRE, STRETCH, TRACK = 1.0, 2.0, 3.0
-"""Of a row: it and the readings rejected just before are a manoeuvre; the angle is not that before; nothing is."""
+"""Of a row: it and the readings rejected just before are a manoeuvre; the angle begins anew here; all does."""
 
 COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
 KEPT = (
