@@ -125,6 +125,29 @@ def test_bad_samples_change_nothing_for_the_good_ones(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("largest", [5e11, 5e259])
+def test_numbers_that_are_no_angles_spoil_no_others(name: str, largest: float) -> None:
+    """Logs hold what was in memory: squared often enough it overflowed, and smoothing ended the process."""
+    time = np.arange(0.0, 6.0, 0.002)
+    rng = np.random.default_rng(4)
+    wild = (rng.random(time.size) < 0.01) & (time > 1.0)
+    wrong = 10.0 ** rng.uniform(-300.0, np.log10(largest), time.size)
+    states, report = run(name, time, np.where(wild, wrong, W * time))
+    assert np.isfinite(states.covariance).all()
+    assert not_positive(states.covariance) == 0
+    assert report.rejected["not_finite"] == np.count_nonzero(wild & (wrong > 1e12))
+    assert np.median(np.abs(states.omega_rad_s[states.settled] - W)) < 1e-3 * W
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stamps_less_than_a_nanosecond_apart_are_one(name: str) -> None:
+    """Stamps in a unit of another size: speeds overflowed."""
+    time, estimator = np.arange(0.0, 6.0, 0.002), create_estimator(name)
+    assert len(estimator.step(1e-100 * time, W * time)) == len(estimator.finish()) == 0
+    assert estimator.report.rejected["duplicate_stamp"] == time.size - 1
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_blocks_do_not_matter(name: str) -> None:
     signal = make_signal(7, duration_s=4.0, knocks=True)
     whole, _ = run(name, signal.stamps_ns, signal.angles)

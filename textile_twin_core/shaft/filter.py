@@ -17,6 +17,7 @@ from textile_twin_core.shaft.residual_orders import add_systematic, listen_for_o
 from textile_twin_core.shaft.status import MANOEUVRE, RUNNING, STANDSTILL, STARTING, Record, Records, Stamps
 from textile_twin_core.shaft.turns import TURN, split_turn
 
+LARGEST = 1e12  # angle [rad] and stamp [s]: larger ones tell no motion, and squared often enough they overflow
 # [1/rad], the gate: density of outliers without the constant 0.38 of Student's t, one sample in 130 within a radian
 OUTLIER_DENSITY = 0.02
 GAP_SAMPLES = 50.0  # intervals without a sample that make a gap
@@ -101,12 +102,13 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
 def _admit(status: Record, last: Stamps, stamp: float, angle: float) -> bool:
     """Whether to accept a sample: angle and stamp finite, the stamp newer than `last` (1,); counts the cause if not."""
     status.received += 1.0
-    if not (math.isfinite(angle) and math.isfinite(stamp)):
+    if not (abs(angle) <= LARGEST and abs(stamp * status.unit) <= LARGEST):  # false of NaN, too
         status.not_finite += 1.0
         return False
-    if status.accepted > 0.0 and stamp <= last[0]:
-        status.duplicate_stamp += stamp == last[0]
-        status.older_stamp += stamp < last[0]
+    since = (stamp - last[0]) * status.unit
+    if status.accepted > 0.0 and since < measurement_noise.FINEST_S:
+        status.duplicate_stamp += since >= 0.0
+        status.older_stamp += since < 0.0
         return False
     status.accepted += 1.0
     return True

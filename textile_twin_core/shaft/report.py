@@ -15,8 +15,8 @@ class SampleReport:
 
     Attributes:
         received, accepted: samples that came in, and of these the ones that were used.
-        rejected: count by cause: not_finite (NaN or infinite angle or stamp), duplicate_stamp (that of the newest
-            accepted sample), older_stamp (late or reversed).
+        rejected: count by cause: not_finite (angle or stamp NaN, infinite or over 1e12 rad or s), duplicate_stamp (less
+            than a nanosecond after the newest accepted sample), older_stamp (late or reversed).
         repeats: readings equal to the one before, of a sensor that measures less often than it is asked, and those that
             came late, at once with the one before.
         gaps: pauses of more than 50 intervals, or in which a wrapped angle may have made a turn more or less; where the
