@@ -7,7 +7,12 @@ import pytest
 
 from tests.shaft.kinds import TURN
 from tests.shaft.textbook import textbook
+from textile_twin_core.compiling import records
 from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft.measurement_noise import adapt_jitter
+from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_family
+from textile_twin_core.shaft.settings import ShaftSettings
+from textile_twin_core.shaft.status import ROW, new_status
 
 RATE, FINE, NOISE = 1400.0, 20, 2e-4
 
@@ -59,3 +64,40 @@ def test_what_a_filter_follows_is_not_unmodelled(push: float, error: float) -> N
         off = found.omega_rad_s[late] - states[found.index[late], 1]
         inside.append(np.mean(np.abs(off) < found.sigma[late, 1]))
     assert 0.55 < np.median(inside) < 0.8
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_arm_that_stops_does_not_run_on(seed: int) -> None:
+    """Read at 50 Hz in steps of 0.1 mrad, by stamps 0.25 ms late, 1 rad/s and 10 rad/s^2 to and fro, with rests.
+
+    The noise of late stamps goes with the speed; as the process noise went with it, speeds ran on to 0.6 to 1.4 rad/s.
+    """
+    rng, fine = np.random.default_rng(seed), np.arange(0.0, 60.0, 1e-4)
+    speed = np.clip(14.5 - 10.0 * np.abs(fine % 4.5 - 2.25), 0.0, 1.0) * np.where(fine % 9.0 < 4.5, 1.0, -1.0)
+    speed[np.abs(speed) < 0.3] = 0.0
+    time = np.arange(0.0, 59.9, 0.02)
+    seen = np.interp(time + rng.normal(0.0, 2.5e-4, time.size), fine, np.cumsum(speed) * 1e-4)
+    states = create_estimator("causal").step(time, np.round(seen / 1e-4) * 1e-4)
+    at_rest = np.convolve(np.interp(time, fine, speed) == 0.0, np.ones(6))[: time.size][states.index] == 6.0
+    assert np.abs(states.omega_rad_s[at_rest & (states.index > 300)]).max() < 0.1
+
+
+def test_stamps_are_no_later_than_by_an_interval() -> None:
+    """Whatever is left as a swing dies out would be late stamps: 25 ms late, at intervals of 4 ms."""
+    status = new_status(ShaftSettings())
+    status["interval"], status["speed"], status["scale"] = 4e-3, 1e-4, 1.0
+    adapt_jitter(status[0], 1e-8)
+    assert 0.0 < status["jitter"][0] <= 4e-3**2
+
+
+def test_a_ripple_in_which_the_clock_stands_still_is_none() -> None:
+    """Of an arm that swings to and fro angles were right, but four speeds of five a fraction of what they should be."""
+    rows, status = records(ROW, 200), new_status(ShaftSettings())
+    time = np.arange(1.0, 201.0) * 0.01
+    rows["time"], rows["step"], rows["reading"], rows["angle"], rows["speed"] = time, 0.01, 5.0 * time, 5.0 * time, 5.0
+    rows["noise"] = rows["unit"] = 1e-6
+    status["interval"], status["scale"], status["waves"][0, 1] = 0.01, 1.0, 2
+    smoother = new_smoother(ShaftSettings(), rows.size)
+    for amplitude, valid in ((0.5, True), (0.9, False)):
+        status["ripple"][0, 0] = amplitude
+        assert np.isfinite(smooth_family(smoother, status, 1, rows, 1, 199)) == valid

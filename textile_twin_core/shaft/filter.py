@@ -28,6 +28,7 @@ MAX_HEARD = 1.5  # moves per interval, innovation up to which a rejected measure
 BUNCHED = 0.1  # of the mean interval: readings nearer to each other in time came late, together, and tell nothing
 USUAL_STEP = 1.5  # intervals up to which no sample was lost between two
 MOST_GAIN = 0.2  # of a single move in their mean, however few make a turn
+FORGET_NOISE = 0.9  # decay, per sample, of the noise that the process noise is relative to
 ADAPT_EVERY = 32.0  # samples between two adaptations of the jitter
 INTERVAL_SAMPLES, INTERVAL_EDGES = 500.0, 60.0  # memory of the mean interval; that of edges goes with the speed
 
@@ -171,7 +172,9 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
         status.move += (moved - status.move) * min(moved / TURN, MOST_GAIN)  # the mean of a turn
     for f in range(1, lanes.FAMILIES):
         families.begin_or_rest(status, f, turned)
-    strength = math.sqrt(noise * step / status.interval**5)  # of memory N: q = r / (N^6 T^5) (Kalata 1984)
+    # Of memory N: q = r / (N^6 T^5) (Kalata 1984). At a stop late stamps are no noise, but it is motion.
+    status.noise_of_late = max(noise, FORGET_NOISE * status.noise_of_late)
+    strength = math.sqrt(status.noise_of_late * step / status.interval**5)
     for f in range(lanes.FAMILIES - 1, -1, -1):
         if status.active[f] > 0.0:
             time_update(status, strength, step, lanes.FIRST[f], lanes.STOP[f])

@@ -182,5 +182,6 @@ def adapt_jitter(status: Record, noise: float) -> None:
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
         jitter = max(found - rounding_variance(status), 0.01 * found) / status.speed**2
+        jitter = min(jitter, status.interval**2)  # at a stop any noise would be that of stamps later than that
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (jitter - status.jitter)
     rescale(status, noise / measurement_variance(status))

@@ -43,6 +43,7 @@ _NUMBERS = (
     "auto", "low", "high",  # 1 if wrapping is found from the readings, and their range [rad]
     "edges", "resolution", "guessed",  # 1 for edges of teeth; encoder's step [rad], 1 if it is not known yet
     "correlated",  # readings that count as one, as their rounding errors are correlated
+    "noise_of_late",  # measurement variance that the process noise is relative to [rad^2]
     "jitter", "jitter_told",  # variance of the stamps [s^2], 1 if it is a setting
     "additive", "noise_at_rest",  # variance of other noise [rad^2], of late and as seen at rest
     "kept", "kept_at", "moved", "bent",  # last reading not rejected, its time, first and second difference per interval
