@@ -137,6 +137,8 @@ class Judge:
         self._known = set().union(*self._messages.values())
         self._checked = checked
         self.outcomes: Counter[str] = Counter()
+        self.salvaged = 0
+        """Recordings that were refused and of which salvaging gave messages."""
         self.slowest_s = 0.0
 
     def judge(self, spoilt: Path, said: str) -> None:
@@ -152,11 +154,25 @@ class Judge:
         except TwinError as error:
             assert "\n" not in str(error), (said, error)
             self.outcomes["refused in a line"] += 1
+            self._salvage(spoilt, said)
         except Exception as error:
             raise AssertionError(f"{said}: {type(error).__name__}: {error}") from error
         else:
             self.outcomes["read"] += 1
         self.slowest_s = max(self.slowest_s, time.monotonic() - started)
+
+    def _salvage(self, spoilt: Path, said: str) -> None:
+        """What recover would copy of a recording that is refused."""
+        try:
+            bag = open_bag(spoilt, salvage=True)
+        except RecordingError as error:
+            assert "\n" not in str(error), (said, error)
+            return
+        found = Counter((log_ns, raw) for _, log_ns, raw in bag.raw_messages())
+        assert bag.notices, f"{said}: salvaged in silence"
+        assert found.total() == bag.message_count, said
+        assert not self._checked or self._known.issuperset(found), f"{said}: a message that was never recorded"
+        self.salvaged += bool(found)
 
     def _read(self, spoilt: Path) -> None:
         bag, found = open_bag(spoilt), 0

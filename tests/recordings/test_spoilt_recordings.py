@@ -21,6 +21,7 @@ def test_spoilt_recordings_are_read_or_refused(tmp_path: Path) -> None:
     for name, judge in judges.items():
         assert judge.outcomes.total() == 200
         assert min(judge.outcomes.values()) >= 5, (name, judge.outcomes)
+        assert judge.salvaged >= judge.outcomes["refused in a line"] // 2, (name, judge.salvaged, judge.outcomes)
 
 
 def test_a_recording_cut_anywhere_gives_all_that_stands_before(tmp_path: Path) -> None:

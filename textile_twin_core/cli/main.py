@@ -23,7 +23,7 @@ COMMANDS = {
     "drive": "the motion of a machine under a drive torque: run-up, coast-down, speed ripple",
     "import": "a recording from any logger's table: CSV, Parquet, MATLAB",
     "monitor": "recordings watched for faults, turn by turn: needle side, drive side, sensors",
-    "recover": "a complete recording from one that a kill or a power loss cut off",
+    "recover": "a complete recording from one that was cut off or is damaged",
     "status": "a running suite in the terminal: rates, estimator, residual, alarms",
     "view": "show a recording in the viewer",
     "bench": "speed against error on this computer",

@@ -1,4 +1,4 @@
-"""textile-twin recover: a complete recording from one that was cut off."""
+"""textile-twin recover: a complete recording from one that was cut off or is damaged."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def parser() -> Parser:
     """The command's arguments."""
     parser = Parser(
         "recover",
-        "Copies what can be read of a recording that a kill or a power loss cut off into a complete one, with index"
-        " and metadata.yaml.",
+        "Copies what is whole of a recording that a kill or a power loss cut off, or that is damaged, into a complete"
+        " one, with index and metadata.yaml, and says what is lost.",
         "textile-twin recover recorded --out recovered",
     )
     parser.add_argument("bag", metavar="BAG", type=Path, help="a rosbag2 folder, complete or not, or an .mcap file")
@@ -28,7 +28,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Copy what is there."""
-    bag = open_bag(arguments.bag)
+    bag = open_bag(arguments.bag, salvage=True)
     for notice in bag.notices:
         print(f"textile-twin: {notice}", file=sys.stderr)
     if bag.message_count == 0:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import rosbag2_metadata
 from textile_twin_core.recordings.cdr_decode import MessageLayout, layouts
+from textile_twin_core.recordings.mcap_parts import DamageError
 from textile_twin_core.recordings.mcap_read import McapFile
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.recordings.other_storage import OtherFile
@@ -155,27 +158,54 @@ def _files_by_number(folder: Path) -> list[str]:
     return sorted((entry.name for entry in folder.glob("*.mcap")), key=lambda name: (len(name), name))
 
 
-def open_bag(path: str | Path) -> Bag:
+def open_bag(path: str | Path, salvage: bool = False) -> Bag:
     """Open a rosbag2 folder or a single .mcap file, also one cut off by a kill or a power loss.
+
+    Args:
+        path: the folder or file.
+        salvage: read all of it at once and leave out what is damaged, which the notices tell then.
 
     Raises RecordingError, one line, when there is no recording, it is damaged or of an unknown kind.
     """
     path = Path(path)
     if not path.exists():
         raise RecordingError(f"{path}: no such file or folder; give a rosbag2 folder or an .mcap file")
+    ignored: list[str] = []
+    custom_data: dict[str, str] = {}
     if path.is_file():
-        file = McapFile(path)
+        file = McapFile(path, salvage=salvage)
         embedded = file.metadata.get("rosbag2", {}).get("serialized_metadata", "")
-        return Bag(path, [file], rosbag2_metadata.custom_data(rosbag2_metadata.read_embedded(embedded, path), path))
-    info = rosbag2_metadata.read(path)
-    names = rosbag2_metadata.file_names(info, path) or _files_by_number(path)
+        with _ignoring(RecordingError, ignored, salvage):
+            custom_data = rosbag2_metadata.custom_data(rosbag2_metadata.read_embedded(embedded, path), path)
+        return Bag(path, [file], custom_data, ignored)
+    info: dict[str, Any] = {}
+    names: list[str] = []
+    with _ignoring(RecordingError, ignored, salvage):
+        info = rosbag2_metadata.read(path)
+        names = rosbag2_metadata.file_names(info, path)
+        custom_data = rosbag2_metadata.custom_data(info, path)
+    names = names or _files_by_number(path)
     if not names:
         raise RecordingError(f"{path}: not a bag, neither metadata.yaml nor an .mcap file is in this folder")
     files = [path / Path(name).name for name in names]
     missing = [file.name for file in files if not file.exists()]
     if missing:
         raise RecordingError(f"{path}: metadata.yaml names {missing[0]}, which is not in the folder; copy it there")
-    custom_data = rosbag2_metadata.custom_data(info, path)
     if info.get("compression_mode") or any(file.suffix != ".mcap" for file in files):
         return Bag(path, [OtherFile(path)], custom_data)
-    return Bag(path, [McapFile(file) for file in files], custom_data)
+    opened: list[McapFile] = []
+    for name in files:
+        with _ignoring(DamageError, ignored, salvage):
+            opened.append(McapFile(name, path, salvage))
+    return Bag(path, opened, custom_data, ignored)
+
+
+@contextmanager
+def _ignoring(kind: type[RecordingError], ignored: list[str], salvage: bool) -> Iterator[None]:
+    """Where a recording is salvaged, what cannot be read of it costs no more than itself, and a line."""
+    try:
+        yield
+    except kind as error:
+        if not salvage:
+            raise
+        ignored.append(f"left out: {str(error).partition(';')[0]}")

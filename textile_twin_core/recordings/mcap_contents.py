@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mmap
 import struct
-from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 
@@ -14,10 +13,9 @@ from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema, Statistics
 
+from textile_twin_core.recordings.mcap_framing import MAGIC, Framing
 from textile_twin_core.recordings.mcap_parts import LEAST_MESSAGE, Part
 
-MAGIC = b"\x89MCAP0\r\n"
-_HEAD = struct.Struct("<BQ")
 _LOOSE_BYTES = 1 << 20
 """Unchunked messages are handed on in blocks of about this many bytes."""
 
@@ -26,7 +24,7 @@ class Contents:
     """Schemas, channels, metadata and parts of a file; complete, unchunked and cut-off files are walked alike.
 
     `truncated` is set when the file ends without a footer; `told` is the number of messages of which its summary
-    speaks, None without one.
+    speaks, None without one; `lost` are the stretches, start and end, in which no record can be found.
     """
 
     def __init__(self, file: mmap.mmap) -> None:
@@ -37,6 +35,7 @@ class Contents:
         self.parts: list[Part] = []
         self.truncated = True
         self.told: int | None = None
+        self.lost: list[tuple[int, int]] = []
         self._scan()
 
     def describe(self, opcode: int, body: bytes) -> None:
@@ -61,7 +60,11 @@ class Contents:
     def _scan(self) -> None:
         loose: Part | None = None
         indexed: Part | None = None  # the chunk whose index follows
-        for opcode, start, end in walk(self._file, len(MAGIC), len(self._file)):
+        framing, reached = Framing(self._file, self.channels), len(MAGIC)
+        for opcode, start, end in framing:
+            if start != reached:  # past a stretch that is lost
+                loose = indexed = None
+            reached = end
             if opcode == Opcode.MESSAGE and end - start >= 9 + LEAST_MESSAGE:
                 (time,) = struct.unpack_from("<Q", self._file, start + 15)
                 if loose is None or start - loose.start > _LOOSE_BYTES:
@@ -81,9 +84,14 @@ class Contents:
                 self.describe(opcode, self._file[start + 9 : end])
             elif opcode == Opcode.FOOTER:
                 self.truncated = self._file[end : end + len(MAGIC)] != MAGIC
-                break
             if opcode != Opcode.MESSAGE_INDEX:
                 indexed = self.parts[-1] if opcode == Opcode.CHUNK else None
+        self.lost = framing.lost
+        if self.truncated and self.lost and self.lost[-1][1] == len(self._file):
+            if self._file[-len(MAGIC) :] == MAGIC:
+                self.truncated = False  # the end is there: what stands before it is damaged
+            else:
+                self.lost.pop()  # the last record was not written to its end
         if self.truncated and self.parts:
             # The index of the last chunk may be cut off between two channels: find its messages by walking.
             self.parts[-1].index.clear()
@@ -95,15 +103,3 @@ class Contents:
             if length == end - start - 6 and length % 16 == 0:
                 rows = np.frombuffer(self._file, "<i8", length // 8, start + 6)  # as it lies in the file
                 part.index[channel] = rows.reshape(-1, 2)
-
-
-def walk(buffer: mmap.mmap | bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """Records between start and end: (opcode, position, end), without an incomplete last one."""
-    unpack = _HEAD.unpack_from
-    while start + 9 <= end:
-        opcode, length = unpack(buffer, start)
-        after = start + 9 + length
-        if after > end:
-            return
-        yield opcode, start, after
-        start = after

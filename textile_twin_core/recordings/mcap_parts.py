@@ -8,10 +8,19 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from textile_twin_core.arrays import IntArray
+from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
 
 LEAST_MESSAGE = 22
 """Bytes of a message record before its CDR."""
+
+
+class DamageError(RecordingError):
+    """A chunk whose checksum, compression or records do not hold (`why` says which), or a file that is none."""
+
+    def __init__(self, message: str, why: str = "") -> None:
+        super().__init__(message)
+        self.why = why
 
 
 def decompress(compression: str, data: bytes, size: int) -> bytes:
@@ -41,6 +50,13 @@ class Part:
     chunked: bool
     index: dict[int, IntArray] = field(default_factory=dict)
     """Channel -> rows (log time, offset) of its messages; empty when the file does not tell."""
+    heads: IntArray | None = None
+    """Where the messages that are whole begin in a damaged chunk; None for one that is not damaged."""
+
+    @property
+    def told(self) -> int:
+        """Number of messages by the index; 0 without one."""
+        return sum(map(len, self.index.values()))
 
 
 @dataclass
@@ -53,6 +69,16 @@ class Messages:
     def channels(self) -> IntArray:
         """Channel of each message."""
         return gather(self.buffer, self.heads + 9, "<u2").astype(np.int64)
+
+    def counts(self) -> dict[int, int]:
+        """Messages of each channel."""
+        ids, numbers = np.unique(self.channels(), return_counts=True)
+        return {int(channel): int(number) for channel, number in zip(ids, numbers, strict=True)}
+
+    def span_ns(self) -> tuple[int, int]:
+        """Log times of the first and last message of which there is at least one."""
+        times = gather(self.buffer, self.heads + 15, "<u8")
+        return int(times.min()), int(times.max())
 
     def block(self, which: IntArray) -> MessageBlock:
         """The chosen messages."""
@@ -77,6 +103,25 @@ def find_gaps(buffer: Bytes, heads: IntArray) -> list[tuple[int, int]] | None:
         return None
     wide = np.flatnonzero(ends_ofgaps > starts_ofgaps)
     return [(int(starts_ofgaps[k]), int(ends_ofgaps[k])) for k in wide]
+
+
+def find_whole(buffer: Bytes, part: Part) -> IntArray:
+    """Heads of the messages of a damaged chunk, not compressed, that its index tells rightly: channel and log time."""
+    rows = [np.column_stack([np.full(len(table), channel), table]) for channel, table in part.index.items()]
+    table = np.concatenate(rows) if rows else np.empty((0, 3), np.int64)
+    table = table[np.argsort(table[:, 2], kind="stable")]
+    table = table[(table[:, 2] >= 0) & (table[:, 2] <= len(buffer) - 9 - LEAST_MESSAGE)]
+    heads: IntArray = table[:, 2]
+    right = buffer[heads] == Opcode.MESSAGE
+    right &= gather(buffer, heads + 9, "<u2") == table[:, 0]
+    right &= gather(buffer, heads + 15, "<u8").astype(np.int64) == table[:, 1]
+    heads = heads[right]
+    if len(heads) == 0:
+        return heads
+    lengths = gather(buffer, heads + 1, "<u8")
+    room = np.append(heads[1:], len(buffer)) - heads - 9
+    heads = heads[(lengths >= LEAST_MESSAGE) & (lengths <= np.maximum(room, 0).astype(np.uint64))]
+    return heads
 
 
 def what_it_is(head: bytes) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+import shlex
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -15,8 +16,19 @@ from mcap.records import Channel
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock
-from textile_twin_core.recordings.mcap_contents import MAGIC, Contents, walk
-from textile_twin_core.recordings.mcap_parts import LEAST_MESSAGE, Messages, Part, decompress, find_gaps, what_it_is
+from textile_twin_core.recordings.mcap_contents import Contents
+from textile_twin_core.recordings.mcap_damage import Damage
+from textile_twin_core.recordings.mcap_framing import MAGIC, walk
+from textile_twin_core.recordings.mcap_parts import (
+    LEAST_MESSAGE,
+    DamageError,
+    Messages,
+    Part,
+    decompress,
+    find_gaps,
+    find_whole,
+    what_it_is,
+)
 from textile_twin_core.recordings.rosbag2_metadata import OfferedQos, TopicInfo
 from textile_twin_core.recordings.schemas import MessageSchema
 
@@ -25,23 +37,37 @@ class McapFile:
     """One MCAP file, opened: its channels, its message counts and its messages in blocks.
 
     `truncated` is set when the file ends without a footer, as after a kill; what is whole is read.
-    Raises RecordingError for a file that is no MCAP file or is damaged in the middle.
+
+    Args:
+        path: the file.
+        recording: the recording it belongs to; None when it is one by itself.
+        salvage: unpack everything now and leave out what is damaged, which `notices` tells then.
+
+    Raises RecordingError for a file that is no MCAP file, and, unless it is salvaged, for a damaged chunk: here or
+    when it is reached.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, recording: Path | None = None, salvage: bool = False) -> None:
+        self.path, self._recording = path, recording or path
         try:
             with path.open("rb") as file:
                 head = file.read(len(MAGIC))
-                if head != MAGIC:
-                    raise RecordingError(f"{path}: {what_it_is(head)}; give a rosbag2 folder or an .mcap file")
+                other = "give a rosbag2 folder or an .mcap file" if path == self._recording else self._way_out
+                no_bag = DamageError(f"{path}: {what_it_is(head)}; {other}")
+                if head != MAGIC and not (salvage and head):
+                    raise no_bag
                 self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error
         self._bytes: Bytes = np.frombuffer(self._map, np.uint8)
         self._contents = Contents(self._map)
         self.truncated, self.metadata = self._contents.truncated, self._contents.metadata
-        self.counts = self._count()
+        self._damage = Damage(self._contents.lost)
+        if head != MAGIC and not self._contents.parts:
+            raise no_bag
+        if salvage:
+            self._salvage()
+        self.counts = self._count(salvage)
         self._let_go()
 
     @property
@@ -68,30 +94,68 @@ class McapFile:
     @property
     def notices(self) -> list[str]:
         """What the user should know of the file, one line each."""
+        lines = []
         if self.truncated:
-            return [f"{self.path}: the recording was cut off; what was written before that is read"]
-        found = sum(self.counts.values())
-        if self._contents.told is not None and found != self._contents.told:
-            return [f"{self.path}: damaged: {found} of {self._contents.told} messages are found"]
-        return []
+            lines.append(f"{self.path}: the recording was cut off; what was written before that is read")
+        damage = self._damage.words(sum(self.counts.values()), self._contents.told, self.span_ns())
+        if damage:
+            lines.append(f"{self.path}: damaged: {damage}")
+        return lines
 
-    def _count(self) -> dict[int, int]:
+    def _count(self, salvage: bool) -> dict[int, int]:
         counts: dict[int, int] = {}
         for part in self._contents.parts:
             found = {channel: len(rows) for channel, rows in part.index.items()}
             if not found or not all(channel in self._contents.channels for channel in found):
                 # No index, or no summary: the channels are declared inside the chunks alone.
                 part.index.clear()
-                ids, numbers = np.unique(self.messages(part).channels(), return_counts=True)
-                found = {int(channel): int(number) for channel, number in zip(ids, numbers, strict=True)}
+                found = self.messages(part).counts()
             for channel, number in found.items():
                 counts[channel] = counts.get(channel, 0) + number
         unknown = sorted(channel for channel in counts if channel not in self._contents.channels)
-        if unknown:
-            raise RecordingError(f"{self.path}: messages of channel {unknown[0]}, which the file does not declare")
+        if unknown and not salvage:
+            raise RecordingError(
+                f"{self.path}: messages of channel {unknown[0]}, which the file does not declare; {self._way_out}"
+            )
+        self._damage.undeclared = sum(counts.pop(channel) for channel in unknown)
         return counts
 
-    def _unpack(self, part: Part) -> bytes:
+    def _salvage(self) -> None:
+        """Unpack every part; leave out what is damaged, and trust no index and no span that do not fit."""
+        parts = self._contents.parts
+        for part in tuple(parts):
+            try:
+                messages = self.messages(part)
+            except DamageError as error:
+                part.heads = self._whole_heads(part)
+                messages = Messages(self._bytes, part.heads) if not len(part.heads) else self.messages(part)
+                self._damage.add(part, error.why)
+            found = messages.counts()
+            if found != {channel: len(rows) for channel, rows in part.index.items()}:
+                part.index.clear()
+            if not found:
+                parts.remove(part)
+                continue
+            part.first_ns, part.last_ns = messages.span_ns()
+            self._let_go()
+
+    def _whole_heads(self, part: Part) -> IntArray:
+        """What can be told of the messages of a damaged chunk: those of one that has no checksum to be wrong.
+
+        Without an index they are those that stand before the damage, but for the last, whose length may be it.
+        """
+        try:
+            unpacked, _ = self._unpack(part)
+        except DamageError:
+            return np.empty(0, np.int64)
+        if part.index:
+            return find_whole(np.frombuffer(unpacked, np.uint8), part)
+        heads = [(s, opcode, end - s) for opcode, s, end in walk(unpacked, 0, len(unpacked))][:-1]
+        whole = [s for s, opcode, size in heads if opcode == Opcode.MESSAGE and size >= 9 + LEAST_MESSAGE]
+        return np.array(whole, np.int64)
+
+    def _unpack(self, part: Part) -> tuple[bytes, bool]:
+        """The records of a chunk, and whether a checksum vouches for them."""
         _, _, size, crc, name_length = struct.unpack_from("<QQQII", self._map, part.start + 9)
         name_start = part.start + 9 + 32
         compression = self._map[name_start : name_start + name_length].decode(errors="replace")
@@ -106,10 +170,15 @@ class McapFile:
             raise self._damaged(part, f"{compression} cannot unpack it") from error
         if len(unpacked) != size or (crc and zlib.crc32(unpacked) != crc):
             raise self._damaged(part, "its checksum does not match")
-        return unpacked
+        return unpacked, crc != 0
 
-    def _damaged(self, part: Part, why: str) -> RecordingError:
-        return RecordingError(f"{self.path}: the chunk at byte {part.start} is damaged: {why}")
+    def _damaged(self, part: Part, why: str) -> DamageError:
+        where = f"{self.path}: the chunk at byte {part.start} is damaged"
+        return DamageError(f"{where}: {why}; {self._way_out}", why)
+
+    @property
+    def _way_out(self) -> str:
+        return f"textile-twin recover {shlex.quote(str(self._recording))} --out DIR keeps what is whole"
 
     def messages(self, part: Part) -> Messages:
         """Messages of a part, found by its index where that is complete, by walking where it is not."""
@@ -117,22 +186,29 @@ class McapFile:
             records = walk(self._map, part.start, part.end)
             found = [s for opcode, s, end in records if opcode == Opcode.MESSAGE and end - s >= 9 + LEAST_MESSAGE]
             return Messages(self._bytes, np.array(found, np.int64))
-        unpacked = self._unpack(part)
+        unpacked, checked = self._unpack(part)
         buffer: Bytes = np.frombuffer(unpacked, np.uint8)
+        if part.heads is not None:
+            return Messages(buffer, part.heads)
         heads = self._indexed(buffer, part)
         gaps = find_gaps(buffer, heads)
         if gaps is None:
             heads, gaps = np.empty(0, np.int64), [(0, len(buffer))]
         extra: list[int] = []
+        complete = True
         for gap_start, gap_end in gaps:
+            reached = gap_start
             for opcode, start, end in walk(unpacked, gap_start, gap_end):
                 if opcode == Opcode.MESSAGE and end - start >= 9 + LEAST_MESSAGE:
                     extra.append(start)
                 elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     self._contents.describe(opcode, unpacked[start + 9 : end])
-        told = sum(map(len, part.index.values()))
-        if len(heads) + len(extra) < told:
-            raise self._damaged(part, f"{len(heads) + len(extra)} of its {told} messages are found")
+                reached = end
+            complete &= reached == gap_end
+        if not checked and len(heads) + len(extra) < part.told:
+            raise self._damaged(part, f"{len(heads) + len(extra)} of its {part.told} messages are found")
+        if not checked and not complete:
+            raise self._damaged(part, "its records do not fill it")
         if extra:
             heads = np.sort(np.concatenate([heads, np.array(extra, np.int64)]))
         return Messages(buffer, heads)

@@ -46,11 +46,13 @@ class Recording:
     notices: what the user should know about the recording, one line each.
     """
 
-    def __init__(self, path: Path, files: Sequence[RecordedFile], metadata: dict[str, str]) -> None:
+    def __init__(
+        self, path: Path, files: Sequence[RecordedFile], metadata: dict[str, str], notices: Sequence[str] = ()
+    ) -> None:
         self.path = path
         self.metadata = metadata
         self.truncated = any(file.truncated for file in files)
-        self.notices = [notice for file in files for notice in file.notices]
+        self.notices = [*notices] + [notice for file in files for notice in file.notices]
         self._files = files
         self._channels: dict[str, list[set[int]]] = {}
         self.topics: dict[str, TopicInfo] = {}
