@@ -68,6 +68,44 @@ def test_friction_and_loads_that_nobody_declared_are_not_taken_for_the_torque_se
     assert said["unmodelled_friction"].value == pytest.approx(0.5, abs=0.1)
 
 
+@pytest.mark.parametrize("offset_Nm", [0.15, -0.2])
+def test_an_offset_too_small_to_accuse_anybody_is_written_all_the_same(offset_Nm: float) -> None:
+    """And the RMS that is told is that of the machine that is written."""
+    case = healthy("tufting", 955)
+    case = replace(case, torque=replace(case.torque, offset_Nm=offset_Nm))
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    found = calibrate(readings, told_machine(case))
+    assert found.assessment.verdict == ()
+    assert found.offset_Nm.value == pytest.approx(offset_Nm, abs=min(5.0 * found.offset_Nm.sigma, 0.04))
+    assert found.machine.sensors.torque.offset_Nm == found.offset_Nm.value
+    again = calibrate(readings, found.machine)
+    assert again.rms_before_Nm == pytest.approx(found.rms_after_Nm, rel=0.01)
+    assert found.rms_after_Nm == pytest.approx(0.08, rel=0.1)
+
+
+def test_a_shaft_held_at_rest_is_no_offset(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A brake's torque, gone while the shaft turns."""
+    monkeypatch.setattr(mill_recordings, "run_up_and_down", plan_of((0.0, 0.0), (4.0, 0.0), (7.0, 1.0), (24.0, 1.0)))
+    case = healthy("tufting", 957)
+    made = record(case)
+    held = made.torque_stamps_ns < START_NS + 3_900_000_000
+    torque = made.torque + np.where(held, 0.2, 0.0)
+    found = calibrate(Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, torque), told_machine(case))
+    assert found.offset_Nm.value == 0.0
+
+
+def test_the_rms_that_is_told_leaves_in_what_the_file_does_not_get() -> None:
+    case = healthy("tufting", 956)
+    case = replace(case, friction=replace(case.friction, coulomb_Nm=case.friction.coulomb_Nm + 1.0))
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    found = calibrate(readings, told_machine(replace(case, friction=healthy("tufting", 956).friction)))
+    again = calibrate(readings, found.machine)
+    assert again.rms_before_Nm == pytest.approx(found.rms_after_Nm, rel=0.01)
+    assert found.rms_beside_Nm < 0.1 < 0.9 < found.rms_after_Nm
+
+
 def test_a_recording_of_another_machine_gives_no_calibration() -> None:
     case = replace(healthy("tufting", 953, duration_s=12.0), told_machine="loom")
     made = record(case)

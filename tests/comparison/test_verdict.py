@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -128,3 +129,36 @@ def test_a_track_that_is_there_already_serves_as_well() -> None:
     assert with_it.explained == pytest.approx(again.explained, abs=1e-6)
     assert with_it.explained > 0.99
     assert with_it.verdict == again.verdict == ()
+
+
+def _driver_set_right(made: MillRecording, before_s: float) -> MillRecording:
+    """A driver that told degrees for a while, without torque beside them, and was started again two seconds before."""
+    stamps = made.angle_stamps_ns[0] - 2_000_000_000 - np.arange(int(before_s * 500.0))[::-1] * 2_000_000
+    degrees = np.degrees(16.755) * (stamps - stamps[0]) * 1e-9
+    return replace(
+        made,
+        angle_stamps_ns=np.concatenate([stamps, made.angle_stamps_ns]),
+        angle=np.concatenate([degrees, made.angle]),
+    )
+
+
+def test_angles_without_torque_before_a_recording_accuse_nobody() -> None:
+    """In degrees, so that the angle in radians begins anew each turn without being seen to do so."""
+    case = healthy("tufting", 908, run_up=False, duration_s=20.0)
+    made, machine = _driver_set_right(record(case), 14.0), told_machine(case)
+    angles = AngleSamples("main_shaft/angle", made.angle_stamps_ns, made.angle, None, True)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    for track in (None, recompute(angles, machine).track):
+        found = assess(readings, machine, track)
+        assert [cause.text for cause in found.verdict] == []
+        assert found.unit.name == "radians"
+        assert found.explained > 0.99
+
+
+def test_settings_far_off_that_make_up_for_each_other_accuse_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A few wild states of the shaft, which the configured settings leave out as well as any."""
+    module = sys.modules["textile_twin_core.comparison.assess"]
+    monkeypatch.setattr(module, "without_turns", lambda track, _: track)
+    case = healthy("tufting", 908, run_up=False, duration_s=20.0)
+    found = judged(case, _driver_set_right(record(case), 14.0))
+    assert {"encoder_zero", "delay"}.isdisjoint(cause.cause for cause in found.verdict)

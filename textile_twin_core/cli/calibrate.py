@@ -16,6 +16,9 @@ from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
 from textile_twin_core.files import save_machine_file
 from textile_twin_core.machine import Machine
 
+_MUCH_LESS = 0.9
+"""Share of the RMS error below which what is left beside friction and loads is worth a line."""
+
 
 def parser() -> Parser:
     """The command's arguments."""
@@ -84,6 +87,8 @@ def _print(found: Calibration) -> None:
         ("RMS error before", f"{found.rms_before_Nm:.4g} N m"),
         ("RMS error after", f"{found.rms_after_Nm:.4g} N m"),
     ]
+    if found.rms_beside_Nm < _MUCH_LESS * found.rms_after_Nm:
+        rows += [("  friction, loads fitted", f"{found.rms_beside_Nm:.4g} N m; the file has them as before: identify")]
     rows += [("was wrong", cause.text) for cause in found.assessment.verdict]
     rows += [("not told", f"{each.text}; it takes {each.recording}") for each in found.ambiguous]
     rows += [("note", note) for note in found.assessment.notes]

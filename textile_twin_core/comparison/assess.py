@@ -10,6 +10,7 @@ import numpy as np
 from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
 from textile_twin_core.comparison.explain import Explanation, explain
+from textile_twin_core.comparison.leaps import without_turns
 from textile_twin_core.comparison.periodic import best_periodic
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
 from textile_twin_core.comparison.search import LONGEST_DELAY_S, RATIOS
@@ -22,6 +23,8 @@ OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
 """Units that are tried for an angle that never begins anew, when radians explain little."""
 SOME_LEAPS = 3
 """Of the angle, from which they are told: a single one may be an encoder that slipped, which `FaultWatch` names."""
+_FEWEST_ANGLES = 64
+"""While there is torque, that show the unit by themselves."""
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
 _WHEEL = (
     "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
@@ -60,10 +63,10 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
     `track` is the shaft's motion where it was estimated before, of angles in radians, from the first angle's stamp on.
     Raises RecordingError when there are too few samples for a motion of the shaft.
     """
-    unit = angle_unit(readings.angle)
+    unit = _unit(readings)
     terms = TorqueTerms(machine)
     if track is not None and unit.name == "radians":
-        evidence = evidence_of(readings, track, terms, int(readings.angle_stamps_ns[0]))
+        evidence = evidence_of(readings, track, terms, int(readings.angle_stamps_ns[0]), _encoder_turn(machine))
     else:
         evidence = gather(readings, machine, terms, unit)
     reason = nothing_to_tell(evidence)
@@ -93,6 +96,20 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
     return Assessment(unit, found, tuple(named), notes)
 
 
+def _unit(readings: Readings) -> AngleUnit:
+    """The unit in which the angle is logged while there is torque, or all the time where that does not show it.
+
+    A driver may have been set right before the torque sensor was switched on.
+    """
+    stamps, measured = readings.angle_stamps_ns, readings.torque_stamps_ns[np.isfinite(readings.torque)]
+    inside = (stamps >= measured[0]) & (stamps <= measured[-1])
+    if np.count_nonzero(np.isfinite(readings.angle[inside])) >= _FEWEST_ANGLES:
+        unit = angle_unit(readings.angle[inside])
+        if unit.wrapped:
+            return unit
+    return angle_unit(readings.angle)
+
+
 def configured_settings(machine: Machine) -> Settings:
     """What a machine says of its sensors, for a track of its own ratio."""
     encoder, sensor = machine.sensors.encoder, machine.sensors.torque
@@ -113,18 +130,23 @@ def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: Angle
     encoder = machine.sensors.encoder
     encoder = replace(encoder, ratio=encoder.ratio * ratio)
     track = shaft_track(readings.angle_stamps_ns, angle, speed, origin_ns=origin, encoder=encoder)
-    return evidence_of(readings, track, terms, origin)
+    return evidence_of(readings, track, terms, origin, TURN * encoder.ratio)
 
 
-def evidence_of(readings: Readings, track: ShaftTrack, terms: TorqueTerms, origin_ns: int) -> Evidence:
-    """Measured torque beside a track of the shaft, of which only that time counts in which there is torque."""
+def evidence_of(
+    readings: Readings, track: ShaftTrack, terms: TorqueTerms, origin_ns: int, encoder_turn_rad: float
+) -> Evidence:
+    """Measured torque beside a track of the shaft, of which only that time counts in which there is torque.
+
+    `encoder_turn_rad`: what a turn of the encoder is of the shaft.
+    """
     stamps = readings.torque_stamps_ns
     good = np.isfinite(readings.torque)
     good[1:] &= np.diff(stamps) > 0
     time: np.ndarray = (stamps[good] - origin_ns) * 1e-9
     fast = fast_speed(track.omega_rad_s)
     beside = min(LONGEST_DELAY_S, 0.5 * TURN / fast) if fast > 0.0 else LONGEST_DELAY_S  # for what delays are tried
-    track = track.between(time[0] - beside, time[-1] + beside)
+    track = without_turns(track.between(time[0] - beside, time[-1] + beside), encoder_turn_rad)
     # A drift is told from a delay by the time in which the shaft turns, of which the rests may leave but an end.
     turning = track.time_s[np.abs(track.omega_rad_s) >= REST_SHARE * fast]
     middle = 0.5 * float(turning[0] + turning[-1]) if turning.size else 0.5 * float(time[0] + time[-1])

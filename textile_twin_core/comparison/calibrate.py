@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.comparison.assess import Assessment, assess
+from textile_twin_core.comparison.evidence import Settings
 from textile_twin_core.comparison.explain import ALL_SAMPLES, Explanation
 from textile_twin_core.comparison.identifiable import identifiable
 from textile_twin_core.comparison.readings import Readings
+from textile_twin_core.comparison.rest import rest_reading
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings
 from textile_twin_core.comparison.shaft_track import TURN
@@ -26,7 +28,7 @@ from textile_twin_core.machine.sensors import Sensors, TorqueSensor
 _TOLD = 0.005
 """Sigma over value from which on a gain is not told apart from the loads."""
 _LEAST_LOAD, _SIGMAS = 0.01, 4.0
-"""By so much, and so many standard deviations, loads are other than declared."""
+"""By so much, and so many standard deviations, loads are other than declared; the latter holds for offsets, too."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,8 @@ class Calibration:
         angle_unit: of the logged angle. direction, ratio, zero_rad: the encoder's.
         sign, unit_factor, unit: of the torque. gain, offset_Nm, delay_s: of the torque sensor.
         ambiguous: what this recording cannot tell.
+        rms_before_Nm, rms_after_Nm: of the residual while the shaft turns, with the sensors as they were and as settled.
+        rms_beside_Nm: what is left when friction, loads and drift that the file does not get are taken off too.
         assessment: the verdict on the settings as they were. machine: the machine with the sensors settled.
     """
 
@@ -64,6 +68,7 @@ class Calibration:
     ambiguous: tuple[Ambiguity, ...]
     rms_before_Nm: float
     rms_after_Nm: float
+    rms_beside_Nm: float
     assessment: Assessment
     machine: Machine
 
@@ -86,6 +91,7 @@ class Calibration:
                 "ambiguous": [dataclasses.asdict(each) for each in self.ambiguous],
                 "rms_before_Nm": self.rms_before_Nm,
                 "rms_after_Nm": self.rms_after_Nm,
+                "rms_beside_Nm": self.rms_beside_Nm,
                 "explained": self.assessment.explained,
                 "verdict": [dataclasses.asdict(cause) for cause in self.assessment.verdict],
                 "notes": list(self.assessment.notes),
@@ -109,7 +115,8 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
     if 1.0 - found.explained > NOT_THIS_MACHINE and any(c.cause == "other_machine" for c in assessment.verdict):
         text = next(cause.text for cause in assessment.verdict if cause.cause == "other_machine")
         raise RecordingError(f"no calibration from this recording: {text}")
-    fit, told = _beside_loads(found, _final_fit(found))
+    fit, at_rest = _with_rest(found, _final_fit(found))
+    fit, told = _beside_loads(found, fit)
     known = estimates(fit)
     settings = fit.settings
     turned = settings.direction * machine.sensors.encoder.ratio * settings.ratio / found.configured.ratio
@@ -117,7 +124,7 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
     zero = known.get("zero_rad", Estimate(settings.zero_rad)).scaled(1.0 / turned)
     zero = zero.scaled(1.0, _whole_turns(zero.value, machine.sensors.encoder.zero_rad, TURN / abs(turned)))
     gain = known.get("gain", Estimate(settings.gain)).scaled(1.0 / near.gain)
-    offset = known.get("offset_Nm", found.offset_at_rest or Estimate(settings.offset_Nm))
+    offset = known.get("offset_Nm", at_rest or Estimate(settings.offset_Nm))
     delay = known.get("delay_s", Estimate(settings.delay_s))
     encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=settings.direction, ratio=abs(turned))
     sensor = TorqueSensor(settings.gain, offset.value, delay.value)
@@ -133,8 +140,9 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
         offset_Nm=offset,
         delay_s=delay,
         ambiguous=tuple(_ambiguous(assessment, found, fit, abs(turned), told)),
-        rms_before_Nm=_rms(found),
-        rms_after_Nm=fit.rms,
+        rms_before_Nm=_rms(found, found.configured),
+        rms_after_Nm=_rms(found, _sensors_alone(settings, found.configured)),
+        rms_beside_Nm=fit.rms,
         assessment=assessment,
         machine=replace(machine, sensors=Sensors(encoder, sensor)),
     )
@@ -158,20 +166,54 @@ def _final_fit(found: Explanation) -> SettingsFit:
     return fit_settings(found.evidence.thinned(ALL_SAMPLES), found.settings, free)
 
 
+def _with_rest(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, Estimate | None]:
+    """The fit with the torque sensor's offset as the shaft at rest shows it, and that offset where there is one.
+
+    It counts by its sigma: what is too small to accuse anybody of is an offset all the same, which left out reads as
+    friction. A shaft held at rest shows a torque that is gone while it turns, or whose friction would help it on.
+    """
+    if found.offset_at_rest is not None or not found.rest_tells or "constant_Nm" not in fit.free:
+        return fit, found.offset_at_rest
+    settings, turning = fit.settings, estimates(fit)["constant_Nm"]
+    shown = rest_reading(found.evidence, settings)
+    if shown is None or not (_significant(shown) and _significant(turning)):
+        return fit, None
+    way = float(np.sign(settings.direction * found.evidence.working_speed()))
+    friction = settings.constant_Nm - shown.value * way / settings.gain
+    sigma = math.hypot(turning.sigma, shown.sigma / settings.gain)
+    if friction < -found.evidence.terms.coulomb_Nm - _SIGMAS * sigma:
+        return fit, None
+    start = replace(settings, constant_Nm=friction, offset_Nm=settings.offset_Nm + shown.value)
+    fit = fit_settings(found.evidence.thinned(ALL_SAMPLES), start, fit.free)
+    return fit, shown.scaled(1.0, settings.offset_Nm)
+
+
+def _significant(estimate: Estimate) -> bool:
+    return abs(estimate.value) > _SIGMAS * estimate.sigma
+
+
 def _beside_loads(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, bool]:
     """The fit with the loads free too, where they are other than declared; whether gain and loads can be told apart.
 
     Loads a little stronger than declared, too little to be named as a departure, are no gain of the sensor.
     """
-    if "load" in fit.free or not found.evidence.terms.has_load:
+    if not found.evidence.terms.has_load:
         return fit, True
+    told = found.configured.load
+    if "load" in fit.free:
+        load = estimates(fit)["load"]
+        if abs(load.value - told) > max(_LEAST_LOAD, _SIGMAS * load.sigma):
+            return fit, True
+        # What the verdict took for loads is all of the gain, once that is free.
+        free = [name for name in fit.free if name != "load"]
+        return fit_settings(found.evidence.thinned(ALL_SAMPLES), replace(fit.settings, load=told), free), True
     beside = fit_settings(found.evidence.thinned(ALL_SAMPLES), fit.settings, {*fit.free, "load"})
     kept, _ = identifiable(beside.jacobian[beside.good], beside.free, ("load",))
     known = estimates(beside)
     gain, load = known["gain"], known["load"]
     if "load" not in kept or gain.sigma > _TOLD * abs(gain.value):
         return fit, False
-    away = abs(load.value - found.configured.load)
+    away = abs(load.value - told)
     return (beside if away > max(_LEAST_LOAD, _SIGMAS * load.sigma) else fit), True
 
 
@@ -231,9 +273,15 @@ def _whole_turns(value: float, near: float, turn: float) -> float:
     return turn * float(np.rint((near - value) / turn))
 
 
-def _rms(found: Explanation) -> float:
-    """RMS with the configured settings."""
+def _sensors_alone(settings: Settings, configured: Settings) -> Settings:
+    """What a machine file gets of settings: those of the sensors; friction, loads and drift stay as configured."""
+    beside = ("drift", "load", "constant_Nm", "viscous_Nms", "inertia_kgm2")
+    return settings.changed({name: getattr(configured, name) for name in beside})
+
+
+def _rms(found: Explanation, settings: Settings) -> float:
+    """RMS of the residual with some settings, over samples of the turning shaft [N m]."""
     evidence = found.evidence.thinned()
-    states = evidence.states(found.configured)
-    left = (evidence.torque_Nm - evidence.expected(found.configured, states))[states.good]
+    states = evidence.states(settings)
+    left = (evidence.torque_Nm - evidence.expected(settings, states))[states.good]
     return float(np.sqrt(np.mean(left**2))) if left.size else math.nan

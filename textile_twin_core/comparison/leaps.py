@@ -1,0 +1,54 @@
+"""Leaps of the shaft's angle that no shaft makes, found in its track, and the parts between them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.shaft_track import ShaftTrack
+
+_LEAST_RAD = 0.02
+"""By so much the angle moves beyond what the speeds on either side make of it, or it does not leap."""
+
+_LATE = 5
+
+
+def leaps_of(track: ShaftTrack) -> FloatArray:
+    """(n - 1,) by how much the angle leaps from each state to the next [rad]; 0 where it does not, and over gaps.
+
+    Where the encoder slips the estimator lets the angle follow and keeps the speed: the two then disagree.
+    """
+    if track.leaps == 0:
+        return np.zeros(max(track.time_s.size - 1, 0))
+    step, omega, alpha = np.diff(track.time_s), track.omega_rad_s, track.alpha_rad_s2
+    turned = step * (0.5 * (omega[1:] + omega[:-1]) - step * np.diff(alpha) / 12.0)
+    beyond = np.diff(track.theta_rad) - turned
+    return np.where((np.abs(beyond) > _LEAST_RAD) & (step <= track.longest_s), beyond, 0.0)
+
+
+def without_turns(track: ShaftTrack, encoder_turn_rad: float) -> ShaftTrack:
+    """The track without leaps by whole turns of the encoder, `encoder_turn_rad` of the shaft each.
+
+    An angle that begins anew without having been seen to do so, as after one in another unit, makes one each turn.
+    """
+    leaps = leaps_of(track)
+    turns = np.rint(leaps / encoder_turn_rad)
+    turns[np.abs(leaps - turns * encoder_turn_rad) > _LEAST_RAD] = 0.0
+    if not turns.any():
+        return track
+    theta = track.theta_rad.copy()
+    theta[1:] -= encoder_turn_rad * np.cumsum(turns)
+    return replace(track, theta_rad=theta)
+
+
+def parts_between(track: ShaftTrack) -> list[tuple[float, float]]:
+    """First and last time [s] of the parts of a track in which its angle does not leap.
+
+    A slip is known some readings late, so the last ones before it belong to neither part.
+    """
+    at = np.flatnonzero(leaps_of(track))
+    first = np.concatenate([[0], at + 1])
+    last = np.concatenate([at - _LATE, [track.time_s.size - 1]])
+    return [(float(track.time_s[a]), float(track.time_s[b])) for a, b in zip(first, last, strict=True) if b > a]
