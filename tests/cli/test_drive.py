@@ -44,3 +44,11 @@ def test_mistakes_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
         assert main(["drive", "tufting", "--torque", torque, "--time", "1", "--out", out]) == 2
         error = capsys.readouterr().err
         assert says in error and error.count("\n") == 1
+
+
+def test_the_table_of_torques_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "torque.csv"
+    table.write_text("time_s,torque_Nm\n0,10\n1,10\n")
+    assert main(["drive", "tufting", "--torque", str(table), "--time", "0.1", "--out", str(table)]) == 2
+    assert "would be lost" in capsys.readouterr().err
+    assert table.read_text().startswith("time_s,torque_Nm\n")

@@ -11,6 +11,7 @@ import numpy as np
 from textile_twin_core.cli.arguments import Parser, add_machine, count, number, positive
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
+from textile_twin_core.cli.places import check_ending, keep_input
 from textile_twin_core.dynamics.drive_torque import DriveTorque, TorqueOverAngle, TorqueOverTime
 from textile_twin_core.files import check_folder, write_table
 from textile_twin_core.machine.drive import drive
@@ -45,8 +46,8 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, write the motion, tell what happened on the way."""
-    if arguments.out.suffix not in _SUFFIXES:
-        raise UsageError(f"--out {arguments.out}: must end in {' or '.join(_SUFFIXES)}")
+    check_ending("--out", arguments.out, *_SUFFIXES)
+    keep_input("--out", arguments.out, Path(arguments.torque))
     if arguments.samples < 2:
         raise UsageError("--samples: a motion has two or more")
     machine = load_linkage(arguments.machine, arguments.set)
