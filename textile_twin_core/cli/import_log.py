@@ -11,11 +11,12 @@ from textile_twin_core.cli.arguments import Parser, number, positive
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.recordings import BagWriter
+from textile_twin_core.recordings.log_columns import choose
 from textile_twin_core.recordings.log_import import RawChannels, Wishes, import_log
 from textile_twin_core.recordings.log_read import read_log
 
 _KINDS = {
-    "time": "s, ms, us, ns, min",
+    "time": "s, ms, us, ns, min, hours, days",
     "angle": "deg, rad, rev, gon, or the counts of a turn",
     "torque": "N m, N cm, N mm, kN m, lbf ft, ..",
     "speed": "rpm, rad/s, deg/s, rev/s",
@@ -87,6 +88,8 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"{kind:7} {text}")
     if "torque" not in taken and not quantities:
         print("torque  none in this log; name its column with --torque if there is one")
+        for name in choose("torque", columns.left_out):
+            print(f"note    column '{name}' holds {columns.left_out[name]}, no numbers")
     for topic, count in counts.items():
         print(f"{topic}  {count} messages")
 
