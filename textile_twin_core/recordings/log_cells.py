@@ -20,7 +20,7 @@ _DATE_ALONE = r"^([0-9]{2})\.([0-9]{2})\.([0-9]{4})$"
 
 
 @dataclass(eq=False, repr=False)
-class Log(dict[str, FloatArray]):
+class LogTable(dict[str, FloatArray]):
     """Columns by name, float64 (n,), NaN where a cell is empty or no number.
 
     dated: columns that were dates, times of day or durations, now seconds. left_out: columns without numbers, and what
@@ -31,21 +31,21 @@ class Log(dict[str, FloatArray]):
     left_out: dict[str, str] = field(default_factory=dict)
     bad: dict[str, tuple[str, int]] = field(default_factory=dict)
 
-    def rows(self, here: BoolArray) -> Log:
+    def rows(self, here: BoolArray) -> LogTable:
         """The same columns with the rows that a mask (n,) takes."""
-        taken = Log(self.dated, self.left_out, self.bad)
+        taken = LogTable(self.dated, self.left_out, self.bad)
         taken.update({name: values[here] for name, values in self.items()})
         return taken
 
 
-def numeric(columns: Mapping[str, Any], decimal: str = ".") -> Log:
+def numeric(columns: Mapping[str, Any], decimal: str = ".") -> LogTable:
     """Arrow columns as numbers. Dates become seconds since 1970, times of day seconds that go on at midnight.
 
     A column of dates beside one of times of day is added to it. decimal: sign of numbers that are text.
     """
     from pyarrow import types
 
-    out = Log()
+    out = LogTable()
     days: dict[str, FloatArray] = {}
     clocks: dict[str, FloatArray] = {}
     for name, written in columns.items():
@@ -68,7 +68,7 @@ def numeric(columns: Mapping[str, Any], decimal: str = ".") -> Log:
     return out
 
 
-def _join(out: Log, days: Mapping[str, FloatArray], clocks: Mapping[str, FloatArray]) -> None:
+def _join(out: LogTable, days: Mapping[str, FloatArray], clocks: Mapping[str, FloatArray]) -> None:
     """Dates and times of day in columns of their own: together where there is one of each."""
     together = len(days) == len(clocks) == 1
     for name, seconds in clocks.items():
@@ -91,7 +91,7 @@ def _text(
     name: str,
     written: Any,
     decimal: str,
-    out: Log,
+    out: LogTable,
     days: dict[str, FloatArray],
     clocks: dict[str, FloatArray],
 ) -> None:

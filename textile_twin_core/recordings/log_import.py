@@ -11,7 +11,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag_write import BagWriter
-from textile_twin_core.recordings.log_cells import Log
+from textile_twin_core.recordings.log_cells import LogTable
 from textile_twin_core.recordings.log_columns import (
     SPEED_UNITS,
     Column,
@@ -81,7 +81,7 @@ def import_log(
     Raises RecordingError when a column cannot be told or its unit is not known.
     """
     taken: dict[str, str] = {}
-    columns = columns if isinstance(columns, Log) else _log(columns)
+    columns = columns if isinstance(columns, LogTable) else _log(columns)
     stamps, columns = _stamps(columns, wishes, ask, taken)
     if wishes.raw is not None:
         _write_raw(columns, stamps, wishes.raw, out, taken)
@@ -113,7 +113,7 @@ def import_log(
 
 
 def _speed(
-    columns: Log, stamps: IntArray, theta: FloatArray, wishes: Wishes, taken: dict[str, str]
+    columns: LogTable, stamps: IntArray, theta: FloatArray, wishes: Wishes, taken: dict[str, str]
 ) -> FloatArray | None:
     """The encoder's speed [rad/s] where a column holds it; a column that holds another is left out, in words."""
     column = _column("speed", columns, wishes, None, needed=False)
@@ -133,7 +133,7 @@ def _speed(
     return None if amiss else omega
 
 
-def _write_raw(columns: Log, stamps: IntArray, raw: RawChannels, out: BagWriter, taken: dict[str, str]) -> None:
+def _write_raw(columns: LogTable, stamps: IntArray, raw: RawChannels, out: BagWriter, taken: dict[str, str]) -> None:
     """Edges of the wheel, and the torque with which the force drives the shaft."""
     for name in filter(None, (raw.pickup, raw.force)):
         _refuse_unknown(name, columns)
@@ -149,7 +149,7 @@ def _write_raw(columns: Log, stamps: IntArray, raw: RawChannels, out: BagWriter,
         taken["torque"] = f"column '{raw.force}', {raw.newton:g} N per unit along {raw.measure}"
 
 
-def _stamps(columns: Log, wishes: Wishes, ask: Ask | None, taken: dict[str, str]) -> tuple[IntArray, Log]:
+def _stamps(columns: LogTable, wishes: Wishes, ask: Ask | None, taken: dict[str, str]) -> tuple[IntArray, LogTable]:
     """Stamp of each row [ns], and the columns without the rows that have no time."""
     rows = len(next(iter(columns.values())))
     if wishes.rate_hz is not None:
@@ -171,7 +171,7 @@ def _stamps(columns: Log, wishes: Wishes, ask: Ask | None, taken: dict[str, str]
     return np.asarray(first + since_first, dtype=np.int64), columns
 
 
-def _rising(columns: Log) -> Column:
+def _rising(columns: LogTable) -> Column:
     """The one column that rises evenly, where no name speaks of time."""
     rising = [name for name, values in columns.items() if looks_like_time(values)]
     left_out = [name for name in choose("time", columns.left_out) if name not in columns]
@@ -196,13 +196,13 @@ def _empty(here: BoolArray) -> str:
     return f"; {without.size} rows without a number are not used, first row {without[0] + 1}" if without.size else ""
 
 
-def _log(columns: Mapping[str, FloatArray]) -> Log:
-    log = Log()
+def _log(columns: Mapping[str, FloatArray]) -> LogTable:
+    log = LogTable()
     log.update(columns)
     return log
 
 
-def _refuse_unknown(name: str, columns: Log) -> None:
+def _refuse_unknown(name: str, columns: LogTable) -> None:
     """Raises RecordingError for a column that is not there, or holds no numbers."""
     if name in columns.left_out:
         raise RecordingError(
@@ -220,7 +220,7 @@ def _amiss(steps: IntArray) -> str:
     return f"{told}: such rows are not used; where rows are evenly spaced give --rate" if told else ""
 
 
-def _column(kind: str, columns: Log, wishes: Wishes, ask: Ask | None, needed: bool) -> Column | None:
+def _column(kind: str, columns: LogTable, wishes: Wishes, ask: Ask | None, needed: bool) -> Column | None:
     """The column of a kind: as told, the only one whose name speaks of it, or as a person answers."""
     unit = spelled(wishes.units.get(kind, ""))
     name = wishes.columns.get(kind, "")

@@ -12,7 +12,7 @@ from scipy.io import loadmat
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.recordings.log_cells import Log, numeric
+from textile_twin_core.recordings.log_cells import LogTable, numeric
 from textile_twin_core.recordings.log_dialect import EMPTY, Dialect, sniff
 
 
@@ -22,7 +22,7 @@ def read_log(
     decimal: str | None = None,
     table: str | None = None,
     note: Callable[[str], object] | None = None,
-) -> Log:
+) -> LogTable:
     """Columns of a log by name, float64 (n,), NaN where a cell is empty; dates become seconds since 1970.
 
     Args:
@@ -40,7 +40,7 @@ def read_log(
     if path.suffix.lower() == ".parquet":
         columns = _parquet(path)
     elif path.suffix.lower() == ".mat":
-        columns = Log()
+        columns = LogTable()
         columns.update(_matlab(path, table))
     else:
         columns = _text(path, separator, decimal, note)
@@ -52,7 +52,7 @@ def read_log(
     return columns
 
 
-def _text(path: Path, separator: str | None, decimal: str | None, note: Callable[[str], object] | None) -> Log:
+def _text(path: Path, separator: str | None, decimal: str | None, note: Callable[[str], object] | None) -> LogTable:
     dialect = sniff(path, separator, decimal)
     from pyarrow import ArrowInvalid, csv, string
 
@@ -116,7 +116,7 @@ def _line_of(path: Path, dialect: Dialect, place: int, cell: str) -> str:
     return "a line"
 
 
-def _spaced(path: Path, dialect: Dialect) -> Log:
+def _spaced(path: Path, dialect: Dialect) -> LogTable:
     """Columns parted by any number of spaces."""
     encoding = "utf-8-sig" if dialect.encoding == "utf-8" else dialect.encoding
     with path.open(encoding=encoding, errors="replace") as lines:
@@ -127,12 +127,12 @@ def _spaced(path: Path, dialect: Dialect) -> Log:
             values = np.loadtxt(rows, dtype=np.float64, ndmin=2)
         except ValueError as error:
             raise RecordingError(f"{path}: {error}") from error
-    log = Log()
+    log = LogTable()
     log.update({name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(dialect.names)})
     return log
 
 
-def _parquet(path: Path) -> Log:
+def _parquet(path: Path) -> LogTable:
     from pyarrow import ArrowInvalid, parquet
 
     try:
