@@ -52,3 +52,14 @@ def test_the_table_of_torques_is_not_written_over(tmp_path: Path, capsys: pytest
     assert main(["drive", "tufting", "--torque", str(table), "--time", "0.1", "--out", str(table)]) == 2
     assert "would be lost" in capsys.readouterr().err
     assert table.read_text().startswith("time_s,torque_Nm\n")
+
+
+@pytest.mark.parametrize("motion", [("--torque", "1e9"), ("--torque", "30", "--rpm", "1e6")])
+def test_a_motion_that_runs_away_is_one_line(
+    motion: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str], recwarn: pytest.WarningsRecorder
+) -> None:
+    out = tmp_path / "motion.csv"
+    assert main(["drive", "tufting", *motion, "--time", "1", "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert ("runs away" in said or "a speed in rpm" in said) and said.count("\n") == 1
+    assert not recwarn.list and not out.exists()
