@@ -103,3 +103,16 @@ def test_a_recording_with_flipped_bits(tmp_path: Path, capsys: pytest.CaptureFix
 def test_a_machine_made_in_python_is_refused_alike() -> None:
     with pytest.raises(MachineError, match=r"tufting.*cannot be reckoned with"):
         machines.tufting(l1_m=1e300)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["compare", "nowhere", "--machine", "tufting", "--torque-unit", "0"], "other than zero"),
+        (["view", "nowhere"], "no such file"),
+        (["monitor", "nowhere", "--machine", "tufting", "--parquet", "x.csv"], "must end in .parquet"),
+        (["published", "--json", "x.txt"], "must end in .json"),
+    ],
+)
+def test_options_that_would_mislead(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert says in _refused(words, capsys)

@@ -310,3 +310,18 @@ def test_machines_tells_outputs_and_parameters(capsys: pytest.CaptureFixture[str
         assert f"{name}: " in text
     for word in ("balancing_torque_Nm", "needle_position_m", "reaction_guide_N", "l1_m=0.015", "m1_kg=3.07"):
         assert word in text
+
+
+@pytest.mark.parametrize("name", ["motion.csv", "link.csv"])
+def test_the_table_that_is_read_is_not_written_over(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = tmp_path / "motion.csv"
+    motion.write_text("theta_rad,omega_rad_s,alpha_rad_s2\n0,1,0\n0.1,1,0\n")
+    (tmp_path / "link.csv").symlink_to(motion)
+    before = motion.read_text()
+    out = str(tmp_path / name)
+    assert main(["simulate", "tufting", "--input", str(motion), "--out", out]) == 2
+    said = capsys.readouterr().err
+    assert out in said and "would be lost" in said and said.count("\n") == 1
+    assert motion.read_text() == before

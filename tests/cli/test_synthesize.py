@@ -145,3 +145,29 @@ def test_mistakes_of_every_task(task: list[str], says: str, capsys: pytest.Captu
     assert main(["synthesize", *task]) == 2
     said = capsys.readouterr().err
     assert says in said and said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        ["crank-rocker", "--swing", "30", "--ground", "0.3"],
+        ["slider", "--stroke", "0.05", "--time-ratio", "1.1"],
+        ["points", "--points", "0,0 0.1,0.02 0.15,0.1"],
+        ["curve", "--points", "0,0 0.1,0.02 0.15,0.1 0.1,0.16 0.02,0.12 0,0.06", "--generations", "2"],
+        ["balance", "tufting", "--by", "counterweight"],
+    ],
+)
+def test_a_machine_file_is_replaced_with_force_alone(
+    task: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("# by hand\nmachine: tufting\n")
+    assert main(["synthesize", *task, "--out", str(mine)]) == 2
+    said = capsys.readouterr().err
+    assert f"--out {mine}" in said and "--force" in said and said.count("\n") == 1
+    assert mine.read_text().startswith("# by hand")
+    assert main(["synthesize", *task, "--json", str(mine)]) == 2
+    assert "must end in .json" in capsys.readouterr().err
+    assert mine.read_text().startswith("# by hand")
+    assert main(["synthesize", *task, "--out", str(mine), "--force"]) == 0
+    assert "# by hand" not in mine.read_text()

@@ -179,3 +179,10 @@ def test_a_file_that_is_not_there_or_is_no_text(tmp_path: Path) -> None:
         load_machine_file(tmp_path / "b.yaml")
     with pytest.raises(OutputError, match="is not a folder"):
         save_machine_file(ttc.machines.tufting(), tmp_path / "b.yaml" / "m.yaml")
+
+
+def test_a_method_that_is_none_is_told_with_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("machine: tufting\nscene: {method: exakt}\n")
+    with pytest.raises(MachineError, match=r"mine.yaml: scene.method: .*exact"):
+        load_machine_file(path)

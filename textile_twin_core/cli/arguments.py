@@ -103,6 +103,17 @@ def number(text: str) -> float:
     return value
 
 
+def factor(text: str) -> float:
+    """A finite number other than zero, as a type of an argument."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if value == 0.0 or not abs(value) < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a number other than zero, not '{text}'")
+    return value
+
+
 def shaft_speed(text: str) -> float:
     """A speed in rpm that a machine's shaft may have, as a type of an argument."""
     value = number(text)

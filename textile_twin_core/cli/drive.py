@@ -8,15 +8,22 @@ from pathlib import Path
 
 import numpy as np
 
-from textile_twin_core.cli.arguments import Parser, add_machine, count, number, positive
+from textile_twin_core.cli.arguments import MOST_RPM, Parser, add_machine, count, number, positive, shaft_speed
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
+from textile_twin_core.cli.places import check_ending, keep_input
+from textile_twin_core.cli.progress import progress
 from textile_twin_core.dynamics.drive_torque import DriveTorque, TorqueOverAngle, TorqueOverTime
 from textile_twin_core.files import check_folder, write_table
+from textile_twin_core.machine import Machine
 from textile_twin_core.machine.drive import drive
 from textile_twin_core.recordings.log_read import read_log
 
 _SUFFIXES = (".csv", ".parquet")
+_PARTS = 1000
+"""Of the progress bar."""
+_TIMES_NOMINAL, _TIMES_START = 100.0, 10.0
+"""A shaft that turns so many times as fast as the machine is made for, and as at the start, runs away."""
 _OVER_TIME, _OVER_ANGLE = ("time_s", "torque_Nm"), ("theta_rad", "torque_Nm")
 
 
@@ -34,7 +41,9 @@ def parser() -> Parser:
         "--torque", required=True, metavar="FILE|NUMBER", help="N m, or a .csv or .parquet table (see above)"
     )
     parser.add_argument("--time", type=positive, required=True, metavar="T", help="seconds to follow")
-    parser.add_argument("--rpm", type=number, default=0.0, metavar="R", help="speed at the start (default %(default)s)")
+    parser.add_argument(
+        "--rpm", type=shaft_speed, default=0.0, metavar="R", help="speed at the start (default %(default)s)"
+    )
     parser.add_argument("--start", type=number, default=0.0, metavar="DEG", help="angle at the start (default 0)")
     parser.add_argument("--samples", type=count, default=1001, metavar="N", help="rows, evenly in time (default 1001)")
     parser.add_argument(
@@ -45,8 +54,8 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, write the motion, tell what happened on the way."""
-    if arguments.out.suffix not in _SUFFIXES:
-        raise UsageError(f"--out {arguments.out}: must end in {' or '.join(_SUFFIXES)}")
+    check_ending("--out", arguments.out, *_SUFFIXES)
+    keep_input("--out", arguments.out, Path(arguments.torque))
     if arguments.samples < 2:
         raise UsageError("--samples: a motion has two or more")
     machine = load_linkage(arguments.machine, arguments.set)
@@ -54,7 +63,18 @@ def run(arguments: argparse.Namespace) -> None:
     check_folder(arguments.out)
     times = np.linspace(0.0, arguments.time, arguments.samples)
     omega = arguments.rpm * 2.0 * math.pi / 60.0
-    found = drive(machine, _torque(arguments.torque), math.radians(arguments.start), omega, times)
+    torque = _torque(arguments.torque)
+    with progress(_PARTS, "following", "", long=0) as bar:
+        done = 0
+
+        def report(share: float) -> None:
+            nonlocal done
+            if bar and int(share * _PARTS) > done:
+                bar(int(share * _PARTS) - done)
+                done = int(share * _PARTS)
+
+        start = math.radians(arguments.start)
+        found = drive(machine, torque, start, omega, times, fastest_rad_s=_fastest(machine, omega), report=report)
     columns = {
         "theta_rad": found.theta_rad,
         "omega_rad_s": found.omega_rad_s,
@@ -75,6 +95,12 @@ def run(arguments: argparse.Namespace) -> None:
     for event in found.events:
         if event.kind != "leaps":
             print(f"{event.time_s:10.4f} s  the shaft {event.kind} at {math.degrees(event.theta_rad):.2f} deg")
+
+
+def _fastest(machine: Machine, omega: float) -> float:
+    """A speed that the machine never has [rad/s]: whoever drives it there has mistaken a torque or a unit."""
+    usual = max(_TIMES_NOMINAL * machine.nominal_speed_rad_s, _TIMES_START * abs(omega))
+    return min(usual, 2.0 * MOST_RPM * math.pi / 30.0)
 
 
 def _torque(text: str) -> DriveTorque | float:

@@ -7,15 +7,16 @@ import math
 import sys
 from pathlib import Path
 
-from textile_twin_core.cli.arguments import Parser, number, positive
+from textile_twin_core.cli.arguments import Parser, factor, number, positive
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.recordings import BagWriter
+from textile_twin_core.recordings.log_columns import choose
 from textile_twin_core.recordings.log_import import RawChannels, Wishes, import_log
 from textile_twin_core.recordings.log_read import read_log
 
 _KINDS = {
-    "time": "s, ms, us, ns, min",
+    "time": "s, ms, us, ns, min, hours, days",
     "angle": "deg, rad, rev, gon, or the counts of a turn",
     "torque": "N m, N cm, N mm, kN m, lbf ft, ..",
     "speed": "rpm, rad/s, deg/s, rev/s",
@@ -49,7 +50,7 @@ def parser() -> Parser:
     raw.add_argument("--machine", help="a machine: its encoder's teeth, and how the force's point moves")
     raw.add_argument("--pickup", metavar="COLUMN", help="voltage of a pickup on a toothed wheel, instead of an angle")
     raw.add_argument("--drive-force", metavar="MEASURE=COLUMN", help="a force along a measure, which drives the shaft")
-    raw.add_argument("--drive-force-scale", type=_scale, metavar="X", help="N per unit; default 1")
+    raw.add_argument("--drive-force-scale", type=factor, metavar="X", help="N per unit; default 1")
     raw.add_argument(
         "--drive-force-zero",
         type=number,
@@ -57,7 +58,7 @@ def parser() -> Parser:
         help="shaft angle without a force, for sensors that drift",
     )
     parser.add_argument("--rate", type=positive, metavar="HZ", help="rows a second, for a log without times")
-    parser.add_argument("--torque-scale", type=_scale, metavar="X", help="N m per unit of the torque, as for volts")
+    parser.add_argument("--torque-scale", type=factor, metavar="X", help="N m per unit of the torque, as for volts")
     parser.add_argument("--separator", metavar="C", help="of a text table, where it is not found out; 'tab' for tabs")
     parser.add_argument("--decimal", choices=[".", ","], help="of a text table, where it is not found out")
     parser.add_argument("--table", metavar="NAME", help="variable of a .mat file that holds the matrix")
@@ -87,6 +88,8 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"{kind:7} {text}")
     if "torque" not in taken and not quantities:
         print("torque  none in this log; name its column with --torque if there is one")
+        for name in choose("torque", columns.left_out):
+            print(f"note    column '{name}' holds {columns.left_out[name]}, no numbers")
     for topic, count in counts.items():
         print(f"{topic}  {count} messages")
 
@@ -145,14 +148,3 @@ def _pair(option: str, text: str) -> tuple[str, str]:
     if not (name and equals and column):
         raise UsageError(f"--{option} {text}: write NAME=COLUMN")
     return name, column
-
-
-def _scale(text: str) -> float:
-    """A finite number that is not zero, as a type of an argument."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if value == 0.0 or not abs(value) < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be a number other than zero, not '{text}'")
-    return value

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.places import check_ending
 from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine
 
@@ -23,11 +24,14 @@ def add_outputs(parser: argparse.ArgumentParser, machine_required: bool) -> None
 
 
 def check_out(arguments: argparse.Namespace) -> None:
-    """Refuse a machine file that cannot be written, before any work."""
+    """Refuse a machine file that cannot be written, and numbers in place of another file, before any work.
+
+    Raises UsageError.
+    """
+    check_ending("--json", arguments.json, ".json")
+    check_ending("--out", arguments.out, ".yaml", ".yml")
     if arguments.out is None:
         return
-    if arguments.out.suffix not in (".yaml", ".yml"):
-        raise UsageError(f"--out {arguments.out}: must end in .yaml")
     if arguments.out.exists() and not arguments.force:
         raise UsageError(f"--out {arguments.out}: is there already; choose another name, or replace it with --force")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from textile_twin_core.cli.arguments import count, number, positive
+from textile_twin_core.cli.arguments import count, factor, positive
 from textile_twin_core.machine import ENCODER_OPTIONS, with_encoder
 from textile_twin_core.machine.sensors import Encoder
 
@@ -33,7 +33,7 @@ def add_sensors(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--torque-unit",
-        type=number,
+        type=factor,
         default=1.0,
         metavar="NM",
         help="N m of one unit of the torque's topic: for a motor's current its torque constant times the gear ratio",

@@ -14,6 +14,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.cli.arguments import Parser, add_machine, count, positive, shaft_speed
 from textile_twin_core.cli.mistakes import UsageError, nearest
 from textile_twin_core.cli.named_machine import load_machine
+from textile_twin_core.cli.places import check_ending, keep_input
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import SceneError
@@ -68,8 +69,8 @@ def run(arguments: argparse.Namespace) -> None:
         if arguments.png is None:
             raise UsageError("nothing to write: give --out for a table or recording, or --png for a picture")
         return
-    if arguments.out.suffix not in _SUFFIXES:
-        raise UsageError(f"--out {arguments.out}: must end in {', '.join(_SUFFIXES)}")
+    check_ending("--out", arguments.out, *_SUFFIXES)
+    keep_input("--out", arguments.out, arguments.input)
     machine = load_machine(arguments.machine, arguments.set)
     names = _outputs(machine, arguments.outputs)
 

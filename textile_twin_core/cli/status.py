@@ -20,7 +20,9 @@ def parser() -> Parser:
         "textile-twin status --follow",
     )
     parser.add_argument("--follow", action="store_true", help="show it anew every second, until Ctrl-C")
-    parser.add_argument("--seconds", type=positive, default=2.5, help="listen so long first (default: %(default)s)")
+    parser.add_argument(
+        "--seconds", type=positive, help="listen so long first (default: 2.5, and up to 6 until a node is heard)"
+    )
     return parser
 
 

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any
 
 from textile_twin_core.cli.arguments import Parser
+from textile_twin_core.cli.outputs import check_out
 
 TASKS = {
     "crank-rocker": "crank_rocker",
@@ -33,7 +34,8 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Carry out the task."""
+    """Carry out the task. Raises UsageError before the work for a machine file that is there already."""
+    check_out(arguments)
     import_module(f"textile_twin_core.cli.synthesis.{TASKS[arguments.mechanism]}").run(arguments)
 
 

@@ -43,6 +43,8 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.bag.suffix == ".rrd":
         _show(arguments, arguments.bag)
         return
+    if not arguments.bag.exists():
+        raise UsageError(f"{arguments.bag}: no such file; give a recording, an .rrd file, or a machine")
     if arguments.machine is None:
         raise UsageError("--machine is missing: a recording is shown beside what its machine should do")
 

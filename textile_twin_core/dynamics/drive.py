@@ -30,15 +30,27 @@ class Drive:
     """One run: the shaft's state (angle, speed, work of the drive, work of each load) advanced from event to event."""
 
     def __init__(
-        self, equation: MotionEquation, torque: DriveTorque, load_names: Sequence[str], tolerance: float
+        self,
+        equation: MotionEquation,
+        torque: DriveTorque,
+        load_names: Sequence[str],
+        tolerance: float,
+        fastest_rad_s: float = math.inf,
+        report: Callable[[float], object] | None = None,
     ) -> None:
         self.equation, self.torque, self.load_names, self.tolerance = equation, torque, tuple(load_names), tolerance
+        self.fastest_rad_s, self._report = fastest_rad_s, report
         self.breaks: tuple[float, ...] = tuple(getattr(torque, "breaks", ()))
         self.events: list[DriveEvent] = []
         self.evaluations = self.steps = 0
 
     def run(self, theta0: float, omega0: float, times: FloatArray) -> DriveResult:
-        """Integrate over the rising times and give the motion there."""
+        """Integrate over the rising times and give the motion there. Raises MotionError where it runs away."""
+        # Trial steps far too long overflow; they are made anew, shorter, and no number of theirs is kept.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._run(theta0, omega0, times)
+
+    def _run(self, theta0: float, omega0: float, times: FloatArray) -> DriveResult:
         self._times, self._rows = times, np.empty((times.size, 4 + self.equation.load_count))
         self._torques = np.empty(times.size)
         self._next = 0
@@ -230,9 +242,22 @@ class Drive:
                 )
             lost = self._lost_energy(start, solver.y)
             if lost <= 1.0 or lost > _HELPS * least:
+                self._refuse_runaway(solver)
                 return solver
             least = lost
             solver = self._solver(begin, start, end, stretch, 0.5 * (solver.t - begin))
+
+    def _refuse_runaway(self, solver: scipy.integrate.DOP853) -> None:
+        """Tells how far the run is. Raises MotionError where the shaft is faster than any, or no number."""
+        if self._report is not None:
+            first, last = float(self._times[0]), float(self._times[-1])
+            self._report((float(solver.t) - first) / (last - first))
+        omega = float(solver.y[1])
+        if not abs(omega) <= self.fastest_rad_s:
+            raise MotionError(
+                f"the motion runs away: {omega * 30.0 / math.pi:.6g} rpm at {float(solver.t):.6g} s, more than this"
+                f" machine turns ({self.fastest_rad_s * 30.0 / math.pi:.6g} rpm); take less torque or a shorter time"
+            )
 
     def _lost_energy(self, start: FloatArray, end: FloatArray) -> float:
         """What a step loses of the energy account, over what tolerance and rounding allow."""

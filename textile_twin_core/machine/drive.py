@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -29,12 +29,16 @@ def drive(
     omega0: float,
     t: npt.ArrayLike,
     tolerance: float = 1e-10,
+    fastest_rad_s: float = math.inf,
+    report: Callable[[float], object] | None = None,
 ) -> DriveResult:
     """The motion of a machine under a drive torque: run-up, coast-down, speed ripple.
 
     drive_torque [N m]: a number, a function of (time, theta, omega), or one of the tables TorqueOverTime and
     TorqueOverAngle. theta0 [rad], omega0 [rad/s]: the state at the first time. t [s]: the times at which the motion is
     wanted, rising, or one number: a thousand steps from 0 to it. tolerance: relative error of a step.
+    fastest_rad_s: beyond it the motion is refused as one that runs away. report: is called with the share of the
+    time that is done.
 
     The equation of motion is integrated by an explicit Runge-Kutta method of order 8 (Dormand and Prince; Hairer,
     Norsett, Wanner 1993) with its own step size, and a step over which energy and work do not agree is made anew by
@@ -57,7 +61,7 @@ def drive(
         torque = drive_torque
     else:
         raise MotionError(f"drive_torque must be a number or a function of (t, theta, omega), not {drive_torque!r}")
-    run = Drive(motion_equation(machine), torque, load_names(machine.loads), tolerance)
+    run = Drive(motion_equation(machine), torque, load_names(machine.loads), tolerance, fastest_rad_s, report)
     return run.run(float(theta0), float(omega0), _times(t))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from textile_twin_core.errors import MachineError
 
@@ -87,5 +88,5 @@ class Scene:
     """What a machine file asks to model: outputs, method and tolerance."""
 
     outputs: tuple[str, ...] = ("balancing_torque_Nm",)
-    method: str = "auto"
+    method: Literal["exact", "table", "auto"] = "auto"
     tolerance: float = 1e-12

@@ -13,8 +13,8 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.readings import angle_unit
 from textile_twin_core.comparison.torque_units import UNITS_PER_NM
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings.log_time import TIME_UNITS
 
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 ANGLE_TURNS = {"rad": 2.0 * math.pi, "deg": 360.0, "rev": 1.0, "gon": 400.0}
 """What a turn counts in each unit."""
 SPEED_UNITS = {"rad/s": 1.0, "rpm": math.pi / 30.0, "deg/s": math.pi / 180.0, "rev/s": 2.0 * math.pi}
@@ -79,17 +79,6 @@ def unit_in_name(name: str) -> str:
 def choose(kind: str, names: Iterable[str]) -> list[str]:
     """Columns whose names speak of a kind: time, angle, torque or speed."""
     return [name for name in names if re.search(_WORDS[kind], re.sub(r"[_\[\]()./-]", " ", name).lower())]
-
-
-def time_seconds(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
-    """Seconds, and the unit taken: as told, as named, or as the size of the numbers suggests (epochs)."""
-    unit = column.unit
-    if not unit:
-        size = float(np.nanmedian(np.abs(values)))
-        unit = "ns" if size > 1e17 else "us" if size > 1e14 else "ms" if size > 1e11 else "s"
-    if unit not in TIME_UNITS:
-        raise RecordingError(f"column '{column.name}': time in '{unit}'? there are: {', '.join(TIME_UNITS)}")
-    return values * TIME_UNITS[unit], unit
 
 
 def angle_radians(column: Column, values: FloatArray) -> tuple[FloatArray, str]:

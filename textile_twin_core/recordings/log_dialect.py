@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from textile_twin_core.errors import RecordingError
@@ -13,7 +14,13 @@ EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
 _HEAD_BYTES = 65536
 _SEPARATORS = (";", "\t", ",", "|")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
-_DATE = re.compile(r"(\d{4}-\d\d-\d\d|\d\d\.\d\d\.\d{4})[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?$")
+_DATE = re.compile(
+    r"((\d{4}-\d\d-\d\d|\d\d\.\d\d\.\d{4})([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?"
+    r"|\d{1,2}:\d\d:\d\d([.,]\d+)?)$"
+)
+"""Date and time, either alone."""
+_OTHER_DATE = re.compile(r"\d{1,4}/\d{1,2}/\d{1,4}|\d{1,2}:\d\d(:\d\d([.,]\d+)?)? ?[AaPp]\.?[Mm]")
+"""Dates that are read in two ways, and times of day in twelve hours."""
 _LOOKED_AT = 40
 
 
@@ -22,19 +29,22 @@ class Dialect:
     """How a text table is written. decimal: point or comma. skipped: lines before the first row of data.
 
     names: of the columns, with their units where the file has them; made up (column_1 ..) when it has none.
+    encoding: of its characters, as Python calls it.
     """
 
     separator: str
     decimal: str
     skipped: int
     names: tuple[str, ...]
+    encoding: str = "utf-8"
 
 
 def sniff(path: Path, separator: str | None = None, decimal: str | None = None) -> Dialect:
     """The dialect under which most of the file's beginning is rows of as many numbers. Raises RecordingError."""
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
-    text = head.decode("utf-8-sig", errors="replace")
+    encoding = "utf-16" if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8"
+    text = head.decode("utf-8-sig" if encoding == "utf-8" else encoding, errors="replace")
     if "\ufffd" in text.rstrip("\ufffd"):  # the last character may be cut
         text = head.decode("cp1252", errors="replace")
     lines = text.splitlines()
@@ -49,10 +59,22 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
             if found is not None and (best is None or found[:2] > best[:2]):
                 best = found
     if best is None:
+        _refuse_dates(path, lines)
         raise RecordingError(
             f"{path}: no table of numbers found at its beginning; tell --separator and --decimal, or convert it to CSV"
         )
-    return best[2]
+    return replace(best[2], encoding=encoding)
+
+
+def _refuse_dates(path: Path, lines: list[str]) -> None:
+    """Raises RecordingError for a log whose dates are what hides its numbers."""
+    for number, line in enumerate(lines, 1):
+        found = _OTHER_DATE.search(line)
+        if found:
+            raise RecordingError(
+                f"{path}, line {number}: '{found[0]}': dates and times are read as 2026-10-25 23:59:50.5 or"
+                " 25.10.2026 23:59:50,5, in 24 hours; write them so, or leave the column out and give --rate HZ"
+            )
 
 
 def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dialect] | None:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag_write import BagWriter
+from textile_twin_core.recordings.log_cells import LogTable
 from textile_twin_core.recordings.log_columns import (
     SPEED_UNITS,
     Column,
@@ -20,12 +21,12 @@ from textile_twin_core.recordings.log_columns import (
     looks_like_time,
     quantity_si,
     spelled,
-    time_seconds,
     times_as_fast,
     torque_newton_metres,
     unit_in_name,
 )
 from textile_twin_core.recordings.log_shaft import edge_angles, force_torque, tooth_edges
+from textile_twin_core.recordings.log_time import DATED, counts_rows, time_seconds
 
 _FIRST_NS = 1_000_000_000
 """Stamp of the first row of a log whose time is none of the day: 0 means in ROS that there is no stamp."""
@@ -80,7 +81,8 @@ def import_log(
     Raises RecordingError when a column cannot be told or its unit is not known.
     """
     taken: dict[str, str] = {}
-    stamps = _stamps(columns, wishes, ask, taken)
+    columns = columns if isinstance(columns, LogTable) else _log(columns)
+    stamps, columns = _stamps(columns, wishes, ask, taken)
     if wishes.raw is not None:
         _write_raw(columns, stamps, wishes.raw, out, taken)
         return taken
@@ -90,6 +92,7 @@ def import_log(
     taken["angle"] = f"column '{angle.name}', {unit}"
     omega = _speed(columns, stamps, theta, wishes, taken)
     here = np.isfinite(theta)
+    taken["angle"] += _empty(here)
     out.write_joint_states(
         "main_shaft/angle", stamps[here], ["main_shaft"], theta[here], None if omega is None else omega[here]
     )
@@ -98,20 +101,19 @@ def import_log(
         values, unit = torque_newton_metres(torque, columns[torque.name], wishes.torque_scale)
         here = np.isfinite(values)
         out.write_wrenches("balancing_torque/measured", stamps[here], values[here])
-        taken["torque"] = f"column '{torque.name}', {unit}"
+        taken["torque"] = f"column '{torque.name}', {unit}{_empty(here)}"
     for output, name in wishes.quantities.items():
-        if name not in columns:
-            raise RecordingError(f"no column '{name}'; there are: {describe(columns)}")
+        _refuse_unknown(name, columns)
         unit = spelled(wishes.units.get("quantity", "")) or unit_in_name(name)
         values, unit = quantity_si(Column(name, unit, "as told"), columns[name])
         here = np.isfinite(values)
         out.write_joint_states(f"{MEASURED}/{output}", stamps[here], [output], values[here])
-        taken[output] = f"column '{name}', {unit}"
+        taken[output] = f"column '{name}', {unit}{_empty(here)}"
     return taken
 
 
 def _speed(
-    columns: Mapping[str, FloatArray], stamps: IntArray, theta: FloatArray, wishes: Wishes, taken: dict[str, str]
+    columns: LogTable, stamps: IntArray, theta: FloatArray, wishes: Wishes, taken: dict[str, str]
 ) -> FloatArray | None:
     """The encoder's speed [rad/s] where a column holds it; a column that holds another is left out, in words."""
     column = _column("speed", columns, wishes, None, needed=False)
@@ -131,13 +133,10 @@ def _speed(
     return None if amiss else omega
 
 
-def _write_raw(
-    columns: Mapping[str, FloatArray], stamps: IntArray, raw: RawChannels, out: BagWriter, taken: dict[str, str]
-) -> None:
+def _write_raw(columns: LogTable, stamps: IntArray, raw: RawChannels, out: BagWriter, taken: dict[str, str]) -> None:
     """Edges of the wheel, and the torque with which the force drives the shaft."""
     for name in filter(None, (raw.pickup, raw.force)):
-        if name not in columns:
-            raise RecordingError(f"no column '{name}'; there are: {describe(columns)}")
+        _refuse_unknown(name, columns)
     since = (stamps - stamps[0]) * 1e-9
     edges = stamps[0] + np.rint(tooth_edges(since, columns[raw.pickup]) * 1e9).astype(np.int64)
     out.write_events("main_shaft/angle", edges)
@@ -150,26 +149,67 @@ def _write_raw(
         taken["torque"] = f"column '{raw.force}', {raw.newton:g} N per unit along {raw.measure}"
 
 
-def _stamps(columns: Mapping[str, FloatArray], wishes: Wishes, ask: Ask | None, taken: dict[str, str]) -> IntArray:
-    """Stamp of each row [ns]."""
+def _stamps(columns: LogTable, wishes: Wishes, ask: Ask | None, taken: dict[str, str]) -> tuple[IntArray, LogTable]:
+    """Stamp of each row [ns], and the columns without the rows that have no time."""
     rows = len(next(iter(columns.values())))
     if wishes.rate_hz is not None:
         taken["time"] = f"{wishes.rate_hz:g} rows a second"
-        return np.asarray(_FIRST_NS + np.rint(np.arange(rows) * (1e9 / wishes.rate_hz)), dtype=np.int64)
+        return np.asarray(_FIRST_NS + np.rint(np.arange(rows) * (1e9 / wishes.rate_hz)), dtype=np.int64), columns
     column = _column("time", columns, wishes, ask, needed=False)
     if column is None:
-        rising = [name for name, values in columns.items() if looks_like_time(values)]
-        if len(rising) != 1:
-            raise RecordingError(f"no column of times; give --time or --rate. Columns: {describe(columns)}")
-        column = Column(rising[0], unit_in_name(rising[0]), "it rises evenly")
-    seconds, unit = time_seconds(column, columns[column.name])
-    if not np.isfinite(seconds).all():
-        raise RecordingError(f"column '{column.name}': {np.count_nonzero(~np.isfinite(seconds))} times are no numbers")
-    taken["time"] = f"column '{column.name}', {unit}"
+        column = _rising(columns)
+    unit = DATED if column.name in columns.dated else column.unit
+    seconds, words = time_seconds(column.name, unit, columns[column.name], wishes.raw is not None)
+    taken["time"] = f"column '{column.name}', {words}"
+    here = np.isfinite(seconds)
+    if not here.all():
+        taken["time"] += _empty(here)
+        seconds, columns = seconds[here], columns.rows(here)
     first = _FIRST_NS if abs(float(seconds[0])) < _EPOCH_S else round(float(seconds[0]) * 1e9)
     since_first = np.rint((seconds - seconds[0]) * 1e9).astype(np.int64)
     taken["time"] += _amiss(np.diff(since_first))
-    return np.asarray(first + since_first, dtype=np.int64)
+    return np.asarray(first + since_first, dtype=np.int64), columns
+
+
+def _rising(columns: LogTable) -> Column:
+    """The one column that rises evenly, where no name speaks of time."""
+    rising = [name for name, values in columns.items() if looks_like_time(values)]
+    left_out = [name for name in choose("time", columns.left_out) if name not in columns]
+    if left_out:
+        raise RecordingError(
+            f"column '{left_out[0]}' holds {columns.left_out[left_out[0]]}, no times; write dates as"
+            " 2026-10-25 23:59:50.5 or give --rate"
+        )
+    if len(rising) != 1:
+        raise RecordingError(f"no column of times; give --time or --rate. Columns: {describe(columns)}")
+    (name,) = rising
+    if not unit_in_name(name) and counts_rows(name, columns[name]):
+        raise RecordingError(
+            f"no column of times: '{name}' seems to count the rows; give --rate HZ, or --time '{name}' with --time-unit"
+        )
+    return Column(name, unit_in_name(name), "it rises evenly")
+
+
+def _empty(here: BoolArray) -> str:
+    """How many rows (n,) of a column have no number, in words; empty when all have."""
+    without = np.flatnonzero(~here)
+    return f"; {without.size} rows without a number are not used, first row {without[0] + 1}" if without.size else ""
+
+
+def _log(columns: Mapping[str, FloatArray]) -> LogTable:
+    log = LogTable()
+    log.update(columns)
+    return log
+
+
+def _refuse_unknown(name: str, columns: LogTable) -> None:
+    """Raises RecordingError for a column that is not there, or holds no numbers."""
+    if name in columns.left_out:
+        raise RecordingError(
+            f"column '{name}' holds {columns.left_out[name]}, no numbers; there are: {describe(columns)}"
+        )
+    if name not in columns:
+        raise RecordingError(f"no column '{name}'; there are: {describe(columns)}")
 
 
 def _amiss(steps: IntArray) -> str:
@@ -180,15 +220,12 @@ def _amiss(steps: IntArray) -> str:
     return f"{told}: such rows are not used; where rows are evenly spaced give --rate" if told else ""
 
 
-def _column(
-    kind: str, columns: Mapping[str, FloatArray], wishes: Wishes, ask: Ask | None, needed: bool
-) -> Column | None:
+def _column(kind: str, columns: LogTable, wishes: Wishes, ask: Ask | None, needed: bool) -> Column | None:
     """The column of a kind: as told, the only one whose name speaks of it, or as a person answers."""
     unit = spelled(wishes.units.get(kind, ""))
     name = wishes.columns.get(kind, "")
     if name:
-        if name not in columns:
-            raise RecordingError(f"no column '{name}'; there are: {describe(columns)}")
+        _refuse_unknown(name, columns)
         return Column(name, unit or unit_in_name(name), "as told")
     others = set(wishes.columns.values())
     found = [each for each in choose(kind, columns) if each not in others]

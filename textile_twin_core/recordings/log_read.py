@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from scipy.io import loadmat
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings.log_cells import LogTable, numeric
 from textile_twin_core.recordings.log_dialect import EMPTY, Dialect, sniff
 
 
@@ -21,7 +22,7 @@ def read_log(
     decimal: str | None = None,
     table: str | None = None,
     note: Callable[[str], object] | None = None,
-) -> dict[str, FloatArray]:
+) -> LogTable:
     """Columns of a log by name, float64 (n,), NaN where a cell is empty; dates become seconds since 1970.
 
     Args:
@@ -39,19 +40,21 @@ def read_log(
     if path.suffix.lower() == ".parquet":
         columns = _parquet(path)
     elif path.suffix.lower() == ".mat":
-        columns = _matlab(path, table)
+        columns = LogTable()
+        columns.update(_matlab(path, table))
     else:
         columns = _text(path, separator, decimal, note)
     if not columns:
-        raise RecordingError(f"{path}: no column of numbers in it")
+        held = "; ".join(f"'{name}' holds {what}" for name, what in columns.left_out.items())
+        raise RecordingError(f"{path}: no column of numbers in it{': ' * bool(held)}{held}")
+    if not len(next(iter(columns.values()))):
+        raise RecordingError(f"{path}: no rows in it, only the names of its columns")
     return columns
 
 
-def _text(
-    path: Path, separator: str | None, decimal: str | None, note: Callable[[str], object] | None
-) -> dict[str, FloatArray]:
+def _text(path: Path, separator: str | None, decimal: str | None, note: Callable[[str], object] | None) -> LogTable:
     dialect = sniff(path, separator, decimal)
-    from pyarrow import ArrowInvalid, csv
+    from pyarrow import ArrowInvalid, csv, string
 
     if dialect.separator == " ":
         return _spaced(path, dialect)
@@ -62,29 +65,61 @@ def _text(
         torn += 1
         return "skip"
 
-    try:
-        table = csv.read_csv(
+    def read(kinds: dict[str, Any] | None = None) -> Any:
+        nonlocal torn
+        torn = 0
+        return csv.read_csv(
             path,
             read_options=csv.ReadOptions(
-                skip_rows=dialect.skipped, autogenerate_column_names=True, encoding="utf-8", block_size=1 << 24
+                skip_rows=dialect.skipped,
+                autogenerate_column_names=True,
+                encoding=dialect.encoding,
+                block_size=1 << 24,
             ),
             parse_options=csv.ParseOptions(delimiter=dialect.separator, invalid_row_handler=leave_out),
             convert_options=csv.ConvertOptions(
-                decimal_point=dialect.decimal, null_values=sorted(EMPTY), strings_can_be_null=True
+                column_types=kinds,
+                decimal_point=dialect.decimal,
+                null_values=sorted(EMPTY),
+                strings_can_be_null=True,
             ),
         )
-    except ArrowInvalid as error:
+
+    try:
+        try:
+            table = read()
+        except ArrowInvalid:
+            # A cell that is no number, far below those by which the column's kind was seen.
+            table = read({f"f{k}": string() for k in range(len(dialect.names))})
+    except (ArrowInvalid, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: {str(error).splitlines()[0]}") from error
     if torn and note is not None:
         width = table.num_columns
         note(f"{torn} of {torn + table.num_rows} rows have other than {width} cells and are left out")
     names = [*dialect.names, *(f"column_{k + 1}" for k in range(len(dialect.names), table.num_columns))]
-    return _numeric(dict(zip(names, table.columns, strict=False)))
+    log = numeric(dict(zip(names, table.columns, strict=False)), dialect.decimal)
+    if note is not None:
+        for name, (cell, count) in log.bad.items():
+            place = _line_of(path, dialect, names.index(name), cell)
+            more = f"; {count} such cells count" if count > 1 else "; it counts"
+            note(f"{place}: column '{name}' has '{cell}', no number{more} as empty")
+    return log
 
 
-def _spaced(path: Path, dialect: Dialect) -> dict[str, FloatArray]:
+def _line_of(path: Path, dialect: Dialect, place: int, cell: str) -> str:
+    """The line on which a cell stands, counted only when there is one to complain about."""
+    with path.open(encoding="utf-8-sig" if dialect.encoding == "utf-8" else dialect.encoding, errors="replace") as file:
+        for number, line in enumerate(file, 1):
+            cells = line.split(dialect.separator)
+            if number > dialect.skipped and place < len(cells) and cells[place].strip().strip('"').strip() == cell:
+                return f"line {number}"
+    return "a line"
+
+
+def _spaced(path: Path, dialect: Dialect) -> LogTable:
     """Columns parted by any number of spaces."""
-    with path.open(encoding="utf-8-sig", errors="replace") as lines:
+    encoding = "utf-8-sig" if dialect.encoding == "utf-8" else dialect.encoding
+    with path.open(encoding=encoding, errors="replace") as lines:
         rows = (
             line.replace(",", ".") if dialect.decimal == "," else line for line in islice(lines, dialect.skipped, None)
         )
@@ -92,45 +127,19 @@ def _spaced(path: Path, dialect: Dialect) -> dict[str, FloatArray]:
             values = np.loadtxt(rows, dtype=np.float64, ndmin=2)
         except ValueError as error:
             raise RecordingError(f"{path}: {error}") from error
-    return {name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(dialect.names)}
+    log = LogTable()
+    log.update({name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(dialect.names)})
+    return log
 
 
-def _parquet(path: Path) -> dict[str, FloatArray]:
+def _parquet(path: Path) -> LogTable:
     from pyarrow import ArrowInvalid, parquet
 
     try:
         table = parquet.read_table(path)
     except (ArrowInvalid, OSError) as error:
         raise RecordingError(f"{path}: not a Parquet file ({str(error).splitlines()[0]})") from error
-    return _numeric(dict(zip(table.column_names, table.columns, strict=True)))
-
-
-def _numeric(columns: Mapping[str, Any]) -> dict[str, FloatArray]:
-    """Arrow columns as float64; dates as seconds since 1970; text is left out."""
-    import pyarrow
-
-    out: dict[str, FloatArray] = {}
-    for name, written in columns.items():
-        column = _dates(written) if pyarrow.types.is_string(written.type) else written
-        kind = column.type
-        if pyarrow.types.is_timestamp(kind):
-            stamps = column.cast(pyarrow.timestamp("ns")).combine_chunks().cast(pyarrow.int64())
-            out[name] = np.asarray(stamps.to_numpy(zero_copy_only=False), dtype=np.float64) * 1e-9
-        elif pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind):
-            out[name] = np.asarray(column.cast(pyarrow.float64()).to_numpy(), dtype=np.float64)
-    return out
-
-
-def _dates(column: Any) -> Any:
-    """Text as stamps where all of it is dates with a decimal comma or with the day first; else as it is."""
-    import pyarrow
-    from pyarrow import compute
-
-    iso = compute.replace_substring_regex(column, r"^(\d\d)\.(\d\d)\.(\d{4})[T ]", r"\3-\2-\1 ")
-    try:
-        return compute.replace_substring(iso, ",", ".").cast(pyarrow.timestamp("ns"))
-    except pyarrow.ArrowInvalid:
-        return column
+    return numeric(dict(zip(table.column_names, table.columns, strict=True)))
 
 
 def _matlab(path: Path, table: str | None) -> dict[str, FloatArray]:

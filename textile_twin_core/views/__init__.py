@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING
 
 from textile_twin_core.lazy import names_of
@@ -33,6 +34,9 @@ __all__ = [
     "write_picture",
     "write_report",
 ]
+
+# Where its settings cannot be kept, Matplotlib says so in two lines and draws all the same.
+logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 __getattr__ = names_of(
     __name__,

@@ -6,11 +6,11 @@ import argparse
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from textile_twin_core.cli.arguments import Parser, number, positive
 from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.outputs import add_outputs
 from textile_twin_core.errors import SceneError
 from textile_twin_core.files import save_machine_file, staged
 from textile_twin_core.machine import Machine
@@ -18,10 +18,9 @@ from textile_twin_core.synthesis import BarSection, rotation_of_time_ratio
 
 
 def add_output(parser: Parser) -> None:
-    """--out, --name and --json."""
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the machine as a machine file (.yaml)")
+    """--out, --name, --json and --force."""
+    add_outputs(parser, machine_required=False)
     parser.add_argument("--name", help="the machine's name in it (default: that of the file)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the result as one JSON object")
 
 
 def add_section(parser: Parser) -> None:

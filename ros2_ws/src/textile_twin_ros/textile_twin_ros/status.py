@@ -19,9 +19,12 @@ from textile_twin_core.errors import TwinError
 from textile_twin_ros.diagnostics import ERROR, OK, STALE, WARN
 from textile_twin_ros.own_topics import NODES
 
+_LISTEN_S = 2.5
 _SILENT_S = 3.5
 """A node that has said nothing for so long, of what it says every second, is gone."""
 _PERIOD_S = 1.0
+_PATIENCE_S = 6.0
+"""On a busy computer DDS finds a node after seconds, which then speaks once a second: so long nothing is no proof."""
 _WORDS = {OK: "ok", WARN: "WARN", ERROR: "ERROR", STALE: "STALE"}
 _COLOURS = {OK: "\033[32m", WARN: "\033[33m", ERROR: "\033[31m", STALE: "\033[31m"}
 _PLAIN, _CLEAR = "\033[0m", "\033[2J\033[H"
@@ -35,11 +38,11 @@ class Heard:
     at_s: float
 
 
-def show(seconds: float, follow: bool, out: Callable[[str], object] = sys.stdout.write) -> int:
+def show(seconds: float | None, follow: bool, out: Callable[[str], object] = sys.stdout.write) -> int:
     """Listen and print; the exit code of the process.
 
     Args:
-        seconds: how long to listen before printing for the first time.
+        seconds: how long to listen before printing first; None: 2.5 s, and up to 6 s until a node is heard.
         follow: print anew every second until Ctrl-C, in place on a terminal.
         out: takes the text.
 
@@ -47,6 +50,7 @@ def show(seconds: float, follow: bool, out: Callable[[str], object] = sys.stdout
         TwinError: no node of the suite was heard.
     """
     heard: dict[str, Heard] = {}
+    patient, seconds = seconds is None, _LISTEN_S if seconds is None else seconds
 
     def keep(message: DiagnosticArray) -> None:
         take(heard, message, time.monotonic())
@@ -59,10 +63,12 @@ def show(seconds: float, follow: bool, out: Callable[[str], object] = sys.stdout
     try:
         node.create_subscription(DiagnosticArray, "/diagnostics", keep, QoSProfile(depth=100))
         _spin(executor, seconds)
+        longest = max(seconds, _PATIENCE_S) if patient else seconds
+        _spin(executor, longest - seconds, lambda: bool(heard))
         if not heard:
             domain = os.environ.get("ROS_DOMAIN_ID", "0")
             raise TwinError(
-                f"no node of the suite is heard within {seconds:g} s in ROS_DOMAIN_ID {domain}: start it"
+                f"no node of the suite is heard within {longest:g} s in ROS_DOMAIN_ID {domain}: start it"
                 " (launch_scripts/suite.sh), or give the domain in which it runs: ROS_DOMAIN_ID=N textile-twin status"
             )
         terminal = sys.stdout.isatty()
@@ -117,7 +123,7 @@ def _is_ours(name: str) -> bool:
     return name.partition(":")[0].rpartition("/")[2] in NODES
 
 
-def _spin(executor: SingleThreadedExecutor, seconds: float) -> None:
+def _spin(executor: SingleThreadedExecutor, seconds: float, enough: Callable[[], bool] = lambda: False) -> None:
     deadline = time.monotonic() + seconds
-    while (left := deadline - time.monotonic()) > 0.0:
+    while (left := deadline - time.monotonic()) > 0.0 and not enough():
         executor.spin_once(timeout_sec=left)

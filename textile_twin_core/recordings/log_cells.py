@@ -1,0 +1,153 @@
+"""Cells of a log as numbers: columns of any kind become float64, and what cannot is kept with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.recordings.log_dialect import EMPTY
+
+_DAY_S = 86400.0
+_MOST_BAD = 0.01
+"""A column with a larger share of cells that are no numbers is text."""
+_NUMBER = r"^[+-]?([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][+-]?[0-9]+)?$"
+_CLOCK = r"^(?P<h>[0-9]{1,2}):(?P<m>[0-9]{2}):(?P<s>[0-9]{2}(?:[.][0-9]+)?)$"
+_DATE_ALONE = r"^([0-9]{2})\.([0-9]{2})\.([0-9]{4})$"
+
+
+@dataclass(eq=False, repr=False)
+class LogTable(dict[str, FloatArray]):
+    """Columns by name, float64 (n,), NaN where a cell is empty or no number.
+
+    dated: columns that were dates, times of day or durations, now seconds. left_out: columns without numbers, and what
+    they hold. bad: by column the first cell that is no number and how many there are; they are NaN.
+    """
+
+    dated: set[str] = field(default_factory=set)
+    left_out: dict[str, str] = field(default_factory=dict)
+    bad: dict[str, tuple[str, int]] = field(default_factory=dict)
+
+    def rows(self, here: BoolArray) -> LogTable:
+        """The same columns with the rows that a mask (n,) takes."""
+        taken = LogTable(self.dated, self.left_out, self.bad)
+        taken.update({name: values[here] for name, values in self.items()})
+        return taken
+
+
+def numeric(columns: Mapping[str, Any], decimal: str = ".") -> LogTable:
+    """Arrow columns as numbers. Dates become seconds since 1970, times of day seconds that go on at midnight.
+
+    A column of dates beside one of times of day is added to it. decimal: sign of numbers that are text.
+    """
+    from pyarrow import types
+
+    out = LogTable()
+    days: dict[str, FloatArray] = {}
+    clocks: dict[str, FloatArray] = {}
+    for name, written in columns.items():
+        kind = written.type
+        if types.is_string(kind) or types.is_large_string(kind):
+            _text(name, written, decimal, out, days, clocks)
+        elif types.is_date(kind):
+            days[name] = _float(written.cast("timestamp[ns]").cast("int64")) * 1e-9
+        elif types.is_time(kind):
+            clocks[name] = _float(written.cast("time64[ns]").cast("int64")) * 1e-9
+        elif types.is_timestamp(kind) or types.is_duration(kind):
+            unit = "timestamp[ns]" if types.is_timestamp(kind) else "duration[ns]"
+            out[name] = _float(written.cast(unit).cast("int64")) * 1e-9
+            out.dated.add(name)
+        elif types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+            out[name] = _float(written)
+        else:
+            out.left_out[name] = f"values of the kind {kind}"
+    _join(out, days, clocks)
+    return out
+
+
+def _join(out: LogTable, days: Mapping[str, FloatArray], clocks: Mapping[str, FloatArray]) -> None:
+    """Dates and times of day in columns of their own: together where there is one of each."""
+    together = len(days) == len(clocks) == 1
+    for name, seconds in clocks.items():
+        out[name] = seconds + next(iter(days.values())) if together else _past_midnight(seconds)
+        out.dated.add(name)
+    for name in days:
+        out.left_out[name] = f"dates, which are added to '{next(iter(clocks))}'" if together else "dates without a time"
+
+
+def _past_midnight(seconds: FloatArray) -> FloatArray:
+    """Times of day that go on where they fall back by more than half a day."""
+    known = np.flatnonzero(np.isfinite(seconds))
+    past = np.cumsum(np.diff(seconds[known], prepend=seconds[known][:1]) < -0.5 * _DAY_S)
+    on = seconds.copy()
+    on[known] += _DAY_S * past
+    return on
+
+
+def _text(
+    name: str,
+    written: Any,
+    decimal: str,
+    out: LogTable,
+    days: dict[str, FloatArray],
+    clocks: dict[str, FloatArray],
+) -> None:
+    """A column of text as dates, times of day or numbers, whichever all its cells are (numbers: nearly all)."""
+    import pyarrow
+    from pyarrow import compute
+
+    cells = compute.utf8_trim_whitespace(written.combine_chunks())
+    cells = compute.if_else(compute.is_in(cells, pyarrow.array(sorted(EMPTY), cells.type)), None, cells)
+    filled = len(cells) - cells.null_count
+    pointed = compute.replace_substring(cells, ",", ".")
+    if filled and _matches(pointed, _CLOCK) == filled:
+        clocks[name] = _clock(pointed)
+        return
+    iso = compute.replace_substring_regex(cells, r"^(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1")
+    try:
+        if filled and _matches(cells, _DATE_ALONE) == filled:
+            days[name] = _float(iso.cast("date32").cast("timestamp[ns]").cast("int64")) * 1e-9
+            return
+        stamps = compute.replace_substring(iso, ",", ".").cast("timestamp[ns]")
+        if filled:
+            out[name] = _float(stamps.cast("int64")) * 1e-9
+            out.dated.add(name)
+            return
+    except pyarrow.ArrowInvalid:
+        pass
+    plain = pointed if decimal == "," else cells
+    good = compute.match_substring_regex(plain, _NUMBER)
+    bad = filled - int(compute.sum(good).as_py() or 0)
+    if not filled or bad > _MOST_BAD * filled:
+        first = next((cell for cell in cells.to_pylist() if cell is not None), None)
+        out.left_out[name] = "nothing" if first is None else f"text ('{first[:30]}')"
+        return
+    if bad:
+        first = compute.filter(cells, compute.invert(good))[0].as_py()
+        out.bad[name] = (first, bad)
+    out[name] = _float(compute.if_else(good, plain, None).cast("float64"))
+
+
+def _matches(cells: Any, pattern: str) -> int:
+    from pyarrow import compute
+
+    return int(compute.sum(compute.match_substring_regex(cells, pattern)).as_py() or 0)
+
+
+def _clock(cells: Any) -> FloatArray:
+    """Seconds of the day of HH:MM:SS.sss."""
+    from pyarrow import compute
+
+    parts = compute.extract_regex(cells, _CLOCK)
+    hours, minutes, seconds = (_float(compute.struct_field(parts, [key]).cast("float64")) for key in "hms")
+    return np.asarray(3600.0 * hours + 60.0 * minutes + seconds)
+
+
+def _float(column: Any) -> FloatArray:
+    # Nanoseconds since 1970 have more digits than a double; a quarter of a microsecond is lost.
+    values = column.cast("float64", safe=False)
+    combined = values.combine_chunks() if hasattr(values, "combine_chunks") else values
+    return np.array(combined.to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -1,0 +1,105 @@
+"""The unit of a log's times: told by the user, by the header, or by the interval from row to row."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import RecordingError
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "hours": 3600.0, "days": 86400.0}
+DATED = "seconds of a date or a time of day"
+"""Unit of columns that were dates, times of day or durations: their reader has made seconds of them."""
+
+_GUESSED = ("s", "ms", "us", "ns")
+_INTERVALS_S = (5e-5, 2.0)
+"""From row to row of a machine's log; a rig that samples a pickup's voltage is quicker."""
+_RAW_INTERVALS_S = (1e-7, 2.0)
+_TOO_SLOW_S = 0.5
+"""So slow a log shows nothing of a shaft: where another unit makes a thousandth of it, that one is meant."""
+_LONG_S = 3600.0
+_EPOCHS_S = (9.4e8, 4.2e9)
+"""Seconds since 1970 of the years 2000 to 2100."""
+_SLOWEST_EPOCH_S = 60.0
+_EXCEL_DAYS = (20_000.0, 80_000.0)
+"""Excel's numbers of the days from 1954 to 2119; it counts from 30 December 1899."""
+_EXCEL_1970 = 25569.0
+_LATEST_S = 9.2e9
+"""Nanoseconds since 1970 end in 2262."""
+_COUNTS = re.compile(r"(^|[^a-z])(samples?|index|idx|rows?|zeilen?|lines?|nr|no|num|count|counter|n|i|k)([^a-z]|$)")
+_ASK = "tell it: --time-unit {units}; or leave the column out with --rate HZ"
+
+
+def time_seconds(name: str, unit: str, values: FloatArray, raw: bool = False) -> tuple[FloatArray, str]:
+    """Seconds of a column of times (n,), and the unit taken, in words.
+
+    Args:
+        name: of the column, for messages. unit: as told or named, `DATED`, or empty where nothing tells it.
+        values: as logged, NaN where a cell is empty. raw: the log samples a voltage, so its rows may be very near.
+
+    Raises RecordingError for an unknown unit, for one that cannot be told from the values, and for times no clock has.
+    """
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        raise RecordingError(f"column '{name}': no time in it; name another with --time, or give --rate")
+    if unit == DATED:
+        taken, words = "s", DATED.removeprefix("seconds of ")
+    elif unit:
+        taken, words = unit, unit
+    else:
+        taken, words = _guessed(name, finite, raw)
+    if taken not in TIME_UNITS:
+        raise RecordingError(f"column '{name}': time in '{unit}'? there are: {', '.join(TIME_UNITS)}")
+    if taken == "days" and _EXCEL_DAYS[0] <= float(finite[0]) <= _EXCEL_DAYS[1]:
+        values, words = values - _EXCEL_1970, words.replace("days", "Excel's days", 1)
+    seconds = values * TIME_UNITS[taken]
+    latest = float(np.nanmax(np.abs(seconds)))
+    if latest > _LATEST_S:
+        raise RecordingError(f"column '{name}': {latest:.6g} s in the unit '{taken}' is no time; {_told()}")
+    return seconds, words
+
+
+def counts_rows(name: str, values: FloatArray) -> bool:
+    """Whether a column that rises evenly, and no word calls a time, is a count of rows."""
+    steps = np.unique(np.diff(values[np.isfinite(values)][:10_000]))
+    return bool(_COUNTS.search(name.lower())) or (steps.size == 1 and float(steps[0]) == 1.0)
+
+
+def _guessed(name: str, finite: FloatArray, raw: bool) -> tuple[str, str]:
+    """The unit that the values leave, and how it is told. Raises RecordingError where they leave several or none."""
+    steps = np.diff(finite)
+    steps = steps[steps > 0.0]
+    if not steps.size:
+        raise RecordingError(f"column '{name}' does not rise, so it holds no times; name another, or give --rate")
+    step, size = float(np.median(steps)), float(np.median(np.abs(finite)))
+    fastest, slowest = _RAW_INTERVALS_S if raw else _INTERVALS_S
+    for unit in _GUESSED:
+        scale = TIME_UNITS[unit]
+        if _EPOCHS_S[0] <= size * scale <= _EPOCHS_S[1] and step * scale <= _SLOWEST_EPOCH_S:
+            return unit, f"{unit} since 1970 (taken for granted)"
+    if _EXCEL_DAYS[0] <= size <= _EXCEL_DAYS[1] and step < fastest <= step * TIME_UNITS["days"] <= slowest:
+        return "days", "days since 1900 (taken for granted)"
+    fits = [unit for unit in _GUESSED if fastest <= step * TIME_UNITS[unit] <= slowest * (1.0 + 1e-9)]
+    if len(fits) == 1:
+        return fits[0], f"{fits[0]} (taken for granted: {step * TIME_UNITS[fits[0]] * 1e3:.4g} ms from row to row)"
+    if len(fits) > 1 and not raw:
+        slower, quicker = fits[0], fits[1]
+        whole = bool(np.all(finite == np.rint(finite)))
+        # A count of rows has steps of one; what is slow may be seconds after all, unless the log is hours long.
+        long = step > 1.0 and float(np.ptp(finite)) > _LONG_S if slower == "s" else True
+        if whole and long and step * TIME_UNITS[slower] >= _TOO_SLOW_S:
+            taken = step * TIME_UNITS[quicker] * 1e3
+            return quicker, f"{quicker} (taken for granted: {taken:.4g} ms from row to row)"
+    if len(fits) > 1 and raw and not np.all(finite == np.rint(finite)) and "s" in fits:
+        return "s", "s (taken for granted)"
+    may = " or ".join(fits) if fits else "none of " + ", ".join(_GUESSED)
+    raise RecordingError(
+        f"column '{name}': its header tells no unit, and by its steps of {step:.6g} it may be {may}"
+        f"{', or a count of rows' if step == 1.0 else ''}; {_told()}"
+    )
+
+
+def _told() -> str:
+    return _ASK.format(units=", ".join(TIME_UNITS))
