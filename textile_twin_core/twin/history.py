@@ -118,8 +118,8 @@ class HistoryPredictor:
             return {name: np.empty(0) for name in self.motion.outputs}
         return self._step(states.stamps, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
 
-    def predict_one(self, stamp: int | float, state: OneState) -> dict[str, float]:
-        """Outputs at one state."""
+    def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
+        """Outputs at one state; no load of such a machine has a friction that follows the shaft's sense."""
         *motion, _ = (np.array((value,)) for value in (stamp, *state))
         return {name: values.item() for name, values in self._step(*motion).items()}
 

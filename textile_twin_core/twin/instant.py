@@ -13,6 +13,7 @@ from textile_twin_core.errors import MotionError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import OneState, ShaftStates
+from textile_twin_core.twin.sense import next_to_rest, sense_unknown
 
 _FEW = 80
 """Samples up to which one by one is faster than as arrays."""
@@ -46,7 +47,11 @@ class InstantTwin(Protocol):
 
 
 class InstantPredictor:
-    """A twin evaluated at shaft states, by phase and turns, so that long runs keep their digits."""
+    """A twin evaluated at shaft states, by phase and turns, so that long runs keep their digits.
+
+    Dry friction opposes a motion whose sense the state tells; where it tells none (see `sense`), there is none, as at
+    rest. All else that follows the speed stays.
+    """
 
     def __init__(self, twin: InstantTwin) -> None:
         self._twin = twin
@@ -59,26 +64,42 @@ class InstantPredictor:
 
     def predict(self, states: ShaftStates) -> dict[str, FloatArray]:
         """Outputs at states, arrays (n,)."""
-        n, twin = len(states), self._twin
-        outputs = {name: np.empty(n) for name in twin.outputs}
-        state = (states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
-        if n > _FEW and outputs:
-            twin.evaluate(*state, out=outputs)
-        else:
-            for i, row in enumerate(zip(*(a.tolist() for a in state), strict=True)):
-                for name, value in self._single(row).items():
-                    outputs[name][i] = value
+        motion = (states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
+        outputs = self._block(motion)
+        unknown = np.flatnonzero(sense_unknown(states))
+        if unknown.size:
+            theta, omega, alpha = (column[unknown] for column in motion)
+            rest = self._block((theta, np.zeros_like(omega), alpha))
+            turning = self._block((theta, next_to_rest(omega), alpha))
+            for name, values in outputs.items():
+                values[unknown] += rest[name] - turning[name]
         for name, winding in self._winding.items():
             outputs[name] += winding * states.turns
         return outputs
 
-    def predict_one(self, stamp: int | float, state: OneState) -> dict[str, float]:
+    def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
         """Outputs at one state."""
         *motion, turns = state
         values = self._single(motion)
+        if not sense_known:
+            theta, omega, alpha = motion
+            rest = self._single((theta, 0.0, alpha))
+            turning = self._single((theta, float(next_to_rest(omega)), alpha))
+            values = {name: value + (rest[name] - turning[name]) for name, value in values.items()}
         for name, winding in self._winding.items():
             values[name] += winding * turns
         return values
+
+    def _block(self, motion: Sequence[FloatArray]) -> dict[str, FloatArray]:
+        n, twin = len(motion[0]), self._twin
+        outputs = {name: np.empty(n) for name in twin.outputs}
+        if n > _FEW and outputs:
+            twin.evaluate(*motion, out=outputs)
+        else:
+            for i, row in enumerate(zip(*(a.tolist() for a in motion), strict=True)):
+                for name, value in self._single(row).items():
+                    outputs[name][i] = value
+        return outputs
 
     def _single(self, state: Sequence[float]) -> dict[str, float]:
         """One sample, as it would come out of a block: NaN where the machine's motion is not determined."""

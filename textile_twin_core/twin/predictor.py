@@ -31,8 +31,8 @@ class Predictor(Protocol):
         """Outputs at states, arrays (n,)."""
         ...
 
-    def predict_one(self, stamp: int | float, state: OneState) -> dict[str, float]:
-        """Outputs at one state."""
+    def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
+        """Outputs at one state; `sense_known`: whether it tells the sense of rotation (see `sense`)."""
         ...
 
     def take_events(self) -> Sequence[StampedEvent]:

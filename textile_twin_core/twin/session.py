@@ -19,6 +19,7 @@ from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
 from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent
+from textile_twin_core.twin.sense import newest_sense_unknown
 
 _PIECE = 65_536
 """Samples whose covariances are copied at a time: those of an hour would take as much memory as all else."""
@@ -175,7 +176,8 @@ class Session:
             return ()
         phase, omega, alpha, turns = state
         theta = turns * TURN + (turns * TURN_TAIL + phase)  # as join_turns
-        outputs = self._predictor.predict_one(stamp, state)
+        known = not newest_sense_unknown(self._estimator, omega)
+        outputs = self._predictor.predict_one(stamp, state, known)
         return (Sample(stamp, theta, omega, alpha, math.nan, outputs),)
 
     def take_events(self) -> Sequence[StampedEvent]:
