@@ -50,7 +50,7 @@ class Calibration:
         angle_unit: of the logged angle. direction, ratio, zero_rad: the encoder's.
         sign, unit_factor, unit: of the torque. gain, offset_Nm, delay_s: of the torque sensor.
         ambiguous: what this recording cannot tell.
-        rms_before_Nm, rms_after_Nm: of the residual while the shaft turns, with the sensors as they were and as settled.
+        rms_before_Nm, rms_after_Nm: of the residual while the shaft turns, with sensors as they were and as settled.
         rms_beside_Nm: what is left when friction, loads and drift that the file does not get are taken off too.
         assessment: the verdict on the settings as they were. machine: the machine with the sensors settled.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import Any
 
@@ -16,13 +17,15 @@ from textile_twin_core.shaft.filter import Block, run_filter
 from textile_twin_core.shaft.measurement_noise import set_resolution
 from textile_twin_core.shaft.report import REJECTION_CAUSES, SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
-from textile_twin_core.shaft.states import OneState, ShaftStates
+from textile_twin_core.shaft.states import INFLATION, OneState, ShaftStates
 from textile_twin_core.shaft.status import COUNTS, KEPT, MOTIONS, ROW, STATE, Records, Stamps, new_status
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
 Part = tuple[Stamps, Records]  # stamps and rows of accepted samples
 _STATE = struct.Struct(f"={STATE.names.index('settled') + 1}d" if STATE.names else "")
+_VARIANCE, _SPEED_VARIANCE_AT = struct.Struct("=d"), STATE.itemsize - 5 * 8  # of the covariance (9,), the last field
+SPEED_INFLATION = float(INFLATION[1])
 PIECE = 262_144  # samples filtered at once: an array of so many rows is returned to the system when it is freed
 
 
@@ -93,6 +96,12 @@ class ShaftEstimator:
             return None
         phase, omega, alpha, turns, settled = _STATE.unpack_from(self._row)
         return None if settled < 0.0 else OneState(phase, omega, alpha, turns)
+
+    @property
+    def omega_sigma_rad_s(self) -> float:
+        """Standard deviation of the speed that `step_one` gave last [rad/s]."""
+        (variance,) = _VARIANCE.unpack_from(self._row, _SPEED_VARIANCE_AT)
+        return math.sqrt(max(variance, 0.0)) * SPEED_INFLATION
 
     def finish(self) -> ShaftStates:
         """The states that are still held; the estimator is then as after `reset`, but for report and newest stamp."""

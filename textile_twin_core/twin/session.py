@@ -19,7 +19,7 @@ from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
 from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent
-from textile_twin_core.twin.sense import newest_sense_unknown
+from textile_twin_core.twin.sense import SENSE_SIGMAS
 
 _PIECE = 65_536
 """Samples whose covariances are copied at a time: those of an hour would take as much memory as all else."""
@@ -176,7 +176,7 @@ class Session:
             return ()
         phase, omega, alpha, turns = state
         theta = turns * TURN + (turns * TURN_TAIL + phase)  # as join_turns
-        known = not newest_sense_unknown(self._estimator, omega)
+        known = abs(omega) > SENSE_SIGMAS * self._estimator.omega_sigma_rad_s
         outputs = self._predictor.predict_one(stamp, state, known)
         return (Sample(stamp, theta, omega, alpha, math.nan, outputs),)
 
