@@ -11,7 +11,7 @@ import pytest
 
 from tests.generators.mill_recordings import Case, MillRecording, healthy, mistaken, record
 from tests.generators.told_machine import told_machine
-from textile_twin_core.comparison import Assessment, Readings, assess
+from textile_twin_core.comparison import Assessment, Readings, assess, calibrate
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.prediction import recompute
 from textile_twin_core.recordings.samples import AngleSamples
@@ -162,3 +162,21 @@ def test_settings_far_off_that_make_up_for_each_other_accuse_nobody(monkeypatch:
     case = healthy("tufting", 908, run_up=False, duration_s=20.0)
     found = judged(case, _driver_set_right(record(case), 14.0))
     assert {"encoder_zero", "delay"}.isdisjoint(cause.cause for cause in found.verdict)
+
+
+@pytest.mark.parametrize(("second", "by_rad"), [(1.0, -2.0), (12.0, 0.3)])
+def test_a_slip_of_the_encoder_is_told_with_its_time_and_accuses_nobody(second: float, by_rad: float) -> None:
+    case = healthy("tufting", 910, run_up=False, duration_s=20.0)
+    made = record(case)
+    after = made.angle_stamps_ns > made.angle_stamps_ns[0] + int(second * 1e9)
+    angle = np.mod(made.angle + np.where(after, 0.0, -by_rad), 2.0 * math.pi)
+    made = replace(made, angle=angle if second < 5.0 else np.mod(made.angle + by_rad * after, 2.0 * math.pi))
+    found = judged(case, made)
+    assert [cause.text for cause in found.verdict] == []
+    note = next(note for note in found.notes if "leaps as no shaft does" in note)
+    assert float(note.split(" deg at ")[1].split(" s")[0]) == pytest.approx(second, abs=0.02)
+    assert float(note.split(": ")[1].split(" deg")[0]) == pytest.approx(math.degrees(by_rad), abs=1.0)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    settled = calibrate(readings, told_machine(case))
+    assert (settled.direction, settled.sign) == (1, 1)
+    assert settled.rms_after_Nm < 0.2

@@ -10,7 +10,7 @@ import numpy as np
 from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
 from textile_twin_core.comparison.explain import Explanation, explain
-from textile_twin_core.comparison.leaps import without_turns
+from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
 from textile_twin_core.comparison.periodic import best_periodic
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
 from textile_twin_core.comparison.search import LONGEST_DELAY_S, RATIOS
@@ -25,6 +25,9 @@ SOME_LEAPS = 3
 """Of the angle, from which they are told: a single one may be an encoder that slipped, which `FaultWatch` names."""
 _FEWEST_ANGLES = 64
 """While there is torque, that show the unit by themselves."""
+_LEAST_PART, _EQUAL = 0.25, 0.9
+"""Of all turns, those of a part without a leap that stands for all; of the most turns, those of a part as good."""
+_MOST_TOLD = 3
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
 _WHEEL = (
     "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
@@ -147,10 +150,26 @@ def evidence_of(
     fast = fast_speed(track.omega_rad_s)
     beside = min(LONGEST_DELAY_S, 0.5 * TURN / fast) if fast > 0.0 else LONGEST_DELAY_S  # for what delays are tried
     track = without_turns(track.between(time[0] - beside, time[-1] + beside), encoder_turn_rad)
+    track, leaps = _unbroken(track)
     # A drift is told from a delay by the time in which the shaft turns, of which the rests may leave but an end.
     turning = track.time_s[np.abs(track.omega_rad_s) >= REST_SHARE * fast]
     middle = 0.5 * float(turning[0] + turning[-1]) if turning.size else 0.5 * float(time[0] + time[-1])
-    return Evidence(time, readings.torque[good], track, terms, middle)
+    return Evidence(time, readings.torque[good], track, terms, middle, leaps)
+
+
+def _unbroken(track: ShaftTrack) -> tuple[ShaftTrack, tuple[tuple[float, float], ...]]:
+    """The part of a track with most turns between two leaps of the angle, the first of equal ones, and the leaps.
+
+    All of the track where it leaps too often for a part to stand for it; then none is told.
+    """
+    by = leaps_of(track)
+    parts = [track.between(*ends) for ends in parts_between(track)] if by.any() else []
+    turns = [part.turns for part in parts]
+    if not parts or max(turns) < max(_LEAST_PART * sum(turns), FEWEST_TURNS):
+        return track, ()
+    best = next(part for part, each in zip(parts, turns, strict=True) if each > _EQUAL * max(turns))
+    leaps = [(float(track.time_s[k + 1]), float(by[k])) for k in np.flatnonzero(by)]
+    return best, tuple(leaps)
 
 
 def nothing_to_tell(evidence: Evidence) -> str:
@@ -219,7 +238,15 @@ def _notes(evidence: Evidence, found: Explanation) -> tuple[str, ...]:
             f"{np.count_nonzero(gaps)} gaps in the shaft angle, {float(step[gaps].sum()):.2f} s in all, the longest"
             f" {longest:.2f} s: torque inside them does not count"
         )
-    if evidence.track.leaps >= SOME_LEAPS:
+    if evidence.leaps:
+        first, last = evidence.track.time_s[[0, -1]].tolist()
+        told = ", ".join(f"{np.degrees(by):+.1f} deg at {at:.3f} s" for at, by in evidence.leaps[:_MOST_TOLD])
+        more = f" and {len(evidence.leaps) - _MOST_TOLD} times more" if len(evidence.leaps) > _MOST_TOLD else ""
+        notes.append(
+            f"the shaft angle leaps as no shaft does, an encoder that slips or was set anew: {told}{more}, from the"
+            f" first angle on; the verdict is of the part from {first:.2f} to {last:.2f} s alone"
+        )
+    elif evidence.track.leaps >= SOME_LEAPS:
         notes.append(
             f"the shaft angle leaps {evidence.track.leaps} times as no shaft does, and torque there is wrong: an"
             " encoder that slips, or a controller that is polled by another clock (--stamp-jitter, 0.3 of its cycle)"

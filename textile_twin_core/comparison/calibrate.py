@@ -30,6 +30,9 @@ _TOLD = 0.005
 _LEAST_LOAD, _SIGMAS = 0.01, 4.0
 """By so much, and so many standard deviations, loads are other than declared; the latter holds for offsets, too."""
 
+_HARDLY = 0.8
+"""Share of the RMS error that an encoder or a sensor turned round may leave at most: else it explains nothing."""
+
 
 @dataclass(frozen=True)
 class Ambiguity:
@@ -50,7 +53,7 @@ class Calibration:
         angle_unit: of the logged angle. direction, ratio, zero_rad: the encoder's.
         sign, unit_factor, unit: of the torque. gain, offset_Nm, delay_s: of the torque sensor.
         ambiguous: what this recording cannot tell.
-        rms_before_Nm, rms_after_Nm: of the residual while the shaft turns, with sensors as they were and as settled.
+        rms_before_Nm, rms_after_Nm: of the residual while the shaft turns, sensors as they were and as settled.
         rms_beside_Nm: what is left when friction, loads and drift that the file does not get are taken off too.
         assessment: the verdict on the settings as they were. machine: the machine with the sensors settled.
     """
@@ -106,7 +109,7 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
     Discrete settings are those of the likeliest hypothesis (see `search`), continuous ones are fitted to all samples,
     with what else departs (loads, friction) fitted beside them. Intervals are by `uncertainty_by_turns`.
 
-    Raises RecordingError when the recording tells nothing, or is of another machine.
+    Raises RecordingError when the recording tells nothing, is of another machine, or what it asks for explains no more.
     """
     assessment = assess(readings, machine)
     found = assessment.explanation
@@ -121,6 +124,13 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
     settings = fit.settings
     turned = settings.direction * machine.sensors.encoder.ratio * settings.ratio / found.configured.ratio
     near = nearest_gain(settings.gain, 1.0)
+    before, after = _rms(found, found.configured), _rms(found, _sensors_alone(settings, found.configured))
+    mirrored = settings.direction != found.configured.direction or settings.gain * found.configured.gain < 0.0
+    if (mirrored or settings.ratio != found.configured.ratio) and fit.rms > _HARDLY * before:
+        raise RecordingError(
+            f"no calibration from this recording: another direction, sign or ratio takes its RMS error from"
+            f" {before:.3g} to {fit.rms:.3g} N m only, so the fault lies elsewhere; see what compare tells of it"
+        )
     zero = known.get("zero_rad", Estimate(settings.zero_rad)).scaled(1.0 / turned)
     zero = zero.scaled(1.0, _whole_turns(zero.value, machine.sensors.encoder.zero_rad, TURN / abs(turned)))
     gain = known.get("gain", Estimate(settings.gain)).scaled(1.0 / near.gain)
@@ -140,8 +150,8 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
         offset_Nm=offset,
         delay_s=delay,
         ambiguous=tuple(_ambiguous(assessment, found, fit, abs(turned), told)),
-        rms_before_Nm=_rms(found, found.configured),
-        rms_after_Nm=_rms(found, _sensors_alone(settings, found.configured)),
+        rms_before_Nm=before,
+        rms_after_Nm=after,
         rms_beside_Nm=fit.rms,
         assessment=assessment,
         machine=replace(machine, sensors=Sensors(encoder, sensor)),

@@ -68,13 +68,17 @@ class States:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Measured torque (m,) over time [s], the shaft's track, and the machine's parts of the torque."""
+    """Measured torque (m,) over time [s], the shaft's track, and the machine's parts of the torque.
+
+    leaps: time [s] and size [rad] of leaps of the angle, of which the track ends or begins at one.
+    """
 
     time_s: FloatArray
     torque_Nm: FloatArray
     track: ShaftTrack
     terms: TorqueTerms
     middle_s: float
+    leaps: tuple[tuple[float, float], ...] = ()
     rest_rad_s: float = field(init=False)
     _seen: dict[tuple[float, float], tuple[FloatArray, FloatArray, FloatArray, BoolArray]] = field(
         init=False, repr=False, compare=False, default_factory=dict

@@ -206,10 +206,12 @@ def _as_near(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder
     """
     if not _departing(fit, configured):
         return fit
-    near = _spare(evidence, fit_settings(evidence, configured, what_can_vary(evidence)), configured, encoder_turn_rad)
-    fewer = _departing(near, configured) < _departing(fit, configured)
-    as_good = near.cost(fit.scale) <= (1.0 + _WORTH) * fit.cost(fit.scale)
-    return near if fewer and as_good else fit
+    for free in ((), what_can_vary(evidence)):
+        near = _spare(evidence, fit_settings(evidence, configured, free), configured, encoder_turn_rad)
+        fewer = _departing(near, configured) < _departing(fit, configured)
+        if fewer and near.cost(fit.scale) <= (1.0 + _WORTH) * fit.cost(fit.scale):
+            return near
+    return fit
 
 
 def _departing(fit: SettingsFit, configured: Settings) -> int:

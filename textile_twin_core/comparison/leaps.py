@@ -11,8 +11,8 @@ from textile_twin_core.comparison.shaft_track import ShaftTrack
 
 _LEAST_RAD = 0.02
 """By so much the angle moves beyond what the speeds on either side make of it, or it does not leap."""
-
 _LATE = 5
+"""Readings beside a leap that belong to neither part."""
 
 
 def leaps_of(track: ShaftTrack) -> FloatArray:
@@ -46,9 +46,9 @@ def without_turns(track: ShaftTrack, encoder_turn_rad: float) -> ShaftTrack:
 def parts_between(track: ShaftTrack) -> list[tuple[float, float]]:
     """First and last time [s] of the parts of a track in which its angle does not leap.
 
-    A slip is known some readings late, so the last ones before it belong to neither part.
+    A slip is known some readings late, so the ones beside it belong to neither part.
     """
     at = np.flatnonzero(leaps_of(track))
-    first = np.concatenate([[0], at + 1])
+    first = np.concatenate([[0], np.minimum(at + 1 + _LATE, track.time_s.size - 1)])
     last = np.concatenate([at - _LATE, [track.time_s.size - 1]])
     return [(float(track.time_s[a]), float(track.time_s[b])) for a, b in zip(first, last, strict=True) if b > a]
