@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import textile_twin_core as ttc
 from tests.generators import mill_recordings
 from tests.generators.mill_recordings import START_NS, healthy, mistaken, record
 from tests.generators.planned_motion import Plan
@@ -112,6 +113,23 @@ def test_a_recording_of_another_machine_gives_no_calibration() -> None:
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     with pytest.raises(RecordingError, match="not this machine"):
         calibrate(readings, told_machine(case))
+
+
+@pytest.mark.parametrize(("rest_s", "delay_s"), [(0.0, 0.0), (0.0, 0.002), (4.0, 0.002)])
+def test_a_lighter_machine_of_the_same_kind_does_not_mirror_the_sensors(rest_s: float, delay_s: float) -> None:
+    """Encoder and torque turned round, a seventh of the gain, loads of -4 times left 0.7 of the error."""
+    heavy = ttc.machines.tufting()
+    light = replace(heavy, bodies=tuple(body for body in heavy.bodies if body.on in ("l3", "l6")))
+    time = np.arange(0.0, 30.0, 0.002)
+    share = np.clip((time - rest_s) / 3.0, 0.0, 1.0)
+    omega = 16.755 * share * share * (3.0 - 2.0 * share)
+    theta, alpha = 0.3 + np.cumsum(omega) * 0.002, np.gradient(omega, time)
+    torque = ttc.compile(light, ["balancing_torque_Nm"]).evaluate(theta, omega, alpha)["balancing_torque_Nm"]
+    torque = torque + 0.2 + 0.02 * np.random.default_rng(1).normal(size=time.size)
+    stamps = START_NS + np.rint(time * 1e9).astype(np.int64)
+    angle = np.mod(0.1 - np.ceil(theta / (2.0 * math.pi) * 2**14) / 2**14 * 2.0 * math.pi, 2.0 * math.pi)
+    with pytest.raises(RecordingError, match="no calibration from this recording"):
+        calibrate(Readings(stamps, angle, stamps + round(delay_s * 1e9), torque), heavy)
 
 
 def plan_of(*points: tuple[float, float]) -> Callable[[float, float, np.random.Generator], Plan]:

@@ -62,11 +62,19 @@ def unchunked(path: Path, whole: Path) -> Path:
     return path
 
 
-def without_checksums(path: Path, whole: Path) -> Path:
-    """The same messages in uncompressed chunks with indices but no checksums, by the mcap library."""
+def by_library(
+    path: Path,
+    whole: Path,
+    form: CompressionType = CompressionType.NONE,
+    chunk_bytes: int = 8192,
+    crcs: bool = True,
+    indices: bool = True,
+) -> Path:
+    """The same messages in chunks, by the mcap library."""
     bag = open_bag(whole)
+    kinds = {} if indices else {"index_types": 0, "use_statistics": False, "use_summary_offsets": False}
     with path.open("wb") as file:
-        writer = Writer(file, 8192, CompressionType.NONE, enable_crcs=False)
+        writer = Writer(file, chunk_bytes, form, enable_crcs=crcs, **kinds)
         writer.start("ros2", "test")
         numbers = {}
         for topic in bag.topics.values():
@@ -264,7 +272,7 @@ def run(folder: Path, count: int, seed: int) -> dict[str, Judge]:
     kinds = {
         "chunked": (whole, True),
         "unchunked": (unchunked(folder / "unchunked.mcap", whole), False),
-        "without checksums": (without_checksums(folder / "without.mcap", whole), False),
+        "without checksums": (by_library(folder / "without.mcap", whole, crcs=False), False),
     }
     judges = {name: Judge(path, checked) for name, (path, checked) in kinds.items()}
     spoilt = folder / "spoilt.mcap"

@@ -10,7 +10,7 @@ from random import Random
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
 from tests.recordings import mutations
 from textile_twin_core.cli.main import main
@@ -23,20 +23,8 @@ _FORMS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": Comp
 
 def _library_file(path: Path, form: str, crcs: bool = True, indices: bool = True) -> Path:
     """800 messages of two topics in about twelve chunks, by the mcap library."""
-    whole = open_bag(mutations.chunked(path.with_name("source.mcap")))
-    with path.open("wb") as file:
-        kinds = {} if indices else {"index_types": 0, "use_statistics": False, "use_summary_offsets": False}
-        writer = Writer(file, 4096, _FORMS[form], enable_crcs=crcs, **kinds)
-        writer.start("ros2", "test")
-        numbers = {}
-        for topic in whole.topics.values():
-            assert topic.schema is not None
-            schema = writer.register_schema(topic.msgtype, "ros2msg", topic.schema.text.encode())
-            numbers[topic.name] = writer.register_channel(topic.name, "cdr", schema)
-        for name, log_ns, raw in whole.raw_messages():
-            writer.add_message(numbers[name], log_ns, raw, log_ns)
-        writer.finish()
-    return path
+    whole = mutations.chunked(path.with_name("source.mcap"))
+    return mutations.by_library(path, whole, _FORMS[form], 4096, crcs, indices)
 
 
 def _chunks(data: bytes) -> list[tuple[int, int]]:

@@ -59,10 +59,11 @@ def twin() -> Twin:
 
 
 @pytest.mark.parametrize("shaft", VIEWS)
-@pytest.mark.parametrize("stop_rad", [0.7, 1.5, 2.5, 3.2, 4.5])
+@pytest.mark.parametrize("stop_rad", [0.7, 1.5, 2.5, 3.2])
 def test_a_needle_that_stops_in_the_backing_is_not_held_by_it(twin: Twin, shaft: str, stop_rad: float) -> None:
     time, motion = between_rests(stop_rad)
     truth = twin.evaluate(*motion)[TORQUE]
+    assert abs(twin.evaluate(stop_rad, 1e-7, 0.0)[LOAD]) > 1.0  # the needle does stop in it
     found = predicted(twin, shaft, time, motion[0])
     error = found[TORQUE] - truth[found.index]
     moment = time[found.index]

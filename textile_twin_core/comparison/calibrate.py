@@ -30,7 +30,7 @@ _TOLD = 0.005
 _LEAST_LOAD, _SIGMAS = 0.01, 4.0
 """By so much, and so many standard deviations, loads are other than declared; the latter holds for offsets, too."""
 
-_HARDLY = 0.8
+_MOST_LEFT = 0.5
 """Share of the RMS error that an encoder or a sensor turned round may leave at most: else it explains nothing."""
 
 
@@ -126,10 +126,10 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
     near = nearest_gain(settings.gain, 1.0)
     before, after = _rms(found, found.configured), _rms(found, _sensors_alone(settings, found.configured))
     mirrored = settings.direction != found.configured.direction or settings.gain * found.configured.gain < 0.0
-    if (mirrored or settings.ratio != found.configured.ratio) and fit.rms > _HARDLY * before:
+    if (mirrored or settings.ratio != found.configured.ratio) and after > _MOST_LEFT * before:
         raise RecordingError(
             f"no calibration from this recording: another direction, sign or ratio takes its RMS error from"
-            f" {before:.3g} to {fit.rms:.3g} N m only, so the fault lies elsewhere; see what compare tells of it"
+            f" {before:.3g} to {after:.3g} N m only, so the fault lies elsewhere; see what compare tells of it"
         )
     zero = known.get("zero_rad", Estimate(settings.zero_rad)).scaled(1.0 / turned)
     zero = zero.scaled(1.0, _whole_turns(zero.value, machine.sensors.encoder.zero_rad, TURN / abs(turned)))

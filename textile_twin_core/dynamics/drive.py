@@ -242,16 +242,20 @@ class Drive:
                 )
             lost = self._lost_energy(start, solver.y)
             if lost <= 1.0 or lost > _HELPS * least:
+                self._tell(float(solver.t))
                 self._refuse_runaway(solver)
                 return solver
             least = lost
             solver = self._solver(begin, start, end, stretch, 0.5 * (solver.t - begin))
 
-    def _refuse_runaway(self, solver: scipy.integrate.DOP853) -> None:
-        """Tells how far the run is. Raises MotionError where the shaft is faster than any, or no number."""
+    def _tell(self, now: float) -> None:
+        """Report the share of the time that is done."""
         if self._report is not None:
             first, last = float(self._times[0]), float(self._times[-1])
-            self._report((float(solver.t) - first) / (last - first))
+            self._report((now - first) / (last - first))
+
+    def _refuse_runaway(self, solver: scipy.integrate.DOP853) -> None:
+        """Raises MotionError where the shaft is faster than any, or its speed no number."""
         omega = float(solver.y[1])
         if not abs(omega) <= self.fastest_rad_s:
             raise MotionError(
