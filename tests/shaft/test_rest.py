@@ -130,10 +130,10 @@ def test_what_a_rest_seemed_to_tell_of_the_noise_does_not_last(view: str) -> Non
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
-def test_noise_of_an_indexed_shaft(view: str, seed: int) -> None:
+@pytest.mark.parametrize(("view", "most"), [("causal", 1.1), ("lag", 0.95), ("smooth", 0.8)])
+def test_noise_of_an_indexed_shaft(view: str, most: float, seed: int) -> None:
     """Moves within 40 ms and rests in turn, noise that does not fade: what moves seem to tell of late stamps is no
-    reason to believe readings at rest.
+    reason to believe readings at rest, nor is a start to doubt the rest before it.
     """
     rng, time = np.random.default_rng([81, seed]), np.arange(3000) / 4000.0
     theta, omega, begin = np.zeros(time.size), np.zeros(time.size), 0.04
@@ -151,7 +151,7 @@ def test_noise_of_an_indexed_shaft(view: str, seed: int) -> None:
     tuned = (book.causal if view == "causal" else book.smooth)[joined.index[late], 1]
     truth = omega[joined.index[late]]
     off = np.sqrt(np.mean((joined.omega_rad_s[late] - truth) ** 2) / np.mean((tuned - truth) ** 2))
-    assert off < 1.15
+    assert off < most
 
 
 @pytest.mark.parametrize("view", ["causal", "lag"])

@@ -7,7 +7,7 @@ import numpy as np
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import bank, lanes
 from textile_twin_core.shaft.clock import add_products, add_ripple_covariance, add_spread, dot, shaft_state
-from textile_twin_core.shaft.measurement_noise import least_scale, standstill_speed
+from textile_twin_core.shaft.measurement_noise import begin_jitter, least_scale, standstill_speed
 from textile_twin_core.shaft.status import Record
 from textile_twin_core.shaft.turns import TURN
 
@@ -63,7 +63,7 @@ def begin_or_rest(status: Record, f: int, turned: float) -> None:
     A probable family does not restart at a higher speed: it keeps its ripple as a first guess.
     """
     speed, improbable = abs(status.speed), status.mode_probability[f] <= IMPROBABLE
-    if improbable or f > status.leading:
+    if improbable or f != status.leading:
         pace = min(max(1.0 / _turns_remembered(status), 1.0), FASTEST_REST) if status.rest[f] > 0.0 else 1.0
         status.rest[f] -= turned * pace
     else:
@@ -74,7 +74,7 @@ def begin_or_rest(status: Record, f: int, turned: float) -> None:
     if not working and resolved and status.rest[f] <= 0.0 and (f < lanes.HIGH or status.high_orders > HIGH_ORDERS):
         _begin(status, f)
         status.active[f], status.rest[f], status.travelled[f], status.mode_probability[f] = 1.0, 0.0, 0.0, 0.0
-        status.began[f] = max(speed, standstill_speed(status))
+        status.began[f], status.began_at[f] = max(speed, standstill_speed(status)), status.angle
     elif status.active[f] > 0.0 and resolved_waves(status, f, KEEP) < lanes.LEAST_WAVES[f]:
         _strike_out(status, f)
         status.active[f] = 0.0
@@ -85,7 +85,7 @@ def begin_or_rest(status: Record, f: int, turned: float) -> None:
         if faster:
             bank.doubt_ripple(status, f, 0)
             _strike_out(status, f)
-            status.began[f], status.travelled[f] = speed, 0.0
+            status.began[f], status.began_at[f], status.travelled[f] = speed, status.angle, 0.0
 
 
 @compiled_in_place
@@ -145,7 +145,8 @@ def forget_lessons(status: Record) -> None:
     status.order_sums[:] = status.doubt[:] = 0.0
     status.move *= 1.0 + 0.5 * (status.longest_hold + status.leapt_after)
     status.listened = status.reading_variance = status.sensor_power = status.high_orders = 0.0
-    status.tail_heard = status.tail_expected = 0.0
+    status.tail_heard = status.tail_expected = status.fastest = 0.0
+    begin_jitter(status)
 
 
 @compiled_in_place

@@ -178,7 +178,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     for f in range(lanes.FAMILIES - 1, -1, -1):
         if status.active[f] > 0.0:
             time_update(status, strength, step, lanes.FIRST[f], lanes.STOP[f])
-            status.travelled[f] += turned
+            status.travelled[f] = max(status.travelled[f], abs(status.angle - status.began_at[f]))
             # Until the ripple is observed, its angle is better known from the measurement than from the prediction.
             predict_reading(status, f, step, reading, expected if families.is_observed(status, f) else reading, noise)
             density += status.mode_probability[f] * status.density[f]

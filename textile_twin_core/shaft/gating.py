@@ -12,7 +12,7 @@ from textile_twin_core.shaft import bank, lanes, measurement_noise
 from textile_twin_core.shaft.clock import copy_numbers, wave_at
 from textile_twin_core.shaft.families import FIRST_REST, UNBIASED
 from textile_twin_core.shaft.kalman import time_update
-from textile_twin_core.shaft.measurement_noise import FIRST_JITTER, LEAP_GUESSED, OFTEN_HELD, SETTLING
+from textile_twin_core.shaft.measurement_noise import LEAP_GUESSED, OFTEN_HELD, SETTLING
 from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, TRACK, Record, Records
 
 MAX_OUTLIERS = 2  # consecutive measurements rejected as outliers before a manoeuvre may be declared
@@ -56,8 +56,7 @@ def initiate(status: Record, step: float, angle: float, rate: float, row: Record
     """
     status.losses += status.samples > 2.0
     status.interval = step
-    if status.jitter_told == 0.0:
-        status.jitter = (FIRST_JITTER * step) ** 2
+    measurement_noise.begin_jitter(status)
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
     status.move = abs(rate) * step
     _begin_differences(status, angle)

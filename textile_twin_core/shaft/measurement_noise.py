@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
+from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.bank import rescale
 from textile_twin_core.shaft.encoder import FINEST_STEP_RAD, UNKNOWN_STEP_RAD
 from textile_twin_core.shaft.status import Record, Records
@@ -26,6 +27,12 @@ FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some
 FINEST_S = 1e-9  # [s] least time between measurements: months after the first it may be lost to rounding
 LEAST_SCALE = 1e-6  # least noise scale of a filter where nothing else bounds it
 LEARN_JITTER = 0.5  # gain of the jitter's adaptation at full speed; lower speeds hardly show it
+LEAST_JITTER = 0.01  # part of the noise found that is taken for jitter at least
+FOURTH = 70.0  # variance of the fourth differences of white noise of variance 1
+MOST_WHITE, FORGET_WHITE = (
+    2.0,
+    0.5,
+)  # bound of jitter in white noise as estimated, and the estimate's decay per adaptation
 FORGET_SPEED = 0.99  # decay of the full speed per adaptation
 
 
@@ -84,6 +91,7 @@ def adapt_additive_noise(status: Record, reading: float) -> None:
     pass for noise: such samples count only once families with ripple have had a probability.
     """
     moved = (reading - status.kept) * status.interval / max(status.time - status.kept_at, FINEST_S)
+    _add_white_noise(status, moved - status.moved)
     smooth = max(abs(moved), abs(status.moved)) <= SMOOTH_MOVE
     bent = 0.0
     if smooth or status.ripple_tried > 0.0:
@@ -94,6 +102,19 @@ def adapt_additive_noise(status: Record, reading: float) -> None:
         if status.still > 0.0:
             status.noise_at_rest = _averaged(status.noise_at_rest, found, noise, samples)
     status.kept, status.kept_at, status.moved, status.bent = reading, status.time, moved, bent
+
+
+@compiled_in_place
+def _add_white_noise(status: Record, second: float) -> None:
+    """Add to the sums by which jitter is bounded: white noise from fourth differences (Rice 1984), and speed, squared.
+
+    A motion of some readings per wave has hardly any, and never less than none. `second`: the latest second difference.
+    """
+    third = second - status.second_difference
+    fourth = third - status.third_difference
+    status.second_difference, status.third_difference = second, third
+    status.white += fourth * fourth / FOURTH - max(rounding_variance(status), status.noise_at_rest)
+    status.speed_squared += status.speed**2
 
 
 @compiled_in_place
@@ -152,7 +173,8 @@ def least_scale(status: Record, noise: float) -> float:
     Measurements at rest may be equal for hours, and stamps of a controller's cycle equally late for minutes, without
     the noise being smaller.
     """
-    if abs(status.speed) * status.interval <= max(status.resolution, 3.0 * math.sqrt(noise)):
+    at_rest = max(rounding_variance(status), status.additive, status.noise_at_rest)
+    if abs(status.speed) * status.interval <= max(status.resolution, 3.0 * math.sqrt(at_rest)):
         return 1.0
     known = 0.0 if status.guessed > 0.0 else rounding_variance(status)
     return float(max((known + status.jitter_told * status.jitter * status.speed**2) / noise, LEAST_SCALE))
@@ -176,12 +198,28 @@ def set_resolution(record: Records, resolution: float) -> None:
 
 
 @compiled_in_place
+def begin_jitter(status: Record) -> None:
+    """Set the stamps' jitter, unless it is a setting, to what it is taken for before there is evidence."""
+    if status.jitter_told == 0.0:
+        status.jitter = (FIRST_JITTER * status.interval) ** 2
+    status.white = status.speed_squared = 0.0
+
+
+@compiled_in_place
 def adapt_jitter(status: Record, noise: float) -> None:
-    """Attribute the noise scale of the leading family's best filter to jitter: the variance follows the speed."""
+    """Attribute the noise scale of the leading family's best filter to jitter: the variance follows the speed.
+
+    As far as the readings' noise is white: a plain filter's scale may be that of a motion which it cannot follow.
+    """
     found = status.scale[status.best[status.leading]] * noise
     status.fastest = max(abs(status.speed), FORGET_SPEED * status.fastest)
     if status.jitter_told == 0.0:
-        jitter = max(found - rounding_variance(status), 0.01 * found) / status.speed**2
+        other = max(rounding_variance(status), status.noise_at_rest)
+        jitter = max(found - other, LEAST_JITTER * found) / status.speed**2
+        if status.leading == lanes.PLAIN:
+            jitter = min(jitter, max(MOST_WHITE * status.white / status.speed_squared, LEAST_JITTER * jitter))
         jitter = min(jitter, status.interval**2)  # at a stop any noise would be that of stamps later than that
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (jitter - status.jitter)
+    status.white *= FORGET_WHITE
+    status.speed_squared *= FORGET_WHITE
     rescale(status, noise / measurement_variance(status))

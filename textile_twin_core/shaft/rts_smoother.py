@@ -35,9 +35,9 @@ from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records, new_status
 
 FAR, SURELY_FAR = 9.0, 1e4  # squared distance from the bank's angle that is far, in its variances; without a reading
-MOST_PASSES = 3
+MOST_PASSES = 5
 BURST, NEARER = 10, 0.25  # rows after a manoeuvre in which it is taken back, by a reading so much nearer to the motion
-FAR_OFF = 10.0  # times too weak that some process noise was: smoothing begins again
+FAR_OFF = 4.0  # times too weak or too strong that some process noise was: smoothing begins again
 
 
 @by_reference
@@ -134,7 +134,7 @@ def smooth_family(smoother: Smoother, record: Records, family: int, rows: Record
 def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last: int) -> float:
     """Smooth (n,) rows from the initial state on: rows `first` .. `last` get their states.
 
-    The process noise of all rows is adapted for the next call; at once where it was far too weak. Readings rejected
+    The process noise of all rows is adapted for the next call; at once where it was far from right. Readings rejected
     ahead of a detected manoeuvre are used again, with the shortest memory. Returns the clock's least slope.
     """
     for i in range(3, rows.size):

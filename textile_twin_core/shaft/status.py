@@ -47,6 +47,8 @@ _NUMBERS = (
     "jitter", "jitter_told",  # variance of the stamps [s^2], 1 if it is a setting
     "additive", "noise_at_rest",  # variance of other noise [rad^2], of late and as seen at rest
     "kept", "kept_at", "moved", "bent",  # last reading not rejected, its time, first and second difference per interval
+    "second_difference", "third_difference",  # the same of all readings, and third difference
+    "white", "speed_squared",  # decaying sums of the noise that bounds jitter [rad^2], and of the speed squared
     "read", "leapt", "leapt_after",  # last reading; last move beyond rounding, and the repetitions before it
     "held", "holding", "longest_hold",  # part of such moves after repetitions; repetitions in a row, and the most
     "rejected_run", "unconfirmed",  # readings rejected in a row; those that must fit until the state is settled
@@ -62,7 +64,8 @@ _NUMBERS = (
 )  # fmt: skip
 _BY_FAMILY = (
     "density", "mode_probability",  # predictive density of the latest reading
-    "active", "travelled", "began",  # 1 if active; angle turned [rad] since it started, speed then
+    "active", "began", "began_at",  # 1 if active; speed and angle where it started
+    "travelled",  # furthest angle from there: a shaft that goes to and fro shows no order of the turn
     "ample",  # angle turned [rad] with readings enough for more orders
     "rest", "pause",  # angle [rad] left to rest, or if negative turned since it was probable; cycles of its next rest
     "log_memory",  # mean logarithm of its memory
