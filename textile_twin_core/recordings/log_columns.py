@@ -10,13 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.readings import angle_unit
+from textile_twin_core.comparison.readings import ANGLE_TURNS, angle_unit, radians_of
 from textile_twin_core.comparison.torque_units import UNITS_PER_NM
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_time import TIME_UNITS
 
-ANGLE_TURNS = {"rad": 2.0 * math.pi, "deg": 360.0, "rev": 1.0, "gon": 400.0}
-"""What a turn counts in each unit."""
 SPEED_UNITS = {"rad/s": 1.0, "rpm": math.pi / 30.0, "deg/s": math.pi / 180.0, "rev/s": 2.0 * math.pi}
 TORQUE_UNITS = {
     "N m": 1.0,
@@ -87,17 +85,12 @@ def angle_radians(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
     A unit may be a number, the counts of one turn. Raises RecordingError when nothing tells it.
     """
     unit = column.unit
-    if unit in ANGLE_TURNS:
-        return values * (2.0 * math.pi / ANGLE_TURNS[unit]), unit
     if unit:
         try:
-            turn = float(unit)
+            return values * radians_of(unit), unit if unit in ANGLE_TURNS else f"{float(unit):g} a turn"
         except ValueError:
-            turn = 0.0
-        if not turn > 0.0:
             known = f"{', '.join(ANGLE_TURNS)}, or the counts of a turn"
-            raise RecordingError(f"column '{column.name}': angle in '{unit}'? there are: {known}")
-        return values * (2.0 * math.pi / turn), f"{turn:g} a turn"
+            raise RecordingError(f"column '{column.name}': angle in '{unit}'? there are: {known}") from None
     seen = angle_unit(values)
     if not seen.wrapped:
         raise RecordingError(
