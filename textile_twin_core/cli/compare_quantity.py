@@ -78,6 +78,9 @@ def _rows(found: QuantityComparison) -> list[tuple[str, str]]:
         ("RMS error left", f"{found.rms * factor:.4g} {unit}".rstrip()),
         ("explained", f"{found.explained:.4%}"),
     ]
+    if found.at_rest:
+        note = f"{found.at_rest} samples of a shaft at rest are left out: dry friction may be anything there"
+        rows.append(("note", note))
     if found.one_speed:
         rows.append(("note", "at one speed a delay is a zero of the encoder; all of it was taken as delay"))
     return rows
