@@ -171,8 +171,8 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     time, measured = time[turning], measured[turning]
     if at_rest and time.size < _FEWEST:
         raise RecordingError(
-            f"only {time.size} samples of {name} while the shaft turns, and {at_rest} at rest, where dry friction may be"
-            " anything: record it at work"
+            f"only {time.size} samples of {name} while the shaft turns, and {at_rest} at rest, where dry friction may"
+            " be anything: record it at work"
         )
     _check(name, track, time, measured)
     told = encoder.zero_rad * encoder.direction * encoder.ratio
