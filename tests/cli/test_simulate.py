@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import errno
+import json
 import math
 import os
 import subprocess
@@ -95,12 +96,43 @@ def test_a_recording_of_the_simulation(tmp_path: Path) -> None:
     ) == 0  # fmt: skip
     with AnyReader([out]) as reader:
         assert {c.topic: c.msgcount for c in reader.connections} == {
-            "/main_shaft/angle": 100, "/balancing_torque/predicted": 100,
+            "/main_shaft/angle": 100, "/balancing_torque/predicted": 100, "/balancing_torque/measured": 100,
             "/outputs/balancing_torque_Nm": 100, "/outputs/needle_position_m": 100,
         }  # fmt: skip
     angles = open_bag(out).read_angles()
     np.testing.assert_array_equal(np.diff(angles.stamps), 10_000_000)
     np.testing.assert_array_equal(angles.angles_rad, 2 * math.pi * np.arange(100) / 100)
+
+
+def test_a_recording_of_the_simulation_holds_what_the_sensors_say(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """So that the file that it was made with explains it, and the one without sensors names each of them."""
+    machine, out = tmp_path / "mine.yaml", tmp_path / "f.mcap"
+    machine.write_text(
+        "machine: tufting\nname: mine\nsensors: {encoder: {zero_rad: 0.4, direction: -1, ratio: 0.5},"
+        " torque: {gain: 1.2, offset_Nm: 3, delay_s: 0.004}}\n"
+    )
+    time = np.arange(3000) / 500.0
+    speed = 10.0 + 2.0 * np.minimum(time, 3.0)
+    theta = 0.3 + np.where(time < 3.0, 10.0 * time + time**2, 39.0 + 16.0 * (time - 3.0))
+    motion = np.stack([theta, speed, np.where(time < 3.0, 2.0, 0.0), time], axis=1)
+    np.savetxt(
+        tmp_path / "m.csv", motion, delimiter=",", header="theta_rad,omega_rad_s,alpha_rad_s2,time_s", comments=""
+    )
+    assert main(["simulate", str(machine), "--input", str(tmp_path / "m.csv"), "--out", str(out)]) == 0
+    bag = open_bag(out)
+    angles, shown = bag.read_angles(), bag.read_torques("balancing_torque/measured")
+    true = bag.read_torques("balancing_torque/predicted")
+    np.testing.assert_allclose(angles.angles_rad, -2.0 * theta + 0.4, atol=1e-12)
+    np.testing.assert_allclose(angles.velocities, -2.0 * speed, atol=1e-12)
+    np.testing.assert_array_equal(shown.stamps - true.stamps, 4_000_000)
+    np.testing.assert_allclose(shown.torque_Nm, 1.2 * true.torque_Nm + 3.0, atol=1e-12)
+    for told in (str(machine), "tufting"):
+        assert main(["compare", str(out), "--machine", told, "--json", str(tmp_path / "c.json")]) == 0
+        causes = {cause["cause"] for cause in json.loads((tmp_path / "c.json").read_text())["verdict"]}
+        expected = {"encoder_direction", "encoder_ratio", "torque_gain", "zero_or_delay"}
+        assert causes >= expected if told == "tufting" else not causes, causes
 
 
 def test_a_machine_of_the_users_own(tmp_path: Path) -> None:

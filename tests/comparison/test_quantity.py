@@ -190,3 +190,54 @@ def test_what_the_angle_does_not_change_tells_no_zero() -> None:
     found = compare_quantity(traced("omega_1_rad_s", 0.01, 0.1), ttc.machines.tufting(), "omega_1_rad_s")
     assert found.zero_rad.value == 0.0 and math.isnan(found.zero_rad.sigma)
     assert found.delay_s.value == pytest.approx(0.01, abs=2e-3)
+
+
+def stopped(name: str, stop_rad: float) -> Trace:
+    """An output of the tufting machine at work for 4 s between rests of 9 s each, measured 4 ms late; it rests at an
+    angle, where friction holds the needle with a force of its own, which grows and fades.
+    """
+    time = np.arange(0.0, 24.0, 0.002)
+    ramp = np.clip((time - 9.0) / 1.0, 0.0, 1.0) - np.clip((time - 14.0) / 1.0, 0.0, 1.0)
+    omega = 16.755 * ramp
+    theta = np.cumsum(omega) * 0.002
+    theta += stop_rad - theta[-1]
+    values = ttc.compile(ttc.machines.tufting(), [name], method="exact").evaluate(
+        theta, omega, np.gradient(omega, 0.002)
+    )
+    found = np.asarray(values[name])
+    size = float(np.ptp(found))
+    if name.endswith(("_N", "_Nm")):
+        found = found + 0.4 * size * np.sin(time) * (omega == 0.0)
+    found = found + 1e-3 * size * np.random.default_rng(7).standard_normal(time.size)
+    stamps = 1_000_000_000 + np.rint(time * 1e9).astype(np.int64)
+    angle = np.rint(np.mod(theta, 2.0 * np.pi) * 16384 / (2.0 * np.pi)) * 2.0 * np.pi / 16384
+    return Trace(stamps + 4_000_000, found, stamps, angle)
+
+
+@pytest.mark.parametrize("name", ["driven_shaft_torque_Nm", "reaction_guide_N", "balancing_torque_Nm"])
+@pytest.mark.parametrize("stop_rad", [math.radians(107.0), 0.5, 5.0])
+def test_what_friction_holds_at_rest_tells_nothing(name: str, stop_rad: float) -> None:
+    found = compare_quantity(stopped(name, stop_rad), ttc.machines.tufting(), name)
+    assert found.scale.value == pytest.approx(1.0, abs=2e-3)
+    assert found.delay_s.value == pytest.approx(0.004, abs=1e-3)
+    assert found.explained > 0.9999
+    assert found.at_rest == pytest.approx(18.0 * 500.0, rel=0.02) and found.time_s.size < 3200
+
+
+def test_a_place_is_told_at_rest_too() -> None:
+    found = compare_quantity(stopped("needle_position_m", 0.5), ttc.machines.tufting(), "needle_position_m")
+    assert found.at_rest == 0 and found.time_s.size > 11_000
+    assert found.scale.value == pytest.approx(1.0, abs=1e-3)
+    assert found.delay_s.value == pytest.approx(0.004, abs=2e-4)
+
+
+def test_a_force_at_rest_alone_is_refused_in_a_line() -> None:
+    whole = stopped("reaction_guide_N", 0.5)
+    rest = slice(8000, 12000)
+    trace = Trace(whole.stamps_ns[rest], whole.values[rest], whole.angle_stamps_ns, whole.angle_rad)
+    with pytest.raises(RecordingError, match="of a turn: record reaction_guide_N over some turns"):
+        compare_quantity(trace, ttc.machines.tufting(), "reaction_guide_N")
+    begin = slice(4000, 4540)
+    trace = Trace(whole.stamps_ns[begin], whole.values[begin], whole.angle_stamps_ns[:8000], whole.angle_rad[:8000])
+    with pytest.raises(RecordingError, match="while the shaft turns"):
+        compare_quantity(trace, ttc.machines.tufting(), "reaction_guide_N")

@@ -50,6 +50,10 @@ def not_a_number(message: JointState) -> None:
     message.position = [0.0, math.nan]
 
 
+def in_degrees(message: JointState) -> None:
+    message.position = [math.degrees(angle) for angle in message.position]
+
+
 #: What is published as sample number n after the fault began, and what is said of it.
 FAULTS: dict[str, tuple[Callable[[int], JointState], str]] = {
     "not a number": (lambda n: spoilt(n, not_a_number), "not finite"),
@@ -59,6 +63,7 @@ FAULTS: dict[str, tuple[Callable[[int], JointState], str]] = {
     "clock set forward": (lambda n: spoilt(n, shifted(3600)), "pauses"),
     "clock set back": (lambda n: spoilt(n, shifted(-3600)), "went back"),
     "no stamp": (lambda n: spoilt(n, no_stamp), "stamps are 0"),
+    "degrees": (lambda n: spoilt(n, in_degrees), "set angle_unit_rad to 0.01745329252"),
     "another joint": (lambda n: spoilt(n, other_joint), "unreadable"),
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
@@ -21,6 +22,7 @@ from textile_twin_ros.health import (
     stalled_findings,
     stamp_findings,
     state_level,
+    unit_findings,
 )
 
 
@@ -71,6 +73,13 @@ def test_counts_that_begin_anew_are_no_growth_of_what_was() -> None:
     recent.growth({"received": 1000.0, "gaps": 3.0}, now=0.0)
     recent.growth({"received": 1500.0, "gaps": 3.0}, now=6.0)
     assert recent.growth({"received": 20.0, "gaps": 1.0}, now=7.0) == {"received": 520.0, "gaps": 1.0}
+
+
+def test_a_unit_other_than_radians_is_told_with_the_parameter_that_mends_it() -> None:
+    angle = np.mod(0.05 * np.arange(1000), 2.0 * np.pi)
+    assert not unit_findings(np.empty(0), 1.0) and not unit_findings(angle, 1.0)
+    (finding,) = unit_findings(np.rint(angle * 4096 / (2.0 * np.pi)) % 4096, 1.0)
+    assert finding.level == WARN and "looks like counts" in finding.text and "0.001533980788" in finding.text
 
 
 def test_publishers_stamps_and_states() -> None:

@@ -57,8 +57,8 @@ def run(arguments: argparse.Namespace) -> None:
     write_json(arguments, machine, found.to_json())
     if found.angle_unit != "radians":
         raise UsageError(
-            f"{arguments.bag}: the angle is in {found.angle_unit}, and messages hold radians; record it in radians, or"
-            " make the recording again from its log with textile-twin import, which converts it"
+            f"{arguments.bag}: the angle is in {found.angle_unit}, and messages hold radians; tell it with --angle-unit"
+            " (deg, rev, gon, or the counts of a turn), or record it in radians"
         )
     save_machine_file(found.machine, arguments.out)
     _print(found)

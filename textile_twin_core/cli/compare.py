@@ -12,7 +12,7 @@ from textile_twin_core.cli import compare_quantity
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number, shaft_settings
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Comparison, assess, compare_torque, summary_rows, verdict_lines
@@ -28,6 +28,8 @@ _LIMITS = {
 }
 """Limits for scripts: the error they speak of, and its name."""
 
+_PREDICTED, _JUDGED = 0.4, 0.7
+"""Shares of all work, of an hour's recording, at which prediction and verdict end."""
 _FORMS = {
     "json": "the numbers",
     "rrd": "a recording for textile-twin view",
@@ -97,27 +99,31 @@ def run(arguments: argparse.Namespace) -> None:
 def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded: bool = False) -> Comparison:
     """The comparison that the arguments of add_recording ask for; recorded: with the predictions in the recording."""
     bag, angles, measured = read_samples(arguments, machine)
-    with progress(len(angles), "predicting") as done:
+    with stages(len(angles)) as stage:
+        # Smoothing the whole recording takes as long again, when its last sample is there.
+        done = stage("predicting", _PREDICTED, 2 * len(angles))
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
-    judged = assess(readings_of(angles, measured), machine, predicted.track)
-    notes, verdict, explained = judged.notes, judged.verdict, judged.explained
-    angle_topic = angles.topic
-    del judged, angles  # these and the track hold the whole recording once more
-    predicted = dataclasses.replace(predicted, track=None)
-    if recorded:
-        predicted = recorded_torque(bag, predicted, angle_topic)
-    comparison = compare_torque(
-        measured.stamps,
-        measured.torque_Nm,
-        predicted.stamps_ns,
-        predicted.torque_Nm,
-        predicted.theta_rad,
-        torque_sensor=machine.sensors.torque,
-        events=machine.events(),
-        settled=predicted.settled,
-        predicted_sigma_Nm=predicted.sigma_Nm,
-        rejected=predicted.rejected,
-    )
+        stage("judging", _JUDGED, 1)
+        judged = assess(readings_of(angles, measured), machine, predicted.track)
+        notes, verdict, explained = judged.notes, judged.verdict, judged.explained
+        angle_topic = angles.topic
+        del judged, angles  # these and the track hold the whole recording once more
+        predicted = dataclasses.replace(predicted, track=None)
+        if recorded:
+            predicted = recorded_torque(bag, predicted, angle_topic)
+        stage("comparing", 1.0, 1)
+        comparison = compare_torque(
+            measured.stamps,
+            measured.torque_Nm,
+            predicted.stamps_ns,
+            predicted.torque_Nm,
+            predicted.theta_rad,
+            torque_sensor=machine.sensors.torque,
+            events=machine.events(),
+            settled=predicted.settled,
+            predicted_sigma_Nm=predicted.sigma_Nm,
+            rejected=predicted.rejected,
+        )
     return dataclasses.replace(
         comparison,
         notes=(*comparison.notes, *predicted.notes, *notes),

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from textile_twin_core.cli.mistakes import UsageError, nearest
 from textile_twin_core.cli.outputs import print_rows, write_json
-from textile_twin_core.cli.readings import read_angles, read_samples, readings_of
+from textile_twin_core.cli.readings import read_angles, read_samples, readings_of, tell_unit
 from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
 from textile_twin_core.comparison.quantity import QuantityComparison, Trace, compare_quantity, shown_unit
 from textile_twin_core.comparison.uncertainty import Estimate
@@ -33,6 +33,7 @@ def run(arguments: argparse.Namespace, machine: Machine, limits: Iterable[str] =
         if arguments.png is not None:
             raise UsageError("--png shows a quantity over the shaft angle; with --quantity speed give --json")
         _, angles, measured = read_samples(arguments, machine)
+        tell_unit(angles)
         driven = driven_speed(readings_of(angles, measured), machine)
         rows, told = driven_rows(driven), driven.to_json()
     else:
@@ -56,6 +57,7 @@ def _compared(arguments: argparse.Namespace, machine: Machine) -> QuantityCompar
 
 def _trace(arguments: argparse.Namespace, machine: Machine) -> Trace:
     bag, angles = read_angles(arguments, machine)
+    tell_unit(angles)
     seen = bag.read_angles(f"{MEASURED}/{arguments.quantity}", arguments.quantity)
     return Trace(seen.stamps, seen.angles_rad, angles.stamps, angles.angles_rad, angles.velocities)
 
@@ -76,6 +78,9 @@ def _rows(found: QuantityComparison) -> list[tuple[str, str]]:
         ("RMS error left", f"{found.rms * factor:.4g} {unit}".rstrip()),
         ("explained", f"{found.explained:.4%}"),
     ]
+    if found.at_rest:
+        note = f"{found.at_rest} samples of a shaft at rest are left out: dry friction may be anything there"
+        rows.append(("note", note))
     if found.one_speed:
         rows.append(("note", "at one speed a delay is a zero of the encoder; all of it was taken as delay"))
     return rows

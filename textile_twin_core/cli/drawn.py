@@ -10,7 +10,7 @@ import numpy as np
 from textile_twin_core.cli.arguments import shaft_settings
 from textile_twin_core.cli.compare import compare_recording
 from textile_twin_core.cli.progress import progress
-from textile_twin_core.cli.readings import read_angles
+from textile_twin_core.cli.readings import read_angles, tell_unit
 from textile_twin_core.machine import AnyMachine, ContactMachine, Machine
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.machine_topics import beside
@@ -67,6 +67,7 @@ def _predicted(
 ) -> tuple[np.ndarray, list[Samples], list[StampedEvent]]:
     """Stamps [ns] and predictions of the recorded angles, and what happened meanwhile at stops and pads."""
     _, angles = read_angles(arguments, machine)
+    tell_unit(angles)
     session = compile_machine(machine, outputs).session(shaft, **shaft_settings(arguments))
     with progress(len(angles), "predicting") as done:
         blocks, events = [], list[StampedEvent]()

@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
     bags = _recordings(arguments.bags)
     settings = WatchSettings(learn_turns=arguments.learn)
     topics = (arguments.angle_topic, arguments.torque_topic, arguments.joint, arguments.skip_bad_samples)
-    sensors = (arguments.index_topic, arguments.torque_unit)
+    sensors = (arguments.index_topic, arguments.torque_unit, arguments.angle_unit_rad)
     jobs = [Job(bag.resolve(), machine, settings, *topics, *sensors) for bag in bags]
     watched = []
     with progress(len(jobs), "watching", " recordings", long=2) as done:
@@ -104,6 +104,8 @@ def _tell(name: str, watched: Watched) -> None:
         return
     turns = len(watched.columns.get("turn", ()))
     print(f"{name}: {turns} turns, {len(watched.alarms)} alarms")
+    for note in watched.notes:
+        print(f"  {note}")
     for alarm in watched.alarms:
         print(f"  turn {alarm.turn}: {alarm.text}")
 

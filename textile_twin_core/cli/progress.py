@@ -5,8 +5,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, Never
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 _LONG = 50_000
+_PARTS = 1000
+Stage = Callable[[str, float, int], "Callable[[int], object] | None"]
+"""Begins a stage: its name, the share of all work at which it ends, its units; what counts units as they are done."""
 
 
 @contextmanager
@@ -21,3 +28,37 @@ def progress(
 
     with tqdm(total=total, desc=what, unit=unit, unit_scale=total >= _LONG, leave=False) as bar:
         yield bar.update
+
+
+@contextmanager
+def stages(total: int) -> Iterator[Stage]:
+    """One bar over stages of different kinds: a function to call as each begins; no bar below `_LONG` samples."""
+    if total < _LONG or not sys.stderr.isatty():
+        yield lambda *_: None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=_PARTS, leave=False, bar_format="{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}]") as bar:
+        yield _Stages(bar).begin
+
+
+class _Stages:
+    """The stage at hand, from one place of a bar to another."""
+
+    def __init__(self, bar: tqdm[Never]) -> None:
+        self._bar, self._from, self._to = bar, 0.0, 0.0
+        self._total, self._done = 1, 0
+
+    def begin(self, what: str, until: float, total: int) -> Callable[[int], object]:
+        """Begin a stage; the one before is over."""
+        self._move_to(self._to)
+        self._from, self._to, self._total, self._done = self._to, until, total, 0
+        self._bar.set_description(what)
+        return self._count
+
+    def _count(self, units: int) -> None:
+        self._done += units
+        self._move_to(self._from + (self._to - self._from) * self._done / self._total)
+
+    def _move_to(self, share: float) -> None:
+        self._bar.update(round(share * _PARTS) - self._bar.n)

@@ -9,7 +9,7 @@ from textile_twin_core.comparison import Readings
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.bag import Bag
-from textile_twin_core.recordings.machine_topics import beside, usable_angles
+from textile_twin_core.recordings.machine_topics import beside, unit_notes, usable_angles
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 
@@ -28,8 +28,15 @@ def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag
         arguments.joint,
         arguments.skip_bad_samples,
         arguments.index_topic,
+        arguments.angle_unit_rad,
     )
     return bag, angles
+
+
+def tell_unit(angles: AngleSamples) -> None:
+    """Say where recorded angles look like another unit than radians, for commands that no torque tells."""
+    for note in unit_notes(angles):
+        print(f"textile-twin: {note}", file=sys.stderr)
 
 
 def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:

@@ -73,10 +73,13 @@ def _write_bag(arguments: argparse.Namespace, machine: AnyMachine) -> None:
             joint=arguments.joint,
             skip_bad=arguments.skip_bad_samples,
             index_topic=arguments.index_topic,
+            angle_unit_rad=arguments.angle_unit_rad,
             torque_unit_Nm=arguments.torque_unit,
             progress=done,
             **shaft_settings(arguments),
         )
+    for note in replay.notes:
+        print(f"textile-twin: {note}", file=sys.stderr)
     print(f"shaft: {replay.report.text()}")
     width = max(map(len, replay.counts))
     for topic, messages in replay.counts.items():

@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from textile_twin_core.cli.arguments import count, factor, positive
+from textile_twin_core.comparison.readings import ANGLE_TURNS, radians_of
 from textile_twin_core.machine import ENCODER_OPTIONS, with_encoder
 from textile_twin_core.machine.sensors import Encoder
 
@@ -32,12 +33,29 @@ def add_sensors(parser: argparse.ArgumentParser) -> None:
         "--index-topic", metavar="TOPIC", help="index pulses (std_msgs/Header), one a turn, that tell where zero is"
     )
     group.add_argument(
+        "--angle-unit",
+        dest="angle_unit_rad",
+        type=_angle_unit,
+        default=1.0,
+        metavar="UNIT",
+        help="of the angle's topic where it does not hold radians: deg, rev, gon, or the counts of a turn",
+    )
+    group.add_argument(
         "--torque-unit",
         type=factor,
         default=1.0,
         metavar="NM",
         help="N m of one unit of the torque's topic: for a motor's current its torque constant times the gear ratio",
     )
+
+
+def _angle_unit(text: str) -> float:
+    """Radians of a unit, as a type of an argument."""
+    try:
+        return radians_of(text)
+    except ValueError:
+        known = f"{', '.join(ANGLE_TURNS)}, or the counts of a turn"
+        raise argparse.ArgumentTypeError(f"must be {known}, not '{text}'") from None
 
 
 def with_sensors(machine: SomeMachine, arguments: argparse.Namespace) -> SomeMachine:

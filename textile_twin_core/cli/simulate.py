@@ -53,7 +53,11 @@ def parser() -> Parser:
     parser.add_argument("--method", choices=["exact", "table", "auto"], help="default: the scene's, otherwise auto")
     parser.add_argument("--tolerance", type=positive, help="error over peak that --method table may make")
     parser.add_argument(
-        "--out", type=Path, metavar="FILE", help=".csv, .parquet or .mcap; is replaced when it is there"
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help=".csv, .parquet or .mcap; is replaced when it is there. An .mcap holds what the machine file's encoder and"
+        " torque sensor would say",
     )
     parser.add_argument(
         "--png", type=Path, metavar="FILE", help="draw the machine and its curves over one turn, at --rpm if given"

@@ -66,6 +66,14 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
     `track` is the shaft's motion where it was estimated before, of angles in radians, from the first angle's stamp on.
     Raises RecordingError when there are too few samples for a motion of the shaft.
     """
+    judged = _assess(readings, machine, track)
+    if judged.unit.times and judged.unit.name != "radians" and all(c.cause != "angle_unit" for c in judged.verdict):
+        note = f"{judged.unit.instead}: tell it with --angle-unit {judged.unit.told}"
+        return replace(judged, notes=(*judged.notes, note))
+    return judged
+
+
+def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> Assessment:
     unit = _unit(readings)
     terms = TorqueTerms(machine)
     if track is not None and unit.name == "radians":

@@ -11,6 +11,7 @@ import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import fast_speed
+from textile_twin_core.comparison.evidence import REST_SHARE
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.search import SPREAD_FOR_DELAY
 from textile_twin_core.comparison.settings_fit import robust_scale
@@ -21,6 +22,7 @@ from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_tu
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.twin import Twin, compile_machine
+from textile_twin_core.twin.sense import next_to_rest
 
 _ZEROS, _DELAYS, _HALVINGS = 72, 48, 40
 _LONGEST_DELAY_S = 1.0
@@ -67,6 +69,8 @@ class QuantityComparison:
         explained: share of the mean square about the mean. measured_range, machine_range: highest less lowest, the
             measured one as the fit says, without its noise; over a turn at speed_rad_s, the shaft's usual speed.
         one_speed: zero and delay cannot be told apart; all of it is taken as delay.
+        at_rest: samples left out since the shaft rests, where dry friction may be anything up to its size, in a
+            quantity that depends on it; 0 for others, in which rests count.
         time_s, measured, expected, theta_rad: (k,) the samples that could be used.
     """
 
@@ -82,6 +86,7 @@ class QuantityComparison:
     machine_range: float
     speed_rad_s: float
     one_speed: bool
+    at_rest: int
     time_s: FloatArray
     measured: FloatArray
     expected: FloatArray
@@ -93,17 +98,36 @@ class QuantityComparison:
         for name in ("scale", "offset", "delay_s", "zero_rad"):
             each: Estimate = getattr(self, name)
             out[name] = {"value": each.value, "sigma": each.sigma, "interval95": list(each.interval95)}
-        rest = ("rms", "rms_as_told", "explained", "measured_range", "machine_range", "speed_rad_s", "one_speed")
+        rest = (
+            "rms",
+            "rms_as_told",
+            "explained",
+            "measured_range",
+            "machine_range",
+            "speed_rad_s",
+            "one_speed",
+            "at_rest",
+        )
         out |= {name: getattr(self, name) for name in rest}
         result: dict[str, Any] = plain({**out, "samples": self.time_s.size})
         return result
 
 
 class _Model:
-    """The machine's quantity at the instants of the samples."""
+    """The machine's quantity at the instants of the samples; slower than `rest_rad_s` the shaft does not tell it."""
 
-    def __init__(self, twin: Twin, name: str, track: ShaftTrack, time_s: FloatArray, direction: int, zero: float):
+    def __init__(
+        self,
+        twin: Twin,
+        name: str,
+        track: ShaftTrack,
+        time_s: FloatArray,
+        direction: int,
+        zero: float,
+        rest_rad_s: float,
+    ) -> None:
         self._twin, self._name, self._track, self._time = twin, name, track, time_s
+        self._rest_rad_s = rest_rad_s
         self.direction, self._zero = direction, zero
         self._leaps = [e.angle_rad for e in twin.machine.events() if _leaps(twin, name, e.angle_rad)]
 
@@ -113,7 +137,7 @@ class _Model:
         theta = self.direction * theta - self._zero - zero_rad
         found = self._twin.evaluate(theta, self.direction * omega, self.direction * alpha)[self._name]
         quantity = np.broadcast_to(found, theta.shape)
-        return quantity, theta, good & np.isfinite(quantity)
+        return quantity, theta, good & np.isfinite(quantity) & (np.abs(omega) >= self._rest_rad_s)
 
     def clear(self, zero_rad: float, delay_s: float) -> BoolArray:
         """Which samples stand clear of the leaps, such as those of a reaction where the needle meets the backing."""
@@ -140,27 +164,30 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     measured = trace.values[finite]
     if time.size:
         track = track.between(float(time.min()), float(time.max()))
+    twin = compile_machine(machine, [name])
+    rest_rad_s = REST_SHARE * fast_speed(track.omega_rad_s) if _depends_on_sense(twin, name) else 0.0
+    turning = np.abs(track.at(time)[1]) >= rest_rad_s
+    at_rest = int(np.count_nonzero(~turning))
+    time, measured = time[turning], measured[turning]
+    if at_rest and time.size < _FEWEST:
+        raise RecordingError(
+            f"only {time.size} samples of {name} while the shaft turns, and {at_rest} at rest, where dry friction may"
+            " be anything: record it at work"
+        )
     _check(name, track, time, measured)
     told = encoder.zero_rad * encoder.direction * encoder.ratio
-    twin = compile_machine(machine, [name])
-    model = _Model(twin, name, track, time, encoder.direction, told)
     few = np.linspace(0, time.size - 1, min(time.size, _COARSE_SAMPLES)).astype(np.int64)
-    coarse = _Model(twin, name, track, time[few], encoder.direction, told)
+    model, coarse = (_Model(twin, name, track, some, encoder.direction, told, rest_rad_s) for some in (time, time[few]))
     _check_machine(coarse, name)
     one_speed = speed_spread(track) <= SPREAD_FOR_DELAY
     values = {"scale": 1.0, "offset": 0.0, "zero_rad": 0.0, "delay_s": 0.0}
     free: tuple[str, ...] = ("scale", "offset", "delay_s")
     if _tells_zero(coarse):
         values["zero_rad"], values["delay_s"] = _start(coarse, measured[few], _usual_speed(track), one_speed)
-        values = _fit(model, measured, values, ("scale", "offset", "zero_rad", *(() if one_speed else ("delay_s",))))
-        if one_speed:
-            # The same phase as a delay: what lags is rather the camera than the encoder's zero.
-            late = values["zero_rad"] / (encoder.direction * _usual_speed(track))
-            values |= {"zero_rad": 0.0, "delay_s": late}
-        else:
-            free = (*free, "zero_rad")
-    if one_speed or "zero_rad" not in free:
-        values = _fit(model, measured, values, free)
+        free = free if one_speed else (*free, "zero_rad")
+    values = _fit(model, measured, values, free)
+    # A step of all at once may end at a leap; scale and offset have nothing to do with it.
+    values = _fit(model, measured, values, ("scale", "offset"))
     quantity, theta, good = model.at(values["zero_rad"], values["delay_s"])
     expected = values["scale"] * quantity + values["offset"]
     good &= model.clear(values["zero_rad"], values["delay_s"])
@@ -181,6 +208,7 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
         machine_range=float(np.ptp(around)),
         speed_rad_s=usual,
         one_speed=one_speed,
+        at_rest=at_rest,
         time_s=time[good],
         measured=measured[good],
         expected=expected[good],
@@ -211,25 +239,28 @@ def _line(quantity: FloatArray, measured: FloatArray) -> tuple[float, float]:
 def _start(model: _Model, measured: FloatArray, speed_rad_s: float, one_speed: bool) -> tuple[float, float]:
     """Zero [rad] and delay [s] to begin with: zeros around the turn, delays within half a turn, and what lies beside.
 
-    What lies beside is searched by steps that are halved, since the slopes of a quantity that leaps lead nowhere.
+    At one speed all of it is a delay: what lags is rather the camera than the encoder's zero. What lies beside is
+    searched by steps that are halved, since the slopes of a quantity that leaps lead nowhere.
     """
     zeros = TURN * np.arange(_ZEROS) / _ZEROS
     best = min((_left(model, measured, zero, 0.0), zero, 0.0) for zero in zeros.tolist())
     speed = model.direction * speed_rad_s
-    step_s = 0.0
-    if not one_speed:
+    step_rad = TURN / _ZEROS
+    if one_speed:
+        late, step_s, step_rad = math.remainder(best[1], TURN) / speed, step_rad / abs(speed), 0.0
+        best = (_left(model, measured, 0.0, late), 0.0, late)
+    else:
         longest = min(_LONGEST_DELAY_S, 0.5 * TURN / abs(speed))
         lates, step_s = np.linspace(-longest, longest, 2 * _DELAYS + 1, retstep=True)
         # the zero goes along, so that the phase at the usual speed stays
         tried = ((best[1] - speed * late, late) for late in lates.tolist())
         best = min(best, *((_left(model, measured, *each), *each) for each in tried))
-    step_rad = TURN / _ZEROS
     for _ in range(_HALVINGS):
         _, zero, delay = best
-        moves = [(zero - step_rad, delay), (zero + step_rad, delay)]
-        moves += [
-            (zero - turned * speed * late, delay + late) for late in (-step_s, step_s) if late for turned in (0, 1)
-        ]
+        moves = [(zero, delay - step_s), (zero, delay + step_s)]
+        if not one_speed:
+            moves += [(zero - step_rad, delay), (zero + step_rad, delay)]
+            moves += [(zero - speed * late, delay + late) for late in (-step_s, step_s)]
         found = min((_left(model, measured, *each), *each) for each in moves)
         if found[0] < best[0]:
             best = found
@@ -306,6 +337,13 @@ def _leaps(twin: Twin, name: str, angle_rad: float) -> bool:
     """Whether a quantity leaps at an angle of the shaft."""
     low, high = (float(twin.evaluate(angle_rad + side * _BESIDE_RAD, 1.0, 0.0)[name]) for side in (-1.0, 1.0))
     return abs(high - low) > _LEAP * float(np.ptp(_over_a_turn(twin, name, 1.0)))
+
+
+def _depends_on_sense(twin: Twin, name: str) -> bool:
+    """Whether dry friction is in a quantity: then it has two values at rest, one for each sense of rotation."""
+    theta = TURN * np.arange(720) / 720
+    forward, back = (twin.evaluate(theta, next_to_rest(np.full(720, way)), 0.0)[name] for way in (1.0, -1.0))
+    return bool(np.nanmax(np.abs(forward - back)) > _CONSTANT * np.nanmax(np.abs(forward) + np.abs(back)))
 
 
 def _tells_zero(model: _Model) -> bool:

@@ -13,8 +13,14 @@ from textile_twin_core.errors import RecordingError
 
 FEWEST_TURNS = 1.0
 """Turns of the shaft without which nothing can be told of the settings."""
-_KNOWN_TURNS = {"radians": TURN, "degrees": 360.0, "revolutions": 1.0, "gradians": 400.0}
+ANGLE_TURNS = {"rad": TURN, "deg": 360.0, "rev": 1.0, "gon": 400.0}
+"""What a turn counts in each unit that an angle may be told in."""
+_NAMES = {"rad": "radians", "deg": "degrees", "rev": "revolutions", "gon": "gradians"}
 _NEAR = 0.03
+_OFTEN = 2
+"""An angle that begins anew once may have been set back."""
+_MOST, _ALIKE = 0.7, 0.1
+"""Of the leaps of an angle that begins anew each turn at least so many lie so near their median, as a part of it."""
 
 
 @dataclass(frozen=True)
@@ -42,16 +48,45 @@ class AngleUnit:
     """The unit in which an angle is logged: `turn` is what one turn of the encoder counts.
 
     wrapped: whether the angle begins anew each turn, which is how the unit was seen; else `turn` is assumed.
+    times: how often it begins anew.
     """
 
     name: str
     turn: float
     wrapped: bool
+    times: int = 0
 
     @property
     def to_radians(self) -> float:
         """Radians per unit."""
         return TURN / self.turn
+
+    @property
+    def told(self) -> str:
+        """The unit as `--angle-unit` takes it: deg, rev, gon, or the counts of a turn."""
+        return next((short for short, name in _NAMES.items() if name == self.name), f"{self.turn:g}")
+
+    @property
+    def instead(self) -> str:
+        """In words: what the angle looks like where radians are expected."""
+        return f"the angle begins anew at {self.turn:g} and looks like {self.name}, not radians"
+
+
+def other_unit(angle: FloatArray) -> AngleUnit | None:
+    """The unit of angles (n,) that are meant to be radians and begin anew, more than once, as another unit does.
+
+    None where they are radians or show no unit.
+    """
+    seen = angle_unit(angle)
+    return seen if seen.name != "radians" and seen.times >= _OFTEN else None
+
+
+def radians_of(unit: str) -> float:
+    """Radians in a unit: rad, deg, rev, gon, or the counts of a turn as a number. Raises ValueError."""
+    turn = ANGLE_TURNS.get(unit) or float(unit)
+    if not 0.0 < turn < math.inf:
+        raise ValueError(unit)
+    return TURN / turn
 
 
 def angle_unit(angle: FloatArray) -> AngleUnit:
@@ -60,22 +95,42 @@ def angle_unit(angle: FloatArray) -> AngleUnit:
     An angle that never begins anew shows no unit; it counts as radians.
     """
     finite = angle[np.isfinite(angle)]
-    step = np.diff(finite)
-    span = float(np.ptp(finite))
+    span = float(np.ptp(finite)) if finite.size else 0.0
+    turns = _turns_leapt(finite, span)
+    unseen = AngleUnit("radians", TURN, wrapped=False)
+    if not turns.size:
+        return unseen
+    turn = float(np.median(turns))
+    if np.mean(np.abs(turns / turn - 1.0) < _ALIKE) < _MOST:
+        return unseen
+    # Between two samples the shaft may have gone further than usual, but no reading lies beyond a turn.
+    for short, known in ANGLE_TURNS.items():
+        if abs(turn / known - 1.0) < _NEAR and span <= known * (1.0 + 1e-6) and not _whole_turns(turn, known):
+            return AngleUnit(_NAMES[short], known, True, turns.size)
+    if turn > 64.0 and bool(np.all(finite == np.rint(finite))):
+        return AngleUnit("counts", _round_count(turn), True, turns.size)
+    return unseen
+
+
+def _turns_leapt(angle: FloatArray, span: float) -> FloatArray:
+    """What a turn counts, by each leap with which angles (n,) begin anew; none where they do not."""
+    step = np.diff(angle)
     leap = np.abs(step) > 0.5 * span
     usual = float(np.median(step[~leap])) if (~leap).any() else 0.0
-    # A wrapped angle leaps against its way, by a turn less the step it would have made.
-    leaps = step[leap & (np.sign(step) != np.sign(usual))] if usual else step[leap]
-    if leaps.size < 1 or span == 0.0 or leaps.size > 0.4 * step.size:
-        return AngleUnit("radians", TURN, wrapped=False)
-    turn = float(np.median(np.abs(leaps))) + abs(usual)
-    # Between two samples the shaft may have gone further than usual, but no reading lies beyond a turn.
-    for name, known in _KNOWN_TURNS.items():
-        if abs(turn / known - 1.0) < _NEAR and span <= known * (1.0 + 1e-6):
-            return AngleUnit(name, known, wrapped=True)
-    if turn > 64.0 and bool(np.all(finite == np.rint(finite))):
-        return AngleUnit("counts", _round_count(turn), wrapped=True)
-    return AngleUnit("radians", TURN, wrapped=False)
+    # A wrapped angle leaps against its way, by a turn less the step it would have made: that of the step before.
+    against = leap & (np.sign(step) != np.sign(usual)) if usual else leap
+    at = np.flatnonzero(against)
+    if span == 0.0 or at.size > 0.4 * step.size:
+        return step[:0]
+    before = step[np.maximum(at - 1, 0)]
+    before[leap[np.maximum(at - 1, 0)]] = usual
+    return np.asarray(np.abs(step[at]) + np.abs(before))
+
+
+def _whole_turns(turn: float, known: float) -> bool:
+    """Whether a leap is of several turns in radians, as of an encoder of many turns, rather than of a known unit."""
+    whole = TURN * round(turn / TURN)
+    return known > 2.0 * TURN and abs(turn - whole) < abs(turn - known)
 
 
 def _round_count(turn: float) -> float:

@@ -49,7 +49,10 @@ def causes(explanation: Explanation, unit: AngleUnit, per_turn: float, periodic:
     found.sort(key=lambda each: -each[0])
     named = [cause for _, cause in found]
     if unit.name != "radians":
-        text = f"the angle is logged in {unit.name}, {unit.turn:g} a turn, and is read as radians"
+        text = (
+            f"the angle is logged in {unit.name}, {unit.turn:g} a turn, and is read as radians: --angle-unit"
+            f" {unit.told}; for nodes angle_unit_rad {unit.to_radians:.10g}"
+        )
         named.insert(0, Cause("angle_unit", text, unit.name))
     unexplained = 1.0 - explanation.explained
     if unexplained > NOT_THIS_MACHINE and per_turn >= FEWEST_ANGLES:

@@ -171,7 +171,7 @@ def _marks(machine: Machine, curves: dict[str, tuple[FloatArray, ...]], theta: F
             found.append(Mark("beat-up" if beats else f"{name} front", angle))
         found += [Mark(f"{name} rear", angle) for angle in _crossings(theta, velocity)]
         for load in machine.loads:
-            if isinstance(load, Backing) and load.on == name:
+            if isinstance(load, Backing) and load.on == name and high >= load.entry_plane_m:
                 found += [Mark("entry", angle) for angle in _crossings(theta, position - load.entry_plane_m)]
                 found += [Mark("exit", angle) for angle in _crossings(theta, load.exit_plane_m - position)]
     return sorted(found, key=lambda mark: mark.angle_rad)

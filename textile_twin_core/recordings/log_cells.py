@@ -33,8 +33,12 @@ class LogTable(dict[str, FloatArray]):
 
     def rows(self, here: BoolArray) -> LogTable:
         """The same columns with the rows that a mask (n,) takes."""
+        return self.with_columns({name: values[here] for name, values in self.items()})
+
+    def with_columns(self, columns: Mapping[str, FloatArray]) -> LogTable:
+        """Other columns, and what is known of those that were read."""
         taken = LogTable(self.dated, self.left_out, self.bad)
-        taken.update({name: values[here] for name, values in self.items()})
+        taken.update(columns)
         return taken
 
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.readings import angle_unit
+from textile_twin_core.comparison.readings import ANGLE_TURNS, angle_unit, radians_of
 from textile_twin_core.comparison.torque_units import UNITS_PER_NM
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_time import TIME_UNITS
 
-ANGLE_TURNS = {"rad": 2.0 * math.pi, "deg": 360.0, "rev": 1.0, "gon": 400.0}
-"""What a turn counts in each unit."""
 SPEED_UNITS = {"rad/s": 1.0, "rpm": math.pi / 30.0, "deg/s": math.pi / 180.0, "rev/s": 2.0 * math.pi}
 TORQUE_UNITS = {
     "N m": 1.0,
@@ -31,19 +30,33 @@ QUANTITY_UNITS = {
 }  # fmt: skip
 """SI units per unit of other quantities."""
 
+# English, German, French, Italian, Spanish, Portuguese, Turkish and Chinese, as `_plain` writes them.
 _WORDS = {
-    "time": r"\b(time|zeit|uhrzeit|t|stamp|timestamp|temps|seconds|date)\b",
-    "angle": r"(angle|winkel|theta|encoder|position|phi|angolo|\bpos\b|drehgeber)",
-    "torque": r"(torque|moment|drehmoment|couple|\bmd\b|\btq\b|coppia)",
-    "speed": r"(speed|velocity|drehzahl|omega|rpm|\bn\b)",
+    "time": r"\b(time|zeit|uhrzeit|zeitstempel|t|stamp|timestamp|seconds|date|temps|horodatage|tempo|tiempo|zaman|sure"
+    r"|saat)\b|时间|時間|时刻",
+    "angle": r"angle|winkel|theta|encoder|position|phi|drehgeber|angolo|posizione|encodeur|codeur|angulo|posicion"
+    r"|posicao|\b(pos|aci|acisi|konum|enkoder|kodlayici)\b|角|编码器|編碼器|位置",
+    "torque": r"torque|moment(?!an)|\b(couple|md|tq|tork|torku|par motor)\b|coppia|扭矩|转矩|轉矩|力矩",
+    "speed": r"speed|velocity|drehzahl|geschwindigkeit|omega|rpm|velocita|velocidad|vitesse|rotacao"
+    r"|\b(n|giri|hiz|hizi|devir)\b|速",
 }
+_TURKISH = str.maketrans("İÝıý", "IIii")
+"""Its letters without their dots, and what becomes of them where cp1254 is read as cp1252."""
+_BRACKETS = r"[\[(（【][^\])）】]*[\])）】]"
+_LETTER_OF_TYPE = r"\b[a-z]{1,2}(?=[A-Z][a-z])"
+"""That stands before a variable's name in a controller: fAngle, lrActPos."""
 _SPELLINGS = {
     "nm": "N m", "n*m": "N m", "n·m": "N m", "n.m": "N m", "ncm": "N cm", "nmm": "N mm", "knm": "kN m",
     "danm": "daN m", "lbft": "lbf ft", "ft-lb": "lbf ft", "ftlb": "lbf ft", "lbin": "lbf in", "in-lb": "lbf in",
     "kgfcm": "kgf cm", "kgcm": "kgf cm", "kgfm": "kgf m", "kgm": "kgf m", "degree": "deg", "degrees": "deg",
     "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad", "revolutions": "rev", "u": "rev", "turns": "rev",
     "sec": "s", "seconds": "s", "second": "s", "msec": "ms", "µs": "us", "μs": "us", "usec": "us", "1/min": "rpm",
-    "u/min": "rpm", "min-1": "rpm", "r/min": "rpm",
+    "u/min": "rpm", "min-1": "rpm", "r/min": "rpm", "min^-1": "rpm", "min⁻¹": "rpm", "1/min.": "rpm", "tr/min": "rpm",
+    "giri/min": "rpm", "d/dk": "rpm", "dev/dk": "rpm", "devir/dakika": "rpm", "rot/min": "rpm", "转/分": "rpm",
+    "度": "deg", "º": "deg", "gradi": "deg", "graus": "deg", "grados": "deg", "derece": "deg", "degrés": "deg",
+    "弧度": "rad", "radyan": "rad", "radianti": "rad", "°/s": "deg/s", "rad/sn": "rad/s", "sn": "s", "saniye": "s",
+    "sek": "s", "秒": "s", "毫秒": "ms", "n∙m": "N m", "n⋅m": "N m", "牛米": "N m", "牛·米": "N m", "kgf·cm": "kgf cm",
+    "kgf·m": "kgf m", "giri": "rev", "tours": "rev", "devir": "rev", "umdr": "rev", "圈": "rev",
 }  # fmt: skip
 
 
@@ -67,9 +80,9 @@ def spelled(unit: str) -> str:
 
 def unit_in_name(name: str) -> str:
     """The unit in a column's name: 'Torque [Ncm]', 'angle (deg)', 'theta_rad', 'time_s'; '' when there is none."""
-    bracket = re.search(r"[\[(]([^\])]*)[\])]", name)
+    bracket = re.search(_BRACKETS, name)
     if bracket:
-        return spelled(bracket[1])
+        return spelled(bracket[0][1:-1])
     last = re.split(r"[_/ ]", name)[-1]
     found = spelled(last)
     known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
@@ -77,8 +90,20 @@ def unit_in_name(name: str) -> str:
 
 
 def choose(kind: str, names: Iterable[str]) -> list[str]:
-    """Columns whose names speak of a kind: time, angle, torque or speed."""
-    return [name for name in names if re.search(_WORDS[kind], re.sub(r"[_\[\]()./-]", " ", name).lower())]
+    """Columns whose names speak of a kind: time, angle, torque or speed, and not in a unit of something else."""
+    own = {"time": TIME_UNITS, "angle": ANGLE_TURNS, "torque": TORQUE_UNITS, "speed": SPEED_UNITS}[kind]
+    others = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS} - {*own}
+    return [name for name in names if re.search(_WORDS[kind], _plain(name)) and unit_in_name(name) not in others]
+
+
+def _plain(name: str) -> str:
+    """A column's name as plain words: without its unit, accents, letters of type and humps, in small letters."""
+    bare = re.sub(_BRACKETS, " ", name).strip() or name
+    bare = re.sub(r"[_ ][Nsm]$", "", bare)
+    words = re.sub(r"[\W_]+", " ", re.sub(_LETTER_OF_TYPE, "", bare))
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", words)
+    letters = unicodedata.normalize("NFKD", words.translate(_TURKISH).lower())
+    return "".join(letter for letter in letters if not unicodedata.combining(letter))
 
 
 def angle_radians(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
@@ -87,17 +112,12 @@ def angle_radians(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
     A unit may be a number, the counts of one turn. Raises RecordingError when nothing tells it.
     """
     unit = column.unit
-    if unit in ANGLE_TURNS:
-        return values * (2.0 * math.pi / ANGLE_TURNS[unit]), unit
     if unit:
         try:
-            turn = float(unit)
+            return values * radians_of(unit), unit if unit in ANGLE_TURNS else f"{float(unit):g} a turn"
         except ValueError:
-            turn = 0.0
-        if not turn > 0.0:
             known = f"{', '.join(ANGLE_TURNS)}, or the counts of a turn"
-            raise RecordingError(f"column '{column.name}': angle in '{unit}'? there are: {known}")
-        return values * (2.0 * math.pi / turn), f"{turn:g} a turn"
+            raise RecordingError(f"column '{column.name}': angle in '{unit}'? there are: {known}") from None
     seen = angle_unit(values)
     if not seen.wrapped:
         raise RecordingError(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings.log_makers import known_head
 
 EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
 """What a cell without a number has in it."""
@@ -22,6 +23,7 @@ _DATE = re.compile(
 _OTHER_DATE = re.compile(r"\d{1,4}/\d{1,2}/\d{1,4}|\d{1,2}:\d\d(:\d\d([.,]\d+)?)? ?[AaPp]\.?[Mm]")
 """Dates that are read in two ways, and times of day in twelve hours."""
 _LOOKED_AT = 40
+_CHINESE = re.compile("时间|时刻|角度|转角|扭矩|转矩|力矩|转速|速度")
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,8 @@ class Dialect:
     """How a text table is written. decimal: point or comma. skipped: lines before the first row of data.
 
     names: of the columns, with their units where the file has them; made up (column_1 ..) when it has none.
-    encoding: of its characters, as Python calls it.
+    encoding: of its characters, as Python calls it. interval_s: from row to row, where the head tells it instead of
+    the rows.
     """
 
     separator: str
@@ -37,19 +40,24 @@ class Dialect:
     skipped: int
     names: tuple[str, ...]
     encoding: str = "utf-8"
+    interval_s: float | None = None
 
 
 def sniff(path: Path, separator: str | None = None, decimal: str | None = None) -> Dialect:
     """The dialect under which most of the file's beginning is rows of as many numbers. Raises RecordingError."""
     with path.open("rb") as file:
-        head = file.read(_HEAD_BYTES)
-    encoding = "utf-16" if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8"
-    text = head.decode("utf-8-sig" if encoding == "utf-8" else encoding, errors="replace")
+        begin = file.read(_HEAD_BYTES)
+    encoding = "utf-16" if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8"
+    text = begin.decode("utf-8-sig" if encoding == "utf-8" else encoding, errors="replace")
     if "\ufffd" in text.rstrip("\ufffd"):  # the last character may be cut
-        text = head.decode("cp1252", errors="replace")
+        text = _of_code_page(begin)
     lines = text.splitlines()
-    if len(head) == _HEAD_BYTES:
+    if len(begin) == _HEAD_BYTES:
         lines = lines[:-1]  # it may be cut
+    head = known_head(str(path), lines, decimal)
+    if head is not None:
+        names = tuple(_distinct(list(head.names)))
+        return Dialect(separator or head.separator, head.decimal, head.skipped, names, encoding, head.interval_s)
     best: tuple[int, int, Dialect] | None = None
     for point in (decimal,) if decimal else (".", ","):
         for mark in (separator,) if separator else (*_SEPARATORS, " "):
@@ -64,6 +72,12 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
             f"{path}: no table of numbers found at its beginning; tell --separator and --decimal, or convert it to CSV"
         )
     return replace(best[2], encoding=encoding)
+
+
+def _of_code_page(begin: bytes) -> str:
+    """Text that is no UTF-8: Chinese where its words are there, else of Western Europe."""
+    chinese = begin.decode("gb18030", errors="replace")
+    return chinese if _CHINESE.search(chinese) else begin.decode("cp1252", errors="replace")
 
 
 def _refuse_dates(path: Path, lines: list[str]) -> None:

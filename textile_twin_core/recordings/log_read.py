@@ -14,6 +14,10 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_cells import LogTable, numeric
 from textile_twin_core.recordings.log_dialect import EMPTY, Dialect, sniff
+from textile_twin_core.recordings.log_makers import FILETIME, TIMES
+
+_EPOCH_OF_1601_S = 11_644_473_600.0
+"""Seconds from the first day of 1601 to that of 1970."""
 
 
 def read_log(
@@ -103,7 +107,23 @@ def _text(path: Path, separator: str | None, decimal: str | None, note: Callable
             place = _line_of(path, dialect, names.index(name), cell)
             more = f"; {count} such cells count" if count > 1 else "; it counts"
             note(f"{place}: column '{name}' has '{cell}', no number{more} as empty")
-    return log
+    return _with_times(log, dialect.interval_s)
+
+
+def _with_times(log: LogTable, interval_s: float | None) -> LogTable:
+    """A known maker's log with one column of times where all of its own are the same, or where its head tells them."""
+    if interval_s is not None and log:
+        rows = len(next(iter(log.values())))
+        log = log.with_columns({TIMES[1]: np.arange(rows, dtype=np.float64) * interval_s, **log})
+    full = {name: values * 1e-7 - _EPOCH_OF_1601_S for name, values in log.items() if name.startswith(FILETIME)}
+    renamed = {name.replace(FILETIME, TIMES[1]): full.get(name, values) for name, values in log.items()}
+    first = next((name for name in renamed if name in TIMES), None)
+    same = [
+        name
+        for name, values in renamed.items()
+        if first and name.startswith(f"{first}_") and np.array_equal(values, renamed[first], equal_nan=True)
+    ]
+    return log.with_columns({name: values for name, values in renamed.items() if name not in same})
 
 
 def _line_of(path: Path, dialect: Dialect, place: int, cell: str) -> str:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from textile_twin_core.arrays import IntArray
+from textile_twin_core.comparison.readings import other_unit
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Encoder
 from textile_twin_core.recordings.bag import Bag
@@ -38,10 +39,11 @@ def usable_angles(
     joint: str = "main_shaft",
     skip_bad: bool = False,
     index_topic: str | None = None,
+    unit_rad: float = 1.0,
 ) -> AngleSamples:
     """The recorded angles, as the encoder measures them; edges of its wheel (a topic of Header) are counted.
 
-    index_topic: pulses that tell where zero is.
+    index_topic: pulses that tell where zero is. unit_rad: radians of one unit of the topic.
 
     Raises:
         SceneError: edges that this encoder cannot count.
@@ -54,7 +56,7 @@ def usable_angles(
         stamps = bag.read_events(topic)
         angles = AngleSamples(bag.find_topic(topic).name, stamps, np.zeros(len(stamps)), None, stamped=True)
     else:
-        angles = bag.read_angles(topic, joint)
+        angles = in_radians(bag.read_angles(topic, joint), unit_rad)
     reference = reference_of(encoder, edges, index_topic is not None)
     if reference is not None:
         pulses = (
@@ -84,6 +86,20 @@ def usable_angles(
         kept[ahead] = np.nan
         angles = replace(angles, angles_rad=kept)
     return angles
+
+
+def in_radians(angles: AngleSamples, unit_rad: float) -> AngleSamples:
+    """Angles and velocities of a topic, one unit of which is so many radians."""
+    if unit_rad == 1.0:
+        return angles
+    speeds = None if angles.velocities is None else angles.velocities * unit_rad
+    return replace(angles, angles_rad=angles.angles_rad * unit_rad, velocities=speeds)
+
+
+def unit_notes(angles: AngleSamples) -> list[str]:
+    """What a person should know of the unit of recorded angles: a line where they look like another than radians."""
+    seen = other_unit(angles.angles_rad)
+    return [f"topic {angles.topic}: {seen.instead}: tell it with --angle-unit {seen.told}"] if seen else []
 
 
 def stamps_ahead(stamps: IntArray) -> IntArray:

@@ -17,7 +17,7 @@ from textile_twin_core.comparison.monitor import monitor_recording
 from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag import open_bag
-from textile_twin_core.recordings.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, beside, usable_angles
+from textile_twin_core.recordings.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, beside, unit_notes, usable_angles
 
 
 @dataclass(frozen=True)
@@ -33,25 +33,30 @@ class Job:
     skip_bad: bool = False
     index_topic: str | None = None
     torque_unit_Nm: float = 1.0
+    angle_unit_rad: float = 1.0
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What was seen of a recording: trends by column, (turns,) each, and alarms; error: why it was not watched."""
+    """What was seen of a recording: trends by column, (turns,) each, and alarms; error: why it was not watched.
+
+    notes: what a person should know of it.
+    """
 
     bag: Path
     columns: Mapping[str, FloatArray | IntArray]
     alarms: tuple[Alarm, ...]
     error: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def watch_bag(job: Job) -> Watched:
     """Watch one recording; a recording that cannot be read gives its error."""
     try:
         bag = open_bag(job.bag)
-        angles = usable_angles(
-            bag, job.machine.sensors.encoder, job.angle_topic, job.joint, job.skip_bad, job.index_topic
-        )
+        topics = (job.angle_topic, job.joint, job.skip_bad, job.index_topic)
+        angles = usable_angles(bag, job.machine.sensors.encoder, *topics, job.angle_unit_rad)
+        notes = tuple(unit_notes(angles))
         topic = beside(bag, angles.topic, job.torque_topic)
         torque = bag.read_torques(topic, job.joint, unit_Nm=job.torque_unit_Nm)
         readings = Readings(angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, angles.velocities)
@@ -60,12 +65,12 @@ def watch_bag(job: Job) -> Watched:
         return Watched(job.bag, {}, (), str(error))
     turns, learnt = len(found.columns.get("turn", ())), job.settings.learn_turns
     if turns > learnt:
-        return Watched(job.bag, found.columns, found.alarms)
+        return Watched(job.bag, found.columns, found.alarms, notes=notes)
     why = (
         f"{job.bag}: the shaft makes {turns} whole turns beside measured torque, and the first {learnt} are learnt"
         " from: nothing is watched; record longer, or learn from fewer (--learn)"
     )
-    return Watched(job.bag, found.columns, (), why)
+    return Watched(job.bag, found.columns, (), "; ".join([why, *notes]))
 
 
 def watch_bags(jobs: Sequence[Job], workers: int = 1, scheduler: str | None = None) -> Iterator[Watched]:

@@ -12,7 +12,14 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.bag_write import BagWriter
 from textile_twin_core.recordings.cdr_encode import encode_string
-from textile_twin_core.recordings.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, beside, namespace_of, usable_angles
+from textile_twin_core.recordings.machine_topics import (
+    ANGLE_TOPIC,
+    MEASURED_TOPIC,
+    beside,
+    namespace_of,
+    unit_notes,
+    usable_angles,
+)
 from textile_twin_core.recordings.predicted_topics import TORQUE, PredictedTopics, predicted_topics
 from textile_twin_core.recordings.prediction import predictions
 from textile_twin_core.recordings.recording import Progress
@@ -29,10 +36,11 @@ _RESIDUAL_STEP_NS = 500_000_000
 
 @dataclass
 class Replay:
-    """What a replay did: the report on the angle samples and the messages written by topic."""
+    """What a replay did: the report on the angle samples, the messages written by topic, what a person should know."""
 
     report: SampleReport
     counts: dict[str, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
 
 def replay_bag(
@@ -46,6 +54,7 @@ def replay_bag(
     joint: str = "main_shaft",
     skip_bad: bool = False,
     index_topic: str | None = None,
+    angle_unit_rad: float = 1.0,
     torque_unit_Nm: float = 1.0,
     progress: Progress | None = None,
     **shaft_settings: float,
@@ -57,7 +66,7 @@ def replay_bag(
     the measured torque, when the recording has one. A namespace of the angle's topic is kept. Topics of these names
     in the recording are not copied.
     """
-    angles = usable_angles(bag, machine.sensors.encoder, angle_topic, joint, skip_bad, index_topic)
+    angles = usable_angles(bag, machine.sensors.encoder, angle_topic, joint, skip_bad, index_topic, angle_unit_rad)
     namespace = namespace_of(angles.topic)
     torque_topic = beside(bag, angles.topic, torque_topic)
     topics = predicted_topics(machine)
@@ -80,7 +89,7 @@ def replay_bag(
         writer.write(samples)
         if residual is not None:
             residual.write(samples)
-    return Replay(session.report, out.counts)
+    return Replay(session.report, out.counts, unit_notes(angles))
 
 
 class _Predictions:

@@ -1,4 +1,4 @@
-"""A simulation as a recording: what a machine would have published over the motion."""
+"""A simulation as a recording: what a machine's sensors and its twin would have published over the motion."""
 
 from __future__ import annotations
 
@@ -21,15 +21,24 @@ _START_NS = 1_000_000_000
 def write_simulated_bag(
     path: Path, machine: AnyMachine, motion: MotionTable, outputs: Mapping[str, FloatArray]
 ) -> None:
-    """Write main_shaft/angle, balancing_torque/predicted when it is asked for, and outputs/NAME for every output.
+    """Write main_shaft/angle, balancing_torque/measured and predicted where it is asked for, and outputs/NAME.
 
-    Times are those of the motion, or follow from its constant speed. Raises MotionError when neither tells them.
+    Angle and measured torque are what the machine's encoder and torque sensor say, without noise, steps or edges of
+    teeth: the torque late by the sensor's delay. All else is the machine's own. Times are those of the motion, or
+    follow from its constant speed. Raises MotionError when neither tells them.
     """
+    encoder, sensor = machine.sensors.encoder, machine.sensors.torque
     stamps = _START_NS + np.rint(_times(motion) * 1e9).astype(np.int64)
     with BagWriter(path, {"source": f"simulation of {machine.name}"}, overwrite=True) as out:
-        out.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], motion.theta_rad, motion.omega_rad_s)
+        factor = encoder.direction * encoder.ratio
+        angle, speed = motion.theta_rad / factor + encoder.zero_rad, motion.omega_rad_s / factor
+        out.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], angle, speed)
         if "balancing_torque_Nm" in outputs:
-            out.write_wrenches("balancing_torque/predicted", stamps, outputs["balancing_torque_Nm"])
+            torque = outputs["balancing_torque_Nm"]
+            # What the sensor shows at a time is the torque before its delay.
+            shown = stamps + round(sensor.delay_s * 1e9)
+            out.write_wrenches("balancing_torque/measured", shown, sensor.gain * torque + sensor.offset_Nm)
+            out.write_wrenches("balancing_torque/predicted", stamps, torque)
         for name, values in outputs.items():
             out.write_floats(f"outputs/{name}", stamps, values)
 

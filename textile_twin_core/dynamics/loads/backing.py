@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import Crossing, LoadContext
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, at_least, select, sign
+from textile_twin_core.expression import Expr, at_least, const, select, sign
 from textile_twin_core.mechanism import Displacement, Travel
+from textile_twin_core.mechanism.extremes import smallest_value
 from textile_twin_core.mechanism.vector import Vector
 from textile_twin_core.mechanism.wrenches import Wrenches
 
@@ -18,7 +19,9 @@ class Backing:
     """Friction that opposes the travel `on`: `force_N` while the needle is in the backing, else `free_force_N`.
 
     The needle is in the backing while its travel is at or beyond the plane: `entry_plane_m` while it
-    goes in, `exit_plane_m` while it comes out. At rest there is no friction.
+    goes in, `exit_plane_m` while it comes out. At rest there is no friction. Where it stands tells, not how it came
+    there: a needle that is in the backing when the record begins is held by it on its way out. Between two planes the
+    way tells, as of a shaft that turns through; a needle that never comes as far as the entry is not held at all.
     Xu et al. 2016 give 1000 N "on" and "under" the backing and the angles of entry and exit.
     """
 
@@ -44,6 +47,8 @@ class Backing:
         travel = self._displacement(context)
         if self.entry_plane_m == self.exit_plane_m:
             return at_least(travel.position, self.entry_plane_m)
+        if not self._enters(context):
+            return const(0.0)
         going_in = at_least(travel.first * context.shaft.omega, 0.0)
         plane = select(going_in, self.entry_plane_m, self.exit_plane_m)
         return at_least(travel.position, plane)
@@ -67,11 +72,20 @@ class Backing:
 
     def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
         """The needle enters and leaves the backing."""
+        if not self._enters(context):
+            return ()
         travel = self._displacement(context).position
         return (
             Crossing(f"{self.on}_enters_backing", travel - self.entry_plane_m, rising=True),
             Crossing(f"{self.on}_leaves_backing", travel - self.exit_plane_m, rising=False),
         )
+
+    def _enters(self, context: LoadContext) -> bool:
+        """Whether the travel comes as far as the entry, asked where the exit lies before it and can be passed alone."""
+        if self.exit_plane_m >= self.entry_plane_m:
+            return True
+        _, below = smallest_value(-self._displacement(context).position, context.motion.range_rad)
+        return -below >= self.entry_plane_m
 
     def _displacement(self, context: LoadContext) -> Displacement:
         return context.displacements[self._travel(context).name]

@@ -8,6 +8,8 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.readings import other_unit
 from textile_twin_core.shaft import SampleReport
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, Status
 
@@ -139,6 +141,15 @@ def stamp_findings(newest_ns: int | None, stamped: bool) -> list[Finding]:
     if stamped:
         return [Finding("no stamp", ERROR, "the stamps are 0: the publisher does not fill in header.stamp")]
     return [Finding("no clock", ERROR, "the time is 0: use_sim_time is set, and nobody publishes /clock")]
+
+
+def unit_findings(angle: FloatArray, unit_rad: float) -> list[Finding]:
+    """Whether the latest angles (n,), which a parameter takes for so many radians a unit, look like another unit."""
+    seen = other_unit(angle)
+    if seen is None:
+        return []
+    text = f"{seen.instead}: set angle_unit_rad to {unit_rad * seen.to_radians:.10g}, or correct the publisher"
+    return [Finding("unit", WARN, text)]
 
 
 def residual_findings(rms_Nm: float, measured_rms_Nm: float, limit_Nm: float) -> list[Finding]:

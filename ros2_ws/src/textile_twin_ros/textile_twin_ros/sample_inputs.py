@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
 from time import perf_counter_ns
 from typing import Any, TypeAlias
@@ -16,7 +16,7 @@ from rclpy.subscription import Subscription
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, WRENCH
 from textile_twin_ros.diagnostics import InputWatch, Status
 from textile_twin_ros.endpoints import describe_publishers, samples_qos
-from textile_twin_ros.health import Recent, judged, publisher_findings, sample_findings, stamp_findings
+from textile_twin_ros.health import Finding, Recent, judged, publisher_findings, sample_findings, stamp_findings
 from textile_twin_ros.messages import HeaderReader, JointReader, MessageError, TorqueReader, message_class, read_float64
 
 #: Stamp [ns], that of arrival where the message has none; value; its rate where the message has it, otherwise NaN.
@@ -133,11 +133,12 @@ class SampleInput:
         self.watch = InputWatch(node, self.name, silence_s, lambda: describe_publishers(node, topic, self.msgtype))
         self._subscription = self._subscribe("reliable" if self._automatic else reliability)
 
-    def status(self, counts: Mapping[str, float] | None = None) -> Status:
+    def status(self, counts: Mapping[str, float] | None = None, seen: Iterable[Finding] = ()) -> Status:
         """The input's diagnostics of this moment.
 
         Args:
             counts: what became of its samples, as `health.sample_findings` knows it.
+            seen: what is wrong beside, told first.
         """
         counts = dict(counts or {})
         growth = self._recent.growth({"received": self.watch.received, "unreadable": self.watch.refused, **counts})
@@ -145,6 +146,7 @@ class SampleInput:
         publishers = self._node.get_publishers_info_by_topic(self.name)
         names = [f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in publishers]
         findings = [
+            *seen,
             *stamp_findings(self._newest_ns, self._stamped),
             *sample_findings(growth, "messages"),
             *publisher_findings(names, self.name),

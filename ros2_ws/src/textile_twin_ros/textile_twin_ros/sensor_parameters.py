@@ -40,6 +40,11 @@ class SensorParameters(EncoderParameters):
     angle_type: str = parameter(
         "joint_state", "type of main_shaft/angle; edges: a std_msgs/Header for each tooth", choices=tuple(ANGLE_READERS)
     )
+    angle_unit_rad: float = parameter(
+        1.0,
+        "radians of one unit of main_shaft/angle where it does not hold radians: 0.01745329252 for degrees",
+        between=(1e-12, 1e3),
+    )
     index: bool = parameter(False, "index pulses give the zero: a std_msgs/Header on main_shaft/index for each turn")
     torque_type: str = parameter("wrench", "type of balancing_torque/measured", choices=tuple(TORQUE_READERS))
     torque_unit_Nm: float = parameter(

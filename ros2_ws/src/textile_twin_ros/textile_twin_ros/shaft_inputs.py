@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 
+import numpy as np
 from rclpy.node import Node
 
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin.references import reference_of
 from textile_twin_ros.diagnostics import Status
+from textile_twin_ros.health import Finding, unit_findings
 from textile_twin_ros.sample_inputs import ANGLE_READERS, EDGES, TORQUE_READERS, Sample, SampleInput
 from textile_twin_ros.sensor_parameters import SensorParameters
+
+_REMEMBERED = 16384
+"""Angles that show the unit: the shaft has to turn twice in them."""
 
 
 class AngleInput(SampleInput):
@@ -39,20 +45,22 @@ class AngleInput(SampleInput):
         self._create = lambda: reference_of(machine.sensors.encoder, settings.angle_type == "edges", settings.index)
         self._reference = self._create()
         common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
-        hear = take if self._reference is None else self._on_samples
-        super().__init__(node, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, hear)
+        self._unit = settings.angle_unit_rad
+        self._latest: deque[float] = deque(maxlen=0 if settings.angle_type == "edges" else _REMEMBERED)
+        super().__init__(node, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, self._on_samples)
         self._index = SampleInput(node, "main_shaft/index", EDGES, *common, self._on_pulses) if settings.index else None
 
     def statuses(self, counts: Mapping[str, float] | None = None) -> list[Status]:
         """The diagnostics of this moment, of the angle and of the index; `counts` as in `status`."""
         own = {} if self._reference is None else dict(self._reference.counts)
         index = [] if self._index is None else [self._index.status()]
-        return [self.status({**own, **(counts or {})}), *index]
+        return [self.status({**own, **(counts or {})}, self._unit_findings()), *index]
 
     def restart(self) -> None:
         """Begin to watch anew, and forget where the shaft stands."""
         super().restart()
         self._reference = self._create()
+        self._latest.clear()
         if self._index is not None:
             self._index.restart()
 
@@ -68,9 +76,14 @@ class AngleInput(SampleInput):
         if self._index is not None:
             self._index.destroy()
 
+    def _unit_findings(self) -> list[Finding]:
+        return unit_findings(np.fromiter(self._latest, np.float64, len(self._latest)), self._unit)
+
     def _on_samples(self, block: list[Sample]) -> None:
-        assert self._reference is not None
-        self._pass_on(self._reference.take(block))
+        if self._unit != 1.0:
+            block = [(stamp, angle * self._unit, speed * self._unit) for stamp, angle, speed in block]
+        self._latest.extend([angle for _, angle, _ in block])
+        self._pass_on(block if self._reference is None else self._reference.take(block))
 
     def _on_pulses(self, block: list[Sample]) -> None:
         assert self._reference is not None

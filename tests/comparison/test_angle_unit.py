@@ -1,0 +1,85 @@
+"""In which unit an angle is logged: seen where it begins anew, and never said of angles in radians."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from textile_twin_core.comparison.readings import angle_unit, other_unit, radians_of
+
+TURN = 2.0 * math.pi
+
+
+def turning(turns: float, a_turn: float, seed: int = 1, run_up: bool = False) -> np.ndarray:
+    """An angle [rad] that makes so many turns with so many samples a turn at full speed, unevenly."""
+    rng = np.random.default_rng(seed)
+    step = np.full(round(turns * a_turn), TURN / a_turn)
+    if run_up:
+        step *= np.clip(np.linspace(-0.2, 3.0, step.size), 0.0, 1.0)
+    theta = np.cumsum(step) + rng.uniform(0.0, TURN)
+    return theta + 0.03 * np.sin(theta) + 1e-4 * rng.standard_normal(theta.size)
+
+
+@pytest.mark.parametrize("run_up", [False, True])
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("a_turn", [8, 30, 200, 1000])
+@pytest.mark.parametrize(
+    ("turn", "told"), [(360.0, "deg"), (1.0, "rev"), (400.0, "gon"), (4096, "4096"), (7200, "7200")]
+)
+def test_a_wrapped_angle_shows_its_unit(turn: float, told: str, a_turn: float, direction: int, run_up: bool) -> None:
+    angle = np.mod(direction * turning(8.0, a_turn, run_up=run_up), TURN) * (turn / TURN)
+    seen = other_unit(np.floor(angle) if turn > 400.0 else angle)
+    assert seen is not None and seen.told == told
+    assert seen.to_radians == pytest.approx(TURN / turn) == radians_of(told)
+    if turn == 360.0:
+        about_zero = other_unit(np.where(angle > 180.0, angle - 360.0, angle))
+        assert about_zero is not None and about_zero.told == "deg"
+
+
+def radians() -> dict[str, np.ndarray]:
+    """Angles in radians that are not to be taken for anything else."""
+    theta = turning(400.0, 200)
+    rest = np.full(5000, 3.0) + 1e-3 * np.random.default_rng(3).standard_normal(5000)
+    return {
+        "wrapped": np.mod(theta, TURN),
+        "wrapped about zero": np.mod(theta + math.pi, TURN) - math.pi,
+        "few samples a turn": np.mod(turning(300.0, 7), TURN),
+        "run-up": np.mod(turning(50.0, 300, run_up=True), TURN),
+        "unwrapped": theta,
+        "unwrapped, backwards": -theta,
+        "unwrapped, after a week": theta + 6e8,
+        "slow": theta[:900],
+        "short": theta[:5],
+        "one angle": theta[:1],
+        "none": theta[:0],
+        "not a number": np.full(100, math.nan),
+        "standing": np.full(5000, 3.0),
+        "standing, with noise": rest,
+        "standing where it begins anew": np.mod(rest - 3.0, TURN),
+        "swinging": 0.5 * np.sin(0.01 * theta),
+        "set to zero once, near 360": np.concatenate([theta[theta < 359.0], theta[theta < 359.0]]),
+        "set to zero now and then": np.concatenate([theta[theta < end] for end in (250.0, 355.0, 120.0, 358.0)]),
+        "of 57 turns": np.mod(theta, 57 * TURN),
+        "of 64 turns": np.mod(theta, 64 * TURN),
+        "of 4096 turns": np.mod(theta * 1000.0, 4096 * TURN),
+        "with wrong readings": np.where(np.arange(theta.size) % 97 == 0, 360.0, np.mod(theta, TURN)),
+        "of a gear of 3 to 10": np.mod(theta * 0.3, TURN),
+    }
+
+
+@pytest.mark.parametrize("name", radians())
+def test_radians_are_not_accused(name: str) -> None:
+    assert other_unit(radians()[name]) is None
+
+
+def test_an_angle_that_begins_anew_once_is_seen_but_accuses_nobody() -> None:
+    angle = np.rad2deg(np.mod(turning(1.2, 200), TURN))
+    assert angle_unit(angle).name == "degrees" and other_unit(angle) is None
+
+
+@pytest.mark.parametrize("unit", ["", "0", "-4096", "nan", "inf", "degrees"])
+def test_what_is_no_unit_is_refused(unit: str) -> None:
+    with pytest.raises(ValueError):
+        radians_of(unit)

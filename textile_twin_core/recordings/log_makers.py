@@ -1,0 +1,113 @@
+"""Heads of text logs that are no line of names above the rows: TwinCAT Scope, LabVIEW Measurement, SIMATIC panels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from textile_twin_core.errors import RecordingError
+
+TIMES = ("Time [ms]", "Time [s]")
+"""What columns of times are called here that are called nothing, or X_Value, in the log; a second one gets a number."""
+FILETIME = "Time [100 ns since 1601]"
+"""The same for TwinCAT Scope's full time stamps."""
+_END_OF_HEAD = "***End_of_Header***"
+_SEPARATORS = {"tab": "\t", "comma": ","}
+_LONGEST_HEAD = 60
+"""Lines among which a head is looked for."""
+_FULL = 1e17
+"""Ticks of 100 ns since 1601 that the year 1917 had not: no export counts so many milliseconds."""
+
+
+@dataclass(frozen=True)
+class KnownHead:
+    """What a head tells of the rows below it.
+
+    names: of the columns, with their units. skipped: lines before the first row. separator, decimal: of the rows.
+    interval_s: from row to row, where the rows bring no times.
+    """
+
+    names: tuple[str, ...]
+    skipped: int
+    separator: str
+    decimal: str
+    interval_s: float | None = None
+
+
+def known_head(path: str, lines: Sequence[str], decimal: str | None) -> KnownHead | None:
+    """The head of a log whose maker is known by it; None for any other log.
+
+    Args:
+        path: of the log, for messages. lines: its beginning. decimal: as told, where the head does not tell it.
+
+    Raises RecordingError for a log with a row for each value, which holds no table.
+    """
+    if lines and lines[0].replace('"', "").startswith("VarName;TimeString;VarValue"):
+        raise RecordingError(
+            f"{path}: a panel's log with a row for each value; bring it into a table, a row for each time and a column"
+            " for each tag, or record with the controller's trace instead"
+        )
+    return _labview(lines) or _twincat(lines, decimal)
+
+
+def _labview(lines: Sequence[str]) -> KnownHead | None:
+    """A LabVIEW Measurement file (.lvm): up to two heads of keys, then a line of names."""
+    ends = [k for k, line in enumerate(lines[:_LONGEST_HEAD]) if line.startswith(_END_OF_HEAD)]
+    if not ends or ends[-1] + 1 >= len(lines):
+        return None
+    keys: dict[str, str] = {}
+    separator = "\t"
+    for line in lines[: ends[-1]]:
+        key, _, value = line.partition("\t") if "\t" in line else line.partition(",")
+        keys[key.strip()] = value.strip().split("\t")[0]
+        if key.strip() == "Separator":
+            separator = _SEPARATORS.get(keys[key.strip()].lower(), "\t")
+    names = [name.strip().strip('"') for name in lines[ends[-1] + 1].rstrip("\r\n").split(separator)]
+    names = [TIMES[1] if name == "X_Value" else name for name in names if name != "Comment"]
+    decimal = "," if keys.get("Decimal_Separator", ".") == "," else "."
+    interval = None
+    if keys.get("X_Columns", "One") == "No":
+        interval = float(keys.get("Delta_X", "nan").replace(",", "."))
+    return KnownHead(tuple(names), ends[-1] + 2, separator, decimal, interval)
+
+
+def _twincat(lines: Sequence[str], decimal: str | None) -> KnownHead | None:
+    """A text export of TwinCAT Scope: a block of a line for each property of the channels, whose labels stand above the
+    columns of times.
+    """
+    for separator in ("\t", ";", ","):
+        rows = [[cell.strip() for cell in line.split(separator)] for line in lines[:_LONGEST_HEAD]]
+        labels = {row[0]: k for k, row in enumerate(rows) if row}
+        if "SampleTime[ms]" not in labels or "Name" not in labels:
+            continue
+        named, last = rows[labels["Name"]], max(k for label, k in labels.items() if _is_label(label))
+        first = next((k for k in range(last + 1, len(rows)) if any(rows[k])), None)
+        if first is None:
+            return None
+        commas = separator != "," and any("," in cell for row in rows[first:] for cell in row)
+        point = decimal or ("," if commas else ".")
+        full = _number(rows[first][0], point) > _FULL
+        units = rows[labels["Unit"]] if "Unit" in labels else []
+        names = [
+            (FILETIME if full else TIMES[0]) if name == "Name" else _with_unit(name, units[k] if k < len(units) else "")
+            for k, name in enumerate(named)
+        ]
+        return KnownHead(tuple(names), first, separator, point)
+    return None
+
+
+def _is_label(text: str) -> bool:
+    return bool(text) and not text.replace(",", "").replace(".", "").lstrip("-").isdecimal() and text != "EOF"
+
+
+def _number(text: str, decimal: str) -> float:
+    try:
+        return float(text.replace(decimal, "."))
+    except ValueError:
+        return 0.0
+
+
+def _with_unit(name: str, unit: str) -> str:
+    """A channel's name with its unit, as `deg (Angle)` tells it."""
+    plain = unit.partition(" (")[0]
+    return name if plain in ("", "(None)") else f"{name} [{plain}]"
