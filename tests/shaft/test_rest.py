@@ -164,3 +164,17 @@ def test_a_ripple_that_led_before_a_rest_does_not_keep_the_shaft_there(view: str
     truth = record.omega[states.index]
     starts = states.settled & (states.index > 5450) & (states.index < 5550) & (np.abs(truth) > 2.0)
     assert np.all(np.abs(states.omega_rad_s - truth)[starts] < 0.5 * np.abs(truth)[starts])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_rest_before_the_encoders_step_was_known(seed: int) -> None:
+    """Its readings had the noise of a guess of 9 bits for ever: smoothed angles left them by a dozen steps."""
+    time, step = np.arange(2000) / 200.0, TURN / 2**15
+    x = np.clip(time - 5.0 - 0.1 * seed, 0.0, None)
+    readings = np.round((0.2 + 0.02 * x**2 / (1.0 + x)) / step) * step
+    estimator = create_estimator("smooth")
+    estimator.step(time, readings)
+    states = estimator.finish()
+    rest = x[states.index] == 0.0
+    assert np.abs(states.theta_rad - readings[states.index])[rest].max() < 1.5 * step
+    assert np.abs(states.omega_rad_s[rest]).max() < 2e-3

@@ -13,7 +13,12 @@ from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.filter import Block
-from textile_twin_core.shaft.measurement_noise import FINEST_RAD2, OFTEN_HELD, measurement_variance
+from textile_twin_core.shaft.measurement_noise import (
+    FINEST_RAD2,
+    MOST_CORRELATED,
+    OFTEN_HELD,
+    measurement_variance,
+)
 from textile_twin_core.shaft.residual_orders import set_sensor_power
 from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_family
 from textile_twin_core.shaft.states import ShaftStates
@@ -46,6 +51,7 @@ class SmoothEstimator(ShaftEstimator):
         # Copies of the status where each ripple was known best; `received` is the last sample that it holds for.
         self._known: list[Records] = []
         self._taken, self._due = 0, FIRST_LOOK
+        self._guessed = 0.0  # samples for which the encoder's step was a guess
         self._blocks: list[Part] = []
         self._new: list[Part] = []
         self._count = 0
@@ -66,6 +72,8 @@ class SmoothEstimator(ShaftEstimator):
     def _take(self, block: Block, ready: Stamps, rows: Records) -> int:
         count = super()._take(block, ready, rows)
         self._taken += block.stamps.size
+        if self._status["guessed"][0] > 0.0:
+            self._guessed = self._status["received"][0]
         if self._taken == self._due:
             self._due += min(self._taken, LOOK_EVERY)
             self._keep_ripple()
@@ -104,9 +112,21 @@ class SmoothEstimator(ShaftEstimator):
             self._known.append(self._surest.copy())
         for status in self._known:  # ripple changes, the sensor does not
             set_sensor_power(status, float(self._surest["sensor_power"][0]))
+        self._correct_rests(rows)
         self._smooth(rows)
         super().finish()
         return states_of([(stamps, _compact(rows))])
+
+    def _correct_rests(self, rows: Records) -> None:
+        """Where the encoder's step was a guess, readings at rest have the noise of the step that was found later.
+
+        At rest filters take the guess for granted; while the shaft turns they learn what the noise is.
+        """
+        now, step = self._status[0], self._finder.step
+        if step:
+            known = max(MOST_CORRELATED * step**2 / 12.0, now["additive"], now["noise_at_rest"]) + FINEST_RAD2
+            rests = (rows["index"] < self._guessed) & (rows["noise"] == rows["unit"]) & (rows["unit"] > known)
+            rows["noise"][rests] = rows["unit"][rests] = known
 
     def _smooth(self, rows: Records) -> None:
         """Smooth each stretch; repeatedly with a toothed wheel, whose pitch errors are learnt from the residuals."""
