@@ -201,3 +201,17 @@ def test_what_was_heard_before_repetitions_are_known_is_forgotten(times: int, se
     off = np.abs(states.omega_rad_s - shaft.at(0.0161 * sample)[1][states.index])
     assert np.mean(off[late] < states.sigma[late, 1]) > 0.4
     assert estimator.report.stamp_jitter_s < 0.1 * 0.0161
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_shaft_that_rests_now_and_then_is_no_sensor_that_repeats(seed: int) -> None:
+    """Moves of 1 to 4 samples, rests of 0 to some 30: 1450 to 1800 true readings of 4000 were set aside."""
+    rng, speed, begin = np.random.default_rng([seed, 12]), np.zeros(4000), 50
+    while begin < 3950:
+        end = begin + int(rng.integers(1, 5))
+        speed[begin:end] = rng.uniform(0.3, 1.5) * rng.choice([-1.0, 1.0])
+        begin = end + int(rng.geometric(0.15)) - 1
+    step = TURN / 2**15
+    estimator = create_estimator("causal")
+    estimator.step(0.005 * np.arange(4000), np.round(np.cumsum(speed) * 0.005 / step) * step)
+    assert estimator.report.repeats == 0

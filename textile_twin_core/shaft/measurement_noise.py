@@ -23,6 +23,9 @@ HELD_MOVES = 10.0, 25.0  # memory at first and at most in moves, a tenth of the 
 OFTEN_HELD = 0.3  # share of moves after repetitions from which the sensor holds values
 LEAP, LEAP_GUESSED = 2.5, 4.5  # encoder steps, more than rounding can hide of a move; while the step is a guess
 FORGET_HOLD = 0.98  # decay of the longest repetition per leap
+ALIKE_HOLDS = (
+    0.6  # of the longest, from which repetitions are a sensor's: those of a shaft that rests now and then differ
+)
 FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some hundred turns from the origin
 FINEST_S = 1e-9  # [s] least time between measurements: months after the first it may be lost to rounding
 LEAST_SCALE = 1e-6  # least noise scale of a filter where nothing else bounds it
@@ -146,7 +149,8 @@ def samples_between(status: Record, repeated: float) -> float:
 def learn_repetitions(status: Record, reading: float, repeated: float) -> None:
     """Learn from leaps, moves beyond what rounding hides, whether they follow repetitions and how long these are.
 
-    A leap counts once the next one has the same sign: an outlier returns at once.
+    A leap counts once the next one has the same sign: an outlier returns at once. A sensor's repetitions are about
+    equally many each time.
     """
     moved, before = reading - status.kept, status.leapt_after
     if abs(moved) <= (LEAP_GUESSED if status.guessed > 0.0 else LEAP) * max(status.resolution, FINEST_STEP_RAD):
@@ -154,7 +158,7 @@ def learn_repetitions(status: Record, reading: float, repeated: float) -> None:
     if moved * status.leapt > 0.0:
         most = status.longest_hold + 1.0 if status.held > OFTEN_HELD else SETTLING
         memory = min(HELD_MOVES[0] + 0.1 * status.used, HELD_MOVES[1])
-        status.held += ((1.0 if before > 0.0 else 0.0) - status.held) / memory
+        status.held += ((1.0 if before > ALIKE_HOLDS * status.longest_hold else 0.0) - status.held) / memory
         status.longest_hold = max(FORGET_HOLD * status.longest_hold, min(before, most))
     status.leapt, status.leapt_after = moved, repeated
 
