@@ -145,7 +145,7 @@ class SmoothEstimator(ShaftEstimator):
             if wheel is not None and done < passes:
                 self._learn_wheel(wheel, rows, done == 0)
         weight = np.array(FIRST_WEIGHT)
-        scale_covariances(weight, np.array(FIRST_WEIGHT), rows)
+        scale_covariances(weight, rows)
         adopt_weight(self._status, weight)
 
     def _choose_first_memories(self, rows: Records) -> None:

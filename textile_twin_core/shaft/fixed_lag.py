@@ -14,7 +14,7 @@ from textile_twin_core.shaft.rts_smoother import Smoother, begin_at_row, is_far,
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STRETCH, Records, Stamps
-from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariance, weigh_residual
+from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariances
 
 MOST_ROWS = 512  # rows in the window at most: a longer lag at a high rate is cut
 BATCH = 3  # rows are released when they are 1 / BATCH of those beyond them: one backward pass serves all of them
@@ -127,8 +127,8 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     window.filtered[0] = window.rows[due]
     smooth(smoother, status.interval, window.rows[: held.rows], 1, due)
     copy_numbers(smoother.filtered[due], smoother.filtered[0])
+    scale_covariances(held.weight, window.rows[1 : due + 1])
     for k in range(1, due + 1):
-        scale_covariance(window.rows[k], weigh_residual(held.weight, window.rows[k]))
         _emit(window, k, ready, table)
     for k in range(due, held.rows):
         window.rows[k - due], window.stamps[k - due] = window.rows[k], window.stamps[k]

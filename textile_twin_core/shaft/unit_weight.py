@@ -18,7 +18,7 @@ BOUND = 4.0  # of the factor and its inverse: exact readings are no promise for 
 
 
 @compiled_in_place
-def weigh_residual(weight: FloatArray, row: Record) -> float:
+def _weigh_residual(weight: FloatArray, row: Record) -> float:
     """Take a smoothed row's residual into `weight` (2,), the factor and the redundancy it rests on; the factor."""
     if row.noise > 0.0 and row.residual != 0.0 and abs(row.speed) * row.step > 3.0 * math.sqrt(row.noise):
         redundancy = max(1.0 - (row.covariance[0] - row.systematic[0]) / row.noise, LEAST_REDUNDANCY)
@@ -30,24 +30,16 @@ def weigh_residual(weight: FloatArray, row: Record) -> float:
 
 
 @compiled_in_place
-def scale_covariance(row: Record, factor: float) -> None:
-    """Multiply a row's covariance, but for what no residual shows."""
-    for i in range(9):
-        row.covariance[i] *= factor
-    add_systematic(row, 1.0 - factor)
+def scale_covariances(weight: FloatArray, rows: Records) -> None:
+    """Multiply the covariances of smoothed rows, but for what no residual shows, by the factor that is known by then.
 
-
-@compiled_in_place
-def scale_covariances(before: FloatArray, after: FloatArray, rows: Records) -> None:
-    """Multiply the covariances of a record's rows by the mean of the factors that the rows before and after them tell.
-
-    `before` and `after` (2,) begin as FIRST_WEIGHT.
+    `weight` (2,) begins as FIRST_WEIGHT.
     """
-    for i in range(rows.size):
-        rows[i].jerk[0] = weigh_residual(before, rows[i])
-    for back in range(rows.size):
-        row = rows[rows.size - 1 - back]
-        scale_covariance(row, 0.5 * (row.jerk[0] + weigh_residual(after, row)))
+    for k in range(rows.size):
+        factor = _weigh_residual(weight, rows[k])
+        for i in range(9):
+            rows[k].covariance[i] *= factor
+        add_systematic(rows[k], 1.0 - factor)
 
 
 def adopt_weight(record: Records, weight: FloatArray) -> None:
