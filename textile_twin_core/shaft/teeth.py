@@ -9,7 +9,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.shaft.turns import TURN
 
-MAX_ERROR = 0.3  # part of the pitch; a mean residual beyond it is no pitch error
+MAX_ERROR = 0.3  # part of the pitch; a median residual beyond it is no pitch error
 FORGETTING = 0.01  # part of an error forgotten at each lesson, so that what only looks like one fades
 
 
@@ -38,7 +38,7 @@ class ToothWheel:
         return angles + self.errors_rad[self._tooth(angles)]
 
     def learn(self, readings: FloatArray, residuals: FloatArray) -> FloatArray:
-        """Correct each tooth's error by the mean residual of its readings, less that of all.
+        """Correct each tooth's error by the median residual of its readings, less that of all.
 
         Residuals of outliers belong in it, too: a tooth may stand so wrong that all of its readings were rejected.
 
@@ -52,16 +52,8 @@ class ToothWheel:
         tooth = self._tooth(readings)
         order = np.argsort(tooth)
         of_tooth = np.split(residuals[order], np.searchsorted(tooth[order], np.arange(1, self.errors_rad.size)))
-        found = np.array([_trimmed_mean(values) for values in of_tooth]) - np.median(residuals)
+        found = np.array([np.median(values) if values.size else 0.0 for values in of_tooth]) - np.median(residuals)
         found[np.abs(found) > MAX_ERROR * self._pitch] = 0.0
         change = -FORGETTING * self.errors_rad - found
         self.errors_rad = self.errors_rad + change
         return np.asarray(change[tooth])
-
-
-def _trimmed_mean(values: FloatArray) -> float:
-    """Mean of values (n,) without outliers, beyond 3 standard deviations; 0 of nothing."""
-    if not values.size:
-        return 0.0
-    off = np.abs(values - np.median(values))
-    return float(np.mean(values[off <= 4.5 * np.median(off)]))
