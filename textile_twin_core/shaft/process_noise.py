@@ -53,11 +53,12 @@ def _independent(row: Record, family: int) -> float:
 
 
 @compiled_in_place
-def adapt_intensities(rows: Records, interval: float) -> float:
+def adapt_intensities(rows: Records, interval: float, least: float) -> float:
     """Scale each row's intensity by the smoothed jerk's mean square over its expectation, in a window around the row.
 
     The expectation is the variance that the measurements removed (MacKay 1992): the ratio is 1 where the intensity is
-    right. `jerk` (2,) of each row becomes the sums of both up to it. Returns the largest change, by which factor.
+    right; changes by less than the factor `least` are not made. `jerk` (2,) of each row becomes the sums of both up to
+    it. Returns the factor of the largest change.
     """
     count, noise, half, largest = rows.size, rows[0].unit, 2, 1.0
     rows[0].jerk[0] = rows[0].jerk[1] = 0.0
@@ -76,6 +77,8 @@ def adapt_intensities(rows: Records, interval: float) -> float:
         found = rows[last].jerk[0] - rows[before].jerk[0] + PRIOR_WEIGHT
         expected = rows[last].jerk[1] - rows[before].jerk[1] + PRIOR_WEIGHT
         change = min(max(found / expected, 1e-3), 1e3)
+        if max(change, 1.0 / change) < least:
+            continue
         largest = max(largest, change, 1.0 / change)
         rows[i].intensity = min(max(rows[i].intensity * change, unit / LONGEST**6), unit / SHORTEST**6)
     return largest

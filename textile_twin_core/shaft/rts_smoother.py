@@ -37,7 +37,7 @@ from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records, 
 FAR, SURELY_FAR = 9.0, 1e4  # squared distance from the bank's angle that is far, in its variances; without a reading
 MOST_PASSES = 5
 BURST, NEARER = 10, 0.25  # rows after a manoeuvre in which it is taken back, by a reading so much nearer to the motion
-FAR_OFF = 4.0  # times too weak or too strong that some process noise was: smoothing begins again
+FAR_OFF = 4.0  # times too weak or too strong that some process noise was: it is adapted again
 
 
 @by_reference
@@ -148,11 +148,13 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
         g = wave_at(filters, filters.leading, lanes.CHAIN, filters.second, rows[i].angle)
         rows[i].clock, slope = rows[i].reading + g[0], min(slope, 1.0 + g[1])
     set_initial_intensities(rows, filters.leading, interval)
+    least = 1.0
     for _ in range(MOST_PASSES):
         filter_rows(smoother, rows)
         smooth_back(smoother, rows, first, last)
-        if adapt_intensities(rows, interval) < FAR_OFF:
+        if adapt_intensities(rows, interval, least) < FAR_OFF:
             break
+        least = FAR_OFF
     return slope
 
 
