@@ -16,6 +16,8 @@ FEWEST_ANGLES = 16.0
 NOT_THIS_MACHINE = 0.05
 """Share of the torque that the machine leaves unexplained and another machine could explain."""
 _NOTHING_ELSE = 0.25
+_SAME = 0.05
+"""Part of an offset in another unit by which it may differ from the configured one."""
 FOLLOWS_NOTHING = 0.5
 """Share of the torque that even the best function of the angle leaves unexplained."""
 
@@ -91,7 +93,7 @@ def _departures(explanation: Explanation) -> list[tuple[float, Cause]]:
     for name in e.departing:
         if name in ("zero_rad", "delay_s") and e.one_speed:
             found.append((rise[name], _zero_or_delay(e)))
-        elif name in _ONE:
+        elif name in _ONE and not (name == "offset_Nm" and _is_offset_in_unit(e)):
             found.append((rise[name], _ONE[name](e)))
     if "constant_Nm" in e.departing or "viscous_Nms" in e.departing:
         found.append((max(rise.get(n, 0.0) for n in ("constant_Nm", "viscous_Nms")), _friction(e)))
@@ -172,6 +174,13 @@ def _offset(e: Explanation) -> Cause:
     return Cause(
         "torque_offset", f"torque offset {away:+.3g} +- {sigma:.2g} N m beside the configured one", away, sigma
     )
+
+
+def _is_offset_in_unit(e: Explanation) -> bool:
+    """Whether an offset is the configured one in the other unit that the torque was logged in."""
+    near = nearest_gain(e.settings.gain, e.configured.gain)
+    own = e.configured.offset_Nm * near.factor
+    return bool(near.unit) and abs(e.settings.offset_Nm - own) < max(_SAME * abs(own), 4.0 * e.sigma["offset_Nm"])
 
 
 def _load(e: Explanation) -> Cause:
