@@ -81,7 +81,7 @@ def test_an_angle_in_degrees_that_never_begins_anew_is_seen_by_its_torque() -> N
     assert judged(case).verdict[0].cause == "angle_unit"
 
 
-@pytest.mark.parametrize(("offset", "causes"), [(140.0, ["torque_unit"]), (240.0, ["torque_unit", "torque_offset"])])
+@pytest.mark.parametrize(("offset", "causes"), [(140.0, ["torque_unit"]), (240.0, ["torque_offset", "torque_unit"])])
 def test_an_offset_that_is_told_is_not_accused_in_another_unit(offset: float, causes: list[str]) -> None:
     case = healthy("loom", 908, duration_s=15.0)
     torque, told = replace(case.torque, gain=100.0, offset_Nm=offset), replace(case.told, offset_Nm=1.4)
