@@ -107,6 +107,9 @@ def test_what_tells_nothing_is_said_in_words() -> None:
     assert found.explanation is None and "one clock" in found.notes[0]
     found = judged(case, replace(made, torque=np.full_like(made.torque, 0.25)))
     assert found.explanation is None and "dead sensor" in found.notes[0]
+    rounding = 1e-13 * np.random.default_rng(1).standard_normal(made.torque.size)
+    found = judged(case, replace(made, torque=1.4 + rounding))
+    assert found.explanation is None and "1.4 throughout" in found.notes[0]
     with pytest.raises(RecordingError, match="only 0 torque samples"):
         judged(case, replace(made, torque=np.full_like(made.torque, np.nan)))
 

@@ -25,6 +25,8 @@ SOME_LEAPS = 3
 """Of the angle, from which they are told: a single one may be an encoder that slipped, which `FaultWatch` names."""
 _FEWEST_ANGLES = 64
 """While there is torque, that show the unit by themselves."""
+_CONSTANT = 1e-9
+"""A torque that varies less, as a part of its size, is rounding."""
 _LEAST_PART, _EQUAL = 0.25, 0.9
 """Of all turns, those of a part without a leap that stands for all; of the most turns, those of a part as good."""
 _MOST_TOLD = 3
@@ -197,7 +199,7 @@ def nothing_to_tell(evidence: Evidence) -> str:
     if np.count_nonzero(usable & turning) < 64:
         return "the shaft hardly turns while torque is recorded; record at working speed"
     torque = evidence.torque_Nm[usable & turning]
-    if float(np.ptp(torque)) == 0.0:
+    if float(np.ptp(torque)) <= _CONSTANT * float(np.abs(torque).max()):
         return f"the measured torque is {torque[0]:g} throughout: a dead sensor, or not connected"
     return ""
 
