@@ -79,6 +79,19 @@ def test_an_angle_in_degrees_that_never_begins_anew_is_seen_by_its_torque() -> N
     case = healthy("loom", 905, run_up=False, duration_s=12.0)
     case = replace(case, encoder=replace(case.encoder, turn=360.0, wrapped=False))
     assert judged(case).verdict[0].cause == "angle_unit"
+    case = replace(case, encoder=replace(case.encoder, ratio=1.0 / 3.0))
+    assert [cause.cause for cause in judged(case).verdict[:2]] == ["angle_unit", "encoder_ratio"]
+
+
+@pytest.mark.parametrize("noise", [True, False])
+def test_settings_that_explain_nothing_are_not_told(noise: bool) -> None:
+    case = healthy("tufting", 909, duration_s=15.0)
+    case = replace(case, encoder=replace(case.encoder, ratio=5.0 / 3.0))
+    made = record(case)
+    torque = np.random.default_rng(3).standard_normal(made.torque.size) if noise else made.torque
+    (found,) = judged(case, replace(made, torque=torque)).verdict
+    assert found.cause == "other_machine"
+    assert not noise or "a gear other than 1, 2, 3, 4" in found.text
 
 
 @pytest.mark.parametrize(("offset", "causes"), [(140.0, ["torque_unit"]), (240.0, ["torque_offset", "torque_unit"])])

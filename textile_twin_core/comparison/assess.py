@@ -13,7 +13,7 @@ from textile_twin_core.comparison.explain import Explanation, explain
 from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
 from textile_twin_core.comparison.periodic import best_periodic
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
-from textile_twin_core.comparison.search import LONGEST_DELAY_S, RATIOS
+from textile_twin_core.comparison.search import LONGEST_DELAY_S
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE, Cause, causes
@@ -232,7 +232,9 @@ def _other_unit(
         evidence = gather(readings, machine, terms, unit)
         if nothing_to_tell(evidence) or not _PLAUSIBLE_RAD_S[0] < abs(evidence.working_speed()) < _PLAUSIBLE_RAD_S[1]:
             continue
-        found = explain(evidence, configured_settings(machine), _encoder_turn(machine), RATIOS[:1])
+        found = explain(evidence, configured_settings(machine), _encoder_turn(machine))
+        if found is not None and found.settings.ratio != 1.0:
+            found = _with_its_ratio(readings, machine, terms, unit, found)
         if found is not None and (best[2] is None or 1.0 - found.explained < 0.5 * (1.0 - best[2].explained)):
             best = (unit, evidence, found)
     return best

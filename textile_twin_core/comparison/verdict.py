@@ -57,9 +57,9 @@ def causes(explanation: Explanation, unit: AngleUnit, per_turn: float, periodic:
         )
         named.insert(0, Cause("angle_unit", text, unit.name))
     unexplained = 1.0 - explanation.explained
+    if unexplained > _NOTHING_ELSE:
+        named = []  # settings that were bent to fit another machine mean nothing
     if unexplained > NOT_THIS_MACHINE and per_turn >= FEWEST_ANGLES:
-        # Settings that were bent to fit another machine mean nothing.
-        named = [] if unexplained > _NOTHING_ELSE else named
         named.insert(0, _other_machine(explanation, unexplained, 1.0 - periodic))
     if per_turn < FEWEST_ANGLES:
         text = f"the angle comes {per_turn:.1f} times a turn; a torque needs it at least {FEWEST_ANGLES:g} times"
@@ -68,9 +68,13 @@ def causes(explanation: Explanation, unit: AngleUnit, per_turn: float, periodic:
 
 
 def _other_machine(explanation: Explanation, unexplained: float, unexplained_by_any: float) -> Cause:
-    left = f"{unexplained * 100.0:.0f} % of the torque's variance stays unexplained whatever the sensors' settings"
+    share = 100.0 * min(unexplained, 1.0)
+    left = f"{share:.0f} % of the torque's variance stays unexplained whatever the sensors' settings"
     if unexplained_by_any > FOLLOWS_NOTHING:
-        text = f"the torque does not follow this shaft: {left}; another shaft's sensor, another clock, or a dead sensor"
+        text = (
+            f"the torque does not follow this shaft: {left}; another shaft's sensor, another clock, a dead sensor, or a"
+            " gear other than 1, 2, 3, 4 or one to that: give the encoder's ratio in the machine file"
+        )
     elif unexplained - unexplained_by_any > NOT_THIS_MACHINE:
         text = f"not this machine: {left}, though the torque repeats with the shaft's angle"
     else:
