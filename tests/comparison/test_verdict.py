@@ -83,6 +83,17 @@ def test_an_angle_in_degrees_that_never_begins_anew_is_seen_by_its_torque() -> N
     assert [cause.cause for cause in judged(case).verdict[:2]] == ["angle_unit", "encoder_ratio"]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", ["tufting", "loom"])
+def test_another_machine_is_not_taken_for_another_unit(machine: str) -> None:
+    """Of an angle that never begins anew, for which other units are tried."""
+    for run_up in (True, False):
+        case, _ = mistaken(machine, ("other_machine",), 1, run_up=run_up, duration_s=12.0)
+        case = replace(case, encoder=replace(case.encoder, wrapped=False))
+        names = [cause.cause for cause in judged(case).verdict]
+        assert names[0] == "other_machine" and "angle_unit" not in names
+
+
 @pytest.mark.parametrize("noise", [True, False])
 def test_settings_that_explain_nothing_are_not_told(noise: bool) -> None:
     case = healthy("tufting", 909, duration_s=15.0)
