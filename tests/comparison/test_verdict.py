@@ -79,6 +79,37 @@ def test_an_angle_in_degrees_that_never_begins_anew_is_seen_by_its_torque() -> N
     case = healthy("loom", 905, run_up=False, duration_s=12.0)
     case = replace(case, encoder=replace(case.encoder, turn=360.0, wrapped=False))
     assert judged(case).verdict[0].cause == "angle_unit"
+    case = replace(case, encoder=replace(case.encoder, ratio=1.0 / 3.0))
+    assert [cause.cause for cause in judged(case).verdict[:2]] == ["angle_unit", "encoder_ratio"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", ["tufting", "loom"])
+def test_another_machine_is_not_taken_for_another_unit(machine: str) -> None:
+    """Of an angle that never begins anew, for which other units are tried."""
+    for run_up in (True, False):
+        case, _ = mistaken(machine, ("other_machine",), 1, run_up=run_up, duration_s=12.0)
+        case = replace(case, encoder=replace(case.encoder, wrapped=False))
+        names = [cause.cause for cause in judged(case).verdict]
+        assert names[0] == "other_machine" and "angle_unit" not in names
+
+
+@pytest.mark.parametrize("noise", [True, False])
+def test_settings_that_explain_nothing_are_not_told(noise: bool) -> None:
+    case = healthy("tufting", 909, duration_s=15.0)
+    case = replace(case, encoder=replace(case.encoder, ratio=5.0 / 3.0))
+    made = record(case)
+    torque = np.random.default_rng(3).standard_normal(made.torque.size) if noise else made.torque
+    (found,) = judged(case, replace(made, torque=torque)).verdict
+    assert found.cause == "other_machine"
+    assert not noise or "a gear other than 1, 2, 3, 4" in found.text
+
+
+@pytest.mark.parametrize(("offset", "causes"), [(140.0, ["torque_unit"]), (240.0, ["torque_offset", "torque_unit"])])
+def test_an_offset_that_is_told_is_not_accused_in_another_unit(offset: float, causes: list[str]) -> None:
+    case = healthy("loom", 908, duration_s=15.0)
+    torque, told = replace(case.torque, gain=100.0, offset_Nm=offset), replace(case.told, offset_Nm=1.4)
+    assert [cause.cause for cause in judged(replace(case, torque=torque, told=told)).verdict] == causes
 
 
 def _cut(made: MillRecording, kept: np.ndarray) -> MillRecording:
@@ -100,6 +131,9 @@ def test_what_tells_nothing_is_said_in_words() -> None:
     assert found.explanation is None and "one clock" in found.notes[0]
     found = judged(case, replace(made, torque=np.full_like(made.torque, 0.25)))
     assert found.explanation is None and "dead sensor" in found.notes[0]
+    rounding = 1e-13 * np.random.default_rng(1).standard_normal(made.torque.size)
+    found = judged(case, replace(made, torque=1.4 + rounding))
+    assert found.explanation is None and "1.4 throughout" in found.notes[0]
     with pytest.raises(RecordingError, match="only 0 torque samples"):
         judged(case, replace(made, torque=np.full_like(made.torque, np.nan)))
 

@@ -83,7 +83,15 @@ def test_time_lines_that_differ_are_asked_about(tmp_path: Path, capsys: pytest.C
     command = ["import", str(log), "--out", str(tmp_path / "bag")]
     assert main(command) == 2
     assert "which column is the time? tell it with --time" in capsys.readouterr().err
-    assert main([*command, "--time", "Time [ms]_2"]) == 0
+    capsys.readouterr()
+    assert main([*command, "--time", "Time [ms]"]) == 0
+    told = capsys.readouterr().out
+    assert "first 'fMotorTorque', which holds values at 'Time [ms]_2', other times" in told and "torque  none" in told
+    assert len(open_bag(tmp_path / "bag").read_angles()) == N
+    assert main([*command, "--rate", "500", "--force"]) == 2
+    assert "columns have times of their own" in capsys.readouterr().err
+    assert main([*command, "--time", "Time [ms]", "--torque", "fMotorTorque", "--force"]) == 2
+    assert "'fMotorTorque' holds values at 'Time [ms]_2', other times" in capsys.readouterr().err
 
 
 LVM = (

@@ -236,7 +236,7 @@ def test_wrong_type_and_missing_joint_tell_what_there_is(tmp_path: Path) -> None
     with pytest.raises(RecordingError, match=r"/silent has no message"):
         opened.read_angles("silent")
     assert opened.read_angles("shaft", joint="motor").angles_rad.tolist() == [2.0]
-    with pytest.raises(RecordingError, match="no value for joint 'motor'"):
+    with pytest.raises(RecordingError, match="no effort of joint 'motor'"):
         opened.read_torques("shaft", joint="motor")
 
 

@@ -9,7 +9,7 @@ from textile_twin_core.comparison import Readings
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.bag import Bag
-from textile_twin_core.recordings.machine_topics import beside, unit_notes, usable_angles
+from textile_twin_core.recordings.machine_topics import beside, clock_notes, unit_notes, usable_angles, usable_torques
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 
@@ -30,12 +30,17 @@ def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag
         arguments.index_topic,
         arguments.angle_unit_rad,
     )
+    _tell(clock_notes(angles))
     return bag, angles
 
 
 def tell_unit(angles: AngleSamples) -> None:
     """Say where recorded angles look like another unit than radians, for commands that no torque tells."""
-    for note in unit_notes(angles):
+    _tell(unit_notes(angles))
+
+
+def _tell(notes: list[str]) -> None:
+    for note in notes:
         print(f"textile-twin: {note}", file=sys.stderr)
 
 
@@ -44,6 +49,8 @@ def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Ba
     bag, angles = read_angles(arguments, machine)
     topic = beside(bag, angles.topic, arguments.torque_topic)
     measured = bag.read_torques(topic, arguments.joint, unit_Nm=arguments.torque_unit)
+    measured = usable_torques(measured, arguments.skip_bad_samples)
+    _tell(clock_notes(measured))
     return bag, angles, measured
 
 

@@ -13,7 +13,7 @@ from textile_twin_core.comparison.explain import Explanation, explain
 from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
 from textile_twin_core.comparison.periodic import best_periodic
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
-from textile_twin_core.comparison.search import LONGEST_DELAY_S, RATIOS
+from textile_twin_core.comparison.search import LONGEST_DELAY_S
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE, Cause, causes
@@ -25,6 +25,8 @@ SOME_LEAPS = 3
 """Of the angle, from which they are told: a single one may be an encoder that slipped, which `FaultWatch` names."""
 _FEWEST_ANGLES = 64
 """While there is torque, that show the unit by themselves."""
+_CONSTANT = 1e-9
+"""A torque that varies less, as a part of its size, is rounding."""
 _LEAST_PART, _EQUAL = 0.25, 0.9
 """Of all turns, those of a part without a leap that stands for all; of the most turns, those of a part as good."""
 _MOST_TOLD = 3
@@ -197,7 +199,7 @@ def nothing_to_tell(evidence: Evidence) -> str:
     if np.count_nonzero(usable & turning) < 64:
         return "the shaft hardly turns while torque is recorded; record at working speed"
     torque = evidence.torque_Nm[usable & turning]
-    if float(np.ptp(torque)) == 0.0:
+    if float(np.ptp(torque)) <= _CONSTANT * float(np.abs(torque).max()):
         return f"the measured torque is {torque[0]:g} throughout: a dead sensor, or not connected"
     return ""
 
@@ -230,7 +232,9 @@ def _other_unit(
         evidence = gather(readings, machine, terms, unit)
         if nothing_to_tell(evidence) or not _PLAUSIBLE_RAD_S[0] < abs(evidence.working_speed()) < _PLAUSIBLE_RAD_S[1]:
             continue
-        found = explain(evidence, configured_settings(machine), _encoder_turn(machine), RATIOS[:1])
+        found = explain(evidence, configured_settings(machine), _encoder_turn(machine))
+        if found is not None and found.settings.ratio != 1.0:
+            found = _with_its_ratio(readings, machine, terms, unit, found)
         if found is not None and (best[2] is None or 1.0 - found.explained < 0.5 * (1.0 - best[2].explained)):
             best = (unit, evidence, found)
     return best

@@ -178,7 +178,7 @@ def _spare(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_t
         delta = np.array(
             [_to_configured(name, fit.settings, configured, encoder_turn_rad) for name in fit.free], dtype=np.float64
         )
-        rise = delta**2 / np.maximum(np.diag(inverse), 1e-300) / total
+        rise = delta**2 / np.maximum(np.diag(inverse) * total, 1e-200)
         small = np.array(
             [
                 _is_small(name, fit.settings, configured, encoder_turn_rad, evidence, size)

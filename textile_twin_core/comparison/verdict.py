@@ -16,6 +16,8 @@ FEWEST_ANGLES = 16.0
 NOT_THIS_MACHINE = 0.05
 """Share of the torque that the machine leaves unexplained and another machine could explain."""
 _NOTHING_ELSE = 0.25
+_SAME = 0.05
+"""Part of an offset in another unit by which it may differ from the configured one."""
 FOLLOWS_NOTHING = 0.5
 """Share of the torque that even the best function of the angle leaves unexplained."""
 
@@ -55,9 +57,9 @@ def causes(explanation: Explanation, unit: AngleUnit, per_turn: float, periodic:
         )
         named.insert(0, Cause("angle_unit", text, unit.name))
     unexplained = 1.0 - explanation.explained
+    if unexplained > _NOTHING_ELSE:
+        named = []  # settings that were bent to fit another machine mean nothing
     if unexplained > NOT_THIS_MACHINE and per_turn >= FEWEST_ANGLES:
-        # Settings that were bent to fit another machine mean nothing.
-        named = [] if unexplained > _NOTHING_ELSE else named
         named.insert(0, _other_machine(explanation, unexplained, 1.0 - periodic))
     if per_turn < FEWEST_ANGLES:
         text = f"the angle comes {per_turn:.1f} times a turn; a torque needs it at least {FEWEST_ANGLES:g} times"
@@ -66,9 +68,13 @@ def causes(explanation: Explanation, unit: AngleUnit, per_turn: float, periodic:
 
 
 def _other_machine(explanation: Explanation, unexplained: float, unexplained_by_any: float) -> Cause:
-    left = f"{unexplained * 100.0:.0f} % of the torque's variance stays unexplained whatever the sensors' settings"
+    share = 100.0 * min(unexplained, 1.0)
+    left = f"{share:.0f} % of the torque's variance stays unexplained whatever the sensors' settings"
     if unexplained_by_any > FOLLOWS_NOTHING:
-        text = f"the torque does not follow this shaft: {left}; another shaft's sensor, another clock, or a dead sensor"
+        text = (
+            f"the torque does not follow this shaft: {left}; another shaft's sensor, another clock, a dead sensor, or a"
+            " gear other than 1, 2, 3, 4 or one to that: give the encoder's ratio in the machine file"
+        )
     elif unexplained - unexplained_by_any > NOT_THIS_MACHINE:
         text = f"not this machine: {left}, though the torque repeats with the shaft's angle"
     else:
@@ -91,7 +97,7 @@ def _departures(explanation: Explanation) -> list[tuple[float, Cause]]:
     for name in e.departing:
         if name in ("zero_rad", "delay_s") and e.one_speed:
             found.append((rise[name], _zero_or_delay(e)))
-        elif name in _ONE:
+        elif name in _ONE and not (name == "offset_Nm" and _is_offset_in_unit(e)):
             found.append((rise[name], _ONE[name](e)))
     if "constant_Nm" in e.departing or "viscous_Nms" in e.departing:
         found.append((max(rise.get(n, 0.0) for n in ("constant_Nm", "viscous_Nms")), _friction(e)))
@@ -172,6 +178,13 @@ def _offset(e: Explanation) -> Cause:
     return Cause(
         "torque_offset", f"torque offset {away:+.3g} +- {sigma:.2g} N m beside the configured one", away, sigma
     )
+
+
+def _is_offset_in_unit(e: Explanation) -> bool:
+    """Whether an offset is the configured one in the other unit that the torque was logged in."""
+    near = nearest_gain(e.settings.gain, e.configured.gain)
+    own = e.configured.offset_Nm * near.factor
+    return bool(near.unit) and abs(e.settings.offset_Nm - own) < max(_SAME * abs(own), 4.0 * e.sigma["offset_Nm"])
 
 
 def _load(e: Explanation) -> Cause:

@@ -72,7 +72,7 @@ class Bag(Recording):
             place = _place(layout, joint, "effort")
             return None if place is None else [take("effort", place)]
 
-        stamps, (torque,) = self._columns(info, fields, progress, joint)
+        stamps, (torque,) = self._columns(info, fields, progress, joint, "effort")
         return TorqueSamples(info.name, stamps, torque * unit_Nm, stamped=info.msgtype != FLOAT64)
 
     def read_events(self, topic: str) -> IntArray:
@@ -115,8 +115,12 @@ class Bag(Recording):
         fields: Callable[[MessageLayout, _Take], list[FloatArray] | None],
         progress: Progress | None,
         joint: str = "",
+        what: str = "position",
     ) -> tuple[IntArray, list[FloatArray]]:
-        """Stamps (log times for Float64) and the columns that `fields` picks, of all messages as recorded."""
+        """Stamps (log times for Float64) and the columns that `fields` picks, of all messages as recorded.
+
+        joint, what: what is missing, in words, where it picks none.
+        """
         pieces: list[list[FloatArray | IntArray]] = []
         joints: set[str] = set()
         for block in self.blocks(info.name, progress):
@@ -137,7 +141,7 @@ class Bag(Recording):
         if not pieces:
             there = ", ".join(sorted(joints)) or "none"
             raise RecordingError(
-                f"{self.path}: topic {info.name} has no value for joint '{joint}'; joints there: {there}"
+                f"{self.path}: topic {info.name} has no {what} of joint '{joint}'; joints there: {there}"
             )
         stamps, *values = (np.concatenate(column) for column in zip(*pieces, strict=True))
         if not stamps.any():

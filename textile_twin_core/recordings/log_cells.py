@@ -24,12 +24,14 @@ class LogTable(dict[str, FloatArray]):
     """Columns by name, float64 (n,), NaN where a cell is empty or no number.
 
     dated: columns that were dates, times of day or durations, now seconds. left_out: columns without numbers, and what
-    they hold. bad: by column the first cell that is no number and how many there are; they are NaN.
+    they hold. bad: by column the first cell that is no number and how many there are; they are NaN. times_of: by column
+    the column of its times, where a log has several.
     """
 
     dated: set[str] = field(default_factory=set)
     left_out: dict[str, str] = field(default_factory=dict)
     bad: dict[str, tuple[str, int]] = field(default_factory=dict)
+    times_of: dict[str, str] = field(default_factory=dict)
 
     def rows(self, here: BoolArray) -> LogTable:
         """The same columns with the rows that a mask (n,) takes."""
@@ -37,8 +39,16 @@ class LogTable(dict[str, FloatArray]):
 
     def with_columns(self, columns: Mapping[str, FloatArray]) -> LogTable:
         """Other columns, and what is known of those that were read."""
-        taken = LogTable(self.dated, self.left_out, self.bad)
+        taken = LogTable(self.dated, self.left_out, self.bad, self.times_of)
         taken.update(columns)
+        return taken
+
+    def at_times(self, time: str) -> LogTable:
+        """The columns that have the times of this column, or none of their own."""
+        here = {name: values for name, values in self.items() if self.times_of.get(name, time) == time}
+        taken = self.with_columns(here)
+        others = {name: self.times_of[name] for name in self if name not in here and name != self.times_of[name]}
+        taken.left_out = {**self.left_out, **{name: f"values at '{its}', other times" for name, its in others.items()}}
         return taken
 
 

@@ -152,12 +152,24 @@ def _write_raw(columns: LogTable, stamps: IntArray, raw: RawChannels, out: BagWr
 def _stamps(columns: LogTable, wishes: Wishes, ask: Ask | None, taken: dict[str, str]) -> tuple[IntArray, LogTable]:
     """Stamp of each row [ns], and the columns without the rows that have no time."""
     rows = len(next(iter(columns.values())))
+    several = sorted(set(columns.times_of.values()))
+    if wishes.rate_hz is not None and len(several) > 1:
+        raise RecordingError(
+            f"--rate: columns have times of their own, '{several[0]}' and others; name one with --time"
+        )
     if wishes.rate_hz is not None:
         taken["time"] = f"{wishes.rate_hz:g} rows a second"
         return np.asarray(_FIRST_NS + np.rint(np.arange(rows) * (1e9 / wishes.rate_hz)), dtype=np.int64), columns
     column = _column("time", columns, wishes, ask, needed=False)
     if column is None:
         column = _rising(columns)
+    given, columns = columns, columns.at_times(column.name)
+    apart = [name for name in given if name in columns.left_out]
+    if apart:
+        taken["note"] = (
+            f"{len(apart)} columns are left out, first '{apart[0]}', which holds {columns.left_out[apart[0]]}; export"
+            " all channels with one sample time to use them"
+        )
     unit = DATED if column.name in columns.dated else column.unit
     seconds, words = time_seconds(column.name, unit, columns[column.name], wishes.raw is not None)
     taken["time"] = f"column '{column.name}', {words}"
@@ -206,7 +218,7 @@ def _refuse_unknown(name: str, columns: LogTable) -> None:
     """Raises RecordingError for a column that is not there, or holds no numbers."""
     if name in columns.left_out:
         raise RecordingError(
-            f"column '{name}' holds {columns.left_out[name]}, no numbers; there are: {describe(columns)}"
+            f"column '{name}' holds {columns.left_out[name]}, no numbers of use; there are: {describe(columns)}"
         )
     if name not in columns:
         raise RecordingError(f"no column '{name}'; there are: {describe(columns)}")

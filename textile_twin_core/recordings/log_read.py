@@ -123,7 +123,13 @@ def _with_times(log: LogTable, interval_s: float | None) -> LogTable:
         for name, values in renamed.items()
         if first and name.startswith(f"{first}_") and np.array_equal(values, renamed[first], equal_nan=True)
     ]
-    return log.with_columns({name: values for name, values in renamed.items() if name not in same})
+    table = log.with_columns({name: values for name, values in renamed.items() if name not in same})
+    own = first
+    for name in renamed:
+        own = first if name in same else name if name.startswith(TIMES) else own
+        if first and own:
+            table.times_of[name] = own
+    return table
 
 
 def _line_of(path: Path, dialect: Dialect, place: int, cell: str) -> str:

@@ -12,11 +12,14 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Encoder
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.message_types import HEADER
-from textile_twin_core.recordings.samples import AngleSamples
+from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 from textile_twin_core.twin.references import Reading, Reference, reference_of
 
 ANGLE_TOPIC = "main_shaft/angle"
 MEASURED_TOPIC = "balancing_torque/measured"
+SET_BACK_S = 1.0
+"""Stamps that go back by more, and go on from there, are of a clock that was set back."""
+_FEW = 10
 MANY_LATE = 0.01  # part of the samples, from which it matters that they come after a stamp that leapt ahead
 
 
@@ -77,9 +80,10 @@ def usable_angles(
     if len(ahead) and not skip_bad:
         first = int(ahead[0])
         leap_s = (int(angles.stamps[first]) - int(angles.stamps[first + 1])) * 1e-9
+        what = _set_back(angles.stamps) or f"the stamp of sample {first} is {leap_s:.3f} s later than that of the next"
         raise RecordingError(
-            f"{bag.path}: topic {angles.topic}: the stamp of sample {first} is {leap_s:.3f} s later than that of the"
-            f" next, {len(ahead)} such of {len(angles)}; leave them out with --skip-bad-samples"
+            f"{bag.path}: topic {angles.topic}: {what}, {len(ahead)} such of {len(angles)}; leave them out with"
+            " --skip-bad-samples"
         )
     if len(ahead):
         kept = angles.angles_rad.copy()
@@ -100,6 +104,38 @@ def unit_notes(angles: AngleSamples) -> list[str]:
     """What a person should know of the unit of recorded angles: a line where they look like another than radians."""
     seen = other_unit(angles.angles_rad)
     return [f"topic {angles.topic}: {seen.instead}: tell it with --angle-unit {seen.told}"] if seen else []
+
+
+def usable_torques(measured: TorqueSamples, skip_bad: bool = False) -> TorqueSamples:
+    """The recorded torques; with `skip_bad` without those whose stamps leap ahead, as `usable_angles` does it."""
+    ahead = stamps_ahead(measured.stamps) if skip_bad else ()
+    if not len(ahead):
+        return measured
+    kept = np.ones(len(measured), np.bool_)
+    kept[ahead] = False
+    return replace(measured, stamps=measured.stamps[kept], torque_Nm=measured.torque_Nm[kept])
+
+
+def clock_notes(samples: AngleSamples | TorqueSamples) -> list[str]:
+    """What a person should know of the stamps of recorded samples: a line where a clock was set back within them."""
+    values = samples.angles_rad if isinstance(samples, AngleSamples) else samples.torque_Nm
+    topic, stamps = samples.topic, samples.stamps[np.isfinite(values)]
+    late = int(np.count_nonzero(stamps < np.maximum.accumulate(stamps)))
+    if late <= MANY_LATE * len(stamps):
+        return []
+    what = _set_back(stamps)
+    return [f"topic {topic}: {what}; {late} of {len(stamps)} are not used until it is as late again"] if what else []
+
+
+def _set_back(stamps: IntArray) -> str:
+    """In words where stamps (n,) go back by more than a second and go on from there; empty where they do not."""
+    step = np.diff(stamps)
+    at = int(np.argmin(step)) + 1
+    by_s, after_s = -int(step[at - 1]) * 1e-9, (int(stamps[at - 1]) - int(stamps[0])) * 1e-9
+    # A single stamp that was ahead comes back at once.
+    if by_s <= SET_BACK_S or at < _FEW or len(stamps) - at < _FEW or int(stamps[at - _FEW]) < int(stamps[at]):
+        return ""
+    return f"a clock was set back: the stamps go back by {by_s:.3f} s at sample {at}, {after_s:.3f} s after the first"
 
 
 def stamps_ahead(stamps: IntArray) -> IntArray:

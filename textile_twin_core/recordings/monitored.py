@@ -17,7 +17,15 @@ from textile_twin_core.comparison.monitor import monitor_recording
 from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag import open_bag
-from textile_twin_core.recordings.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, beside, unit_notes, usable_angles
+from textile_twin_core.recordings.machine_topics import (
+    ANGLE_TOPIC,
+    MEASURED_TOPIC,
+    beside,
+    clock_notes,
+    unit_notes,
+    usable_angles,
+    usable_torques,
+)
 
 
 @dataclass(frozen=True)
@@ -56,9 +64,9 @@ def watch_bag(job: Job) -> Watched:
         bag = open_bag(job.bag)
         topics = (job.angle_topic, job.joint, job.skip_bad, job.index_topic)
         angles = usable_angles(bag, job.machine.sensors.encoder, *topics, job.angle_unit_rad)
-        notes = tuple(unit_notes(angles))
+        notes = (*unit_notes(angles), *clock_notes(angles))
         topic = beside(bag, angles.topic, job.torque_topic)
-        torque = bag.read_torques(topic, job.joint, unit_Nm=job.torque_unit_Nm)
+        torque = usable_torques(bag.read_torques(topic, job.joint, unit_Nm=job.torque_unit_Nm), job.skip_bad)
         readings = Readings(angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, angles.velocities)
         found = monitor_recording(readings, job.machine, job.settings)
     except TwinError as error:

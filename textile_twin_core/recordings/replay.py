@@ -16,6 +16,7 @@ from textile_twin_core.recordings.machine_topics import (
     ANGLE_TOPIC,
     MEASURED_TOPIC,
     beside,
+    clock_notes,
     namespace_of,
     unit_notes,
     usable_angles,
@@ -89,7 +90,8 @@ def replay_bag(
         writer.write(samples)
         if residual is not None:
             residual.write(samples)
-    return Replay(session.report, out.counts, unit_notes(angles))
+    notes = [*unit_notes(angles), *clock_notes(angles)]
+    return Replay(session.report, out.counts, notes)
 
 
 class _Predictions:

@@ -1,0 +1,68 @@
+"""A clock that was set back in the middle of a recording is told as that, by every command, and what it costs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.test_poor_recordings import write
+from tests.generators.mill_recordings import MillRecording, Stamps, healthy, record
+from textile_twin_core.cli.main import main
+
+MADE = record(healthy("tufting", 931, duration_s=24.0))
+
+
+def set_back(stamps: Stamps, after_s: float) -> Stamps:
+    """By an hour, as in the night in which summer ends."""
+    late = (stamps - MADE.angle_stamps_ns[0]) * 1e-9 > after_s
+    return stamps - late * 3_600_000_000_000
+
+
+def both(after_s: float) -> MillRecording:
+    angle, torque = (set_back(stamps, after_s) for stamps in (MADE.angle_stamps_ns, MADE.torque_stamps_ns))
+    return replace(MADE, angle_stamps_ns=angle, torque_stamps_ns=torque)
+
+
+@pytest.mark.parametrize(("after_s", "code"), [(16.0, 0), (8.0, 2)])
+def test_a_clock_that_was_set_back(
+    after_s: float, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What comes later is left out where it is the smaller part; where it is the larger, the user has to agree."""
+    bag = write(tmp_path / "bag", both(after_s))
+    at = int(np.argmin(np.diff(both(after_s).angle_stamps_ns))) + 1
+    for command in (["compare"], ["monitor", "--learn", "5"], ["replay", "--out", str(tmp_path / "out")]):
+        assert main([command[0], str(bag), "--machine", "tufting", *command[1:]]) == code
+        told = capsys.readouterr()
+        said = f"at sample {at}, {after_s:.0f}" if code == 0 else f"at sample {at}, "
+        assert "a clock was set back: the stamps go back by 3599.99" in told.err + told.out
+        assert said in told.err + told.out and told.err.count("\n") <= 2
+
+
+def test_what_is_left_out_of_a_clock_set_back_is_of_one_part(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = write(tmp_path / "bag", both(8.0))
+    assert main(["compare", str(bag), "--machine", "tufting", "--skip-bad-samples"]) == 0
+    told = capsys.readouterr()
+    assert "as the machine file says" in told.out and told.err == ""
+
+
+def test_a_torque_whose_clock_was_set_back_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = write(tmp_path / "bag", replace(MADE, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 16.0)))
+    assert main(["compare", str(bag), "--machine", "tufting"]) == 0
+    assert "topic /balancing_torque/measured: a clock was set back" in capsys.readouterr().err
+
+
+def test_samples_that_come_in_another_order_are_no_clock_set_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    order = np.arange(MADE.angle.size)
+    order[::10][:-1] += 2
+    order[2::10][: order[::10].size - 1] -= 2
+    stamps = MADE.angle_stamps_ns[np.clip(order, 0, order.size - 1)]
+    bag = write(tmp_path / "bag", replace(MADE, angle_stamps_ns=stamps))
+    assert main(["replay", str(bag), "--machine", "tufting", "--out", str(tmp_path / "out"), "--skip-bad-samples"]) == 0
+    assert "set back" not in capsys.readouterr().err
