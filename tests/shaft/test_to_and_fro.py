@@ -63,3 +63,15 @@ def test_stamps_that_are_late_are_still_told(jitter: float) -> None:
         estimator = create_estimator("causal")
         estimator.step(time, np.round(at(arm(seed), time + late)[0] / STEP) * STEP)
         assert estimator.report.stamp_jitter_s * 250.0 == pytest.approx(jitter, rel=0.34)
+
+
+def test_a_pause_adds_no_noise() -> None:
+    """After it the first move of the shaft counted as noise, thirty times that of the readings."""
+    time = np.arange(4000) / 1000.0
+    time[2000:] += 60.0
+    late = np.random.default_rng(1).normal(0.0, 1e-5, time.size)
+    estimator = create_estimator("causal")
+    estimator.step(time[:2000], 30.0 * (time + late)[:2000])
+    before = estimator.report.stamp_jitter_s
+    estimator.step(time[2000:2010], 30.0 * (time + late)[2000:2010])
+    assert estimator._status["white"][0] / estimator._status["speed_squared"][0] < 4.0 * before**2

@@ -82,6 +82,7 @@ def initiate(status: Record, step: float, angle: float, rate: float, row: Record
 def _begin_differences(status: Record, reading: float) -> None:
     """Forget the readings before one, where moves from them to later ones tell nothing."""
     status.read, status.kept, status.kept_at, status.moved, status.bent = reading, reading, status.time, 0.0, 0.0
+    status.differences = 0.0
 
 
 @compiled_in_place

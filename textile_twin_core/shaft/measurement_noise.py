@@ -116,8 +116,10 @@ def _add_white_noise(status: Record, second: float) -> None:
     third = second - status.second_difference
     fourth = third - status.third_difference
     status.second_difference, status.third_difference = second, third
-    status.white += fourth * fourth / FOURTH - max(rounding_variance(status), status.noise_at_rest)
-    status.speed_squared += status.speed**2
+    status.differences += 1.0
+    if status.differences > 3.0:  # the first three are not of readings alone
+        status.white += fourth * fourth / FOURTH - max(rounding_variance(status), status.noise_at_rest)
+        status.speed_squared += status.speed**2
 
 
 @compiled_in_place
@@ -220,7 +222,7 @@ def adapt_jitter(status: Record, noise: float) -> None:
     if status.jitter_told == 0.0:
         other = max(rounding_variance(status), status.noise_at_rest)
         jitter = max(found - other, LEAST_JITTER * found) / status.speed**2
-        if status.leading == lanes.PLAIN:
+        if status.leading == lanes.PLAIN and status.speed_squared > 0.0:
             jitter = min(jitter, max(MOST_WHITE * status.white / status.speed_squared, LEAST_JITTER * jitter))
         jitter = min(jitter, status.interval**2)  # at a stop any noise would be that of stamps later than that
         status.jitter += LEARN_JITTER * (status.speed / status.fastest) ** 2 * (jitter - status.jitter)

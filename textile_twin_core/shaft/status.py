@@ -47,7 +47,7 @@ _NUMBERS = (
     "jitter", "jitter_told",  # variance of the stamps [s^2], 1 if it is a setting
     "additive", "noise_at_rest",  # variance of other noise [rad^2], of late and as seen at rest
     "kept", "kept_at", "moved", "bent",  # last reading not rejected, its time, first and second difference per interval
-    "second_difference", "third_difference",  # the same of all readings, and third difference
+    "second_difference", "third_difference", "differences",  # the same of all readings; the third; how many there were
     "white", "speed_squared",  # decaying sums of the noise that bounds jitter [rad^2], and of the speed squared
     "read", "leapt", "leapt_after",  # last reading; last move beyond rounding, and the repetitions before it
     "held", "holding", "longest_hold",  # part of such moves after repetitions; repetitions in a row, and the most
