@@ -178,3 +178,13 @@ def test_a_rest_before_the_encoders_step_was_known(seed: int) -> None:
     rest = x[states.index] == 0.0
     assert np.abs(states.theta_rad - readings[states.index])[rest].max() < 1.5 * step
     assert np.abs(states.omega_rad_s[rest]).max() < 2e-3
+
+
+@pytest.mark.parametrize("seed", [433, 450, 463])
+def test_exact_readings_at_rest_promise_nothing_of_the_start(seed: int) -> None:
+    """Believed to a millionth of their rounding, they made readings of the next start outliers and jumps."""
+    record = make("runs", seed)
+    estimator = create_estimator("causal")
+    estimator.step(record.time_s, record.fed_rad)
+    report = estimator.report
+    assert (report.jumps, report.outliers, report.losses) == (0, 0, 0)

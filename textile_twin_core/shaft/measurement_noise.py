@@ -179,7 +179,7 @@ def least_scale(status: Record, noise: float) -> float:
     Measurements at rest may be equal for hours, and stamps of a controller's cycle equally late for minutes, without
     the noise being smaller.
     """
-    at_rest = max(rounding_variance(status), status.additive, status.noise_at_rest)
+    at_rest = max(rounding_variance(status), status.additive, status.noise_at_rest) + FINEST_RAD2
     if abs(status.speed) * status.interval <= max(status.resolution, 3.0 * math.sqrt(at_rest)):
         return 1.0
     known = 0.0 if status.guessed > 0.0 else rounding_variance(status)
