@@ -182,6 +182,26 @@ def test_a_name_is_not_taken_for_what_it_is_not() -> None:
     assert choose("angle", ["Winkelgeschwindigkeit [rad/s]"]) == []
 
 
+@pytest.mark.parametrize("ends", [("m", "m"), ("in", "in"), ("s", "m")])
+def test_the_end_of_a_name_that_looks_like_a_unit_gives_way_to_the_unit_told(
+    ends: tuple[str, str], tmp_path: Path
+) -> None:
+    head = f"time_s,theta_{ends[0]},torque_{ends[1]}\r\n"
+    text = head + rows(TIME, ANGLE, TORQUE, separator=",")
+    check(imported(tmp_path, text, "--angle-unit", "rad", "--torque-unit", "N m"))
+
+
+@pytest.mark.parametrize(("name", "unit"), [("torque_in", "in"), ("Torque [N]", "N")])
+def test_a_torque_in_a_unit_of_something_else_is_refused_not_left_out(
+    name: str, unit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = f"time_s,angle_rad,{name}\r\n" + rows(TIME, ANGLE, TORQUE, separator=",")
+    (tmp_path / "log.csv").write_text(text, newline="")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 2
+    assert f"torque in '{unit}'? there are: " in capsys.readouterr().err
+    check(imported(tmp_path, text, "--torque-scale", "1"))
+
+
 def test_what_cannot_be_told_lists_the_columns_and_the_option(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -240,7 +240,8 @@ def _column(kind: str, columns: LogTable, wishes: Wishes, ask: Ask | None, neede
         _refuse_unknown(name, columns)
         return Column(name, unit or unit_in_name(name), "as told")
     others = set(wishes.columns.values())
-    found = [each for each in choose(kind, columns) if each not in others]
+    told = bool(unit) or (kind == "torque" and wishes.torque_scale is not None)
+    found = choose(kind, [each for each in columns if each not in others], told)
     if len(found) != 1 and ask is not None and (found or needed):
         answer = ask(kind, found or list(columns))
         found = [answer] if answer else []
