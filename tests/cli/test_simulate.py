@@ -135,6 +135,29 @@ def test_a_recording_of_the_simulation_holds_what_the_sensors_say(
         assert causes >= expected if told == "tufting" else not causes, causes
 
 
+@pytest.mark.parametrize(("delay_s", "first_ns"), [(-5.0, 6_000_000_000), (5.0, 1_000_000_000)])
+def test_a_recording_begins_after_zero_however_early_the_torque_is(
+    delay_s: float, first_ns: int, tmp_path: Path
+) -> None:
+    machine, out = tmp_path / "mine.yaml", tmp_path / "f.mcap"
+    machine.write_text(f"machine: tufting\nname: mine\nsensors: {{torque: {{delay_s: {delay_s}}}}}\n")
+    assert main(["simulate", str(machine), "--rpm", "60", "--samples", "100", "--out", str(out)]) == 0
+    angles, torques = open_bag(out).read_angles(), open_bag(out).read_torques("balancing_torque/measured")
+    assert angles.stamps[0] == first_ns
+    np.testing.assert_array_equal(torques.stamps - angles.stamps, round(delay_s * 1e9))
+    assert torques.stamps[0] >= 1_000_000_000
+
+
+def test_a_recording_with_a_toothed_wheel_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    machine, out = tmp_path / "mine.yaml", tmp_path / "f.mcap"
+    machine.write_text("machine: tufting\nname: mine\nsensors: {encoder: {teeth: 60, missing_teeth: 2}}\n")
+    words = ["simulate", str(machine), "--rpm", "60", "--samples", "100", "--out"]
+    assert main([*words, str(out)]) == 2
+    told = capsys.readouterr().err
+    assert "60 teeth" in told and told.count("\n") == 1 and not out.exists()
+    assert main([*words, str(tmp_path / "f.csv")]) == 0
+
+
 def test_a_machine_of_the_users_own(tmp_path: Path) -> None:
     machine = tmp_path / "fourbar.yaml"
     machine.write_text(

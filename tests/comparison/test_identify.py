@@ -72,6 +72,19 @@ def test_at_one_speed_what_cannot_be_told_is_named_and_stays() -> None:
     assert low < 1.0 < high
 
 
+def test_a_backing_that_no_needle_comes_as_far_as_is_not_sought() -> None:
+    """The largest travel is 0.5743 m; the record is of a needle that is free throughout, with noise of 0.08 N m."""
+    case = healthy("tufting", 978, duration_s=16.0)
+    made = record(replace(case, backing=Backing(force_N=15.0, free_force_N=15.0)))
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    shallow = declared.Backing("needle", 1000.0, 0.60, 0.56, 15.0)
+    found = identify(readings, replace(told_machine(case), loads=(shallow,)))
+    assert (found.rms_before_Nm, found.rms_after_Nm) == pytest.approx((0.08, 0.08), rel=0.1)
+    lost = {each.name: each.text for each in found.not_identifiable}
+    assert {"entry_angle_rad", "exit_angle_rad"} <= set(lost) and "does not pass" in lost["entry_angle_rad"]
+    assert shallow in found.machine.loads
+
+
 def test_a_torque_that_nobody_modelled_comes_out_with_its_band() -> None:
     case = healthy("loom", 973, duration_s=24.0)
     made = record(case)

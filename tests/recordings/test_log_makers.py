@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 
@@ -117,6 +118,38 @@ def test_labview(columns: str, point: str, tmp_path: Path) -> None:
     check(imported(tmp_path, head + body))
 
 
+def test_labview_with_commas_between_cells(tmp_path: Path) -> None:
+    head = LVM.replace("Tab", "Comma").format(point=".", columns="No").replace("\t", ",")
+    head += "X_Value,Angle (rad),Torque,Comment\r\n"
+    body = "".join(f",{line}\r\n" for line in rows(ANGLE, TORQUE, separator=",").splitlines())
+    check(imported(tmp_path, head + body))
+
+
+def test_short_segments_of_labview_are_all_read(tmp_path: Path) -> None:
+    head = LVM.format(point=".", columns="One").replace("Multi_Headings\tNo", "Multi_Headings\tYes")
+    names = "X_Value\tAngle (rad)\tTorque\tComment\r\n"
+    again = "\r\n" + head[head.index("Channels") :] + names
+    cuts = [0, 3, 8, N]
+    parts = [rows(TIME[a:b], ANGLE[a:b], TORQUE[a:b]) for a, b in itertools.pairwise(cuts)]
+    check(imported(tmp_path, head + names + again.join(parts)))
+
+
+def test_labview_without_an_interval_is_told_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    head = LVM.format(point=".", columns="No").replace("Delta_X", "Other") + "X_Value\tAngle (rad)\tTorque\r\n"
+    text = head + "".join(f"\t{line}\r\n" for line in rows(ANGLE, TORQUE).splitlines())
+    (tmp_path / "log.lvm").write_text(text, newline="")
+    assert main(["import", str(tmp_path / "log.lvm"), "--out", str(tmp_path / "bag")]) == 2
+    told = capsys.readouterr().err
+    assert "no Delta_X" in told and "--rate" in told and told.count("\n") == 1
+    check(imported(tmp_path, text, "--rate", "500"))
+
+
+def test_times_with_an_exponent_are_rows_of_twincat_scope(tmp_path: Path) -> None:
+    head, _, body = scope([TIME * 1e3], ".").rpartition("\r\n\r\n")
+    lines = [f"{2.0 * k:.6E}{line[line.index(chr(9)) :]}" for k, line in enumerate(body.splitlines())]
+    check(imported(tmp_path, head + "\r\n\r\n" + "\r\n".join(lines)))
+
+
 def test_a_panels_log_is_refused_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "log.csv"
     log.write_text('"VarName";"TimeString";"VarValue";"Validity";"Time_ms"\n"Md";"01.04.26 11:02:52";66,00;1;3588,81\n')
@@ -180,6 +213,26 @@ def test_a_name_is_not_taken_for_what_it_is_not() -> None:
     }  # fmt: skip
     assert unit_in_name("角度（°）") == "deg" and unit_in_name("Winkelgeschwindigkeit [rad/s]") == "rad/s"
     assert choose("angle", ["Winkelgeschwindigkeit [rad/s]"]) == []
+
+
+@pytest.mark.parametrize("ends", [("m", "m"), ("in", "in"), ("s", "m")])
+def test_the_end_of_a_name_that_looks_like_a_unit_gives_way_to_the_unit_told(
+    ends: tuple[str, str], tmp_path: Path
+) -> None:
+    head = f"time_s,theta_{ends[0]},torque_{ends[1]}\r\n"
+    text = head + rows(TIME, ANGLE, TORQUE, separator=",")
+    check(imported(tmp_path, text, "--angle-unit", "rad", "--torque-unit", "N m"))
+
+
+@pytest.mark.parametrize(("name", "unit"), [("torque_in", "in"), ("Torque [N]", "N")])
+def test_a_torque_in_a_unit_of_something_else_is_refused_not_left_out(
+    name: str, unit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = f"time_s,angle_rad,{name}\r\n" + rows(TIME, ANGLE, TORQUE, separator=",")
+    (tmp_path / "log.csv").write_text(text, newline="")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 2
+    assert f"torque in '{unit}'? there are: " in capsys.readouterr().err
+    check(imported(tmp_path, text, "--torque-scale", "1"))
 
 
 def test_what_cannot_be_told_lists_the_columns_and_the_option(

@@ -129,6 +129,17 @@ def test_slider_with_friction_agrees_and_a_table_leaves_no_torque() -> None:
     assert "peak_torque_Nm" not in names and "rms_shaking_force_N" in names
 
 
+def test_needles_that_do_and_do_not_come_as_far_as_the_backing() -> None:
+    """The largest travel is 0.5743 m; the needle leaves at 0.56 m."""
+    entries = np.array([0.5742, 0.60])
+    batch = Batch(machines.tufting(exit_plane_m=0.56), 16.755, samples=720)
+    found = batch.evaluate({"Backing.entry_plane_m": entries}, ["peak_torque_Nm", "rms_torque_Nm"])
+    for k, entry in enumerate(entries):
+        exact = exact_numbers(machines.tufting(entry_plane_m=entry, exit_plane_m=0.56), 16.755)
+        for name, values in found.items():
+            assert values[k] == pytest.approx(exact[name], rel=1e-8), (entry, name)
+
+
 def test_unknown_names_are_refused() -> None:
     batch = Batch(machines.handloom_beatup())
     with pytest.raises(SceneError, match=r"no number 'l9\.length_m'"):

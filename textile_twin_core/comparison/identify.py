@@ -117,13 +117,13 @@ def identify(readings: Readings, machine: Machine) -> Identification:
     return Identification(
         parameters=fitted,
         fixed={name: values[name] / (turned if name == ZERO else 1.0) for name in model.names if name not in free},
-        not_identifiable=tuple(lost),
+        not_identifiable=(*lost, *model.not_there),
         spread_rad=_spread(events),
         rms_before_Nm=float(np.sqrt(np.mean(before**2))),
         rms_after_Nm=float(np.sqrt(np.mean(fit.residual**2))),
         unmodelled=left,
         machine=identified_machine(machine, {**values, ZERO: values[ZERO] / turned}, free),
-        notes=(*notes, *(each.text for each in lost)),
+        notes=(*notes, *(each.text for each in (*lost, *model.not_there))),
     )
 
 

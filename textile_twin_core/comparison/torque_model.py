@@ -11,6 +11,7 @@ import scipy
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.event_angle import BesideEvent
 from textile_twin_core.comparison.evidence import Evidence
+from textile_twin_core.comparison.identifiable import NotIdentifiable
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.dynamics.loads import Backing, ShaftFriction
 from textile_twin_core.machine import Machine
@@ -52,13 +53,21 @@ class TorqueModel:
     """Predicts what the torque sensor shows at each measured sample of a record.
 
     `spread_rad`: over this angle (a standard deviation) a force sets in; needle points are not quite level, and stamps
-    not quite right. Zero is in shaft angle, of the track that the evidence holds; `direction` is the encoder's.
+    not quite right. Zero is in shaft angle, of the track that the evidence holds; `direction` is the encoder's. A
+    backing through which no needle passes has no angles to seek: it stays as configured, and `not_there` tells of it.
     """
 
     def __init__(self, evidence: Evidence, machine: Machine, direction: int, spread_rad: float) -> None:
         self.evidence, self.machine, self.direction, self.spread_rad = evidence, machine, direction, spread_rad
         backings = [load for load in machine.loads if isinstance(load, Backing)]
-        self.backing = backings[0] if len(backings) == 1 else None
+        self._events = {event.name: event.angle_rad for event in machine.events()}
+        self.backing = backings[0] if len(backings) == 1 and self._passes(backings[0]) else None
+        self.not_there: tuple[NotIdentifiable, ...] = ()
+        if len(backings) == 1 and self.backing is None:
+            text = f"as configured, '{backings[0].on}' does not pass the planes of its backing; it stays as configured"
+            self.not_there = tuple(
+                NotIdentifiable(name, (), f"{name} cannot be told: {text}") for name in (*FORCES, *EVENTS)
+            )
         sought = (ShaftFriction, *((Backing,) if self.backing else ()))
         others = tuple(load for load in machine.loads if not isinstance(load, sought))
         self._rest = compile_machine(
@@ -101,12 +110,11 @@ class TorqueModel:
             ZERO: encoder.zero_rad * encoder.direction * encoder.ratio,
         }
         if self.backing is not None:
-            events = {event.name: event.angle_rad for event in self.machine.events()}
             values |= {
                 "backing_force_N": self.backing.force_N,
                 "free_force_N": self.backing.free_force_N,
-                "entry_angle_rad": events.get(f"{self.backing.on}_enters_backing", 0.0),
-                "exit_angle_rad": events.get(f"{self.backing.on}_leaves_backing", np.pi),
+                "entry_angle_rad": self._events[f"{self.backing.on}_enters_backing"],
+                "exit_angle_rad": self._events[f"{self.backing.on}_leaves_backing"],
             }
         return values
 
@@ -180,6 +188,10 @@ class TorqueModel:
         # Turning forward the event comes from below.
         near = parts.good & (np.abs(relative) < 1.2 * within_rad)
         return BesideEvent(relative[near], self.evidence.torque_Nm[near], coming[near], past[near])
+
+    def _passes(self, backing: Backing) -> bool:
+        """Whether the needle enters and leaves the backing as configured."""
+        return all(f"{backing.on}_{way}_backing" in self._events for way in ("enters", "leaves"))
 
     def _inside(self, theta: FloatArray, values: Mapping[str, float]) -> FloatArray:
         """1 between entry and exit, 0 outside, smooth over the spread."""

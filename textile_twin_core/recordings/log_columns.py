@@ -89,11 +89,21 @@ def unit_in_name(name: str) -> str:
     return found if found in known and found != name else ""
 
 
-def choose(kind: str, names: Iterable[str]) -> list[str]:
-    """Columns whose names speak of a kind: time, angle, torque or speed, and not in a unit of something else."""
+def choose(kind: str, names: Iterable[str], unit_told: bool = False) -> list[str]:
+    """Columns whose names speak of a kind: time, angle, torque or speed.
+
+    One in a unit of something else is none where another is left. Where none is, the end of a name may be no unit
+    (theta_m), brackets (Position [mm]) are one: then none is left, unless the unit is told, or the kind is torque,
+    whose column is better refused for its unit than left out.
+    """
     own = {"time": TIME_UNITS, "angle": ANGLE_TURNS, "torque": TORQUE_UNITS, "speed": SPEED_UNITS}[kind]
     others = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS} - {*own}
-    return [name for name in names if re.search(_WORDS[kind], _plain(name)) and unit_in_name(name) not in others]
+    spoken = [name for name in names if re.search(_WORDS[kind], _plain(name))]
+    fitting = [name for name in spoken if unit_in_name(name) not in others]
+    unsure = [name for name in spoken if name in fitting or not re.search(_BRACKETS, name)]
+    if unit_told:
+        return unsure or spoken
+    return fitting or (spoken if kind == "torque" else unsure)
 
 
 def _plain(name: str) -> str:

@@ -25,6 +25,7 @@ from textile_twin_core.recordings.log_columns import (
     torque_newton_metres,
     unit_in_name,
 )
+from textile_twin_core.recordings.log_makers import UNTIMED
 from textile_twin_core.recordings.log_shaft import edge_angles, force_torque, tooth_edges
 from textile_twin_core.recordings.log_time import DATED, counts_rows, time_seconds
 
@@ -187,6 +188,8 @@ def _rising(columns: LogTable) -> Column:
     """The one column that rises evenly, where no name speaks of time."""
     rising = [name for name, values in columns.items() if looks_like_time(values)]
     left_out = [name for name in choose("time", columns.left_out) if name not in columns]
+    if left_out and columns.left_out[left_out[0]] == UNTIMED:
+        raise RecordingError(f"column '{left_out[0]}' holds {UNTIMED}; give --rate HZ")
     if left_out:
         raise RecordingError(
             f"column '{left_out[0]}' holds {columns.left_out[left_out[0]]}, no times; write dates as"
@@ -240,7 +243,8 @@ def _column(kind: str, columns: LogTable, wishes: Wishes, ask: Ask | None, neede
         _refuse_unknown(name, columns)
         return Column(name, unit or unit_in_name(name), "as told")
     others = set(wishes.columns.values())
-    found = [each for each in choose(kind, columns) if each not in others]
+    told = bool(unit) or (kind == "torque" and wishes.torque_scale is not None)
+    found = choose(kind, [each for each in columns if each not in others], told)
     if len(found) != 1 and ask is not None and (found or needed):
         answer = ask(kind, found or list(columns))
         found = [answer] if answer else []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,8 +13,13 @@ TIMES = ("Time [ms]", "Time [s]")
 """What columns of times are called here that are called nothing, or X_Value, in the log; a second one gets a number."""
 FILETIME = "Time [100 ns since 1601]"
 """The same for TwinCAT Scope's full time stamps."""
+UNTIMED = "no times, and the file's head has no Delta_X, the time from row to row"
+"""What a column of times holds that is empty in a LabVIEW file without such a key."""
 _END_OF_HEAD = "***End_of_Header***"
+_SEPARATOR = re.compile(r"Separator[\t,]\s*(\w+)")
 _SEPARATORS = {"tab": "\t", "comma": ","}
+_NUMBER = re.compile(r"[+-]?[\d.,]*\d[\d.,]*([eE][+-]?\d+)?")
+"""Under either decimal sign."""
 _LONGEST_HEAD = 60
 """Lines among which a head is looked for."""
 _FULL = 1e17
@@ -24,7 +31,7 @@ class KnownHead:
     """What a head tells of the rows below it.
 
     names: of the columns, with their units. skipped: lines before the first row. separator, decimal: of the rows.
-    interval_s: from row to row, where the rows bring no times.
+    interval_s: from row to row, where the rows bring no times; NaN where the head does not tell it either.
     """
 
     names: tuple[str, ...]
@@ -52,23 +59,34 @@ def known_head(path: str, lines: Sequence[str], decimal: str | None) -> KnownHea
 
 def _labview(lines: Sequence[str]) -> KnownHead | None:
     """A LabVIEW Measurement file (.lvm): up to two heads of keys, then a line of names."""
-    ends = [k for k, line in enumerate(lines[:_LONGEST_HEAD]) if line.startswith(_END_OF_HEAD)]
-    if not ends or ends[-1] + 1 >= len(lines):
+    end = _end_of_labview_heads(lines)
+    if end is None or end + 1 >= len(lines):
         return None
-    keys: dict[str, str] = {}
-    separator = "\t"
-    for line in lines[: ends[-1]]:
-        key, _, value = line.partition("\t") if "\t" in line else line.partition(",")
-        keys[key.strip()] = value.strip().split("\t")[0]
-        if key.strip() == "Separator":
-            separator = _SEPARATORS.get(keys[key.strip()].lower(), "\t")
-    names = [name.strip().strip('"') for name in lines[ends[-1] + 1].rstrip("\r\n").split(separator)]
+    told = next((found for found in map(_SEPARATOR.match, lines[:end]) if found), None)
+    separator = _SEPARATORS.get(told[1].lower(), "\t") if told else "\t"
+    cells = [line.split("\t" if "\t" in line else separator) for line in lines[:end]]
+    keys = {row[0].strip(): row[1].strip() for row in cells if len(row) > 1}
+    names = [name.strip().strip('"') for name in lines[end + 1].rstrip("\r\n").split(separator)]
     names = [TIMES[1] if name == "X_Value" else name for name in names if name != "Comment"]
     decimal = "," if keys.get("Decimal_Separator", ".") == "," else "."
     interval = None
     if keys.get("X_Columns", "One") == "No":
-        interval = float(keys.get("Delta_X", "nan").replace(",", "."))
-    return KnownHead(tuple(names), ends[-1] + 2, separator, decimal, interval)
+        interval = _number(keys.get("Delta_X", ""), decimal, math.nan)
+    return KnownHead(tuple(names), end + 2, separator, decimal, interval)
+
+
+def _end_of_labview_heads(lines: Sequence[str]) -> int | None:
+    """The line that ends the file's head, or that of its first segment where it has one; None without any."""
+    end = None
+    for k, line in enumerate(lines[:_LONGEST_HEAD]):
+        if line.startswith(_END_OF_HEAD):
+            if end is not None:
+                return k
+            end = k
+        first = next((cell.strip() for cell in re.split("[\t,]", line) if cell.strip()), "")
+        if end is not None and _NUMBER.fullmatch(first):
+            break
+    return end
 
 
 def _twincat(lines: Sequence[str], decimal: str | None) -> KnownHead | None:
@@ -97,14 +115,14 @@ def _twincat(lines: Sequence[str], decimal: str | None) -> KnownHead | None:
 
 
 def _is_label(text: str) -> bool:
-    return bool(text) and not text.replace(",", "").replace(".", "").lstrip("-").isdecimal() and text != "EOF"
+    return bool(text) and not _NUMBER.fullmatch(text) and text != "EOF"
 
 
-def _number(text: str, decimal: str) -> float:
+def _number(text: str, decimal: str, otherwise: float = 0.0) -> float:
     try:
         return float(text.replace(decimal, "."))
     except ValueError:
-        return 0.0
+        return otherwise
 
 
 def _with_unit(name: str, unit: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
@@ -14,7 +15,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_cells import LogTable, numeric
 from textile_twin_core.recordings.log_dialect import EMPTY, Dialect, sniff
-from textile_twin_core.recordings.log_makers import FILETIME, TIMES
+from textile_twin_core.recordings.log_makers import FILETIME, TIMES, UNTIMED
 
 _EPOCH_OF_1601_S = 11_644_473_600.0
 """Seconds from the first day of 1601 to that of 1970."""
@@ -112,7 +113,9 @@ def _text(path: Path, separator: str | None, decimal: str | None, note: Callable
 
 def _with_times(log: LogTable, interval_s: float | None) -> LogTable:
     """A known maker's log with one column of times where all of its own are the same, or where its head tells them."""
-    if interval_s is not None and log:
+    if interval_s is not None and math.isnan(interval_s):
+        log.left_out[TIMES[1]] = UNTIMED
+    elif interval_s is not None and log:
         rows = len(next(iter(log.values())))
         log = log.with_columns({TIMES[1]: np.arange(rows, dtype=np.float64) * interval_s, **log})
     full = {name: values * 1e-7 - _EPOCH_OF_1601_S for name, values in log.items() if name.startswith(FILETIME)}

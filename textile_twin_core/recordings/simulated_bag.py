@@ -15,7 +15,7 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.bag_write import BagWriter
 
 _START_NS = 1_000_000_000
-"""Time of the first sample: a stamp of 0 means in ROS that there is none."""
+"""Time of the first sample of all: a stamp of 0 means in ROS that there is none."""
 
 
 def write_simulated_bag(
@@ -25,10 +25,18 @@ def write_simulated_bag(
 
     Angle and measured torque are what the machine's encoder and torque sensor say, without noise, steps or edges of
     teeth: the torque late by the sensor's delay. All else is the machine's own. Times are those of the motion, or
-    follow from its constant speed. Raises MotionError when neither tells them.
+    follow from its constant speed. Raises MotionError when neither tells them, and for a toothed wheel: the file would
+    take the angles for its edges.
     """
     encoder, sensor = machine.sensors.encoder, machine.sensors.torque
-    stamps = _START_NS + np.rint(_times(motion) * 1e9).astype(np.int64)
+    if encoder.teeth:
+        raise MotionError(
+            f"the encoder is a wheel of {encoder.teeth} teeth, and a recording of a simulation holds angles, no edges:"
+            " leave teeth, missing_teeth and pitch_errors_rad out of the machine file for it"
+        )
+    # No stamp is before the start, be the torque early.
+    start_ns = _START_NS + max(0, round(-sensor.delay_s * 1e9))
+    stamps = start_ns + np.rint(_times(motion) * 1e9).astype(np.int64)
     with BagWriter(path, {"source": f"simulation of {machine.name}"}, overwrite=True) as out:
         factor = encoder.direction * encoder.ratio
         angle, speed = motion.theta_rad / factor + encoder.zero_rad, motion.omega_rad_s / factor
