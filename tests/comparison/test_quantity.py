@@ -231,6 +231,13 @@ def test_a_place_is_told_at_rest_too() -> None:
     assert found.delay_s.value == pytest.approx(0.004, abs=2e-4)
 
 
+@pytest.mark.parametrize("name", ["needle_velocity_m_s", "omega_1_rad_s"])
+def test_a_speed_has_no_dry_friction_and_counts_at_rest(name: str) -> None:
+    found = compare_quantity(stopped(name, 0.5), ttc.machines.tufting(), name)
+    assert found.at_rest == 0 and found.time_s.size > 11_000
+    assert found.scale.value == pytest.approx(1.0, abs=1e-3)
+
+
 def test_a_force_at_rest_alone_is_refused_in_a_line() -> None:
     whole = stopped("reaction_guide_N", 0.5)
     rest = slice(8000, 12000)

@@ -346,10 +346,14 @@ def _leaps(twin: Twin, name: str, angle_rad: float) -> bool:
 
 
 def _depends_on_sense(twin: Twin, name: str) -> bool:
-    """Whether dry friction is in a quantity: then it has two values at rest, one for each sense of rotation."""
+    """Whether dry friction is in a quantity: then it has two values at rest, one for each sense of rotation.
+
+    They differ by more than rounding beside what the quantity is at a speed; a velocity is none of its own there.
+    """
     theta = TURN * np.arange(720) / 720
     forward, back = (twin.evaluate(theta, next_to_rest(np.full(720, way)), 0.0)[name] for way in (1.0, -1.0))
-    return bool(np.nanmax(np.abs(forward - back)) > _CONSTANT * np.nanmax(np.abs(forward) + np.abs(back)))
+    usual = np.abs(_over_a_turn(twin, name, 1.0))
+    return bool(np.nanmax(np.abs(forward - back)) > _CONSTANT * np.nanmax(usual))
 
 
 def _tells_zero(model: _Model) -> bool:
