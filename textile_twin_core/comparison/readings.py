@@ -69,6 +69,11 @@ class AngleUnit:
         return next((short for short, name in _NAMES.items() if name == self.name), shown_turn(self.turn))
 
     @property
+    def is_other(self) -> bool:
+        """Whether the angle is not in radians, as more than one beginning shows."""
+        return self.name != "radians" and self.times >= _OFTEN
+
+    @property
     def instead(self) -> str:
         """In words: what the angle looks like where radians are expected."""
         return f"the angle begins anew at {shown_turn(self.turn)} and looks like {self.name}, not radians"
@@ -80,7 +85,7 @@ def other_unit(angle: FloatArray) -> AngleUnit | None:
     None where they are radians or show no unit.
     """
     seen = angle_unit(angle)
-    return seen if seen.name != "radians" and seen.times >= _OFTEN else None
+    return seen if seen.is_other else None
 
 
 def shown_turn(turn: float) -> str:
