@@ -255,7 +255,7 @@ def test_a_force_at_rest_alone_is_refused_in_a_line() -> None:
 def test_stamps_of_another_clock_are_told_as_that_and_not_as_a_rest(name: str, after_s: int) -> None:
     whole = stopped(name, 0.5)
     trace = Trace(whole.stamps_ns + after_s * 10**9, whole.values, whole.angle_stamps_ns, whole.angle_rad)
-    with pytest.raises(RecordingError, match="only 0 of 12000 samples of .* lie beside shaft angles; .* one clock"):
+    with pytest.raises(RecordingError, match=r"only 0 of 12000 samples of .* beside shaft angles; .* one clock"):
         compare_quantity(trace, ttc.machines.tufting(), name)
 
 
