@@ -56,6 +56,20 @@ def test_a_torque_whose_clock_was_set_back_alone(tmp_path: Path, capsys: pytest.
     assert "topic /balancing_torque/measured: a clock was set back" in capsys.readouterr().err
 
 
+def test_a_replay_leaves_out_torque_as_the_other_commands_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--machine", "tufting", "--out", str(tmp_path / "out"), "--force"]
+    assert main(["replay", str(write(tmp_path / "bag", both(8.0))), *arguments, "--skip-bad-samples"]) == 0
+    told = capsys.readouterr()
+    (line,) = (line for line in told.out.splitlines() if line.startswith("/balancing_torque/residual"))
+    after = np.count_nonzero(MADE.torque_stamps_ns - MADE.angle_stamps_ns[0] > 8_000_000_000)
+    assert int(line.split()[1]) > 0.95 * after and told.err == ""
+    alone = replace(MADE, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 16.0))
+    assert main(["replay", str(write(tmp_path / "alone", alone)), *arguments]) == 0
+    assert "topic /balancing_torque/measured: a clock was set back" in capsys.readouterr().err
+
+
 def test_samples_that_come_in_another_order_are_no_clock_set_back(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

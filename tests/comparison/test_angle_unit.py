@@ -38,6 +38,24 @@ def test_a_wrapped_angle_shows_its_unit(turn: float, told: str, a_turn: float, d
         assert about_zero is not None and about_zero.told == "deg"
 
 
+@pytest.mark.parametrize("run_up", [False, True])
+@pytest.mark.parametrize("a_turn", [8, 30, 200, 1000, 3000])
+@pytest.mark.parametrize(
+    "counts", [125, 128, 250, 256, 500, 512, 1000, 1024, 2000, 2048, 4000, 4096, 8000, 8192, 2**17, 2**20, 2**24]
+)
+def test_round_counts_are_not_taken_for_powers_of_two(counts: int, a_turn: float, run_up: bool) -> None:
+    angle = np.mod(turning(12.0, a_turn, seed=counts, run_up=run_up), TURN) * (counts / TURN)
+    for whole in (np.floor(angle), np.rint(angle)):
+        seen = other_unit(whole)
+        assert seen is not None and seen.told == str(counts) and f"anew at {counts} " in seen.instead
+
+
+@pytest.mark.parametrize("counts", [1250, 1440, 8640])
+def test_counts_of_more_digits_are_told_by_the_readings(counts: int) -> None:
+    seen = other_unit(np.floor(np.mod(turning(12.0, 2.0 * counts), TURN) * (counts / TURN)))
+    assert seen is not None and seen.told == str(counts)
+
+
 def radians() -> dict[str, np.ndarray]:
     """Angles in radians that are not to be taken for anything else."""
     theta = turning(400.0, 200)

@@ -231,6 +231,13 @@ def test_a_place_is_told_at_rest_too() -> None:
     assert found.delay_s.value == pytest.approx(0.004, abs=2e-4)
 
 
+@pytest.mark.parametrize("name", ["needle_velocity_m_s", "omega_1_rad_s"])
+def test_a_speed_has_no_dry_friction_and_counts_at_rest(name: str) -> None:
+    found = compare_quantity(stopped(name, 0.5), ttc.machines.tufting(), name)
+    assert found.at_rest == 0 and found.time_s.size > 11_000
+    assert found.scale.value == pytest.approx(1.0, abs=1e-3)
+
+
 def test_a_force_at_rest_alone_is_refused_in_a_line() -> None:
     whole = stopped("reaction_guide_N", 0.5)
     rest = slice(8000, 12000)
@@ -241,3 +248,19 @@ def test_a_force_at_rest_alone_is_refused_in_a_line() -> None:
     trace = Trace(whole.stamps_ns[begin], whole.values[begin], whole.angle_stamps_ns[:8000], whole.angle_rad[:8000])
     with pytest.raises(RecordingError, match="while the shaft turns"):
         compare_quantity(trace, ttc.machines.tufting(), "reaction_guide_N")
+
+
+@pytest.mark.parametrize("name", ["reaction_guide_N", "needle_position_m"])
+@pytest.mark.parametrize("after_s", [-100, 100, 3600])
+def test_stamps_of_another_clock_are_told_as_that_and_not_as_a_rest(name: str, after_s: int) -> None:
+    whole = stopped(name, 0.5)
+    trace = Trace(whole.stamps_ns + after_s * 10**9, whole.values, whole.angle_stamps_ns, whole.angle_rad)
+    with pytest.raises(RecordingError, match=r"only 0 of 12000 samples of .* beside shaft angles; .* one clock"):
+        compare_quantity(trace, ttc.machines.tufting(), name)
+
+
+def test_samples_beyond_the_angles_are_not_counted_as_at_rest() -> None:
+    whole = stopped("reaction_guide_N", 0.5)
+    known = slice(2500, 9000)
+    trace = Trace(whole.stamps_ns, whole.values, whole.angle_stamps_ns[known], whole.angle_rad[known])
+    assert compare_quantity(trace, ttc.machines.tufting(), "reaction_guide_N").at_rest < 18.0 * 500.0 - 5000

@@ -83,6 +83,14 @@ def test_an_angle_in_degrees_that_never_begins_anew_is_seen_by_its_torque() -> N
     assert [cause.cause for cause in judged(case).verdict[:2]] == ["angle_unit", "encoder_ratio"]
 
 
+@pytest.mark.parametrize(("turns", "noted"), [(1.5, False), (4.0, True)])
+def test_an_angle_that_begins_anew_once_is_not_noted_as_another_unit(turns: float, noted: bool) -> None:
+    stamps = 1_000_000_000 + 5_000_000 * np.arange(round(200 * turns))
+    angle = np.mod(360.0 * np.arange(stamps.size) / 200.0 + 1.0, 360.0)
+    found = assess(Readings(stamps, angle, stamps, np.zeros(stamps.size)), told_machine(healthy("tufting", 905)))
+    assert any("--angle-unit deg" in note for note in found.notes) == noted
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("machine", ["tufting", "loom"])
 def test_another_machine_is_not_taken_for_another_unit(machine: str) -> None:

@@ -69,7 +69,7 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
     Raises RecordingError when there are too few samples for a motion of the shaft.
     """
     judged = _assess(readings, machine, track)
-    if judged.unit.times and judged.unit.name != "radians" and all(c.cause != "angle_unit" for c in judged.verdict):
+    if judged.unit.is_other and all(c.cause != "angle_unit" for c in judged.verdict):
         note = f"{judged.unit.instead}: tell it with --angle-unit {judged.unit.told}"
         return replace(judged, notes=(*judged.notes, note))
     return judged

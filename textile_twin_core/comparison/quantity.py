@@ -166,7 +166,9 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
         track = track.between(float(time.min()), float(time.max()))
     twin = compile_machine(machine, [name])
     rest_rad_s = REST_SHARE * fast_speed(track.omega_rad_s) if _depends_on_sense(twin, name) else 0.0
-    turning = np.abs(track.at(time)[1]) >= rest_rad_s
+    _, omega, _, inside = track.at(time)
+    _check_beside(name, inside)
+    turning = ~inside | (np.abs(omega) >= rest_rad_s)
     at_rest = int(np.count_nonzero(~turning))
     time, measured = time[turning], measured[turning]
     if at_rest and time.size < _FEWEST:
@@ -220,13 +222,17 @@ def _check(name: str, track: ShaftTrack, time: FloatArray, measured: FloatArray)
     if track.turns < 1.0:
         raise RecordingError(f"the shaft makes {track.turns:.2f} of a turn: record {name} over some turns")
     inside = track.at(time)[3]
-    if np.count_nonzero(inside) < _FEWEST:
-        raise RecordingError(
-            f"only {np.count_nonzero(inside)} of {time.size} samples of {name} lie beside shaft angles; both must be"
-            " stamped by one clock"
-        )
+    _check_beside(name, inside)
     if float(np.ptp(measured[inside])) == 0.0:
         raise RecordingError(f"{name} is {measured[0]:g} throughout: a dead sensor, or not connected")
+
+
+def _check_beside(name: str, inside: BoolArray) -> None:
+    if np.count_nonzero(inside) < _FEWEST:
+        raise RecordingError(
+            f"only {np.count_nonzero(inside)} of {inside.size} samples of {name} lie beside shaft angles; both must be"
+            " stamped by one clock"
+        )
 
 
 def _line(quantity: FloatArray, measured: FloatArray) -> tuple[float, float]:
@@ -340,10 +346,14 @@ def _leaps(twin: Twin, name: str, angle_rad: float) -> bool:
 
 
 def _depends_on_sense(twin: Twin, name: str) -> bool:
-    """Whether dry friction is in a quantity: then it has two values at rest, one for each sense of rotation."""
+    """Whether dry friction is in a quantity: then it has two values at rest, one for each sense of rotation.
+
+    They differ by more than rounding beside what the quantity is at a speed; a velocity is none of its own there.
+    """
     theta = TURN * np.arange(720) / 720
     forward, back = (twin.evaluate(theta, next_to_rest(np.full(720, way)), 0.0)[name] for way in (1.0, -1.0))
-    return bool(np.nanmax(np.abs(forward - back)) > _CONSTANT * np.nanmax(np.abs(forward) + np.abs(back)))
+    usual = np.abs(_over_a_turn(twin, name, 1.0))
+    return bool(np.nanmax(np.abs(forward - back)) > _CONSTANT * np.nanmax(usual))
 
 
 def _tells_zero(model: _Model) -> bool:

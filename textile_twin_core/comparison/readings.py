@@ -17,6 +17,8 @@ ANGLE_TURNS = {"rad": TURN, "deg": 360.0, "rev": 1.0, "gon": 400.0}
 """What a turn counts in each unit that an angle may be told in."""
 _NAMES = {"rad": "radians", "deg": "degrees", "rev": "revolutions", "gon": "gradians"}
 _NEAR = 0.03
+_MANY, _COUNTS = 5, 2.0
+"""So many turns show all of an encoder's counts, where neither steps nor leaps are off by more than so many counts."""
 _OFTEN = 2
 """An angle that begins anew once may have been set back."""
 _MOST, _ALIKE = 0.7, 0.1
@@ -64,12 +66,17 @@ class AngleUnit:
     @property
     def told(self) -> str:
         """The unit as `--angle-unit` takes it: deg, rev, gon, or the counts of a turn."""
-        return next((short for short, name in _NAMES.items() if name == self.name), f"{self.turn:g}")
+        return next((short for short, name in _NAMES.items() if name == self.name), shown_turn(self.turn))
+
+    @property
+    def is_other(self) -> bool:
+        """Whether the angle is not in radians, as more than one beginning shows."""
+        return self.name != "radians" and self.times >= _OFTEN
 
     @property
     def instead(self) -> str:
         """In words: what the angle looks like where radians are expected."""
-        return f"the angle begins anew at {self.turn:g} and looks like {self.name}, not radians"
+        return f"the angle begins anew at {shown_turn(self.turn)} and looks like {self.name}, not radians"
 
 
 def other_unit(angle: FloatArray) -> AngleUnit | None:
@@ -78,7 +85,12 @@ def other_unit(angle: FloatArray) -> AngleUnit | None:
     None where they are radians or show no unit.
     """
     seen = angle_unit(angle)
-    return seen if seen.name != "radians" and seen.times >= _OFTEN else None
+    return seen if seen.is_other else None
+
+
+def shown_turn(turn: float) -> str:
+    """What a turn counts, as people read and tell it: whole counts with every digit."""
+    return f"{turn:.0f}" if turn == round(turn) else f"{turn:g}"
 
 
 def radians_of(unit: str) -> float:
@@ -108,7 +120,7 @@ def angle_unit(angle: FloatArray) -> AngleUnit:
         if abs(turn / known - 1.0) < _NEAR and span <= known * (1.0 + 1e-6) and not _whole_turns(turn, known):
             return AngleUnit(_NAMES[short], known, True, turns.size)
     if turn > 64.0 and bool(np.all(finite == np.rint(finite))):
-        return AngleUnit("counts", _round_count(turn), True, turns.size)
+        return AngleUnit("counts", _count_of_a_turn(turn, finite, turns.size), True, turns.size)
     return unseen
 
 
@@ -133,13 +145,23 @@ def _whole_turns(turn: float, known: float) -> bool:
     return known > 2.0 * TURN and abs(turn - whole) < abs(turn - known)
 
 
-def _round_count(turn: float) -> float:
-    """The power of two, or the number of two digits and zeros, that is near a turn's counts."""
+def _count_of_a_turn(turn: float, readings: FloatArray, times: int) -> float:
+    """What a turn counts, of whole readings (n,) that begin anew so many times: by their leaps about `turn`.
+
+    Where they come count by count over many turns, they tell it themselves; otherwise it is the nearer of a power of
+    two and of a thousand by a power of two, or the number of two digits and zeros. No reading lies beyond a turn, but
+    for one that is rounded up.
+    """
+    seen = float(np.ptp(readings)) + 1.0
     power = 2.0 ** round(math.log2(turn))
-    if abs(turn / power - 1.0) < _NEAR:
-        return power
     digits = 10.0 ** (math.floor(math.log10(turn)) - 1)
-    return round(turn / digits) * digits
+    usual, tens = (power, power * 1000.0 / 1024.0), round(turn / digits) * digits
+    by_count = times >= _MANY and float(np.median(np.abs(np.diff(readings)))) <= _COUNTS
+    if by_count and abs(turn - seen) <= _COUNTS:
+        known = min(usual, key=lambda each: abs(seen - each))
+        return next((each for each in (known, tens) if -1.0 <= each - seen <= _COUNTS), seen)
+    near = [each for each in usual if abs(turn / each - 1.0) < _NEAR and each >= seen - 1.0]
+    return min(near, key=lambda each: abs(turn - each)) if near else tens
 
 
 def samples_per_turn(angle_stamps_ns: IntArray, speed_rad_s: float) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.comparison.explain import Explanation
-from textile_twin_core.comparison.readings import AngleUnit
+from textile_twin_core.comparison.readings import AngleUnit, shown_turn
 from textile_twin_core.comparison.torque_units import nearest_gain
 
 FEWEST_ANGLES = 16.0
@@ -52,7 +52,7 @@ def causes(explanation: Explanation, unit: AngleUnit, per_turn: float, periodic:
     named = [cause for _, cause in found]
     if unit.name != "radians":
         text = (
-            f"the angle is logged in {unit.name}, {unit.turn:g} a turn, and is read as radians: --angle-unit"
+            f"the angle is logged in {unit.name}, {shown_turn(unit.turn)} a turn, and is read as radians: --angle-unit"
             f" {unit.told}; for nodes angle_unit_rad {unit.to_radians:.10g}"
         )
         named.insert(0, Cause("angle_unit", text, unit.name))

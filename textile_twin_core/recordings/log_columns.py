@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.readings import ANGLE_TURNS, angle_unit, radians_of
+from textile_twin_core.comparison.readings import ANGLE_TURNS, angle_unit, radians_of, shown_turn
 from textile_twin_core.comparison.torque_units import UNITS_PER_NM
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_time import TIME_UNITS
@@ -124,7 +124,7 @@ def angle_radians(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
     unit = column.unit
     if unit:
         try:
-            return values * radians_of(unit), unit if unit in ANGLE_TURNS else f"{float(unit):g} a turn"
+            return values * radians_of(unit), unit if unit in ANGLE_TURNS else f"{shown_turn(float(unit))} a turn"
         except ValueError:
             known = f"{', '.join(ANGLE_TURNS)}, or the counts of a turn"
             raise RecordingError(f"column '{column.name}': angle in '{unit}'? there are: {known}") from None
@@ -134,7 +134,7 @@ def angle_radians(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
             f"column '{column.name}' never begins anew, so its unit cannot be seen; tell it: --angle-unit "
             f"{', '.join(ANGLE_TURNS)} or the counts of a turn"
         )
-    return values * seen.to_radians, f"{seen.name}, as seen: {seen.turn:g} a turn"
+    return values * seen.to_radians, f"{seen.name}, as seen: {shown_turn(seen.turn)} a turn"
 
 
 def times_as_fast(stamps: IntArray, theta: FloatArray, omega: FloatArray) -> float:

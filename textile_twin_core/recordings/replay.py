@@ -20,6 +20,7 @@ from textile_twin_core.recordings.machine_topics import (
     namespace_of,
     unit_notes,
     usable_angles,
+    usable_torques,
 )
 from textile_twin_core.recordings.predicted_topics import TORQUE, PredictedTopics, predicted_topics
 from textile_twin_core.recordings.prediction import predictions
@@ -79,18 +80,18 @@ def replay_bag(
     out.add_topic(description, "std_msgs/msg/String", LATCHED)
     out.write(description, bag.start_ns, encode_string(machine.urdf()))
     residual = None
+    notes = [*unit_notes(angles), *clock_notes(angles)]
     if topics.has_torque and bag.has_topic(torque_topic):
         jumps = load_jumps(compile_machine(machine, [TORQUE]))
         stream = ResidualStream(machine.sensors.torque, jumps)
-        residual = _Residual(
-            stream, bag.read_torques(torque_topic, joint, unit_Nm=torque_unit_Nm), out, writer.residual
-        )
+        measured = usable_torques(bag.read_torques(torque_topic, joint, unit_Nm=torque_unit_Nm), skip_bad)
+        notes += clock_notes(measured)
+        residual = _Residual(stream, measured, out, writer.residual)
     session = compile_machine(machine, topics.outputs).session(shaft, **shaft_settings)
     for samples in predictions(session, angles, progress):
         writer.write(samples)
         if residual is not None:
             residual.write(samples)
-    notes = [*unit_notes(angles), *clock_notes(angles)]
     return Replay(session.report, out.counts, notes)
 
 
