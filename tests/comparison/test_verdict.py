@@ -13,6 +13,7 @@ from tests.generators.mill_recordings import Case, MillRecording, healthy, mista
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Assessment, Readings, assess, calibrate
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.machines import create
 from textile_twin_core.recordings.prediction import recompute
 from textile_twin_core.recordings.samples import AngleSamples
 
@@ -100,6 +101,15 @@ def test_another_machine_is_not_taken_for_another_unit(machine: str) -> None:
         case = replace(case, encoder=replace(case.encoder, wrapped=False))
         names = [cause.cause for cause in judged(case).verdict]
         assert names[0] == "other_machine" and "angle_unit" not in names
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("force_N", [0.0, 1e-100, 1e-200])
+def test_a_load_without_effect_is_left_as_it_is(force_N: float) -> None:
+    made = record(healthy("tufting", 904, duration_s=10.0))
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    found = assess(readings, create("tufting", backing_force_N=force_N))
+    assert found.explanation is not None and found.explanation.settings.load == 1.0
 
 
 @pytest.mark.parametrize("noise", [True, False])

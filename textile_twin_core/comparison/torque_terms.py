@@ -13,6 +13,8 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.twin import compile_machine
 
 TURN = 2.0 * np.pi
+_SPEED_RAD_S, _ROUNDING = 10.0, 1e-12
+"""At such a speed a load that is smaller, as a part of the mechanism's torque, changes nothing."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,20 @@ class TorqueTerms:
         others = tuple(load for load in machine.loads if not isinstance(load, ShaftFriction))
         self.viscous_Nms = sum(load.viscous_Nms for load in frictions)
         self.coulomb_Nm = sum(load.coulomb_Nm for load in frictions)
-        self.has_load = bool(others)
         self._twin = compile_machine(
             replace(machine, loads=others), ["torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm"]
         )
+        self.has_load = bool(others) and self._load_acts()
         jumps = load_jumps(compile_machine(machine, ["balancing_torque_Nm"]))
         self._jumps = np.sort(np.mod(np.asarray(jumps, dtype=np.float64), TURN))
+
+    def _load_acts(self) -> bool:
+        """Whether the loads are more than rounding beside the mechanism's own torque; a force of 0 weighs nothing."""
+        theta = np.tile(TURN * np.arange(720) / 720, 2)
+        omega = np.repeat([_SPEED_RAD_S, -_SPEED_RAD_S], 720)
+        found = self._twin.evaluate(theta, omega, np.zeros_like(theta))
+        load, *own = (np.nanmax(np.abs(found[f"torque_{name}_Nm"])) for name in ("load", "inertial", "gravity"))
+        return bool(load > _ROUNDING * max(own))
 
     def at(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray, rest_rad_s: float) -> Terms:
         """The parts at states (n,)."""
