@@ -9,7 +9,7 @@ from tests.shaft.kinds import TURN
 from tests.shaft.textbook import textbook
 from textile_twin_core.compiling import records
 from textile_twin_core.shaft import create_estimator
-from textile_twin_core.shaft.measurement_noise import adapt_jitter
+from textile_twin_core.shaft.measurement_noise import adapt_jitter, least_scale
 from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_family
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import ROW, new_status
@@ -88,6 +88,13 @@ def test_stamps_are_no_later_than_by_an_interval() -> None:
     status["interval"], status["speed"], status["scale"] = 4e-3, 1e-4, 1.0
     adapt_jitter(status[0], 1e-8)
     assert 0.0 < status["jitter"][0] <= 4e-3**2
+
+
+def test_late_stamps_make_no_standstill() -> None:
+    """Late by half an interval, a turning shaft's readings were believed no better than that for ever."""
+    status = new_status(ShaftSettings(resolution_rad=1e-4))
+    status["interval"], status["speed"], status["jitter"], status["correlated"] = 4e-3, 10.0, 2e-3**2, 1.0
+    assert least_scale(status[0], 0.02**2) < 0.01
 
 
 def test_a_ripple_in_which_the_clock_stands_still_is_none() -> None:
