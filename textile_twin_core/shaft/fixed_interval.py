@@ -13,12 +13,7 @@ from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.filter import Block
-from textile_twin_core.shaft.measurement_noise import (
-    FINEST_RAD2,
-    MOST_CORRELATED,
-    OFTEN_HELD,
-    measurement_variance,
-)
+from textile_twin_core.shaft.measurement_noise import FINEST_RAD2, MOST_CORRELATED, OFTEN_HELD, measurement_variance
 from textile_twin_core.shaft.residual_orders import set_sensor_power
 from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_family
 from textile_twin_core.shaft.states import ShaftStates

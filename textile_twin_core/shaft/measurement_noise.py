@@ -23,19 +23,14 @@ HELD_MOVES = 10.0, 25.0  # memory at first and at most in moves, a tenth of the 
 OFTEN_HELD = 0.3  # share of moves after repetitions from which the sensor holds values
 LEAP, LEAP_GUESSED = 2.5, 4.5  # encoder steps, more than rounding can hide of a move; while the step is a guess
 FORGET_HOLD = 0.98  # decay of the longest repetition per leap
-ALIKE_HOLDS = (
-    0.6  # of the longest, from which repetitions are a sensor's: those of a shaft that rests now and then differ
-)
+ALIKE_HOLDS = 0.6  # of the longest, from which repetitions are a sensor's: a shaft's that rests at times differ
 FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some hundred turns from the origin
 FINEST_S = 1e-9  # [s] least time between measurements: months after the first it may be lost to rounding
 LEAST_SCALE = 1e-6  # least noise scale of a filter where nothing else bounds it
 LEARN_JITTER = 0.5  # gain of the jitter's adaptation at full speed; lower speeds hardly show it
 LEAST_JITTER = 0.01  # part of the noise found that is taken for jitter at least
 FOURTH = 70.0  # variance of the fourth differences of white noise of variance 1
-MOST_WHITE, FORGET_WHITE = (
-    2.0,
-    0.5,
-)  # bound of jitter in white noise as estimated, and the estimate's decay per adaptation
+MOST_WHITE, FORGET_WHITE = 2.0, 0.5  # bound of jitter in estimates of white noise; their decay per adaptation
 FORGET_SPEED = 0.99  # decay of the full speed per adaptation
 
 
