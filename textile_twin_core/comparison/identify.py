@@ -230,7 +230,7 @@ def _phase_sigma(names: tuple[str, ...], covariance: FloatArray, speed: float) -
 def _with_phase(value: float, event: EventAngle, phase: float) -> Estimate:
     """An event's angle, uncertain by its own samples and by the shaft's angle."""
     shift = event.shift
-    wider = float(np.hypot(shift.sigma, phase)) / max(shift.sigma, 1e-300)
+    wider = float(np.hypot(shift.sigma, phase)) / shift.sigma
     low, high = (value + wider * (end - shift.value) for end in shift.interval95)
     return Estimate(value, wider * shift.sigma, (low, high))
 
