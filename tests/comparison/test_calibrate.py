@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +15,9 @@ from tests.generators import mill_recordings
 from tests.generators.mill_recordings import START_NS, healthy, mistaken, record
 from tests.generators.planned_motion import Plan
 from tests.generators.told_machine import told_machine
-from textile_twin_core.comparison import Readings, assess, calibrate
+from textile_twin_core.comparison import Calibration, Readings, assess, calibrate
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings import open_bag
 
 
 @pytest.mark.slow
@@ -94,6 +96,44 @@ def test_a_shaft_held_at_rest_is_no_offset(monkeypatch: pytest.MonkeyPatch) -> N
     torque = made.torque + np.where(held, 0.2, 0.0)
     found = calibrate(Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, torque), told_machine(case))
     assert found.offset_Nm.value == 0.0
+    _has_sigmas_or_says_so(found)
+    assert any("brake" in each.text for each in found.ambiguous)
+
+
+@pytest.mark.parametrize("seed", [955, 958, 959, 960])
+def test_a_rest_without_an_offset_tells_how_far_off_none_may_be(seed: int) -> None:
+    case = healthy("tufting", seed)
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    found = calibrate(readings, told_machine(case))
+    _has_sigmas_or_says_so(found)
+    low, high = found.offset_Nm.interval95
+    assert low <= 0.0 <= high and high - low < 0.1
+    assert abs(found.offset_Nm.value) < 4.0 * found.offset_Nm.sigma < 0.1
+
+
+def test_the_offset_of_the_shipped_recording_is_told_by_its_rest() -> None:
+    """One second at rest, noise of 0.05 N m: its README says that there is no offset."""
+    bag = open_bag(Path(__file__).parents[2] / "bags" / "tufting_160rpm_synthetic")
+    angles, torques = bag.read_angles(), bag.read_torques()
+    readings = Readings(angles.stamps, angles.angles_rad, torques.stamps, torques.torque_Nm, angles.velocities)
+    found = calibrate(readings, ttc.machines.tufting())
+    _has_sigmas_or_says_so(found)
+    told = found.to_json()["torque"]["offset_Nm"]
+    assert told["value"] == 0.0 and told["interval95"][0] <= 0.0 <= told["interval95"][1]
+    assert 0.05 / math.sqrt(500.0) < told["sigma"] < 0.02
+    assert found.gain.value == pytest.approx(1.01, abs=5e-4)
+
+
+def _has_sigmas_or_says_so(found: Calibration) -> None:
+    told = {name for each in found.ambiguous for name in each.between}
+    for name, each in {
+        "zero_rad": found.zero_rad,
+        "torque.gain": found.gain,
+        "torque.offset_Nm": found.offset_Nm,
+        "torque.delay_s": found.delay_s,
+    }.items():
+        assert math.isfinite(each.sigma) or name in told, name
 
 
 def test_the_rms_that_is_told_leaves_in_what_the_file_does_not_get() -> None:
