@@ -15,7 +15,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, count, positive
 from textile_twin_core.cli.mistakes import UsageError, nearest
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.places import check_ending, keep_input
-from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.progress import stages
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import SceneError
 from textile_twin_core.files import MotionTable, check_folder, read_motion_table, staged, write_table
@@ -26,6 +26,8 @@ from textile_twin_core.twin import compile_machine
 _MOST_EVENTS = 40
 _BOUNCES = ("impact", "rest")
 _SUFFIXES = (".csv", ".parquet", ".mcap")
+_COMPUTED = 0.6
+"""Share of all work at which the outputs are there."""
 
 
 def parser() -> Parser:
@@ -80,13 +82,15 @@ def run(arguments: argparse.Namespace) -> None:
 
     check_folder(arguments.out)
     motion = _motion(arguments)
-    values, events = _evaluate(arguments, machine, names, motion)
-    if arguments.out.suffix == ".mcap":
-        from textile_twin_core.recordings.simulated_bag import write_simulated_bag
+    with stages(len(motion)) as stage:
+        stage("computing", _COMPUTED, 1)
+        values, events = _evaluate(arguments, machine, names, motion)
+        done = stage("writing", 1.0, len(motion))
+        if arguments.out.suffix == ".mcap":
+            from textile_twin_core.recordings.simulated_bag import write_simulated_bag
 
-        write_simulated_bag(arguments.out, machine, motion, values)
-    else:
-        with progress(len(motion), "writing") as done:
+            write_simulated_bag(arguments.out, machine, motion, values)
+        else:
             write_table(arguments.out, motion.columns() | values, done)
     print(f"{arguments.out}: {len(motion)} samples of {len(names)} outputs")
     if events:

@@ -18,6 +18,7 @@ from textile_twin_core.comparison.rest import rest_reading
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings
 from textile_twin_core.comparison.shaft_track import TURN
+from textile_twin_core.comparison.stage import Begin, unheard
 from textile_twin_core.comparison.torque_units import nearest_gain
 from textile_twin_core.comparison.uncertainty import Estimate, estimates
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
@@ -32,6 +33,8 @@ _LEAST_LOAD, _SIGMAS = 0.01, 4.0
 
 _MOST_LEFT = 0.5
 """Share of the RMS error that an encoder or a sensor turned round may leave at most: else it explains nothing."""
+_JUDGED = 0.8
+"""Share of all work at which the verdict is there."""
 _FREE_REST = "a few seconds with the shaft at rest, the machine unclamped"
 
 
@@ -104,15 +107,18 @@ class Calibration:
         return out
 
 
-def calibrate(readings: Readings, machine: Machine) -> Calibration:
+def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> Calibration:
     """Settle direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque sensor.
 
     Discrete settings are those of the likeliest hypothesis (see `search`), continuous ones are fitted to all samples,
     with what else departs (loads, friction) fitted beside them. Intervals are by `uncertainty_by_turns`.
+    `begin` hears of each stage.
 
     Raises RecordingError when the recording tells nothing, is of another machine, or what it asks for explains no more.
     """
+    begin("judging", _JUDGED)
     assessment = assess(readings, machine)
+    begin("settling", 1.0)
     found = assessment.explanation
     if found is None:
         raise RecordingError("; ".join(assessment.notes))

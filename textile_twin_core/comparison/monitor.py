@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +23,7 @@ from textile_twin_core.twin.session import encoder_settings
 
 _KEPT_S = 60.0
 _PEAK_SAMPLES = 720
+_BLOCK = 8192
 
 
 @dataclass(frozen=True)
@@ -159,13 +160,28 @@ class Monitor:
 
 
 def monitor_recording(
-    readings: Readings, machine: Machine, settings: WatchSettings | None = None, shaft: str = "smooth"
+    readings: Readings,
+    machine: Machine,
+    settings: WatchSettings | None = None,
+    shaft: str = "smooth",
+    progress: Callable[[int], object] | None = None,
 ) -> Trend:
-    """Watch a whole recording: learn from its first turns, watch the rest."""
+    """Watch a whole recording: learn from its first turns, watch the rest.
+
+    `progress` is called with numbers of angles as they are taken, and again when all of them have been watched.
+    """
     monitor = Monitor(machine, settings, shaft)
     monitor.add_torques(readings.torque_stamps_ns, readings.torque)
-    monitor.add_angles(readings.angle_stamps_ns, readings.angle, readings.velocities)
-    return monitor.finish()
+    for start in range(0, len(readings.angle), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        speeds = None if readings.velocities is None else readings.velocities[part]
+        monitor.add_angles(readings.angle_stamps_ns[part], readings.angle[part], speeds)
+        if progress is not None:
+            progress(len(readings.angle[part]))
+    trend = monitor.finish()
+    if progress is not None:
+        progress(len(readings.angle))
+    return trend
 
 
 def _whole(found: TurnFeatures) -> TurnFeatures:
