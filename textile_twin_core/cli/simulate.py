@@ -15,7 +15,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, count, positive
 from textile_twin_core.cli.mistakes import UsageError, nearest
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.places import check_ending, keep_input
-from textile_twin_core.cli.progress import stages
+from textile_twin_core.cli.progress import progress, stages
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import SceneError
 from textile_twin_core.files import MotionTable, check_folder, read_motion_table, staged, write_table
@@ -103,7 +103,7 @@ def _draw(arguments: argparse.Namespace) -> None:
         raise UsageError(f"--png {arguments.png}: must end in .png")
     from textile_twin_core.views import plot_machine
 
-    with staged(arguments.png) as partial:
+    with staged(arguments.png) as partial, progress(1, "drawing", " pictures", long=1):
         plot_machine(partial, load_machine(arguments.machine, arguments.set), rpm=arguments.rpm)
     print(f"{arguments.png}: {arguments.machine} over one turn")
 
