@@ -9,11 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import textile_twin_core as ttc
 from tests.generators import mill_recordings
 from tests.generators.mill_recordings import START_NS, healthy, mistaken, record
+from tests.generators.multibody import Floats
 from tests.generators.planned_motion import Plan
+from tests.generators.shaft_law import LOOM_FILE
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Calibration, Readings, assess, calibrate
 from textile_twin_core.errors import RecordingError
@@ -134,6 +137,41 @@ def _has_sigmas_or_says_so(found: Calibration) -> None:
         "torque.delay_s": found.delay_s,
     }.items():
         assert math.isfinite(each.sigma) or name in told, name
+
+
+def spring_torque(theta: Floats) -> Floats:
+    """What the shaft of the loom must give for the spring of SPRING_LOOM: the slope of the energy it stores."""
+    turn = 2.0 * math.pi * np.arange(4097) / 4096
+    pin = 0.06 * np.exp(1j * turn)
+    across = 0.3 - pin
+    along = (abs(across) ** 2 + 0.2**2 - 0.23**2) / (2.0 * abs(across))
+    joint = pin + across / abs(across) * (along + 1j * np.sqrt(0.2**2 - along**2))
+    energy = 0.5 * 600.0 * (abs(joint - (0.1 + 0.35j)) - 0.1) ** 2
+    return np.asarray(CubicSpline(turn, energy, bc_type="periodic")(np.mod(theta, 2.0 * math.pi), 1))
+
+
+SPRING_LOOM = LOOM_FILE.replace("C: [0.3, 0]", "C: [0.3, 0], H: [0.1, 0.35]").replace(
+    "loads: [", "loads: [{type: spring, from: B, to: H, stiffness_N_m: 600, free_length_m: 0.1}, "
+)
+
+
+@pytest.mark.parametrize("offset_Nm", [0.0, 0.8])
+def test_a_spring_that_holds_the_shaft_at_rest_is_no_offset(offset_Nm: float, tmp_path: Path) -> None:
+    case = healthy("loom", 958)
+    case = replace(
+        case, torque=replace(case.torque, offset_Nm=offset_Nm), friction=replace(case.friction, coulomb_Nm=1.6)
+    )
+    made = record(case)
+    theta = made.plan.at((made.torque_stamps_ns - START_NS) * 1e-9)[0]
+    assert min(abs(spring_torque(theta[[0, -1]]))) > 1.0
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque + spring_torque(theta))
+    path = tmp_path / "loom.yaml"
+    path.write_text(SPRING_LOOM)
+    found = calibrate(readings, ttc.load_machine(path))
+    said = {cause.cause: cause.value for cause in found.assessment.verdict}
+    assert said.pop("unmodelled_friction") == pytest.approx(0.6, abs=0.1)
+    assert said == ({"torque_offset": pytest.approx(0.8, abs=0.05)} if offset_Nm else {})
+    assert found.machine.sensors.torque.offset_Nm == pytest.approx(offset_Nm, abs=0.05)
 
 
 def test_the_rms_that_is_told_leaves_in_what_the_file_does_not_get() -> None:

@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.assess import configured_settings
+from textile_twin_core.comparison.fault_band import SERIES
 from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN, KINDS, TurnFeatures, turn_features
-from textile_twin_core.comparison.fault_watch import SERIES, Alarm, FaultWatch, WatchSettings
+from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch, WatchSettings
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import TorqueTerms
@@ -192,7 +193,7 @@ def _whole(found: TurnFeatures) -> TurnFeatures:
     kept = found.count >= max(FEWEST_TORQUES_PER_TURN, 0.2 * usual)
     kept[0] &= found.count[0] > 0.8 * usual
     kept[-1] &= found.count[-1] > 0.8 * usual
-    return TurnFeatures(**{name: getattr(found, name)[kept] for name in TurnFeatures.__dataclass_fields__})
+    return found.where(kept)
 
 
 def _trend(turns: TurnFeatures | None, away: FloatArray, alarms: list[Alarm]) -> Trend:
