@@ -80,6 +80,13 @@ def test_compare_and_replay_agree_with_the_truth(machine: str, bag: str, tmp_pat
     assert np.abs(residual[50:]).max() < 1e-6 * found["peak_Nm"]
 
 
+def test_pictures_are_of_the_part_that_is_declared(machine: str, bag: str, tmp_path: Path) -> None:
+    assert main(["simulate", machine, "--rpm", "60", "--png", str(tmp_path / "machine.png")]) == 0
+    assert main(["compare", bag, "--machine", machine, "--png", str(tmp_path / "compared.png")]) == 0
+    assert (tmp_path / "machine.png").stat().st_size > 20_000
+    assert (tmp_path / "compared.png").stat().st_size > 20_000
+
+
 @pytest.mark.parametrize(("command", "said"), [("calibrate", "less than a turn"), ("monitor", "whole turns")])
 def test_what_needs_whole_turns_says_so(
     machine: str, bag: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, said: str

@@ -67,15 +67,16 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Simulate and write the table or recording, or the picture, or both."""
-    if arguments.png is not None:
-        _draw(arguments)
-    if arguments.out is None:
-        if arguments.png is None:
-            raise UsageError("nothing to write: give --out for a table or recording, or --png for a picture")
-        return
+    if arguments.out is None and arguments.png is None:
+        raise UsageError("nothing to write: give --out for a table or recording, or --png for a picture")
+    check_ending("--png", arguments.png, ".png")
     check_ending("--out", arguments.out, *_SUFFIXES)
     keep_input("--out", arguments.out, arguments.input)
     machine = load_machine(arguments.machine, arguments.set)
+    if arguments.png is not None:
+        _draw(arguments, machine)
+    if arguments.out is None:
+        return
     names = _outputs(machine, arguments.outputs)
 
     check_folder(arguments.out)
@@ -93,15 +94,13 @@ def run(arguments: argparse.Namespace) -> None:
         _print_events(events)
 
 
-def _draw(arguments: argparse.Namespace) -> None:
+def _draw(arguments: argparse.Namespace, machine: AnyMachine) -> None:
     """The picture of the machine."""
-    if arguments.png.suffix != ".png":
-        raise UsageError(f"--png {arguments.png}: must end in .png")
     from textile_twin_core.views import plot_machine
 
     with staged(arguments.png) as partial:
-        plot_machine(partial, load_machine(arguments.machine, arguments.set), rpm=arguments.rpm)
-    print(f"{arguments.png}: {arguments.machine} over one turn")
+        plot_machine(partial, machine, rpm=arguments.rpm)
+    print(f"{arguments.png}: {arguments.machine}")
 
 
 def _evaluate(
