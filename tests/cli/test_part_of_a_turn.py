@@ -80,6 +80,22 @@ def test_compare_and_replay_agree_with_the_truth(machine: str, bag: str, tmp_pat
     assert np.abs(residual[50:]).max() < 1e-6 * found["peak_Nm"]
 
 
+def test_samples_beyond_the_part_are_told(machine: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It closes where its crank's end is from 0.06 to 0.16 m away from C: at 45, 90, 270 and 315 of these angles."""
+    out = tmp_path / "turn.csv"
+    assert main(["simulate", machine, "--rpm", "60", "--samples", "8", "--out", str(out)]) == 0
+    rows = np.genfromtxt(out, delimiter=",", names=True)
+    away = np.abs(0.12 * np.exp(1j * rows["theta_rad"]) - 0.1)
+    beyond = (away < 0.06) | (away > 0.16)
+    np.testing.assert_array_equal(np.isnan(rows["balancing_torque_Nm"]), beyond)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{np.count_nonzero(beyond)} of 8 samples are nan, the first at a shaft angle of 0.0000 deg" in line
+    motion = tmp_path / "motion.csv"
+    motion.write_text("theta_rad,omega_rad_s,alpha_rad_s2\n0.7,1,0\n1.4,1,0\n")
+    assert main(["simulate", machine, "--input", str(motion), "--out", str(out)]) == 0
+    assert capsys.readouterr().err == ""
+
+
 def test_pictures_are_of_the_part_that_is_declared(machine: str, bag: str, tmp_path: Path) -> None:
     assert main(["simulate", machine, "--rpm", "60", "--png", str(tmp_path / "machine.png")]) == 0
     assert main(["compare", bag, "--machine", machine, "--png", str(tmp_path / "compared.png")]) == 0

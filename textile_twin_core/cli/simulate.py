@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from itertools import groupby
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.cli.arguments import Parser, add_machine, count, positive, shaft_speed
-from textile_twin_core.cli.mistakes import UsageError, nearest
+from textile_twin_core.cli.mistakes import UsageError, nearest, tell
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.places import check_ending, keep_input
 from textile_twin_core.cli.progress import progress
@@ -82,6 +81,7 @@ def run(arguments: argparse.Namespace) -> None:
     check_folder(arguments.out)
     motion = _motion(arguments)
     values, events = _evaluate(arguments, machine, names, motion)
+    _tell_gaps(machine, motion, values)
     if arguments.out.suffix == ".mcap":
         from textile_twin_core.recordings.simulated_bag import write_simulated_bag
 
@@ -112,6 +112,17 @@ def _evaluate(
     columns = (motion.theta_rad, motion.omega_rad_s, motion.alpha_rad_s2)
     found = twin.evaluate(*columns, time=motion.time_s)
     return {name: found[name] for name in names}, list(twin.events)
+
+
+def _tell_gaps(machine: AnyMachine, motion: MotionTable, values: dict[str, FloatArray]) -> None:
+    """Tell where outputs are NaN: beyond the part of the turn that is declared, or at a change point."""
+    missing = np.flatnonzero(np.any([np.isnan(column) for column in values.values()], axis=0))
+    if missing.size:
+        tell(
+            f"{missing.size} of {len(motion)} samples are nan, the first at a shaft angle of"
+            f" {math.degrees(motion.theta_rad[missing[0]]):.4f} deg: there machine '{machine.name}' cannot close, or"
+            " its motion is not determined"
+        )
 
 
 def _print_events(events: list[ContactEvent]) -> None:
@@ -153,10 +164,9 @@ def _motion(arguments: argparse.Namespace) -> MotionTable:
         motion = read_motion_table(arguments.input)
         if looks_like_degrees(motion.theta_rad):
             low, high = motion.theta_rad.min(), motion.theta_rad.max()
-            print(
-                f"textile-twin: {arguments.input}: theta_rad runs from {low:g} to {high:g}: are these degrees? They are"
-                " taken for radians",
-                file=sys.stderr,
+            tell(
+                f"{arguments.input}: theta_rad runs from {low:g} to {high:g}: are these degrees? They are"
+                " taken for radians"
             )
         return motion
     if arguments.rpm is None or arguments.samples is None:
