@@ -102,6 +102,8 @@ def poses(part: MovingPart, points: Mapping[str, FloatArray]) -> tuple[FloatArra
 def build_scene(machine: Machine) -> MachineScene:
     """Build the scene of a machine from its links, joints, measures and loads."""
     paths = PointPositions(machine)(_TURN if machine.linkage.solved.turns_fully else machine.shaft_angles(_TURN.size))
+    known = np.all([np.isfinite(path).all(axis=1) for path in paths.values()], axis=0)  # not at a dead point
+    paths = {name: path[known] for name, path in paths.items()}
     corners = np.concatenate(list(paths.values()))
     low, high = corners.min(axis=0), corners.max(axis=0)
     size = float(np.max(high - low))
