@@ -155,9 +155,9 @@ class Monitor:
             self._torque = [(stamps[kept], torque[kept])]
 
     def _torque_size(self, machine: Machine) -> float:
-        theta = TURN * np.arange(_PEAK_SAMPLES) / _PEAK_SAMPLES
+        theta = machine.shaft_angles(_PEAK_SAMPLES)
         speed = np.full(_PEAK_SAMPLES, machine.nominal_speed_rad_s)
-        return float(np.max(np.abs(self._terms.at(theta, speed, np.zeros(_PEAK_SAMPLES), 0.0).total)))
+        return float(np.nanmax(np.abs(self._terms.at(theta, speed, np.zeros(_PEAK_SAMPLES), 0.0).total)))
 
 
 def monitor_recording(
