@@ -131,3 +131,28 @@ def test_a_full_buffer_drops_the_oldest_and_counts_them() -> None:
     assert first.tolist() == [3.0] * 4 + [4.0] * 4
     assert second.tolist() == [-3.0] * 4 + [-4.0] * 4
     assert buffer.take() == ()
+
+
+def test_a_torque_that_cannot_be_spoils_no_statistics(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "live.rrd"
+    part = slice(0, 2500)
+    measured, residual = run.measured_Nm[part].copy(), run.comparison.residual_Nm[part].copy()
+    measured[1500], residual[1500] = -1e300, -1e300
+    with LiveView(run.machine, port=None, path=path, flush_s=0.02) as view:
+        for stamps in np.array_split(np.arange(2500), 25):
+            times = run.stamps_ns[stamps]
+            view.add_predicted(times, run.theta_rad[stamps], run.predicted_Nm[stamps])
+            view.add_measured(times, measured[stamps])
+            view.add_residual(times, residual[stamps])
+            time.sleep(0.03)
+    assert view.error is None
+    assert 0.05 < rms_told(path)[-1] < 2.0
+    _, drawn = scalars_of(path, "/torque/measured")
+    assert np.flatnonzero(np.isnan(drawn)).tolist() == [1500]
+
+
+def rms_told(path: Path) -> list[float]:
+    """The RMS residual of each summary [N m]."""
+    _, summaries = rows_of(path, "/summary", "TextDocument:text")
+    lines = [line for summary in summaries for line in summary[0].splitlines() if "RMS" in line]
+    return [float(line.split("|")[2].removesuffix(" N m ")) for line in lines]

@@ -9,6 +9,7 @@ import rerun as rr
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison import RunningAngleBins
+from textile_twin_core.machine.sizes import LARGEST
 from textile_twin_core.views import backdrop
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.buffer import Block
@@ -119,6 +120,7 @@ class LiveDrawing:
 
     def measured(self, time: FloatArray, torque: FloatArray) -> None:
         """Draw measured torque."""
+        torque = _believable(torque)
         if not self._measured_too and self._machine.tells_torque:
             self._measured_too = True
             self._stream.send_blueprint(self.layout.blueprint())
@@ -132,6 +134,7 @@ class LiveDrawing:
 
     def residual(self, time: FloatArray, residual: FloatArray, *, not_drawn: int) -> None:
         """Draw residuals and, once a second, their statistics; `not_drawn` samples had to be dropped so far."""
+        residual = _believable(residual)
         self._scribe.residual(time, residual, self._limit)
         theta = self._theta(time)
         good = np.isfinite(theta) & np.isfinite(residual)
@@ -194,3 +197,8 @@ class LiveDrawing:
     def _theta(self, time: FloatArray) -> FloatArray:
         """Shaft angle of which a measured sample speaks: at its stamp less the sensor's delay."""
         return self._motion.angle_at(time - self._machine.sensors.torque.delay_s)
+
+
+def _believable(torque: FloatArray) -> FloatArray:
+    """Torques (n,), NaN for what is none: one such number would spoil scales and sums for long."""
+    return np.where(np.abs(torque) <= LARGEST, torque, np.nan)
