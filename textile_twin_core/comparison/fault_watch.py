@@ -26,6 +26,8 @@ SIDE = {
 _ONE_SIDED = np.array([name not in KINDS for name in SERIES])
 _MOST = 0.6
 """Share of what is new that one explanation must take to be named."""
+_FAR = 8.0
+"""Scatters from the median beyond which a turn that is learnt from counts no more than there."""
 
 
 @dataclass(frozen=True)
@@ -169,10 +171,13 @@ class FaultWatch:
     def _scatter(self, rows: FloatArray) -> FloatArray:
         """Scatter of a turn; more where neighbouring turns go together, as their mean then scatters more."""
         alone = 1.4826 * np.median(np.abs(rows - self._mean), axis=0)
+        floor = np.array([1e-4, 1e-4 * self.torque_Nm, 1e-4, 1e-5, 0.03, 0.05, 0.02 * abs(self._mean[6]) + 1e-6, 0.03])
+        # A mean takes a single wrong value in, however far off it is; the band would be that wide for good.
+        far = _FAR * np.maximum(alone, floor)
+        rows = np.clip(rows, self._mean - far, self._mean + far)
         block = min(max(2, round(self.settings.memory_turns)), rows.shape[0])
         means = rows[: rows.shape[0] // block * block].reshape(-1, block, rows.shape[1]).mean(axis=1)
         together = np.std(means, axis=0) * math.sqrt(block)
-        floor = np.array([1e-4, 1e-4 * self.torque_Nm, 1e-4, 1e-5, 0.03, 0.05, 0.02 * abs(self._mean[6]) + 1e-6, 0.03])
         return np.asarray(np.maximum(np.maximum(alone, together), floor))
 
     def _worth(self) -> FloatArray:
