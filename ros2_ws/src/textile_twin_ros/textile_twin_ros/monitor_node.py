@@ -17,13 +17,14 @@ from textile_twin_core.files import check_folder
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
-from textile_twin_ros.health import sample_counts
+from textile_twin_ros.health import judged, sample_counts
 from textile_twin_ros.machine import load_linkage
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
 from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
+from textile_twin_ros.turn_watch import TurnWatch
 
 _LOOK_S = 1.0
 _RENEW_S = 0.05
@@ -80,6 +81,7 @@ class MonitorNode(Node):
         s = self.settings
         watch = WatchSettings(s.learn_turns, raise_sigmas=s.raise_sigmas, clear_sigmas=s.clear_sigmas)
         self._monitor = Monitor(self._machine, watch, s.shaft)
+        self._turns = TurnWatch()
 
     def _learn_again(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Forget the band, as after a repair."""
@@ -99,6 +101,7 @@ class MonitorNode(Node):
                 self.get_logger().warning("the stamps of the shaft angle went back and go on from there: watching anew")
                 self._look()
                 self._monitor.restart()
+                self._turns = TurnWatch()
             self._angles.append(sample)
 
     def _look(self) -> None:
@@ -111,26 +114,31 @@ class MonitorNode(Node):
         if torques is not None:
             self._monitor.add_torques(torques[0], torques[1])
         trend = self._monitor.advance()
-        if trend.columns and self.settings.parquet:
+        watched = len(trend.columns.get("turn", ())) > 0
+        self._turns.look(self._monitor.newest, watched, torques and torques[:2])
+        if watched and self.settings.parquet:
             self._trends.append(trend)
         for alarm in trend.alarms:
             self._alarms.append(alarm)
             self.get_logger().warning(f"turn {alarm.turn}: {alarm.text}")
 
     def _statuses(self) -> list[Status]:
-        watch = self._monitor.watch
         counts = sample_counts(self._monitor.report, self._restarts.count)
         inputs = [*self._angle.statuses(counts), self._torque.status()]
+        return [*inputs, judged(self._faults(), self._turns.findings())]
+
+    def _faults(self) -> Status:
+        """What stands of the machine."""
+        watch = self._monitor.watch
         if not watch.learnt:
             text = f"learning: {watch.turns_learnt} of {self.settings.learn_turns} turns"
-            return [*inputs, Status("faults", OK, text, {"turns": self._monitor.turns})]
+            return Status("faults", OK, text, {"turns": self._monitor.turns})
         values: dict[str, object] = {f"{name}_sigmas": float(v) for name, v in zip(SERIES, watch.latest, strict=True)}
         values["turns"] = self._monitor.turns
         if not watch.active:
-            return [*inputs, Status("faults", OK, "as learnt", values)]
+            return Status("faults", OK, "as learnt", values)
         alarm = self._alarms[-1]
-        level = WARN if alarm.side == "sensor" else ERROR
-        return [*inputs, Status("faults", level, alarm.text, values)]
+        return Status("faults", WARN if alarm.side == "sensor" else ERROR, alarm.text, values)
 
     def _write_meanwhile(self) -> None:
         """Write the trend while the machine runs; what does not go now is tried again with the next."""
