@@ -111,6 +111,24 @@ def test_a_place_that_is_taken_or_taken_away(suite: Suite) -> None:
     )
 
 
+def test_a_recorder_that_another_overwrites_ends(suite: Suite) -> None:
+    recording = suite.folder / "run"
+    first = suite.start("record_node", f"bag:={recording}", "topics:=[words]")
+    first.wait_for_words("recording to")
+    second = suite.start("record_node", f"bag:={recording}", "topics:=[words]", "overwrite:=true")
+    assert first.wait() == 2
+    assert first.words().splitlines()[-1] == (
+        f"record_node: {recording}: overwritten by another recording while it was recorded: the recording ends after"
+        " 0 messages"
+    )
+    publisher = suite.node().create_publisher(String, "words", RELIABLE)
+    suite.spin_until(publisher.get_subscription_count, "the second recorder")
+    publisher.publish(String(data="of the second"))
+    suite.spin_until(lambda: _recorded(recording) == 1, "flush of the recording")
+    assert second.end() == 0
+    assert open_bag(recording).message_count == 1
+
+
 def test_a_recorder_without_data_says_so(suite: Suite) -> None:
     recorder = suite.start(
         "record_node", f"bag:={suite.folder / 'empty'}", "topics:=[main_shaft/angle]", "no_data_timeout_s:=0.3"
