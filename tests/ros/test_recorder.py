@@ -39,21 +39,38 @@ def test_a_kill_loses_a_second_at_most(suite: Suite) -> None:
     np.testing.assert_array_equal(bag.read_angles().stamps, shaft_angles(2000)[0])
 
 
-def test_a_full_disk_is_one_line(suite: Suite) -> None:
+def recorder_on_a_full_disk(suite: Suite, blocks: int, topics: str) -> Program:
+    """The shell's limit on the size of files, in blocks of 1024 bytes, stands for a disk without room."""
     command = [str(Path(sys.executable).parent / "record_node"), "--ros-args", "-p", f"bag:={suite.folder / 'full'}"]
-    log = suite.folder / "full.log"
-    # The shell's limit on the size of files, in blocks of 1024 bytes, stands for a disk without room.
-    limited = ["bash", "-c", 'ulimit -f 64; exec "$@"', "-", *command, "-p", "topics:=[main_shaft/angle]"]
-    recorder = Program(limited, log, suite.environment)
+    limited = ["bash", "-c", f'ulimit -f {blocks}; exec "$@"', "-", *command, "-p", f"topics:=[{topics}]"]
+    recorder = Program(limited, suite.folder / "full.log", suite.environment)
     suite.processes.append(recorder)
-    publisher = suite.node().create_publisher(JointState, "main_shaft/angle", RELIABLE)
-    suite.spin_until(publisher.get_subscription_count, "recorder")
-    for stamp, angle in zip(*shaft_angles(3000), strict=True):
-        publisher.publish(joint_state(stamp, angle))
+    return recorder
+
+
+def ends_with_a_line(suite: Suite, recorder: Program) -> None:
     suite.spin_until(lambda: recorder.process.poll() is not None, "end of the recorder")
     assert recorder.wait() == 2
     assert recorder.words().splitlines()[-1].startswith(f"record_node: {suite.folder / 'full'}: File too large")
     assert "Traceback" not in recorder.words()
+
+
+def test_a_full_disk_is_one_line(suite: Suite) -> None:
+    recorder = recorder_on_a_full_disk(suite, 64, "main_shaft/angle")
+    publisher = suite.node().create_publisher(JointState, "main_shaft/angle", RELIABLE)
+    suite.spin_until(publisher.get_subscription_count, "recorder")
+    for stamp, angle in zip(*shaft_angles(3000), strict=True):
+        publisher.publish(joint_state(stamp, angle))
+    ends_with_a_line(suite, recorder)
+
+
+def test_a_disk_that_is_full_as_topics_come_is_one_line(suite: Suite) -> None:
+    """Their declarations alone, all at once, are more than is held back until the next flush."""
+    node = suite.node()
+    topics = [f"words_{number}" for number in range(40)]
+    for topic in topics:
+        node.create_publisher(String, topic, RELIABLE)
+    ends_with_a_line(suite, recorder_on_a_full_disk(suite, 8, ",".join(topics)))
 
 
 def _recorded(recording: Path) -> int:

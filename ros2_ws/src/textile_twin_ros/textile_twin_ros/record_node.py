@@ -88,10 +88,10 @@ class RecordNode(Node):
             self._open()
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
-        call_every(self, _LOOK_S, self._inlets.discover)
+        call_every(self, _LOOK_S, self._discover)
         call_every(self, _HOUSEKEEPING_S, self._keep_house)
         self._diagnostics = DiagnosticsPublisher(self, lambda: "", self._statuses)
-        self._inlets.discover()
+        self._discover()
 
     def close(self) -> None:
         """Complete the recording and say what is in it."""
@@ -129,6 +129,15 @@ class RecordNode(Node):
         self._progress.begin()
         self._inlets.write_to(writer)
         self.get_logger().info(f"recording to {path}")
+
+    def _discover(self) -> None:
+        """Listen to what has come to be; a topic that is new is declared in the recording."""
+        try:
+            self._inlets.discover()
+        except OSError as error:
+            if self._writer is None:
+                raise
+            self._give_up(self._writer.path, error)
 
     def _take(self, topic: str, raw: bytes) -> None:
         if self._writer is None or self._inlets.is_anothers(topic, raw):
