@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
@@ -144,6 +145,34 @@ def test_a_recorder_that_another_overwrites_ends(suite: Suite) -> None:
     suite.spin_until(lambda: _recorded(recording) == 1, "flush of the recording")
     assert second.end() == 0
     assert open_bag(recording).message_count == 1
+
+
+def test_a_recorder_that_stood_still_says_so(suite: Suite) -> None:
+    """Its queues hold half a second; it is stopped for two."""
+    recorder = suite.start("record_node", f"bag:={suite.folder / 'run'}", "topics:=[words]", "queue_s:=0.5")
+    recorder.wait_for_words("recording to")
+    node = suite.node()
+    told: list[tuple[bytes, str]] = []
+    node.create_subscription(
+        DiagnosticArray, "/diagnostics", lambda array: told.extend((s.level, s.message) for s in array.status), RELIABLE
+    )
+    publisher = node.create_publisher(String, "words", RELIABLE)
+
+    def publish(seconds: float) -> None:
+        for _ in range(round(seconds / 0.05)):
+            publisher.publish(String(data="so"))
+            suite.spin_for(0.05)
+
+    suite.spin_until(publisher.get_subscription_count, "recorder")
+    publish(1.0)
+    assert "no processor time" not in recorder.words()
+    recorder.process.send_signal(signal.SIGSTOP)
+    publish(1.8)
+    recorder.process.send_signal(signal.SIGCONT)
+    publish(1.5)
+    assert re.findall(r"no processor time for \d\.\d s .*messages of that time are missing", recorder.words())
+    assert any(level == DiagnosticStatus.WARN and "no processor time" in text for level, text in told)
+    assert recorder.end() == 0
 
 
 def test_a_recorder_without_data_says_so(suite: Suite) -> None:
