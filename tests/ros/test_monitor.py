@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -113,6 +114,29 @@ def test_the_trend_is_written_meanwhile_and_what_does_not_go_is_kept(
     assert len(stamps) == 2
     hours = [set((part - made.angle_stamps_ns[0]) // (3600 * SECOND_NS)) for part in stamps]
     assert hours == [{0}, {1, 2}]
+
+
+def test_a_folder_that_stays_away_costs_the_oldest_of_the_trend_and_no_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "trends"
+    made = faulty("", 0.0, 985, duration_s=3.0, onset_s=1.0, rate=200.0).recording
+    with monitor_in_here(tmp_path, monkeypatch, f"parquet:={folder}") as node:
+        folder.rename(tmp_path / "away")
+        folder.write_text("no folder")
+        for hour in range(27):
+            give(node, made, hour * 3600 * SECOND_NS)
+            node._look()
+            node._write_meanwhile()
+        words = capfd.readouterr().err
+        folder.unlink()
+        node._write_meanwhile()
+    (file,) = folder.iterdir()
+    table = pq.read_table(file)
+    hours = (table["stamp_ns"].to_numpy() - made.angle_stamps_ns[0]) // (3600 * SECOND_NS)
+    assert set(hours) == set(range(3, 27))
+    assert words.count("parameter 'parquet'") == 27
+    assert len(re.findall(r"; too much waits: the trend of the turns \d+ to \d+ is dropped", words)) == 3
 
 
 def with_torques(made: MillRecording, kept: slice) -> MillRecording:
