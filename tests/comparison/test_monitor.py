@@ -178,3 +178,14 @@ def test_time_set_back_is_watched_on() -> None:
         alarms += monitor.advance().alarms
         assert monitor.report.accepted == len(made.angle)
     assert [alarm.kind for alarm in alarms] == ["load_force"]
+
+
+@pytest.mark.parametrize("wrong_Nm", [1e4, 1e12])
+def test_one_wrong_value_among_those_learnt_from_hides_no_fault(wrong_Nm: float) -> None:
+    made = faulty("friction", SIZES["friction"][-1], 981, duration_s=38.0, onset_s=28.0, rate=250.0)
+    r = made.recording
+    torque = r.torque.copy()
+    torque[len(torque) // 4] = wrong_Nm
+    readings = Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, torque)
+    trend = monitor_recording(readings, told_machine(made.case), _SETTINGS)
+    assert [alarm.kind for alarm in trend.alarms] == ["constant_torque"]

@@ -334,6 +334,27 @@ def test_a_live_recording_is_completed_after_an_exception(tmp_path: Path) -> Non
     assert opened.topics["/x"].count == 1
 
 
+@pytest.mark.parametrize("noticed", ["flush", "split", "close"])
+def test_a_live_recording_that_another_overwrites_says_so_and_leaves_it_alone(tmp_path: Path, noticed: str) -> None:
+    path = tmp_path / "bag"
+    first = BagWriter(path, live=True)
+    first.add_topic("t", "std_msgs/msg/Float64")
+    first.write("t", 1, bytes(12))
+    first.flush()
+    with BagWriter(path, live=True, overwrite=True) as second:
+        second.add_topic("t", "std_msgs/msg/Float64")
+        for stamp in (2, 3):
+            second.write("t", stamp, bytes(12))
+        first.write("t", 4, bytes(12))
+        with pytest.raises(FileNotFoundError, match="overwritten by another recording while it was recorded"):
+            getattr(first, noticed)()
+        second.flush()
+        with pytest.raises(OutputError, match="overwritten"), first:
+            pass
+        assert [file.name for file in path.iterdir()] == ["bag_0.mcap"]
+    assert open_bag(path).message_count == 2
+
+
 def test_a_split_recording_is_one_recording(tmp_path: Path) -> None:
     """Several files by size and by time: the same messages for us and for another reader, none lost at a seam."""
     count, words = 3000, np.random.default_rng(5).bytes(3000 * 40)

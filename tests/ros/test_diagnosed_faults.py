@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -71,10 +73,10 @@ FAULTS: dict[str, tuple[Callable[[int], JointState], str]] = {
 class Feeder:
     """Publishes at the pace of a machine from a thread of its own."""
 
-    def __init__(self, publisher: Publisher) -> None:
+    def __init__(self, publisher: Publisher, sample: Callable[[int], Any] = healthy) -> None:
         self._publisher, self._stop = publisher, threading.Event()
         self.number = 0
-        self.sample: Callable[[int], JointState] = healthy
+        self.sample: Callable[[int], Any] = sample
         self._thread = threading.Thread(target=self._work)
         self._thread.start()
 
@@ -127,3 +129,44 @@ def test_every_fault_is_told(suite: Suite) -> None:
         feeder.close()
     # Once each, however long a fault lasts.
     assert twin.words().count("2 publishers give") == 1
+
+
+def torque(number: int, value: float = 3.0, late: int = 0) -> WrenchStamped:
+    message = WrenchStamped(header=healthy(number - late).header)
+    message.wrench.torque.z = value
+    return message
+
+
+TORQUE_FAULTS: dict[str, tuple[Callable[[int], WrenchStamped], bytes, str]] = {
+    "some not a number": (lambda n: torque(n, 3.0 if n % 20 else math.nan), DiagnosticStatus.WARN, "not finite"),
+    "absurd": (lambda n: torque(n, -1e300), DiagnosticStatus.ERROR, "not finite"),
+    "duplicates": (lambda n: torque(n - n % 2), DiagnosticStatus.WARN, "duplicate stamp"),
+    "out of order": (lambda n: torque(n, late=2 * (n % 10 == 0)), DiagnosticStatus.WARN, "older stamp"),
+    "clock set back": (lambda n: torque(n, late=round(3600 * RATE_HZ)), DiagnosticStatus.WARN, "went back"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["twin_node", "monitor_node"])
+def test_torques_that_do_not_serve_are_told(suite: Suite, name: str) -> None:
+    suite.start(name)
+    node = suite.node()
+    heard: list[DiagnosticStatus] = []
+    node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: heard.extend(s for s in message.status if s.name == f"{name}: balancing_torque/measured"),
+        RELIABLE,
+    )
+    feeder = Feeder(node.create_publisher(WrenchStamped, "balancing_torque/measured", RELIABLE), torque)
+    try:
+        for fault, (sample, level, words) in TORQUE_FAULTS.items():
+            feeder.number, feeder.sample = feeder.number + int(7200 * RATE_HZ), torque
+            suite.spin_until(lambda: heard and heard[-1].level == DiagnosticStatus.OK, f"health before '{fault}'")
+            feeder.sample = sample
+            suite.spin_until(
+                lambda level=level, words=words: heard[-1].level == level and words in heard[-1].message,  # type: ignore[misc]
+                f"diagnostics of '{fault}'",
+            )
+    finally:
+        feeder.close()

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import re
+from types import SimpleNamespace
+
 import pytest
 
 pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tests.ros.suite import RELIABLE, Suite
-from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
+from textile_twin_core.recordings.message_types import WRENCH
+from textile_twin_ros import diagnostics, sample_inputs
+from textile_twin_ros.diagnostics import OK, STALE, WARN, DiagnosticsPublisher, InputWatch, Status
+from textile_twin_ros.endpoints import describe_publishers
 
 
 def test_a_level_that_changes_is_published_with_the_next_look(suite: Suite) -> None:
@@ -31,3 +38,48 @@ def test_a_level_that_changes_is_published_with_the_next_look(suite: Suite) -> N
     suite.spin_until(lambda: heard and heard[-1] > changed_at, "diagnostics after the change")
     assert changed_at in heard
     assert len(heard) < len(looks)
+
+
+def test_publishers_are_told_by_their_names_which_may_come_late(suite: Suite, monkeypatch: pytest.MonkeyPatch) -> None:
+    node, now = suite.node(), [100.0]
+    monkeypatch.setattr(sample_inputs, "monotonic", lambda: now[0])
+    kind = sample_inputs.TORQUE_READERS["wrench"]
+    source = sample_inputs.SampleInput(node, "torque", kind, "", 10, "auto", lambda: 60.0, lambda block: None)
+    drive = TopicEndpointInfo(node_name="drive", node_namespace="/", topic_type=WRENCH)
+    late = TopicEndpointInfo(
+        node_name="_NODE_NAME_UNKNOWN_", node_namespace="_NODE_NAMESPACE_UNKNOWN_", topic_type=WRENCH
+    )
+    seen = [drive]
+    monkeypatch.setattr(node, "get_publishers_info_by_topic", lambda topic: seen)
+    assert source.status().level == WARN and "drive" in source.status().message  # waits for the first message
+    seen.append(late)
+    now[0] += 1.0
+    for text in (source.status().message, describe_publishers(node, "torque", WRENCH)):
+        assert "UNKNOWN" not in text and "2 publishers" not in text
+        assert "a publisher not known by name yet publishes" in text
+    now[0] += 1.5  # no node of ROS, perhaps
+    assert "2 publishers give /torque: /drive, a publisher not known by name yet;" in source.status().message
+    seen[1] = TopicEndpointInfo(node_name="old", node_namespace="/mill", topic_type=WRENCH)
+    assert "2 publishers give /torque: /drive, /mill/old;" in source.status().message
+
+
+def test_silence_that_lasts_is_told_ever_more_seldom(
+    suite: Suite, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(diagnostics, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    watch = InputWatch(suite.node(), "/angle", lambda: 2.0, lambda: "nobody publishes there")
+    watch.took()
+
+    def silences(hours: float) -> list[float]:
+        for _ in range(round(hours * 3600)):
+            now[0] += 1.0
+            level = watch.status("angle", {}).level
+        assert level == STALE
+        return [float(text) for text in re.findall(r"no data on /angle for (\S+) s", capfd.readouterr().err)]
+
+    assert silences(3.2) == [3, 13, 73, 673, 4273, 7873, 11473]
+    watch.took()
+    assert watch.status("angle", {}).level == OK
+    assert "data on /angle again" in capfd.readouterr().err
+    assert silences(0.01) == [3, 13]

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from tests.generators.faults import faulty
+from tests.generators.mill_recordings import MillRecording
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite, node_environment, shaft_angles
 from tests.ros.test_live_topics import joint_state
 from textile_twin_core.recordings import BagWriter
+from textile_twin_ros.diagnostics import OK, WARN
 from textile_twin_ros.monitor_node import MonitorNode
 
 
@@ -63,22 +71,37 @@ def test_stamps_that_go_back_are_watched_on(suite: Suite) -> None:
     assert monitor.end() == 0, monitor.words()
 
 
+@contextmanager
+def monitor_in_here(folder: Path, patch: pytest.MonkeyPatch, *parameters: str) -> Iterator[MonitorNode]:
+    """A monitor in this process, whose timers do not run."""
+    for name, value in node_environment(folder, domain=101).items():
+        patch.setenv(name, value)
+    words = [word for text in ("learn_turns:=20", *parameters) for word in ("-p", text)]
+    rclpy.init(args=["test", "--ros-args", *words])
+    node = MonitorNode()
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def give(node: MonitorNode, made: MillRecording, later_ns: int = 0) -> None:
+    """What the node's inputs would have taken of a recording since the last look."""
+    angles = zip(made.angle_stamps_ns + later_ns, made.angle, strict=True)
+    node._angles.extend((int(stamp), float(angle), math.nan) for stamp, angle in angles)
+    torques = zip(made.torque_stamps_ns + later_ns, made.torque, strict=True)
+    node._torques.extend((int(stamp), float(torque), math.nan) for stamp, torque in torques)
+
+
 def test_the_trend_is_written_meanwhile_and_what_does_not_go_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, value in node_environment(tmp_path, domain=101).items():
-        monkeypatch.setenv(name, value)
     folder = tmp_path / "trends"
-    rclpy.init(args=["test", "--ros-args", "-p", f"parquet:={folder}", "-p", "learn_turns:=20"])
-    node = MonitorNode()
-    try:
+    with monitor_in_here(tmp_path, monkeypatch, f"parquet:={folder}") as node:
         for hour in (0, 1, 2):
             made = faulty("", 0.0, 985 + hour, duration_s=3.0, onset_s=1.0, rate=200.0).recording
-            later = hour * 3600 * SECOND_NS
-            angles = zip(made.angle_stamps_ns + later, made.angle, made.angle * math.nan, strict=True)
-            node._angles.extend((int(stamp), float(angle), speed) for stamp, angle, speed in angles)
-            torques = zip(made.torque_stamps_ns + later, made.torque, strict=True)
-            node._torques.extend((int(stamp), float(torque), math.nan) for stamp, torque in torques)
+            give(node, made, hour * 3600 * SECOND_NS)
             node._look()
             if hour == 1:  # the disk is away for an hour
                 folder.rename(tmp_path / "away")
@@ -87,10 +110,90 @@ def test_the_trend_is_written_meanwhile_and_what_does_not_go_is_kept(
             if hour == 1:
                 folder.unlink()
                 (tmp_path / "away").rename(folder)
-    finally:
-        node.destroy_node()
-        rclpy.shutdown()
     stamps = [pq.read_table(file)["stamp_ns"].to_numpy() for file in sorted(folder.iterdir())]
     assert len(stamps) == 2
     hours = [set((part - made.angle_stamps_ns[0]) // (3600 * SECOND_NS)) for part in stamps]
     assert hours == [{0}, {1, 2}]
+
+
+def test_a_folder_that_stays_away_costs_the_oldest_of_the_trend_and_no_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "trends"
+    made = faulty("", 0.0, 985, duration_s=3.0, onset_s=1.0, rate=200.0).recording
+    with monitor_in_here(tmp_path, monkeypatch, f"parquet:={folder}") as node:
+        folder.rename(tmp_path / "away")
+        folder.write_text("no folder")
+        for hour in range(27):
+            give(node, made, hour * 3600 * SECOND_NS)
+            node._look()
+            node._write_meanwhile()
+        words = capfd.readouterr().err
+        folder.unlink()
+        node._write_meanwhile()
+    (file,) = folder.iterdir()
+    table = pq.read_table(file)
+    hours = (table["stamp_ns"].to_numpy() - made.angle_stamps_ns[0]) // (3600 * SECOND_NS)
+    assert set(hours) == set(range(3, 27))
+    assert words.count("parameter 'parquet'") == 27
+    assert len(re.findall(r"; too much waits: the trend of the turns \d+ to \d+ is dropped", words)) == 3
+
+
+def with_torques(made: MillRecording, kept: slice) -> MillRecording:
+    return replace(made, torque=made.torque[kept], torque_stamps_ns=made.torque_stamps_ns[kept])
+
+
+SPOILT: dict[str, tuple[Callable[[MillRecording], MillRecording], str]] = {
+    "healthy": (lambda made: made, ""),
+    "not finite": (lambda made: replace(made, torque=np.full_like(made.torque, math.nan)), "torques are not finite"),
+    "too few": (lambda made: with_torques(made, slice(None, None, 10)), "torques a turn, and at least 12 are needed"),
+    "none": (lambda made: with_torques(made, slice(0)), "no torque comes"),
+    "late": (
+        lambda made: replace(made, torque_stamps_ns=made.torque_stamps_ns - 120 * SECOND_NS),
+        "120.0 s behind the angle's",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", SPOILT)
+def test_turns_that_are_not_watched_are_told_with_the_reason(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The band is learnt in 12 s; then the torque is spoilt for 8."""
+    whole = faulty("", 0.0, 985, duration_s=20.0, onset_s=19.0, rate=200.0).recording
+    spoil, reason = SPOILT[kind]
+    told = []
+    trends = tmp_path / "trends"
+    with monitor_in_here(tmp_path, monkeypatch, f"parquet:={trends}") as node:
+        for second in range(20):
+            made = a_second_of(whole, second)
+            give(node, made if second < 12 else spoil(made))
+            node._look()
+            told.append(next(status for status in node._statuses() if status.name == "faults"))
+            if second == 13:
+                node._write_meanwhile()
+                written = len(list(trends.iterdir()))
+        node._write_meanwhile()  # of no turn there is nothing to write
+        assert len(list(trends.iterdir())) == written + (not reason)
+        assert (told[11].level, told[11].message) == (OK, "as learnt")
+        if not reason:
+            assert (told[-1].level, told[-1].message) == (OK, "as learnt")
+            return
+        assert told[-1].level == WARN and reason in told[-1].message, told[-1].message
+        assert told[-1].message.startswith("no turn watched for ") and told[-1].message.endswith("; as learnt")
+        assert [status.level for status in told[12:16]] == [OK] * 4
+        node._learn_again(Trigger.Request(), Trigger.Response())
+        assert node._statuses()[-1].level == OK
+
+
+def a_second_of(whole: MillRecording, second: int) -> MillRecording:
+    begin = int(whole.angle_stamps_ns[0]) + second * SECOND_NS
+    angle = (whole.angle_stamps_ns >= begin) & (whole.angle_stamps_ns < begin + SECOND_NS)
+    torque = (whole.torque_stamps_ns >= begin) & (whole.torque_stamps_ns < begin + SECOND_NS)
+    return replace(
+        whole,
+        angle_stamps_ns=whole.angle_stamps_ns[angle],
+        angle=whole.angle[angle],
+        torque_stamps_ns=whole.torque_stamps_ns[torque],
+        torque=whole.torque[torque],
+    )

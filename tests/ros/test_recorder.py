@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
@@ -39,21 +40,38 @@ def test_a_kill_loses_a_second_at_most(suite: Suite) -> None:
     np.testing.assert_array_equal(bag.read_angles().stamps, shaft_angles(2000)[0])
 
 
-def test_a_full_disk_is_one_line(suite: Suite) -> None:
+def recorder_on_a_full_disk(suite: Suite, blocks: int, topics: str) -> Program:
+    """The shell's limit on the size of files, in blocks of 1024 bytes, stands for a disk without room."""
     command = [str(Path(sys.executable).parent / "record_node"), "--ros-args", "-p", f"bag:={suite.folder / 'full'}"]
-    log = suite.folder / "full.log"
-    # The shell's limit on the size of files, in blocks of 1024 bytes, stands for a disk without room.
-    limited = ["bash", "-c", 'ulimit -f 64; exec "$@"', "-", *command, "-p", "topics:=[main_shaft/angle]"]
-    recorder = Program(limited, log, suite.environment)
+    limited = ["bash", "-c", f'ulimit -f {blocks}; exec "$@"', "-", *command, "-p", f"topics:=[{topics}]"]
+    recorder = Program(limited, suite.folder / "full.log", suite.environment)
     suite.processes.append(recorder)
-    publisher = suite.node().create_publisher(JointState, "main_shaft/angle", RELIABLE)
-    suite.spin_until(publisher.get_subscription_count, "recorder")
-    for stamp, angle in zip(*shaft_angles(3000), strict=True):
-        publisher.publish(joint_state(stamp, angle))
+    return recorder
+
+
+def ends_with_a_line(suite: Suite, recorder: Program) -> None:
     suite.spin_until(lambda: recorder.process.poll() is not None, "end of the recorder")
     assert recorder.wait() == 2
     assert recorder.words().splitlines()[-1].startswith(f"record_node: {suite.folder / 'full'}: File too large")
     assert "Traceback" not in recorder.words()
+
+
+def test_a_full_disk_is_one_line(suite: Suite) -> None:
+    recorder = recorder_on_a_full_disk(suite, 64, "main_shaft/angle")
+    publisher = suite.node().create_publisher(JointState, "main_shaft/angle", RELIABLE)
+    suite.spin_until(publisher.get_subscription_count, "recorder")
+    for stamp, angle in zip(*shaft_angles(3000), strict=True):
+        publisher.publish(joint_state(stamp, angle))
+    ends_with_a_line(suite, recorder)
+
+
+def test_a_disk_that_is_full_as_topics_come_is_one_line(suite: Suite) -> None:
+    """Their declarations alone, all at once, are more than is held back until the next flush."""
+    node = suite.node()
+    topics = [f"words_{number}" for number in range(40)]
+    for topic in topics:
+        node.create_publisher(String, topic, RELIABLE)
+    ends_with_a_line(suite, recorder_on_a_full_disk(suite, 8, ",".join(topics)))
 
 
 def _recorded(recording: Path) -> int:
@@ -147,6 +165,52 @@ def test_a_place_that_is_taken_or_taken_away(suite: Suite) -> None:
         f"record_node: {suite.folder / 'run_3'}: removed or renamed while it was recorded: the recording ends after"
         " 0 messages"
     )
+
+
+def test_a_recorder_that_another_overwrites_ends(suite: Suite) -> None:
+    recording = suite.folder / "run"
+    first = suite.start("record_node", f"bag:={recording}", "topics:=[words]")
+    first.wait_for_words("recording to")
+    second = suite.start("record_node", f"bag:={recording}", "topics:=[words]", "overwrite:=true")
+    assert first.wait() == 2
+    assert first.words().splitlines()[-1] == (
+        f"record_node: {recording}: overwritten by another recording while it was recorded: the recording ends after"
+        " 0 messages"
+    )
+    publisher = suite.node().create_publisher(String, "words", RELIABLE)
+    suite.spin_until(publisher.get_subscription_count, "the second recorder")
+    publisher.publish(String(data="of the second"))
+    suite.spin_until(lambda: _recorded(recording) == 1, "flush of the recording")
+    assert second.end() == 0
+    assert open_bag(recording).message_count == 1
+
+
+def test_a_recorder_that_stood_still_says_so(suite: Suite) -> None:
+    """Its queues hold half a second; it is stopped for two."""
+    recorder = suite.start("record_node", f"bag:={suite.folder / 'run'}", "topics:=[words]", "queue_s:=0.5")
+    recorder.wait_for_words("recording to")
+    node = suite.node()
+    told: list[tuple[bytes, str]] = []
+    node.create_subscription(
+        DiagnosticArray, "/diagnostics", lambda array: told.extend((s.level, s.message) for s in array.status), RELIABLE
+    )
+    publisher = node.create_publisher(String, "words", RELIABLE)
+
+    def publish(seconds: float) -> None:
+        for _ in range(round(seconds / 0.05)):
+            publisher.publish(String(data="so"))
+            suite.spin_for(0.05)
+
+    suite.spin_until(publisher.get_subscription_count, "recorder")
+    publish(1.0)
+    assert "no processor time" not in recorder.words()
+    recorder.process.send_signal(signal.SIGSTOP)
+    publish(1.8)
+    recorder.process.send_signal(signal.SIGCONT)
+    publish(1.5)
+    assert re.findall(r"no processor time for \d\.\d s .*messages of that time are missing", recorder.words())
+    assert any(level == DiagnosticStatus.WARN and "no processor time" in text for level, text in told)
+    assert recorder.end() == 0
 
 
 def test_a_recorder_without_data_says_so(suite: Suite) -> None:

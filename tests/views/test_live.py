@@ -131,3 +131,52 @@ def test_a_full_buffer_drops_the_oldest_and_counts_them() -> None:
     assert first.tolist() == [3.0] * 4 + [4.0] * 4
     assert second.tolist() == [-3.0] * 4 + [-4.0] * 4
     assert buffer.take() == ()
+
+
+def test_a_torque_that_cannot_be_spoils_no_statistics(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "live.rrd"
+    part = slice(0, 2500)
+    measured, residual = run.measured_Nm[part].copy(), run.comparison.residual_Nm[part].copy()
+    measured[1500], residual[1500] = -1e300, -1e300
+    with LiveView(run.machine, port=None, path=path, flush_s=0.02) as view:
+        for stamps in np.array_split(np.arange(2500), 25):
+            times = run.stamps_ns[stamps]
+            view.add_predicted(times, run.theta_rad[stamps], run.predicted_Nm[stamps])
+            view.add_measured(times, measured[stamps])
+            view.add_residual(times, residual[stamps])
+            time.sleep(0.03)
+    assert view.error is None
+    assert 0.05 < rms_told(path)[-1] < 2.0
+    _, drawn = scalars_of(path, "/torque/measured")
+    assert np.flatnonzero(np.isnan(drawn)).tolist() == [1500]
+
+
+def test_one_wrong_torque_is_forgotten_after_two_minutes(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "live.rrd"
+    rng = np.random.default_rng(5)
+    with LiveView(run.machine, port=None, path=path, flush_s=0.01, frames_hz=1.0) as view:
+        for second in range(150):
+            at = second + np.arange(50) / 50.0
+            stamps, theta = START_NS + np.round(at * 1e9).astype(np.int64), 16.755 * at
+            predicted, residual = 10.0 * np.sin(theta), rng.normal(0.0, 0.1, 50)
+            if second == 12:
+                residual[25] = 1e6
+            view.add_predicted(stamps, theta, predicted)
+            view.add_measured(stamps, predicted + residual)
+            view.add_residual(stamps, residual)
+            time.sleep(0.03)
+    assert view.error is None
+    told = rms_told(path)
+    assert max(told) > 1e4
+    np.testing.assert_allclose(told[-1], 0.1, rtol=0.1)
+    for entity in ("/angle/last", "/by_angle/extremes"):
+        _, rows = rows_of(path, entity, "LineStrips2D:strips")
+        heights = np.array([point[1] for strips in rows[-30:] for strip in strips for point in strip])
+        assert np.ptp(heights) > 200.0, entity
+
+
+def rms_told(path: Path) -> list[float]:
+    """The RMS residual of each summary [N m]."""
+    _, summaries = rows_of(path, "/summary", "TextDocument:text")
+    lines = [line for summary in summaries for line in summary[0].splitlines() if "RMS" in line]
+    return [float(line.split("|")[2].removesuffix(" N m ")) for line in lines]

@@ -17,6 +17,8 @@ ONE_SIDED = np.array([name not in KINDS for name in SERIES])
 """Series that count when they grow; the others count either way."""
 _PROFILE, _DROPOUT = SERIES.index("profile"), SERIES.index("dropout")
 _FARTHEST = 200.0
+_FAR = 8.0
+"""Scatters from the median beyond which a turn that is learnt from counts no more than there."""
 _SAME_SPEED, _FEWEST = 0.05, 0.05
 """Part of a speed within which it is the same, and part of the turns that it needs to be known; a run-up has less."""
 _OF_MEDIAN = 0.5 * math.pi
@@ -109,10 +111,13 @@ def moving_spread(memory_turns: float) -> float:
 def _scatter(rows: FloatArray, mean: FloatArray, torque_Nm: float, memory_turns: float) -> FloatArray:
     """Scatter of a turn; more where neighbouring turns go together, as their mean then scatters more."""
     alone = 1.4826 * np.median(np.abs(rows - mean), axis=0)
+    floor = np.array([1e-4, 1e-4 * torque_Nm, 1e-4, 1e-5, 0.03, 0.05, 0.02 * abs(mean[_DROPOUT]) + 1e-6, 0.03])
+    # A mean takes a single wrong value in, however far off it is; the band would be that wide for good.
+    far = _FAR * np.maximum(alone, floor)
+    rows = np.clip(rows, mean - far, mean + far)
     block = min(max(2, round(memory_turns)), rows.shape[0])
     means = rows[: rows.shape[0] // block * block].reshape(-1, block, rows.shape[1]).mean(axis=1)
     together = np.std(means, axis=0) * math.sqrt(block)
-    floor = np.array([1e-4, 1e-4 * torque_Nm, 1e-4, 1e-5, 0.03, 0.05, 0.02 * abs(mean[_DROPOUT]) + 1e-6, 0.03])
     return np.asarray(np.maximum(np.maximum(alone, together), floor))
 
 

@@ -78,6 +78,14 @@ class Monitor:
         """What became of the angles since the start or the last restart."""
         return self._estimator.report
 
+    @property
+    def newest(self) -> tuple[int, float] | None:
+        """Stamp [ns] and angle [rad] of the shaft's newest state, which counts its turns; None without any."""
+        if not self._states or self._origin_ns is None:
+            return None
+        time_s, theta = self._states[-1][-1, :2].tolist()
+        return self._origin_ns + round(time_s * 1e9), theta
+
     def restart(self) -> None:
         """Go on where time was set back: what is learnt stays, samples that wait for the end of their turn go."""
         self._estimator.reset()

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from textile_twin_core.errors import MachineError
 
 LARGEST = 1e12
-"""No length, mass, stiffness or speed in the units used here is larger."""
+"""No length, mass, stiffness, speed or torque in the units used here is larger."""
 
 
 def check_size(value: float, what: str) -> None:

@@ -156,8 +156,13 @@ class BagWriter(ArrayWriter):
         if self._live:
             self._file.flush()
             self._flushed = time.monotonic()
-            if not self._file.path.exists():
-                raise FileNotFoundError(errno.ENOENT, "removed or renamed while it was recorded", str(self.path))
+            if self._file.is_removed or not self._file.path.exists():
+                raise self._gone()
+
+    def _gone(self) -> FileNotFoundError:
+        """The error that tells what became of the file."""
+        what = "overwritten by another recording" if self._file.path.exists() else "removed or renamed"
+        return FileNotFoundError(errno.ENOENT, f"{what} while it was recorded", str(self.path))
 
     @property
     def counts(self) -> dict[str, int]:
@@ -192,6 +197,8 @@ class BagWriter(ArrayWriter):
     def _end_file(self) -> None:
         """Complete the current file, with a copy of its own metadata in it."""
         self._file.flush()
+        if self._live and self._file.is_removed:
+            raise self._gone()  # before the metadata of this recording come to lie beside another's file
         counts = {name: self._file.counts[channel] for name, channel in self._channels.items()}
         written = CompleteFile(self._file_name, self._file.span_ns, counts)
         own = information([written], self._topics, self._custom_data)
@@ -200,7 +207,10 @@ class BagWriter(ArrayWriter):
         self._complete.append(written, self._file.bytes_written)
 
     def close(self) -> None:
-        """Complete the recording and give it its name."""
+        """Complete the recording and give it its name.
+
+        Raises OSError when the disk takes no more, or, of a live recording, when its file is not there any more.
+        """
         self._end_file()
         if not self._single:
             rosbag2_metadata.write(self._place, information(self._complete.files, self._topics, self._custom_data))

@@ -130,6 +130,11 @@ class McapFileWriter:
         self.span_ns = (min(first, whole[0]), max(last, whole[1]))
         self._chunk = PendingChunk()
 
+    @property
+    def is_removed(self) -> bool:
+        """Whether the file has no name any more, so that what is written goes nowhere."""
+        return os.fstat(self._file.fileno()).st_nlink == 0
+
     def flush(self) -> None:
         """Put everything written so far on the disk, so that neither a kill nor a power loss takes it."""
         self._end_chunk()

@@ -15,6 +15,9 @@ from textile_twin_core.views.live_recording import LiveRecording
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
 
+_MEMORY_S = 60.0
+"""One wrong value is in the statistics and scales of a view for two minutes at most."""
+
 
 class LiveView(LiveRecording):
     """A live recording of one machine.
@@ -53,7 +56,9 @@ class LiveView(LiveRecording):
         super().__init__(("motion", "predicted", "measured", "residual"), flush_s, buffer_samples)
         turn_s = 2.0 * np.pi / machine.nominal_speed_rad_s
         title = f"{machine.name}, live"
-        self._drawing = LiveDrawing(machine, self._stream, limit_Nm, frames_hz, title=title, turn_s=turn_s)
+        self._drawing = LiveDrawing(
+            machine, self._stream, limit_Nm, frames_hz, title=title, turn_s=turn_s, memory_s=_MEMORY_S
+        )
         self._begin(self._drawing.layout.blueprint(), host, port, path, memory_limit)
         self._drawing.prepare()
         self._worker.start()

@@ -8,20 +8,26 @@ import numpy as np
 import rerun as rr
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.comparison import RunningAngleBins
+from textile_twin_core.machine.sizes import LARGEST
 from textile_twin_core.views import backdrop
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.buffer import Block
+from textile_twin_core.views.latest import Extremes, Latest, Residuals
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.motion_drawing import HISTORY_S, MotionDrawing
 from textile_twin_core.views.scene import build_scene
 from textile_twin_core.views.scribe import Scribe
 
 if TYPE_CHECKING:
+    from textile_twin_core.comparison import AngleBins
     from textile_twin_core.machine.machine import Machine
 
 _ANGLE_BINS = 120
 _SUMMARY_S = 1.0
+_LEAST_NM = 1.0
+"""Scales reach so far either way at first."""
+_TOO_WIDE = 3.0
+"""A scale that reaches further, and is this many times as wide as what it holds, is drawn anew."""
 
 
 class LiveDrawing:
@@ -37,6 +43,7 @@ class LiveDrawing:
         title: for the summary.
         window_s: seconds before and after the cursor in the plots over time. turn_s: of the last turn, drawn bold.
         unwrapped: the angles count the turns, across gaps too; else they may be wrapped.
+        memory_s: scales and statistics are of the last so many seconds, to twice that; inf: of all.
     """
 
     def __init__(
@@ -50,16 +57,18 @@ class LiveDrawing:
         window_s: tuple[float, float] = (2.0, 0.05),
         turn_s: float = 0.4,
         unwrapped: bool = False,
+        memory_s: float = np.inf,
     ) -> None:
         self._machine, self._stream, self._limit, self._title = machine, stream, limit_Nm, title
         self._window_s, self._turn_s = window_s, turn_s
         self._measured_too = False
         self._last_torque = np.empty(0)
         self._measured: Block = (np.empty(0), np.empty(0), np.empty(0))
-        self._bins = RunningAngleBins(_ANGLE_BINS)
-        self._squares, self._count, self._worst = 0.0, 0, 0.0
+        self._memory_s = memory_s
+        self._residuals = Latest(lambda: Residuals(_ANGLE_BINS), memory_s)
+        self._torques = Latest(Extremes, memory_s)
         self._next_summary_s, self._not_drawn = -np.inf, 0
-        torque, residual = AngleCanvas(-1.0, 1.0, *TORQUE_SIZE), AngleCanvas(-1.0, 1.0, *RESIDUAL_SIZE)
+        torque, residual = (AngleCanvas(-_LEAST_NM, _LEAST_NM, *size) for size in (TORQUE_SIZE, RESIDUAL_SIZE))
         self._scribe = Scribe(stream, build_scene(machine), torque, residual)
         self._motion = MotionDrawing(machine, self._scribe, frames_hz, unwrapped)
 
@@ -119,6 +128,7 @@ class LiveDrawing:
 
     def measured(self, time: FloatArray, torque: FloatArray) -> None:
         """Draw measured torque."""
+        torque = _believable(torque)
         if not self._measured_too and self._machine.tells_torque:
             self._measured_too = True
             self._stream.send_blueprint(self.layout.blueprint())
@@ -132,13 +142,12 @@ class LiveDrawing:
 
     def residual(self, time: FloatArray, residual: FloatArray, *, not_drawn: int) -> None:
         """Draw residuals and, once a second, their statistics; `not_drawn` samples had to be dropped so far."""
+        residual = _believable(residual)
         self._scribe.residual(time, residual, self._limit)
         theta = self._theta(time)
         good = np.isfinite(theta) & np.isfinite(residual)
-        self._bins.add(theta[good], residual[good])
-        self._squares += float(residual[good] @ residual[good])
-        self._count += int(np.count_nonzero(good))
-        self._worst = max(self._worst, float(np.max(np.abs(residual[good]), initial=0.0)))
+        for gathered in self._residuals.both:
+            gathered.add(theta[good], residual[good])
         if self._limit is not None:
             over = np.flatnonzero(good & (np.abs(residual) > self._limit))
             if over.size:
@@ -149,6 +158,8 @@ class LiveDrawing:
 
     def _summarise(self, time_s: float) -> None:
         """Once a second: speed and turns, and of the residuals their statistics."""
+        self._residuals.turn(time_s)
+        self._torques.turn(time_s)
         if time_s < self._next_summary_s:
             return
         self._next_summary_s = time_s + _SUMMARY_S
@@ -160,21 +171,22 @@ class LiveDrawing:
             f"| shaft speed | {self._motion.speed_rpm:.1f} rpm |",
             f"| turns | {self._motion.turns:.1f} |",
         ]
-        if self._count:
-            self._draw_bins(time_s)
+        residuals = self._residuals.shown
+        if residuals.count:
+            self._draw_bins(residuals.bins(), time_s)
             lines += [
-                f"| residuals | {self._count} |",
-                f"| RMS residual | {np.sqrt(self._squares / self._count):.4f} N m |",
-                f"| largest residual | {self._worst:.3f} N m |",
+                f"| residuals, last {self._memory_s:g} to {2.0 * self._memory_s:g} s | {residuals.count} |",
+                f"| their RMS | {residuals.rms_Nm:.4f} N m |",
+                f"| their largest | {residuals.worst_Nm:.3f} N m |",
                 f"| sensor delay, configured | {self._machine.sensors.torque.delay_s * 1e3:g} ms |",
                 f"| samples not drawn | {self._not_drawn} |",
             ]
         self._scribe.summary("\n".join(lines), time_s)
 
-    def _draw_bins(self, time_s: float) -> None:
-        bins = self._bins.bins()
-        canvas = canvas_for([bins.min_Nm, bins.max_Nm], *RESIDUAL_SIZE)
-        if canvas.low < self._scribe.residual_canvas.low or canvas.high > self._scribe.residual_canvas.high:
+    def _draw_bins(self, bins: AngleBins, time_s: float) -> None:
+        present = self._scribe.residual_canvas
+        canvas = _fitting(present, np.array([bins.min_Nm, bins.max_Nm]))
+        if canvas is not present:
             self._scribe = self._scribe.scaled(residual=canvas)
             self._draw_canvas("by_angle", canvas)
         self._scribe.residual_by_angle(bins, time_s)
@@ -183,14 +195,29 @@ class LiveDrawing:
         backdrop.draw_canvas(self._stream, origin, canvas, self._motion.marks, self._motion.inside)
 
     def _fit_canvas(self, torque: FloatArray) -> None:
-        """Widen the torque's scale when a torque passes it."""
-        canvas = self._scribe.torque_canvas
-        needed = canvas_for([torque], canvas.width, canvas.height)
-        if needed.low < canvas.low or needed.high > canvas.high:
-            limits = np.array([min(needed.low, canvas.low), max(needed.high, canvas.high)])
-            self._scribe = self._scribe.scaled(torque=canvas_for([limits], canvas.width, canvas.height))
-            self._draw_canvas("angle", self._scribe.torque_canvas)
+        """Fit the torque's scale to what came lately and comes now."""
+        for gathered in self._torques.both:
+            gathered.add(torque)
+        present, lately = self._scribe.torque_canvas, self._torques.shown
+        canvas = _fitting(present, np.array([lately.low, lately.high]))
+        if canvas is not present:
+            self._scribe = self._scribe.scaled(torque=canvas)
+            self._draw_canvas("angle", canvas)
 
     def _theta(self, time: FloatArray) -> FloatArray:
         """Shaft angle of which a measured sample speaks: at its stamp less the sensor's delay."""
         return self._motion.angle_at(time - self._machine.sensors.torque.delay_s)
+
+
+def _believable(torque: FloatArray) -> FloatArray:
+    """Torques (n,), NaN for what is none: one such number would spoil scales and sums for long."""
+    return np.where(np.abs(torque) <= LARGEST, torque, np.nan)
+
+
+def _fitting(canvas: AngleCanvas, values: FloatArray) -> AngleCanvas:
+    """The canvas while values (n,) pass no edge of it and fill it; else another, with some room to grow."""
+    needed = canvas_for([values], canvas.width, canvas.height)
+    holds = canvas.low <= needed.low and needed.high <= canvas.high
+    if holds and canvas.high - canvas.low <= max(2.0 * _LEAST_NM, _TOO_WIDE * (needed.high - needed.low)):
+        return canvas
+    return canvas_for([np.array([needed.low, needed.high])], canvas.width, canvas.height)

@@ -17,7 +17,9 @@ from textile_twin_ros.spinning import call_every
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 _LOOK_S = 0.5
 _PERIOD_S = 1.0
-_REPEAT_S = 10.0
+_REFUSALS_S = 10.0
+_SILENCE_S = (10.0, 60.0, 600.0, 3600.0)
+"""Silence that lasts is told again after so long, from the last of these on as often."""
 _REASON = 300
 """Characters of a reason that are told: a message may name very many joints."""
 _RATE_S = 1.0
@@ -100,7 +102,7 @@ def _text(value: object) -> str:
 
 
 class InputWatch:
-    """Watches one input topic: its rate and age, and says so when nothing comes, every ten seconds again.
+    """Watches one input topic: its rate and age, and says so when nothing comes, and again ever more seldom.
 
     Args:
         node: the node that listens.
@@ -124,7 +126,7 @@ class InputWatch:
         self._refusal_told = -math.inf
         self._since = self._last = time.monotonic()
         self._past = deque([(self._since, 0)])
-        self._warned_at: float | None = None
+        self._warnings, self._warned_at = 0, -math.inf
 
     def took(self, count: int = 1) -> None:
         """Note messages that have come in."""
@@ -137,7 +139,7 @@ class InputWatch:
         reason = reason if len(reason) <= _REASON else f"{reason[:_REASON]} ..."
         now = time.monotonic()
         new, self.refusal = reason != self.refusal, reason
-        if new and now - self._refusal_told >= _REPEAT_S:
+        if new and now - self._refusal_told >= _REFUSALS_S:
             self._refusal_told = now
             self._node.get_logger().warning(f"a message on {self._topic} {reason}: such messages are left out")
 
@@ -166,14 +168,14 @@ class InputWatch:
             **values,
         }
         if self.silent_s <= self._timeout_s():
-            if self._warned_at is not None:
+            if self._warnings:
                 self._node.get_logger().info(f"data on {self._topic} again")
-                self._warned_at = None
+                self._warnings = 0
             if not self.received:
                 return Status(name, WARN, f"waiting for the first message: {self._describe()}", told)
             return Status(name, OK, f"{rate:.1f} Hz" + (f"; some messages: {self.refusal}" * refusing), told)
         text = f"no data on {self._topic} for {self.silent_s:.1f} s: {self._describe()}"
-        if self._warned_at is None or now - self._warned_at >= _REPEAT_S:
-            self._warned_at = now
+        if not self._warnings or now - self._warned_at >= _SILENCE_S[min(self._warnings, len(_SILENCE_S)) - 1]:
+            self._warnings, self._warned_at = self._warnings + 1, now
             self._node.get_logger().warning(text)
         return Status(name, STALE if self.received else ERROR, text, told)

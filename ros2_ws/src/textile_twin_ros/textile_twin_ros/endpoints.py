@@ -17,6 +17,10 @@ _DISCOVERY_S = 5.0
 _NAMED = 3
 """How many other topics of a type are named."""
 
+NAMELESS = "a publisher not known by name yet"
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""What the middleware says where it knows the topic and not yet the node."""
+
 RELIABILITY = {"reliable": ReliabilityPolicy.RELIABLE, "best_effort": ReliabilityPolicy.BEST_EFFORT}
 
 
@@ -68,13 +72,18 @@ def describe_publishers(node: Node, topic: str, msgtype: str) -> str:
     return f"{nobody}{seen}"
 
 
+def publisher_name(info: TopicEndpointInfo) -> str:
+    """The full name of the node that a publisher is of; `NAMELESS` while it is not known."""
+    return NAMELESS if info.node_name == _UNKNOWN else f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
 def _is_own(node: Node, info: TopicEndpointInfo) -> bool:
     return bool(info.node_name == node.get_name() and info.node_namespace == node.get_namespace())
 
 
 def _publisher(info: TopicEndpointInfo, msgtype: str) -> str:
-    name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-    text = f"{name} publishes {info.topic_type}, {info.qos_profile.reliability.name.lower().replace('_', ' ')}"
+    reliability = info.qos_profile.reliability.name.lower().replace("_", " ")
+    text = f"{publisher_name(info)} publishes {info.topic_type}, {reliability}"
     return text if info.topic_type == msgtype else f"{text} (this node wants {msgtype})"
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from rclpy.node import Node
@@ -11,24 +10,27 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from textile_twin_core.comparison.fault_watch import SERIES, Alarm, WatchSettings
-from textile_twin_core.comparison.monitor import Monitor, Trend
+from textile_twin_core.comparison.monitor import Monitor
 from textile_twin_core.errors import SceneError, TwinError
-from textile_twin_core.files import check_folder
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
-from textile_twin_ros.health import sample_counts
+from textile_twin_ros.health import judged, sample_counts
 from textile_twin_ros.machine import load_linkage
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
 from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
 from textile_twin_ros.spinning import EXECUTORS, call_every, run
+from textile_twin_ros.trend_folder import TrendFolder
+from textile_twin_ros.turn_watch import TurnWatch
 
 _LOOK_S = 1.0
 _RENEW_S = 0.05
 _WRITE_S = 3600.0
-"""A power loss takes the trend of so long at most, and more of it fills no memory."""
+"""A power loss takes the trend of so long at most."""
+_MOST_WRITES = 24
+"""While its folder cannot be written, the trend of a day is held."""
 
 
 @dataclass
@@ -54,10 +56,8 @@ class MonitorNode(Node):
         if settings.clear_sigmas > settings.raise_sigmas:
             raise SceneError("parameter 'clear_sigmas' is larger than 'raise_sigmas': an alarm would go as it comes")
         self._machine = load_linkage(settings.machine, settings.encoder())
-        if settings.parquet:
-            self._trend_folder()
+        self._trends = TrendFolder(settings.parquet, _MOST_WRITES) if settings.parquet else None
         self._restarts = RestartWatch()
-        self._trends: list[Trend] = []
         self._alarms: list[Alarm] = []
         self._begin()
         depth = depth_for(settings.rate_hz)
@@ -72,7 +72,11 @@ class MonitorNode(Node):
         self._diagnostics = DiagnosticsPublisher(self, lambda: settings.machine, self._statuses)
 
     def close(self) -> None:
-        """Watch the turns that are left, and write the trend."""
+        """Watch the turns that are left, and write the trend.
+
+        Raises:
+            TwinError: it cannot be written.
+        """
         self._look()
         self._write()
 
@@ -80,6 +84,7 @@ class MonitorNode(Node):
         s = self.settings
         watch = WatchSettings(s.learn_turns, raise_sigmas=s.raise_sigmas, clear_sigmas=s.clear_sigmas)
         self._monitor = Monitor(self._machine, watch, s.shaft)
+        self._turns = TurnWatch()
 
     def _learn_again(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Forget the band, as after a repair."""
@@ -99,6 +104,7 @@ class MonitorNode(Node):
                 self.get_logger().warning("the stamps of the shaft angle went back and go on from there: watching anew")
                 self._look()
                 self._monitor.restart()
+                self._turns = TurnWatch()
             self._angles.append(sample)
 
     def _look(self) -> None:
@@ -111,26 +117,31 @@ class MonitorNode(Node):
         if torques is not None:
             self._monitor.add_torques(torques[0], torques[1])
         trend = self._monitor.advance()
-        if trend.columns and self.settings.parquet:
-            self._trends.append(trend)
+        watched = len(trend.columns.get("turn", ())) > 0
+        self._turns.look(self._monitor.newest, watched, torques and torques[:2])
+        if watched and self._trends is not None:
+            self._trends.take(trend)
         for alarm in trend.alarms:
             self._alarms.append(alarm)
             self.get_logger().warning(f"turn {alarm.turn}: {alarm.text}")
 
     def _statuses(self) -> list[Status]:
-        watch = self._monitor.watch
         counts = sample_counts(self._monitor.report, self._restarts.count)
         inputs = [*self._angle.statuses(counts), self._torque.status()]
+        return [*inputs, judged(self._faults(), self._turns.findings())]
+
+    def _faults(self) -> Status:
+        """What stands of the machine."""
+        watch = self._monitor.watch
         if not watch.learnt:
             text = f"learning: {watch.turns_learnt} of {self.settings.learn_turns} turns"
-            return [*inputs, Status("faults", OK, text, {"turns": self._monitor.turns})]
+            return Status("faults", OK, text, {"turns": self._monitor.turns})
         values: dict[str, object] = {f"{name}_sigmas": float(v) for name, v in zip(SERIES, watch.latest, strict=True)}
         values["turns"] = self._monitor.turns
         if not watch.active:
-            return [*inputs, Status("faults", OK, "as learnt", values)]
+            return Status("faults", OK, "as learnt", values)
         alarm = self._alarms[-1]
-        level = WARN if alarm.side == "sensor" else ERROR
-        return [*inputs, Status("faults", level, alarm.text, values)]
+        return Status("faults", WARN if alarm.side == "sensor" else ERROR, alarm.text, values)
 
     def _write_meanwhile(self) -> None:
         """Write the trend while the machine runs; what does not go now is tried again with the next."""
@@ -140,37 +151,8 @@ class MonitorNode(Node):
             self.get_logger().warning(str(error))
 
     def _write(self) -> None:
-        """Write the trend since the last time.
-
-        Raises:
-            TwinError: it cannot be written; it is kept.
-        """
-        if not self._trends:
-            return
-        import pyarrow
-        from pyarrow import parquet
-
-        columns = {name: np.concatenate([t.columns[name] for t in self._trends]) for name in self._trends[0].columns}
-        folder = self._trend_folder()
-        try:
-            parquet.write_table(pyarrow.table(columns), folder / f"trend_{int(columns['stamp_ns'][0])}.parquet")
-        except OSError as error:
-            raise TwinError(f"parameter 'parquet': {folder}: {error.strerror or error}") from error
-        self._trends.clear()
-
-    def _trend_folder(self) -> Path:
-        """The folder of the trends, made if need be.
-
-        Raises:
-            TwinError: nothing can be written there.
-        """
-        folder = Path(self.settings.parquet)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise TwinError(f"parameter 'parquet': {folder}: {error.strerror or error}") from error
-        check_folder(folder / "trend.parquet")
-        return folder
+        if self._trends is not None:
+            self._trends.write()
 
 
 def _columns(samples: list[Sample]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:

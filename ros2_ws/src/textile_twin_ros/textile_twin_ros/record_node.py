@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from textile_twin_core.errors import RecordingError, SceneError, TwinError
 from textile_twin_core.files import remove
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
+from textile_twin_ros.health import WINDOW_S
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.record_inlets import Inlets
 from textile_twin_ros.record_progress import Progress
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 _LOOK_S = 0.1
 _HOUSEKEEPING_S = 0.25
 _RETENTION_S = 1.0
+_LEAST_STANDSTILL_S = 1.0
+"""Every process waits for less now and then, however short its queues are."""
 
 
 @dataclass
@@ -85,16 +89,18 @@ class RecordNode(Node):
         self._open_files = ExitStack()
         self._retained = time.monotonic()
         self._told_silent = self._told_stuck = False
+        self._looked = time.monotonic()
+        self._stood_still, self._stood_until = "", -math.inf
         depth = depth_for(self.settings.rate_hz, self.settings.queue_s)
         self._inlets = Inlets(self, self.settings.topics, self.settings.types, depth, self._take)
         if self.settings.start:
             self._open()
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
-        call_every(self, _LOOK_S, self._inlets.discover)
+        call_every(self, _LOOK_S, self._discover)
         call_every(self, _HOUSEKEEPING_S, self._keep_house)
         self._diagnostics = DiagnosticsPublisher(self, lambda: "", self._statuses)
-        self._inlets.discover()
+        self._discover()
 
     def close(self) -> None:
         """Complete the recording and say what is in it."""
@@ -135,6 +141,15 @@ class RecordNode(Node):
         for topic, raw in self._inlets.latched():  # said once, perhaps before this recording
             self._take(topic, raw)
 
+    def _discover(self) -> None:
+        """Listen to what has come to be; a topic that is new is declared in the recording."""
+        try:
+            self._inlets.discover()
+        except OSError as error:
+            if self._writer is None:
+                raise
+            self._give_up(self._writer.path, error)
+
     def _take(self, topic: str, raw: bytes) -> None:
         if self._writer is None or self._inlets.is_anothers(topic, raw):
             return
@@ -146,6 +161,7 @@ class RecordNode(Node):
         self._progress.take(topic)
 
     def _keep_house(self) -> None:
+        self._notice_standstill()
         if self._writer is None:
             return
         try:
@@ -166,6 +182,20 @@ class RecordNode(Node):
         if silent and not self._told_silent:
             self.get_logger().warning(self._silence())
         self._told_silent = silent
+
+    def _notice_standstill(self) -> None:
+        """Say so where this process stood still for longer than queues hold messages."""
+        now = time.monotonic()
+        still_s, self._looked = now - self._looked, now
+        queue_s = max(self.settings.queue_s, _LEAST_STANDSTILL_S)
+        if self._writer is None or still_s <= queue_s + _HOUSEKEEPING_S:
+            return
+        self._stood_until = now
+        self._stood_still = (
+            f"no processor time for {still_s:.1f} s (or a disk that waits): messages of that time are missing,"
+            f" but for what queues of {self.settings.queue_s:g} s held"
+        )
+        self.get_logger().warning(self._stood_still)
 
     def _give_up(self, path: Path, error: OSError) -> None:
         """The disk takes no more, or the file has gone: what is on it stays, the node ends."""
@@ -192,6 +222,8 @@ class RecordNode(Node):
             return [Status("recording", OK, "not recording", values)]
         if self._told_silent:
             return [Status("recording", WARN, self._silence(), values)]
+        if time.monotonic() - self._stood_until < WINDOW_S:
+            return [Status("recording", WARN, self._stood_still, values)]
         return [Status("recording", OK, f"recording to {self._writer.path}", values)]
 
     def _on_start(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
-from time import perf_counter_ns
+from time import monotonic, perf_counter_ns
 from typing import Any, TypeAlias
 
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
@@ -15,7 +15,7 @@ from rclpy.subscription import Subscription
 
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, WRENCH
 from textile_twin_ros.diagnostics import InputWatch, Status
-from textile_twin_ros.endpoints import describe_publishers, samples_qos
+from textile_twin_ros.endpoints import NAMELESS, describe_publishers, publisher_name, samples_qos
 from textile_twin_ros.health import Finding, Recent, judged, publisher_findings, sample_findings, stamp_findings
 from textile_twin_ros.messages import HeaderReader, JointReader, MessageError, TorqueReader, message_class, read_float64
 
@@ -30,6 +30,8 @@ _OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
 _BLOCK = 64
 _PAUSE_NS = 100_000
 _NAN = float("nan")
+_NAME_S = 2.0
+"""Publishers may be without a name so long."""
 
 
 def _joint_angle(joint: str) -> Reader:
@@ -129,6 +131,7 @@ class SampleInput:
         self._stamped = self.msgtype != FLOAT64
         self._newest_ns: int | None = None
         self._ready_ns = 0
+        self._all_named = monotonic()
         self.name = node.resolve_topic_name(topic)
         self.watch = InputWatch(node, self.name, silence_s, lambda: describe_publishers(node, topic, self.msgtype))
         self._subscription = self._subscribe("reliable" if self._automatic else reliability)
@@ -143,15 +146,21 @@ class SampleInput:
         counts = dict(counts or {})
         growth = self._recent.growth({"received": self.watch.received, "unreadable": self.watch.refused, **counts})
         status = self.watch.status(self._topic, counts, refusing=growth["unreadable"] > 0)
-        publishers = self._node.get_publishers_info_by_topic(self.name)
-        names = [f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in publishers]
         findings = [
             *seen,
             *stamp_findings(self._newest_ns, self._stamped),
             *sample_findings(growth, "messages"),
-            *publisher_findings(names, self.name),
+            *publisher_findings(self._publishers(), self.name),
         ]
         return judged(status, findings)
+
+    def _publishers(self) -> list[str]:
+        """Names of who publishes there, without those that have none yet: a node's name may come after its topics."""
+        names = [publisher_name(info) for info in self._node.get_publishers_info_by_topic(self.name)]
+        named = [name for name in names if name != NAMELESS]
+        if len(named) == len(names):
+            self._all_named = monotonic()
+        return named if monotonic() - self._all_named < _NAME_S else names
 
     def restart(self) -> None:
         """Begin to watch anew."""

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Mapping
+import math
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 from rclpy.node import Node
 
 from textile_twin_core.machine import AnyMachine
+from textile_twin_core.machine.sizes import LARGEST
 from textile_twin_core.twin.references import reference_of
+from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import Status
 from textile_twin_ros.health import Finding, unit_findings
 from textile_twin_ros.sample_inputs import ANGLE_READERS, EDGES, TORQUE_READERS, Sample, SampleInput
@@ -96,7 +99,7 @@ class AngleInput(SampleInput):
 
 
 class TorqueInput(SampleInput):
-    """The topic `balancing_torque/measured`; its samples are in N m.
+    """The topic `balancing_torque/measured`; its samples are in N m, NaN where a message holds no torque that can be.
 
     Args:
         node: the node that listens.
@@ -108,10 +111,38 @@ class TorqueInput(SampleInput):
     def __init__(
         self, node: Node, settings: SensorParameters, depth: int, take: Callable[[list[Sample]], None]
     ) -> None:
-        unit = settings.torque_unit_Nm
-
-        def in_Nm(block: list[Sample]) -> None:
-            take([(stamp, value * unit, rate) for stamp, value, rate in block])
-
+        self._unit, self._give = settings.torque_unit_Nm, take
+        self._begin()
         common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
-        super().__init__(node, "balancing_torque/measured", TORQUE_READERS[settings.torque_type], *common, in_Nm)
+        kind = TORQUE_READERS[settings.torque_type]
+        super().__init__(node, "balancing_torque/measured", kind, *common, self._on_samples)
+
+    def status(self, counts: Mapping[str, float] | None = None, seen: Iterable[Finding] = ()) -> Status:
+        """As in SampleInput, with what the samples themselves show."""
+        own = {**self._rejected, "set_back": self._restarts.count}
+        return super().status({**own, **(counts or {})}, seen)
+
+    def restart(self) -> None:
+        """Begin to watch anew."""
+        super().restart()
+        self._begin()
+
+    def _begin(self) -> None:
+        self._rejected = Counter(rejected_not_finite=0, rejected_duplicate_stamp=0, rejected_older_stamp=0)
+        self._restarts = RestartWatch()
+        self._last_ns: int | None = None
+
+    def _on_samples(self, block: list[Sample]) -> None:
+        self._give([(stamp, self._judged(stamp, value * self._unit), rate) for stamp, value, rate in block])
+
+    def _judged(self, stamp_ns: int, torque_Nm: float) -> float:
+        """The torque, NaN where it is none; counts what does not serve."""
+        if not abs(torque_Nm) <= LARGEST:  # one number that is absurd would spoil sums and scales for long
+            self._rejected["rejected_not_finite"] += 1
+            return math.nan
+        if not self._restarts.restarted(stamp_ns) and self._last_ns is not None and stamp_ns <= self._last_ns:
+            cause = "duplicate" if stamp_ns == self._last_ns else "older"
+            self._rejected[f"rejected_{cause}_stamp"] += 1
+        else:
+            self._last_ns = stamp_ns
+        return torque_Nm

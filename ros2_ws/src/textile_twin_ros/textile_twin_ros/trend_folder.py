@@ -1,0 +1,84 @@
+"""The trend of a monitor's turns, in a folder: a file for each time that it is written, the rest held meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison.monitor import Trend
+from textile_twin_core.errors import TwinError
+from textile_twin_core.files import check_folder
+
+Columns = Mapping[str, FloatArray | IntArray]
+
+
+class TrendFolder:
+    """Holds trends until they are written.
+
+    Args:
+        folder: where; made if need be.
+        most: so many writes in a row may fail without a loss.
+
+    Raises:
+        TwinError: nothing can be written there.
+    """
+
+    def __init__(self, folder: str, most: int) -> None:
+        self._folder, self._most = Path(folder), most
+        self._new: list[Columns] = []
+        self._waiting: list[Columns] = []
+        """What each write that failed would have written."""
+        self._prepare()
+
+    def take(self, trend: Trend) -> None:
+        """Hold a trend of at least one turn."""
+        self._new.append(trend.columns)
+
+    def write(self) -> None:
+        """Write what is held.
+
+        Raises:
+            TwinError: it cannot be written; it is held, but for the oldest where too many writes have failed.
+        """
+        if self._new:
+            self._waiting.append(_joined(self._new))
+            self._new.clear()
+        if not self._waiting:
+            return
+        import pyarrow
+        from pyarrow import parquet
+
+        columns = _joined(self._waiting)
+        try:
+            self._prepare()
+            parquet.write_table(pyarrow.table(columns), self._folder / f"trend_{int(columns['stamp_ns'][0])}.parquet")
+        except OSError as error:
+            raise TwinError(f"{self._told(error)}{self._drop_oldest()}") from error
+        except TwinError as error:
+            raise TwinError(f"{error}{self._drop_oldest()}") from error
+        self._waiting.clear()
+
+    def _drop_oldest(self) -> str:
+        """Keep memory bounded; what is dropped, in words."""
+        dropped, self._waiting = self._waiting[: -self._most], self._waiting[-self._most :]
+        if not dropped:
+            return ""
+        turns = _joined(dropped)["turn"]
+        return f"; too much waits: the trend of the turns {turns[0]} to {turns[-1]} is dropped"
+
+    def _prepare(self) -> None:
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise TwinError(self._told(error)) from error
+        check_folder(self._folder / "trend.parquet")
+
+    def _told(self, error: OSError) -> str:
+        return f"parameter 'parquet': {self._folder}: {error.strerror or error}"
+
+
+def _joined(parts: Sequence[Columns]) -> dict[str, FloatArray | IntArray]:
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
