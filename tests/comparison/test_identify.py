@@ -85,6 +85,24 @@ def test_a_backing_that_no_needle_comes_as_far_as_is_not_sought() -> None:
     assert shallow in found.machine.loads
 
 
+def test_of_several_backings_it_is_told_that_they_are_not_sought() -> None:
+    """Two of half the force, of a record that is of one: nothing is lost but what `identify` does not fit."""
+    case = healthy("tufting", 979, duration_s=16.0)
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    machine = told_machine(case)
+    whole = machine.loads[0]
+    assert isinstance(whole, declared.Backing) and len(machine.loads) == 1
+    halves = (replace(whole, force_N=400.0), replace(whole, force_N=600.0))
+    found = identify(readings, replace(machine, loads=halves))
+    assert found.rms_after_Nm == pytest.approx(0.08, rel=0.1)
+    lost = {each.name: each.text for each in found.not_identifiable}
+    assert {"backing_force_N", "free_force_N", "entry_angle_rad", "exit_angle_rad"} <= set(lost)
+    assert "2 backings; they stay as configured" in lost["backing_force_N"]
+    assert any("2 backings" in note for note in found.notes)
+    assert halves == found.machine.loads[:2]
+
+
 def test_a_torque_that_nobody_modelled_comes_out_with_its_band() -> None:
     case = healthy("loom", 973, duration_s=24.0)
     made = record(case)

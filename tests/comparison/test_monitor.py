@@ -88,7 +88,7 @@ def test_a_fault_that_stands_is_told_once_and_goes_when_the_machine_is_as_learnt
     told, standing = [], {}
     for second, trend in in_blocks(monitor, worn, 1.0):
         told += [alarm.kind for alarm in trend.alarms]
-        standing[second] = monitor.watch.active
+        standing[second] = tuple(alarm.kind for alarm in monitor.watch.standing)
     assert told == ["constant_torque", "sensor_gain"]
     assert standing[44] == ("constant_torque",) and standing[59] == ("constant_torque", "sensor_gain")
     assert standing[110] == ()

@@ -11,7 +11,7 @@ import pytest
 
 from tests.generators.mill_recordings import Case, MillRecording, healthy, mistaken, record
 from tests.generators.told_machine import told_machine
-from textile_twin_core.comparison import Assessment, Readings, assess, calibrate
+from textile_twin_core.comparison import Assessment, Readings, assess, calibrate, identify
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machines import create
 from textile_twin_core.recordings.prediction import recompute
@@ -29,6 +29,35 @@ def test_nothing_is_said_of_a_healthy_recording(machine: str, run_up: bool) -> N
     found = judged(healthy(machine, 901, run_up=run_up, duration_s=18.0))
     assert [cause.text for cause in found.verdict] == []
     assert found.explained > 0.99
+    assert found.repeating_Nm == 0.0 and not any("repeats" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("mass", [0.8, 1.25])
+def test_a_rocker_of_another_mass_is_told_beside_the_sensors_that_it_seems_to_be(mass: float) -> None:
+    """The sensors are right, and what is accused of them is wrong: 40 sigma and more of the gain."""
+    case = healthy("loom", 911, duration_s=24.0)
+    made, machine = record(case), told_machine(case)
+    bodies = tuple(
+        replace(body, mass_kg=mass * body.mass_kg, inertia_kgm2=mass * body.inertia_kgm2) if body.on == "l3" else body
+        for body in machine.bodies
+    )
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    told = replace(machine, bodies=bodies)
+    found = calibrate(readings, told)
+    assert abs(found.gain.value - 1.0) > 40.0 * found.gain.sigma
+    assert any("repeats with the shaft's angle" in note for note in found.assessment.notes)
+    assert any("masses" in each.between for each in found.ambiguous)
+    identified = identify(readings, told)  # tells by itself what it leaves
+    assert identified.unmodelled.significant and not any("repeats" in note for note in identified.notes)
+
+
+def test_what_is_too_small_to_be_named_is_no_torque_that_repeats() -> None:
+    """Gain and zero by half of what is named, which leave 1 % of the torque by angle."""
+    case = healthy("tufting", 912, duration_s=18.0)
+    encoder = replace(case.encoder, zero_rad=math.radians(0.2))
+    found = judged(replace(case, encoder=encoder, torque=replace(case.torque, gain=1.012)))
+    assert found.verdict == ()
+    assert found.repeating_Nm == 0.0
 
 
 @pytest.mark.parametrize(
@@ -50,6 +79,7 @@ def test_a_mistake_is_named_first(machine: str, names: tuple[str, ...], run_up: 
     found = judged(case)
     assert found.verdict, "nothing was named"
     assert found.verdict[0].cause in right
+    assert found.repeating_Nm == 0.0
 
 
 def test_a_run_up_tells_zero_from_delay() -> None:

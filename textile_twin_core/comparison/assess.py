@@ -11,12 +11,13 @@ from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
 from textile_twin_core.comparison.explain import Explanation, explain
 from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
+from textile_twin_core.comparison.left_over import repeating_note, repeating_torque
 from textile_twin_core.comparison.periodic import best_periodic
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
 from textile_twin_core.comparison.search import LONGEST_DELAY_S
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.torque_terms import TorqueTerms
-from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE, Cause, causes
+from textile_twin_core.comparison.verdict import FEWEST_ANGLES, NOT_THIS_MACHINE, Cause, causes
 from textile_twin_core.machine import Machine
 
 OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
@@ -49,12 +50,14 @@ class Assessment:
     Attributes:
         unit: of the logged angle. explanation: None when nothing can be told, and then `notes` says why.
         verdict: what is wrong, likeliest first; empty when nothing is. notes: what a reader should know.
+        repeating_Nm: largest torque left that repeats with the shaft's angle (see `repeating_torque`); 0 if none.
     """
 
     unit: AngleUnit
     explanation: Explanation | None
     verdict: tuple[Cause, ...]
     notes: tuple[str, ...]
+    repeating_Nm: float = 0.0
 
     @property
     def explained(self) -> float:
@@ -106,7 +109,13 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
         if len(judged) < len(named):
             notes = (*notes, _PITCH)
         named = judged
-    return Assessment(unit, found, tuple(named), notes)
+    repeating = 0.0
+    # Pitch errors repeat as well, and so does all that a wrong machine leaves, of which the verdict tells.
+    if not short and per_turn >= FEWEST_ANGLES and not machine.sensors.encoder.teeth:
+        repeating = repeating_torque(found)
+    if repeating:
+        notes = (*notes, repeating_note(repeating))
+    return Assessment(unit, found, tuple(named), notes, repeating)
 
 
 def _unit(readings: Readings) -> AngleUnit:

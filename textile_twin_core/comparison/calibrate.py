@@ -293,6 +293,15 @@ def _ambiguous(
                 "none; use an encoder on the shaft itself, or one that counts its turns",
             )
         )
+    if assessment.repeating_Nm:
+        ambiguous.append(
+            Ambiguity(
+                ("zero_rad", "torque.gain", "torque.delay_s", "masses", "joint_friction"),
+                f"up to {assessment.repeating_Nm:.2g} N m that repeat with the shaft's angle are left: wrong masses or"
+                " friction of a joint look like this, and in part like these settings, whose intervals do not hold it",
+                "none; weigh the links, declare friction of joints and every load, then calibrate again",
+            )
+        )
     for other in found.others:
         s = other.fit.settings
         ambiguous.append(

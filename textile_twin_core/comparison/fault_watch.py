@@ -84,7 +84,7 @@ class FaultWatch:
         self._since: list[TurnFeatures] = []  # after the last alarm
         self._settling = False  # what holds since is not known yet
         self._calm: dict[str, int] = {}  # turns, by the kind of each fault that stands
-        self._size: dict[str, float] = {}  # as told
+        self._told: dict[str, Alarm] = {}  # the last of each kind
         self._suspected = False
         self._evidence: list[TurnFeatures] = []
         self.latest = np.zeros(len(SERIES))
@@ -103,6 +103,11 @@ class FaultWatch:
     def active(self) -> tuple[str, ...]:
         """Kinds of faults that stand now."""
         return tuple(self._calm)
+
+    @property
+    def standing(self) -> tuple[Alarm, ...]:
+        """The alarms of the faults that stand now, in the order of `active`."""
+        return tuple(self._told[kind] for kind in self._calm)
 
     def take(self, turns: TurnFeatures) -> tuple[list[Alarm], FloatArray]:
         """Take turns; the alarms that they raise, and (t, series) departures in sigmas (0 while learning)."""
@@ -181,8 +186,9 @@ class FaultWatch:
         speed_known = any(each.band.knows_speed(speed) for each in self._known)
         size = change
         if kind in self._calm:
-            size += self._size[kind]
-            grown = size / self._size[kind]
+            before = self._told[kind].size
+            size += before
+            grown = size / before
             raised = kind != "profile" and (grown >= _GROWN or grown <= -_TURNED)  # a profile's size has no sign
             del self._known[max(1, len(self._known) - 1) :]  # what holds now takes its place
         else:
@@ -191,10 +197,11 @@ class FaultWatch:
         self._since, self._settling = [], True
         if not raised:
             return
-        self._calm[kind], self._size[kind] = 0, size
         name, text = told(kind, size, evidence, against.band, speed_known)
         turn, stamp = int(evidence.number[-1]), int(evidence.start_ns[-1])
-        alarms.append(Alarm(name, SIDE[name], turn, stamp, size, float(against.away.max()), text))
+        self._calm[kind] = 0
+        self._told[kind] = Alarm(name, SIDE[name], turn, stamp, size, float(against.away.max()), text)
+        alarms.append(self._told[kind])
 
     def _settle(self, turn: TurnFeatures) -> None:
         """Learn what holds while alarms stand: of the first turns that are alike, and better of more of them."""

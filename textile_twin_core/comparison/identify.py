@@ -17,6 +17,7 @@ from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.explain import Explanation
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable
 from textile_twin_core.comparison.identified_machine import identified_machine
+from textile_twin_core.comparison.left_over import repeating_note
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.repeating_motion import excess_of, repeating_motion
 from textile_twin_core.comparison.result import plain
@@ -148,7 +149,9 @@ def _settled(readings: Readings, machine: Machine) -> tuple[Explanation, tuple[s
         # Less than this a force or an angle that is to be identified may leave.
         if cause.cause == "other_machine" and 1.0 - found.explained > _LEFT_BY_LOADS:
             raise RecordingError(f"nothing to identify: {cause.text}")
-    return found, assessment.notes
+    # What its own fit leaves by angle is told as `unmodelled`.
+    own = repeating_note(assessment.repeating_Nm)
+    return found, tuple(note for note in assessment.notes if note != own)
 
 
 def _near(angle: float, other: float) -> float:

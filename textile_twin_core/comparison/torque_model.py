@@ -54,7 +54,8 @@ class TorqueModel:
 
     `spread_rad`: over this angle (a standard deviation) a force sets in; needle points are not quite level, and stamps
     not quite right. Zero is in shaft angle, of the track that the evidence holds; `direction` is the encoder's. A
-    backing through which no needle passes has no angles to seek: it stays as configured, and `not_there` tells of it.
+    backing through which no needle passes has no angles to seek, and of several none is told from the others: they stay
+    as configured, and `not_there` tells of them.
     """
 
     def __init__(self, evidence: Evidence, machine: Machine, direction: int, spread_rad: float) -> None:
@@ -63,8 +64,10 @@ class TorqueModel:
         self._events = {event.name: event.angle_rad for event in machine.events()}
         self.backing = backings[0] if len(backings) == 1 and self._passes(backings[0]) else None
         self.not_there: tuple[NotIdentifiable, ...] = ()
-        if len(backings) == 1 and self.backing is None:
+        if backings and self.backing is None:
             text = f"as configured, '{backings[0].on}' does not pass the planes of its backing; it stays as configured"
+            if len(backings) > 1:
+                text = f"the machine has {len(backings)} backings; they stay as configured"
             self.not_there = tuple(
                 NotIdentifiable(name, (), f"{name} cannot be told: {text}") for name in (*FORCES, *EVENTS)
             )
