@@ -37,6 +37,13 @@ def test_a_torque_from_a_table(over: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(columns["drive_torque_Nm"], expected, atol=2e-3)
 
 
+@pytest.mark.parametrize("torque", ["-1e-3", "-.5E+1", "-5."])
+def test_a_negative_torque_is_no_option(torque: str, tmp_path: Path) -> None:
+    out = tmp_path / "motion.csv"
+    assert main(["drive", "handloom_beatup", "--torque", torque, "--rpm", "9", "--time", "0.1", "--out", str(out)]) == 0
+    np.testing.assert_array_equal(read_log(out)["drive_torque_Nm"], float(torque))
+
+
 def test_mistakes_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "odd.csv").write_text("a,b\n1,2\n3,4\n")
     out = str(tmp_path / "motion.csv")

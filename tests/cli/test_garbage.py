@@ -16,7 +16,7 @@ SETTINGS = [
     ("tufting", "l1_m=1e300", "l1_m"),
     ("tufting", "l1_m=1e-300", "cannot be reckoned with"),
     ("tufting", "backing_force_N=1e308", "at most 1e+12"),
-    ("handloom_beatup", "ground_m=0", "look for a zero"),
+    ("handloom_beatup", "ground_m=0", "coincide at (0, 0) m"),
     ("handloom_beatup", "ground_angle_rad=inf", "ground_angle_rad"),
     ("handloom_beatup", "arm_m=1e300", "arm_m"),
     ("elliptic_gear_beatup", "centre_line_rad=nan", "centre_line_rad"),
@@ -53,7 +53,7 @@ def test_sizes_that_no_machine_has(
         (f"machine: tufting\nparameters: {{l1_m: {'9' * 5000}}}\n", "not YAML"),
         ("machine: tufting\nparameters: {l1_m: .inf}\n", "parameters.l1_m"),
         ("machine: needle_transfer\nparameters: {motion_law: 0.5}\n", "parameters.motion_law"),
-        ("machine: handloom_beatup\nparameters: {ground_m: 0}\n", "look for a zero"),
+        ("machine: handloom_beatup\nparameters: {ground_m: 0}\n", "coincide at (0, 0) m"),
     ],
 )
 def test_machine_files(text: str, word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

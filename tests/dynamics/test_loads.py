@@ -207,6 +207,9 @@ class TestPeriodicTable:
     ("make", "message"),
     [
         (lambda: JointFriction("l3", -1.0), "torque_Nm must be zero or positive"),
+        (lambda: JointFriction("l3", 1.0, against="l3"), "friction of 'l3': against must be another link"),
+        (lambda: JointDamping("l3", 1.0, against="l3"), "damping of 'l3': against must be another link"),
+        (lambda: TorsionSpring("l3", 1.0, 0.0, against="l3"), "spring on 'l3': against must be another link"),
         (lambda: SliderFriction("l6", math.nan), "force_N must be zero or positive"),
         (lambda: JointDamping("l3", -0.1), "viscous_Nms must be zero or positive"),
         (lambda: PointDamping("B", math.inf), "viscous_Ns_m must be zero or positive"),

@@ -133,6 +133,12 @@ def test_words_and_numbers_are_read_as_people_mean_them(tmp_path: Path) -> None:
         ("C: [0.3, 0]", "C: 0.3", r"points.C: must be a list"),
         ("bodies: {l2:", "bodies: {l7:", r"bodies.l7: unknown link 'l7'"),
         ("mass_kg: 0.4", "mass_kg: -1", r"bodies.l2: .*mass_kg"),
+        ("mass_kg: 0.4", "mass_kg: 0,4", r"bodies.l2.4: unknown key '4'; digits behind a decimal comma\?"),
+        (
+            "delay_s: 2e-3",
+            "delay_s: 0,2e-3",
+            r"sensors.torque.0.002: unknown key '0.002'; digits behind a decimal",
+        ),
         ("mass_kg: 0.4", "density_kg_m3: 7850", r"bodies.l2.inertia_kgm2: not together with a density"),
         ("zero_rad: 0.1", "zero_deg: 0.1", r"sensors.encoder.zero_deg: unknown key 'zero_deg'; did you mean zero_rad"),
         ("direction: -1", "direction: 2", r"sensors.encoder: encoder: direction must be 1 or -1"),

@@ -123,6 +123,18 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "opens within the range": (lambda: four_bar(2.0, 2.0, 1.5, 3.0, range_rad=(0.7, 1.6)), r"opens at .* 86\.41"),
     "zero length": (lambda: four_bar(0.0, 1.0, 1.0, 1.0), "'l1': length_m must be a positive length"),
+    "rocker on the crank's axis": (
+        lambda: four_bar(0.3, 1.1, 0.9, 0.0),
+        r"dyad 'l2-l3': the axis about which from 'A' turns and ground 'C' coincide at \(0, 0\) m",
+    ),
+    "one point twice": (
+        lambda: ttc.Machine("m", {"O": (0.0, 0.0)}, (Crank("l1", "O", "A", 0.1), RRRDyad(*"bcAAB", (0.2, 0.2)))),
+        "dyad 'b-c': from and ground are one point, 'A'",
+    ),
+    "two points in one place": (
+        lambda: ttc.Machine("m", {"C": (1.0, 2.0), "D": (1.0, 2.0)}, (RRRDyad(*"bcCDB", (0.2, 0.2)),)),
+        r"dyad 'b-c': from 'C' and ground 'D' coincide at \(1, 2\) m",
+    ),
     "negative length": (lambda: four_bar(0.3, -1.0, 1.0, 1.0), "length of 'l2' must be a positive length"),
     "no number": (lambda: four_bar(0.3, math.nan, 1.0, 1.0), "length of 'l2' must be a positive length"),
     "infinite point": (lambda: four_bar(0.3, 1.0, 1.0, math.inf), "point 'C': x must be a finite number"),

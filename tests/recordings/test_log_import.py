@@ -14,6 +14,7 @@ from scipy.io import savemat
 
 from textile_twin_core.cli.main import main
 from textile_twin_core.recordings import open_bag
+from textile_twin_core.shaft import create_estimator
 
 N = 2000
 TIME = np.arange(N) * 0.002
@@ -169,7 +170,15 @@ def test_what_is_left_out_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[
     log = text(np.round(TIME, 2), ANGLE, TORQUE, head="time,angle_rad,torque\n")
     (tmp_path / "coarse.csv").write_text(log)
     assert main(["import", str(tmp_path / "coarse.csv"), "--out", str(tmp_path / "coarse"), "--time", "time"]) == 0
-    assert "rows have the time of the row before" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "rows have the time of the row before: such rows are in the recording, and are left out where" in told
+    angles = open_bag(tmp_path / "coarse").read_angles()
+    assert len(angles) == TIME.size
+    standing = np.count_nonzero(np.diff(angles.stamps) == 0)
+    assert f"; {standing} rows have the time" in told
+    estimator = create_estimator("causal")
+    estimator.step(angles.stamps, angles.angles_rad)
+    assert estimator.report.rejected["duplicate_stamp"] == standing
 
 
 @pytest.mark.parametrize(("factor", "taken"), [(1.0, True), (-1.0, False), (0.5, False), (1.04, True)])

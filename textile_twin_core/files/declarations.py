@@ -14,6 +14,7 @@ import numpy as np
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machine.sizes import check_size
 
+_DIGITS = re.compile(r"[0-9]+([.][0-9]*)?([eE][+-]?[0-9]+)?$")
 _KEY_OF_FIELD = {"from_point": "from", "to_point": "to"}
 
 
@@ -23,7 +24,9 @@ def type_tag(cls: type) -> str:
 
 
 def unknown(what: str, given: str, known: list[str]) -> str:
-    """Half a sentence on a word that is not known, with the nearest ones."""
+    """Half a sentence on a word that is not known, with the nearest ones, or on what made digits one."""
+    if _DIGITS.match(given):
+        return f"unknown {what} '{given}'; digits behind a decimal comma? write numbers with a point, as 0.6"
     near = get_close_matches(given, known, n=2, cutoff=0.5)
     hint = f"did you mean {' or '.join(near)}?" if near else f"there are: {', '.join(known)}"
     return f"unknown {what} '{given}'; {hint}"

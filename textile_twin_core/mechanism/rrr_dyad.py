@@ -66,6 +66,7 @@ class RRRDyad(PlainGroup):
     def solve(self, motion: Motion) -> None:
         """Add coupler, rocker and the joint between them."""
         a, c = motion.point(self.from_point, self.name), motion.point(self.ground, self.name)
+        self._check_apart(a, c)
         four_bar = self._four_bar(a, c)
         if self._passes and four_bar is None:
             raise MachineError(
@@ -88,6 +89,18 @@ class RRRDyad(PlainGroup):
         motion.add_link(coupler, self.name)
         motion.add_link(rocker, self.name)
         motion.add_point(self.end, end, self.name)
+
+    def _check_apart(self, a: PointMotion, c: PointMotion) -> None:
+        """Raise MachineError where the outer joints, or the axis of the crank and the rocker's, are one place."""
+        if self.from_point == self.ground:
+            raise MachineError(f"dyad '{self.name}': from and ground are one point, '{self.ground}'; name two")
+        axis = a.fixed_position() if a.is_fixed else None if a.circle is None else a.circle.centre
+        if c.is_fixed and axis == c.fixed_position():
+            what = f"from '{self.from_point}'" if a.is_fixed else f"the axis about which from '{self.from_point}' turns"
+            raise MachineError(
+                f"dyad '{self.name}': {what} and ground '{self.ground}' coincide at ({axis[0]:g}, {axis[1]:g}) m;"
+                " put them apart"
+            )
 
     def _directions(self, a: PointMotion, c: PointMotion) -> tuple[Vector, Vector]:
         """Unit vectors along coupler and rocker, by the triangle over the line of the outer joints."""

@@ -242,7 +242,8 @@ def _amiss(steps: IntArray) -> str:
     back, stands = np.flatnonzero(steps < 0), int(np.count_nonzero(steps == 0))
     told = f"; goes back at {back.size} rows, first at row {back[0] + 2}" if back.size else ""
     told += f"; {stands} rows have the time of the row before" if stands else ""
-    return f"{told}: such rows are not used; where rows are evenly spaced give --rate" if told else ""
+    what = "such rows are in the recording, and are left out where it is used"
+    return f"{told}: {what}; where rows are evenly spaced give --rate" if told else ""
 
 
 def _column(kind: str, columns: LogTable, wishes: Wishes, ask: Ask | None, needed: bool) -> Column | None:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
-from textile_twin_core.dynamics.loads.relative import relative_rate, turn_links
+from textile_twin_core.dynamics.loads.relative import check_other, relative_rate, turn_links
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr
 from textile_twin_core.mechanism.wrenches import Wrenches
@@ -25,6 +25,7 @@ class JointDamping(Uneventful):
             raise MachineError(
                 f"damping of '{self.link}': viscous_Nms must be zero or positive, not {self.viscous_Nms!r}"
             )
+        check_other(f"damping of '{self.link}'", self.link, self.against)
 
     def intensity(self, context: LoadContext) -> Expr:
         """The coefficient, against the shaft's speed."""

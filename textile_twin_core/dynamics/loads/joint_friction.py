@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
-from textile_twin_core.dynamics.loads.relative import link_of_load, relative_rate, turn_links
+from textile_twin_core.dynamics.loads.relative import check_other, link_of_load, relative_rate, turn_links
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, sign
 from textile_twin_core.mechanism.motion import LinkMotion, Motion
@@ -29,6 +29,7 @@ class JointFriction(Uneventful):
     def __post_init__(self) -> None:
         if not (math.isfinite(self.torque_Nm) and self.torque_Nm >= 0.0):
             raise MachineError(f"friction of '{self.link}': torque_Nm must be zero or positive, not {self.torque_Nm!r}")
+        check_other(f"friction of '{self.link}'", self.link, self.against)
 
     def intensity(self, context: LoadContext) -> Expr:
         """The friction torque, against the relative speed."""

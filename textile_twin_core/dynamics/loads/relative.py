@@ -9,6 +9,12 @@ from textile_twin_core.mechanism.vector import ZERO, Vector
 from textile_twin_core.mechanism.wrenches import Wrenches
 
 
+def check_other(what: str, link: str, against: str | None) -> None:
+    """Raise MachineError where a load acts between a link and itself, which has no effect."""
+    if against == link:
+        raise MachineError(f"{what}: against must be another link than '{link}' itself; leave it out for the ground")
+
+
 def link_of_load(motion: Motion, name: str) -> LinkMotion:
     """A link that a load names. Raises MachineError with the links there are."""
     link = motion.links.get(name)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
-from textile_twin_core.dynamics.loads.relative import relative_motion, turn_links
+from textile_twin_core.dynamics.loads.relative import check_other, relative_motion, turn_links
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, interpret, sqrt
 from textile_twin_core.mechanism.angles import link_angle
@@ -79,6 +79,7 @@ class TorsionSpring(Uneventful):
 
     def __post_init__(self) -> None:
         _check(f"torsion spring on '{self.link}'", self.stiffness_Nm_rad, self.free_angle_rad, self.preload_Nm)
+        check_other(f"torsion spring on '{self.link}'", self.link, self.against)
 
     def intensity(self, context: LoadContext) -> Expr:
         """The stiffness."""
