@@ -7,6 +7,6 @@ from textile_twin_core.expression import loop
 
 def compile_at_once(made: loop.Loop) -> loop.Loop:
     """The loop, as if it had met very many samples."""
-    loop._MET[made._code] += 10**9
+    made.compile_now()
     assert made.is_compiled
     return made

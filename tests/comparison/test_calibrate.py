@@ -5,17 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import textile_twin_core as ttc
 from tests.generators import mill_recordings
 from tests.generators.mill_recordings import START_NS, healthy, mistaken, record
+from tests.generators.multibody import Floats
 from tests.generators.planned_motion import Plan
+from tests.generators.shaft_law import LOOM_FILE
 from tests.generators.told_machine import told_machine
-from textile_twin_core.comparison import Readings, assess, calibrate
+from textile_twin_core.comparison import Calibration, Readings, assess, calibrate
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings import open_bag
 
 
 @pytest.mark.slow
@@ -94,6 +99,79 @@ def test_a_shaft_held_at_rest_is_no_offset(monkeypatch: pytest.MonkeyPatch) -> N
     torque = made.torque + np.where(held, 0.2, 0.0)
     found = calibrate(Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, torque), told_machine(case))
     assert found.offset_Nm.value == 0.0
+    _has_sigmas_or_says_so(found)
+    assert any("brake" in each.text for each in found.ambiguous)
+
+
+@pytest.mark.parametrize("seed", [955, 958, 959, 960])
+def test_a_rest_without_an_offset_tells_how_far_off_none_may_be(seed: int) -> None:
+    case = healthy("tufting", seed)
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    found = calibrate(readings, told_machine(case))
+    _has_sigmas_or_says_so(found)
+    low, high = found.offset_Nm.interval95
+    assert low <= 0.0 <= high and high - low < 0.1
+    assert abs(found.offset_Nm.value) < 4.0 * found.offset_Nm.sigma < 0.1
+
+
+def test_the_offset_of_the_shipped_recording_is_told_by_its_rest() -> None:
+    """One second at rest, noise of 0.05 N m: its README says that there is no offset."""
+    bag = open_bag(Path(__file__).parents[2] / "bags" / "tufting_160rpm_synthetic")
+    angles, torques = bag.read_angles(), bag.read_torques()
+    readings = Readings(angles.stamps, angles.angles_rad, torques.stamps, torques.torque_Nm, angles.velocities)
+    found = calibrate(readings, ttc.machines.tufting())
+    _has_sigmas_or_says_so(found)
+    told = found.to_json()["torque"]["offset_Nm"]
+    assert told["value"] == 0.0 and told["interval95"][0] <= 0.0 <= told["interval95"][1]
+    assert 0.05 / math.sqrt(500.0) < told["sigma"] < 0.02
+    assert found.gain.value == pytest.approx(1.01, abs=5e-4)
+
+
+def _has_sigmas_or_says_so(found: Calibration) -> None:
+    told = {name for each in found.ambiguous for name in each.between}
+    for name, each in {
+        "zero_rad": found.zero_rad,
+        "torque.gain": found.gain,
+        "torque.offset_Nm": found.offset_Nm,
+        "torque.delay_s": found.delay_s,
+    }.items():
+        assert math.isfinite(each.sigma) or name in told, name
+
+
+def spring_torque(theta: Floats) -> Floats:
+    """What the shaft of the loom must give for the spring of SPRING_LOOM: the slope of the energy it stores."""
+    turn = 2.0 * math.pi * np.arange(4097) / 4096
+    pin = 0.06 * np.exp(1j * turn)
+    across = 0.3 - pin
+    along = (abs(across) ** 2 + 0.2**2 - 0.23**2) / (2.0 * abs(across))
+    joint = pin + across / abs(across) * (along + 1j * np.sqrt(0.2**2 - along**2))
+    energy = 0.5 * 600.0 * (abs(joint - (0.1 + 0.35j)) - 0.1) ** 2
+    return np.asarray(CubicSpline(turn, energy, bc_type="periodic")(np.mod(theta, 2.0 * math.pi), 1))
+
+
+SPRING_LOOM = LOOM_FILE.replace("C: [0.3, 0]", "C: [0.3, 0], H: [0.1, 0.35]").replace(
+    "loads: [", "loads: [{type: spring, from: B, to: H, stiffness_N_m: 600, free_length_m: 0.1}, "
+)
+
+
+@pytest.mark.parametrize("offset_Nm", [0.0, 0.8])
+def test_a_spring_that_holds_the_shaft_at_rest_is_no_offset(offset_Nm: float, tmp_path: Path) -> None:
+    case = healthy("loom", 958)
+    case = replace(
+        case, torque=replace(case.torque, offset_Nm=offset_Nm), friction=replace(case.friction, coulomb_Nm=1.6)
+    )
+    made = record(case)
+    theta = made.plan.at((made.torque_stamps_ns - START_NS) * 1e-9)[0]
+    assert min(abs(spring_torque(theta[[0, -1]]))) > 1.0
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque + spring_torque(theta))
+    path = tmp_path / "loom.yaml"
+    path.write_text(SPRING_LOOM)
+    found = calibrate(readings, ttc.load_machine(path))
+    said = {cause.cause: cause.value for cause in found.assessment.verdict}
+    assert said.pop("unmodelled_friction") == pytest.approx(0.6, abs=0.1)
+    assert said == ({"torque_offset": pytest.approx(0.8, abs=0.05)} if offset_Nm else {})
+    assert found.machine.sensors.torque.offset_Nm == pytest.approx(offset_Nm, abs=0.05)
 
 
 def test_the_rms_that_is_told_leaves_in_what_the_file_does_not_get() -> None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from tests.generators.faults import EXPECTED, SIZES, faulty
+from tests.generators import mill_recordings
+from tests.generators.faults import EXPECTED, SIZES, faulty, with_fault
+from tests.generators.mill_recordings import SPEED, MillRecording, healthy, record
+from tests.generators.planned_motion import Plan
+from tests.generators.shaft_law import Friction
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.comparison.monitor import Monitor, Trend, monitor_recording
@@ -20,10 +25,23 @@ _SETTINGS = WatchSettings(learn_turns=60)
 
 def watched(kind: str, size: float, seed: int) -> tuple[Trend, int]:
     made = faulty(kind, size, seed, duration_s=38.0, onset_s=28.0, rate=250.0)
-    r = made.recording
-    readings = Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, r.torque)
-    onset = int(r.torque_stamps_ns[0] + made.onset_s * 1e9)
-    return monitor_recording(readings, told_machine(made.case), _SETTINGS), onset
+    onset = int(made.recording.torque_stamps_ns[0] + made.onset_s * 1e9)
+    return monitor_recording(readings_of(made.recording), told_machine(made.case), _SETTINGS), onset
+
+
+def readings_of(r: MillRecording) -> Readings:
+    return Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, r.torque)
+
+
+def in_blocks(monitor: Monitor, r: MillRecording, block_s: float) -> Iterator[tuple[float, Trend]]:
+    """A recording as it comes live: time since its begin, and what was watched by then."""
+    edges = np.arange(r.angle_stamps_ns[0], r.angle_stamps_ns[-1], round(block_s * 1e9)).tolist()
+    for number, (begin, end) in enumerate(pairwise(edges), 1):
+        angle = (r.angle_stamps_ns >= begin) & (r.angle_stamps_ns < end)
+        torque = (r.torque_stamps_ns >= begin) & (r.torque_stamps_ns < end)
+        monitor.add_angles(r.angle_stamps_ns[angle], r.angle[angle])
+        monitor.add_torques(r.torque_stamps_ns[torque], r.torque[torque])
+        yield number * block_s, monitor.advance()
 
 
 @pytest.mark.parametrize("kind", ["needle_force", "friction", "sensor_gain", "encoder_slip", "bearing_bump", "stuck"])
@@ -32,6 +50,64 @@ def test_a_fault_is_found_and_named(kind: str) -> None:
     assert [alarm.kind for alarm in trend.alarms] == [EXPECTED[kind]]
     turn_ns = 2.0 * np.pi / 16.755 * 1e9
     assert 0.0 <= (trend.alarms[0].stamp_ns - onset) / turn_ns < 20.0
+
+
+def onset_turns(trend: Trend, recording: MillRecording, *onsets_s: float) -> list[float]:
+    """Turns from each onset until its alarm."""
+    since = np.array([alarm.stamp_ns - recording.torque_stamps_ns[0] for alarm in trend.alarms]) * 1e-9
+    return [float(away) for away in (since - np.array(onsets_s)) * SPEED["tufting"] / (2.0 * np.pi)]
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (("friction", 0.6), ("sensor_gain", 0.12)),
+        (("friction", 0.6), ("sensor_offset", -1.8)),
+        (("sensor_gain", 0.12), ("stuck", 1.0)),
+        (("encoder_slip", 0.03), ("needle_force", 0.2)),
+        (("noise", 2.0), ("friction", 1.2)),
+    ],
+)
+def test_a_fault_beside_one_that_stands_is_told_too(first: tuple[str, float], second: tuple[str, float]) -> None:
+    made = faulty(*first, 985, duration_s=62.0, onset_s=28.0, rate=250.0)
+    both = with_fault(made.recording, made.case, *second, 48.0)
+    trend = monitor_recording(readings_of(both), told_machine(made.case), _SETTINGS)
+    assert [alarm.kind for alarm in trend.alarms] == [EXPECTED[first[0]], EXPECTED[second[0]]]
+    assert all(0.0 <= turns < 20.0 for turns in onset_turns(trend, both, 28.0, 48.0))
+    told = trend.alarms[1].size
+    assert second[0] in ("stuck", "sensor_offset") or told == pytest.approx(second[1], rel=0.1)
+    assert second[0] != "sensor_offset" or told == pytest.approx(first[1] + second[1], rel=0.1)
+
+
+def test_a_fault_that_stands_is_told_once_and_goes_when_the_machine_is_as_learnt() -> None:
+    """Friction from 28 s on, which is put right at 70 s; a gain in between, put right at 60 s."""
+    made = faulty("", 0.0, 986, duration_s=112.0, rate=250.0)
+    worn = with_fault(made.recording, made.case, "friction", 0.6, 28.0, 70.0)
+    worn = with_fault(worn, made.case, "sensor_gain", 0.12, 45.0, 60.0)
+    monitor = Monitor(told_machine(made.case), _SETTINGS)
+    told, standing = [], {}
+    for second, trend in in_blocks(monitor, worn, 1.0):
+        told += [alarm.kind for alarm in trend.alarms]
+        standing[second] = monitor.watch.active
+    assert told == ["constant_torque", "sensor_gain"]
+    assert standing[44] == ("constant_torque",) and standing[59] == ("constant_torque", "sensor_gain")
+    assert standing[110] == ()
+
+
+@pytest.mark.parametrize("viscous_Nms", [0.0, 0.04])
+def test_an_alarm_at_another_speed_than_learnt_says_so(viscous_Nms: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A healthy machine whose file has no friction goes on at 0.7 and 0.5 of its speed, then at that learnt at."""
+    speed = SPEED["tufting"]
+    shares = ((0.0, 1.0), (30.0, 1.0), (33.0, 0.7), (48.0, 0.7), (51.0, 0.5), (66.0, 0.5), (70.0, 1.0), (80.0, 1.0))
+    plan = Plan([(time, share * speed) for time, share in shares], 0.4, [(1, 0.02, 0.3)])
+    monkeypatch.setattr(mill_recordings, "steady", lambda *_: plan)
+    case = replace(healthy("tufting", 987, run_up=False, duration_s=80.0), friction=Friction(viscous_Nms))
+    alarms = monitor_recording(readings_of(record(case)), told_machine(case), _SETTINGS).alarms
+    assert len(alarms) == (viscous_Nms > 0.0)
+    assert all("at another speed than learnt" in alarm.text and "learnt at 160)" in alarm.text for alarm in alarms)
+    fault = with_fault(record(case), case, "friction", 1.2, 72.0)
+    alarm = monitor_recording(readings_of(fault), told_machine(case), _SETTINGS).alarms[-1]
+    assert alarm.kind == "constant_torque" and "another speed" not in alarm.text
 
 
 def test_nothing_is_said_of_a_healthy_machine() -> None:
@@ -52,14 +128,7 @@ def test_live_in_small_blocks_finds_the_same_fault(encoder: str) -> None:
         machine = replace(machine, sensors=replace(sensors, encoder=told))
         r = replace(r, angle=factor * np.unwrap(r.angle))
     monitor = Monitor(machine, _SETTINGS)
-    alarms = []
-    edges = np.arange(r.angle_stamps_ns[0], r.angle_stamps_ns[-1], 500_000_000)
-    for begin, end in pairwise(edges.tolist()):
-        angle = (r.angle_stamps_ns >= begin) & (r.angle_stamps_ns < end)
-        torque = (r.torque_stamps_ns >= begin) & (r.torque_stamps_ns < end)
-        monitor.add_angles(r.angle_stamps_ns[angle], r.angle[angle])
-        monitor.add_torques(r.torque_stamps_ns[torque], r.torque[torque])
-        alarms += monitor.advance().alarms
+    alarms = [alarm for _, trend in in_blocks(monitor, r, 0.5) for alarm in trend.alarms]
     assert [alarm.kind for alarm in alarms] == ["load_force"]
     assert monitor.turns > 90
     assert monitor.watch.active == ("load_force",)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,15 +52,19 @@ def faulty(
     """A tufting machine at one speed with a fault of a kind and size; kind '' is healthy."""
     case = healthy("tufting", seed, run_up=False, duration_s=duration_s)
     if rate != 500.0:
-        from dataclasses import replace
-
         case = replace(case, encoder=replace(case.encoder, rate_hz=rate), torque=replace(case.torque, rate_hz=rate))
-    made = record(case)
-    rng = np.random.default_rng([seed, 99])
+    return Faulty(with_fault(record(case), case, kind, size, onset_s), case, onset_s)
+
+
+def with_fault(
+    made: MillRecording, case: Case, kind: str, size: float, onset_s: float, until_s: float = math.inf
+) -> MillRecording:
+    """A recording of a case with a fault more, from a time after its beginning on until another [s]."""
+    rng = np.random.default_rng([case.seed, 99])
     time = (made.torque_stamps_ns - made.torque_stamps_ns[0]) * 1e-9 + 0.0507
-    on = time > onset_s
+    on = (time > onset_s) & (time <= until_s)
     torque, stamps, angle = made.torque.copy(), made.torque_stamps_ns, made.angle.copy()
-    theta, omega, alpha = made.plan.at(np.clip(time, 0.0, duration_s))
+    theta, omega, alpha = made.plan.at(np.clip(time, 0.0, case.duration_s))
     true = torque_of(case, theta, omega, alpha)
     if kind == "needle_force":
         torque[on] += size * (true - _without_backing(case, theta, omega, alpha))[on]
@@ -78,13 +83,12 @@ def faulty(
         kept = ~on | (rng.random(time.size) > size)
         torque, stamps = torque[kept], stamps[kept]
     elif kind == "encoder_slip":
-        late = (made.angle_stamps_ns - made.angle_stamps_ns[0]) * 1e-9 + 0.05 > onset_s
-        angle[late] = np.mod(angle[late] + size, 2.0 * np.pi)
-    return Faulty(MillRecording(made.angle_stamps_ns, angle, stamps, torque, made.plan), case, onset_s)
+        late = (made.angle_stamps_ns - made.angle_stamps_ns[0]) * 1e-9 + 0.05
+        late_on = (late > onset_s) & (late <= until_s)
+        angle[late_on] = np.mod(angle[late_on] + size, 2.0 * np.pi)
+    return MillRecording(made.angle_stamps_ns, angle, stamps, torque, made.plan)
 
 
 def _without_backing(case: Case, theta: Floats, omega: Floats, alpha: Floats) -> Floats:
-    from dataclasses import replace
-
     bare = replace(case, backing=replace(case.backing, force_N=0.0))
     return torque_of(bare, theta, omega, alpha)

@@ -84,6 +84,26 @@ def test_torque_of_the_drive_does_its_work() -> None:
     assert np.trapezoid(torque, theta) == pytest.approx(energies.work_J[-1], rel=1e-5)
 
 
+@pytest.mark.parametrize("machine", [ttc.machines.needle_transfer(), picker(nominal_speed_rad_s=SPEED)])
+def test_the_equivalent_inertia_is_that_of_the_driven_element(machine: ContactMachine) -> None:
+    """J omega^2 / 2 is its kinetic energy by the slope of its place, J' omega^2 / 2 its torque at an even speed."""
+    speed, driven = machine.nominal_speed_rad_s, machine.driven.name
+    theta = np.linspace(0.0, 2.0 * math.pi, 4001)
+    names = ["equivalent_inertia_kgm2", "torque_inertial_Nm", "kinetic_energy_J"]
+    names += [f"{element}_velocity_m_s" for element in machine.elements]
+    found = ttc.compile(machine, outputs=[*names, f"{driven}_position_m"]).evaluate(theta, speed, 0.0)
+    inertia = found["equivalent_inertia_kgm2"]
+    moved = np.gradient(found[f"{driven}_position_m"], theta / speed)
+    own = 0.5 * machine.driven.mass_kg * moved**2
+    assert own.max() > 1e-2
+    np.testing.assert_allclose(0.5 * inertia * speed**2, own, atol=1e-4 * own.max())
+    bodies = sum(0.5 * body.mass_kg * found[f"{body.name}_velocity_m_s"] ** 2 for body in machine.bodies)
+    np.testing.assert_allclose(0.5 * inertia * speed**2 + bodies, found["kinetic_energy_J"], rtol=1e-12, atol=1e-15)
+    torque = found["torque_inertial_Nm"]
+    slope = np.gradient(inertia, theta)
+    np.testing.assert_allclose(0.5 * slope * speed**2, torque, atol=2e-3 * np.abs(torque).max())
+
+
 def test_file_and_python_declare_the_same(tmp_path: Path) -> None:
     machine = ttc.load_machine(EXAMPLE)
     ours = picker(

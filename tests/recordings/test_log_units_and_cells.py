@@ -145,6 +145,50 @@ def test_cells_without_a_number_are_told_with_their_line(tmp_path: Path, capsys:
     assert (len(bag.read_angles()), len(bag.read_torques())) == (N - 12, N)
 
 
+def with_thousands(value: float, decimals: int, sign: str, decimal_sign: str) -> str:
+    """A number as people group its digits."""
+    return f"{value:,.{decimals}f}".replace(",", "x").replace(".", decimal_sign).replace("x", sign)
+
+
+@pytest.mark.parametrize(
+    ("separator", "sign", "decimal_sign"),
+    [(";", ",", "."), (";", ".", ","), (",", ",", "."), ("\t", "'", "."), (";", " ", ","), (";", "\u202f", ",")],
+)
+def test_thousands_separators_are_read(separator: str, sign: str, decimal_sign: str, tmp_path: Path) -> None:
+    torque = 1000.0 * TORQUE - 1500.0
+    rows = [separator.join(("time_s", "angle_rad", "torque_Nm"))]
+    for numbers in zip(TIME, ANGLE, torque, strict=True):
+        cells = [with_thousands(x, places, sign, decimal_sign) for x, places in zip(numbers, (3, 9, 4), strict=True)]
+        rows.append(separator.join(f'"{cell}"' if separator in cell else cell for cell in cells))
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
+    bag = open_bag(tmp_path / "bag")
+    np.testing.assert_allclose(bag.read_angles().angles_rad, ANGLE, atol=1e-8)
+    np.testing.assert_allclose(bag.read_torques().torque_Nm, torque, atol=1e-4)
+
+
+@pytest.mark.parametrize("few", [True, False])
+def test_signs_that_may_be_decimal_ones_are_not_read(
+    few: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """'1,234' may be 1234 or 1.234, beside whole numbers as where all cells have such a sign."""
+    torque = np.where(np.arange(N) % 3, 1000.0, 100.0) * TORQUE
+    cells = [f"{m:,.0f}" if few else f"{1.0 + abs(m):.3f}".replace(".", ",") for m in torque]
+    rows = [f"{t:.3f};{a:.9f};{cell}" for t, a, cell in zip(TIME, ANGLE, cells, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s;angle_rad;torque_Nm", *rows]) + "\n")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == (0 if few else 2)
+    told = capsys.readouterr()
+    line, cell = next((k + 2, cell) for k, cell in enumerate(cells) if "," in cell)
+    assert f"line {line}: '{cell}': its sign may be one of thousands" in told.out + told.err
+    assert (tmp_path / "bag").exists() == few
+
+
+def test_a_separator_within_quotation_marks_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path / "log.csv", [f"{t:.3f}" for t in TIME], '"time, s","angle, shaft [rad]","torque, measured [Nm]"')
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
+    assert "column 'angle, shaft [rad]', rad" in capsys.readouterr().out
+
+
 def test_parquet_of_decimals_and_of_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "log.parquet"
     for torque in ([decimal.Decimal(f"{m:.9f}") for m in TORQUE], [f"{m:.9f}" for m in TORQUE]):

@@ -106,6 +106,44 @@ def test_recording_by_service(suite: Suite) -> None:
         assert open_bag(recording.with_name(name)).topics["/words"].count == count
 
 
+def test_every_recording_by_service_has_what_was_said_once(suite: Suite) -> None:
+    """Latched topics, whose publishers speak before a recording begins; of others what came before is not in it."""
+    recording = suite.folder / "run"
+    known = ("topics:=[robot_description, told, words]", "types:=[told=std_msgs/msg/String]")
+    recorder = suite.start("record_node", f"bag:={recording}", "start:=false", *known)
+    node = suite.node()
+    qos = {"robot_description": latched_qos(), "told": latched_qos(), "words": RELIABLE}
+
+    def ask(what: str) -> Any:
+        return suite.call(node, Trigger, f"record_node/{what}", Trigger.Request())
+
+    suite.spin_until(lambda: node.count_subscribers("told"), "recorder, before there is a publisher")
+    publishers = {topic: node.create_publisher(String, topic, each) for topic, each in qos.items()}
+
+    def say(text: str) -> None:
+        for publisher in publishers.values():
+            publisher.publish(String(data=text))
+            publisher.wait_for_all_acked()
+        suite.spin_for(0.5)  # taken by the recorder, too
+
+    for publisher in publishers.values():
+        suite.spin_until(publisher.get_subscription_count, "recorder")
+    say("first")
+    said = {"run": ["first"], "run_2": ["first"], "run_3": ["second", "third"]}
+    for name, texts in said.items():
+        if name == "run_3":
+            say("second")
+        assert ask("start").success
+        if name == "run_3":
+            say("third")
+        assert ask("stop").success, name
+        bag = open_bag(recording.with_name(name))
+        for topic in qos:
+            heard = [deserialize_message(raw, String).data for _, _, raw in bag.raw_messages([f"/{topic}"])]
+            assert heard == (texts if topic != "words" else texts[1:]), (name, topic)
+    assert recorder.end() == 0
+
+
 @pytest.mark.slow
 def test_a_place_that_is_taken_or_taken_away(suite: Suite) -> None:
     recording = suite.folder / "run"

@@ -14,6 +14,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.machine import ShaftPlace
+from textile_twin_core.mechanism import Crank, RRRDyad
 from textile_twin_core.synthesis.balancing import (
     balancing_spring,
     counterweights,
@@ -22,7 +23,7 @@ from textile_twin_core.synthesis.balancing import (
     shaking,
     speed_ripple,
 )
-from textile_twin_core.synthesis.turn import over_turn
+from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
 
 def harmonic(values: np.ndarray, order: int) -> float:
@@ -66,7 +67,7 @@ def test_shaking_force_is_what_the_ground_bears() -> None:
     machine = machines.tufting(gravity_m_s2=0.0, backing_force_N=0.0)
     names = ["reaction_O_x_N", "reaction_O_y_N", "reaction_C_x_N", "reaction_C_y_N", "reaction_guide_N"]
     speed = machine.nominal_speed_rad_s
-    felt = shaking(machine, speed, 90)
+    felt = shaking(machine, speed, shaft_angles(90))
     found = ttc.compile(machine, names, method="exact").evaluate(felt.theta_rad, np.full(90, speed), np.zeros(90))
     assert felt.x_N == pytest.approx(-(found[names[0]] + found[names[2]] + found[names[4]]), abs=1e-10)
     assert felt.y_N == pytest.approx(-(found[names[1]] + found[names[3]]), abs=1e-10)
@@ -176,6 +177,30 @@ def test_machine_that_needs_no_flywheel() -> None:
     assert found.ripple_before == speed_ripple(machine)
 
 
+def part_of_a_turn() -> ttc.Machine:
+    """A double rocker, which can close over parts of the turn alone."""
+    groups = (Crank("l1", "O", "A", 0.12), RRRDyad("l2", "l3", "A", "C", "B", (0.05, 0.11), branch="right"))
+    bodies = (Body("l1", 1.0, 1e-3), Body("l2", 0.5, 1e-4), Body("l3", 1.0, 1e-3))
+    points = {"O": (0.0, 0.0), "C": (0.1, 0.0), "G": (-0.3, -0.1)}
+    return ttc.Machine("part", points, groups, bodies, range_rad=(0.6, 1.5))
+
+
+def test_a_part_of_the_turn_is_balanced_over_that_part() -> None:
+    """What a least-squares fit leaves is at right angles to what it had: the cosine and sine of the crank's angle."""
+    machine = part_of_a_turn()
+    found = counterweights(machine)
+    assert 0.6 < found.theta_rad.min() < 0.602 and 1.498 < found.theta_rad.max() < 1.5
+    twin = ttc.compile(found.machine, ["torque_gravity_Nm"], method="exact")
+    after = twin.evaluate(found.theta_rad)["torque_gravity_Nm"]
+    assert np.sum(after**2) < 0.1 * np.sum(found.before**2)
+    for wave in (np.cos(found.theta_rad), np.sin(found.theta_rad)):
+        assert abs(after @ wave) < 1e-12 * np.abs(found.before).sum()
+    calmer = counterweights(machine, ["l1", "l3"], "shaking_force")
+    assert 0.0 < calmer.rms[1] < 0.5 * calmer.rms[0]
+    sprung = balancing_spring(machine, 0.1)
+    assert sprung.rms_share < 0.5 and np.isfinite(sprung.after_Nm).all()
+
+
 def test_what_cannot_be_balanced_is_said() -> None:
     with pytest.raises(MachineError, match="lacks masses"):
         counterweights(machines.elliptic_gear_beatup())
@@ -187,6 +212,9 @@ def test_what_cannot_be_balanced_is_said() -> None:
     for ripple, speed in ((1e-12, 16.76), (0.02, 1e-4)):
         with pytest.raises(SceneError, match="no flywheel up to"):
             flywheel(machines.tufting(), ripple, speed)
+    for needs_a_turn in (lambda m: flywheel(m, 0.02), opposed_linkages):
+        with pytest.raises(MachineError, match="does not turn fully"):
+            needs_a_turn(part_of_a_turn())
     with pytest.raises(SceneError, match="no point"):
         balancing_spring(machines.tufting(), ends=[("O", "Z")])
     with pytest.raises(SceneError, match="positive length"):

@@ -87,6 +87,21 @@ def test_reached_error_is_honest(machine: ttc.Machine, method: str, tolerance: f
     assert error >= 0.1 * max(twin.reached_error, 1e-15) or error < 1e-15
 
 
+@pytest.mark.parametrize("method", ["table", "auto"])
+def test_reached_error_asked_first_is_that_of_the_table(
+    machine: ttc.Machine, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    """Before enough samples were met for a compiled loop, blocks go by the closed forms: their error is none of it."""
+    monkeypatch.undo()  # with the thresholds of every day
+    monkeypatch.setattr(loop, "_MET", Counter())
+    twin = ttc.compile(machine, [TORQUE], method, 1e-3)
+    reached = twin.reached_error
+    theta = np.random.default_rng(12).uniform(0.0, 2.0 * math.pi, 200_000)
+    exact = ttc.compile(machine, [TORQUE], "exact").evaluate(theta, SPEED, 0.0)[TORQUE]
+    error = np.abs(twin.evaluate(theta, SPEED, 0.0)[TORQUE] - exact).max() / np.abs(exact).max()
+    assert 1e-5 < error <= reached <= 3e-3
+
+
 def test_nan_and_infinity_pass_through_a_table(machine: ttc.Machine) -> None:
     twin = ttc.compile(machine, [TORQUE], "table", 1e-9)
     r = twin.evaluate(np.array([0.5, math.nan, math.inf, 1.0]), SPEED, 0.0)[TORQUE]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
-from textile_twin_core.mechanism import CamFollower
+from textile_twin_core.mechanism import CamFollower, Crank, RRRDyad
 from textile_twin_core.mechanism.cam_follower import SecondRoller
 from textile_twin_core.mechanism.law_strokes import Stroke
 from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for, round_ticks, split_turns
@@ -94,6 +94,20 @@ def test_every_linkage_has_a_scene(name: str) -> None:
     scene = build_scene(machine)
     assert [part.name for part in scene.moving] == [link.name for link in machine.links]
     assert scene.fixed_points
+    for part in scene.moving:
+        assert volume(part.solid) > 0.0
+        assert np.isfinite(part.solid.vertices).all()
+
+
+def test_a_part_of_the_turn_has_a_scene_of_its_own() -> None:
+    """The linkage cannot close elsewhere: A goes about O and B about C, as far as the crank goes within the range."""
+    groups = (Crank("l1", "O", "A", 0.12), RRRDyad("l2", "l3", "A", "C", "B", (0.05, 0.11), branch="right"))
+    machine = ttc.Machine("part", {"O": (0.0, 0.0), "C": (0.1, 0.0)}, groups, range_rad=(0.6, 1.5))
+    scene = build_scene(machine)
+    assert set(scene.paths) == {"A", "B"} and set(scene.fixed_points) == {"O", "C"}
+    angles = np.arctan2(*scene.paths["A"].T[::-1])
+    assert (angles.min(), angles.max()) == (pytest.approx(0.6, abs=0.003), pytest.approx(1.5, abs=0.003))
+    np.testing.assert_allclose(np.hypot(*(scene.paths["B"] - (0.1, 0.0)).T), 0.11, rtol=1e-13)
     for part in scene.moving:
         assert volume(part.solid) > 0.0
         assert np.isfinite(part.solid.vertices).all()

@@ -9,6 +9,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import add_outputs, check_out, print_rows, write_json
+from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Calibration, Estimate, Readings, calibrate
@@ -53,7 +54,8 @@ def run(arguments: argparse.Namespace) -> None:
         _settle_wheel(arguments, machine, readings)
         return
 
-    found = calibrate(readings, machine)
+    with stages(len(angles)) as stage:
+        found = calibrate(readings, machine, lambda what, until: stage(what, until, 1))
     write_json(arguments, machine, found.to_json())
     if found.angle_unit != "radians":
         raise UsageError(
@@ -68,7 +70,9 @@ def _settle_wheel(arguments: argparse.Namespace, machine: Machine, readings: Rea
     """Pitch errors and inertia from the speed under the measured torque."""
     if not machine.sensors.encoder.teeth:
         raise UsageError("--wheel: this machine's encoder has no teeth")
-    driven = driven_speed(readings, machine)
+    with stages(readings.angle.size) as stage:
+        stage("settling", 1.0, 1)
+        driven = driven_speed(readings, machine)
     write_json(arguments, machine, driven.to_json())
     save_machine_file(driven.machine, arguments.out)
     print_rows(driven_rows(driven))

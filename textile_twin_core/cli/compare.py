@@ -133,7 +133,16 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
 
 
 def _write(partial: dict[str, Path], comparison: Comparison, machine: Machine, arguments: argparse.Namespace) -> None:
-    if "json" in partial:
+    with stages(comparison.stamps_ns.size if partial else 0) as stage:
+        done = stage("writing", 1.0, len(partial))
+        for form, path in partial.items():
+            _write_form(form, path, comparison, machine, arguments)
+            if done is not None:
+                done(1)
+
+
+def _write_form(form: str, path: Path, comparison: Comparison, machine: Machine, arguments: argparse.Namespace) -> None:
+    if form == "json":
         about = {
             "bag": str(arguments.bag),
             "machine": machine.name,
@@ -141,17 +150,17 @@ def _write(partial: dict[str, Path], comparison: Comparison, machine: Machine, a
             "shaft": arguments.shaft,
         }
         text = json.dumps({**about, **comparison.to_json()}, indent=1, allow_nan=False)
-        partial["json"].write_text(text + "\n", encoding="utf-8")
-    if "rrd" in partial:
+        path.write_text(text + "\n", encoding="utf-8")
+    elif form == "rrd":
         from textile_twin_core.views import write_comparison_recording
 
-        write_comparison_recording(partial["rrd"], comparison, machine, title=arguments.bag.name)
-    if "html" in partial:
-        _write_report(partial["html"], comparison, machine, arguments)
-    if "png" in partial:
+        write_comparison_recording(path, comparison, machine, title=arguments.bag.name)
+    elif form == "html":
+        _write_report(path, comparison, machine, arguments)
+    else:
         from textile_twin_core.views import plot_comparison
 
-        plot_comparison(partial["png"], comparison, machine)
+        plot_comparison(path, comparison, machine)
 
 
 def _write_report(path: Path, comparison: Comparison, machine: Machine, arguments: argparse.Namespace) -> None:

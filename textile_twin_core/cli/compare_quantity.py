@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from textile_twin_core.cli.mistakes import UsageError, nearest
 from textile_twin_core.cli.outputs import print_rows, write_json
+from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_angles, read_samples, readings_of, tell_unit
 from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
 from textile_twin_core.comparison.quantity import QuantityComparison, Trace, compare_quantity, shown_unit
@@ -34,7 +36,8 @@ def run(arguments: argparse.Namespace, machine: Machine, limits: Iterable[str] =
             raise UsageError("--png shows a quantity over the shaft angle; with --quantity speed give --json")
         _, angles, measured = read_samples(arguments, machine)
         tell_unit(angles)
-        driven = driven_speed(readings_of(angles, measured), machine)
+        with _bar(len(angles)):
+            driven = driven_speed(readings_of(angles, measured), machine)
         rows, told = driven_rows(driven), driven.to_json()
     else:
         found = _compared(arguments, machine)
@@ -52,7 +55,16 @@ def _compared(arguments: argparse.Namespace, machine: Machine) -> QuantityCompar
     if arguments.quantity not in machine.outputs:
         known = nearest(arguments.quantity, machine.outputs)
         raise UsageError(f"--quantity {arguments.quantity}: no such output; {known}")
-    return compare_quantity(_trace(arguments, machine), machine, arguments.quantity)
+    trace = _trace(arguments, machine)
+    with _bar(trace.angle_rad.size):
+        return compare_quantity(trace, machine, arguments.quantity)
+
+
+@contextmanager
+def _bar(samples: int) -> Iterator[None]:
+    with stages(samples) as stage:
+        stage("comparing", 1.0, 1)
+        yield
 
 
 def _trace(arguments: argparse.Namespace, machine: Machine) -> Trace:

@@ -9,6 +9,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import add_outputs, check_out, print_rows, write_json
+from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Identification, identify, with_table
@@ -49,7 +50,8 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError("--table writes a load over one turn: leave it out, --json has the table over the whole cycle")
     check_out(arguments)
     _, angles, measured = read_samples(arguments, machine)
-    found = identify(readings_of(angles, measured), machine)
+    with stages(len(angles)) as stage:
+        found = identify(readings_of(angles, measured), machine, lambda what, until: stage(what, until, 1))
     write_json(arguments, machine, found.to_json())
     if arguments.out is not None:
         written = with_table(found.machine, found.unmodelled) if arguments.table else found.machine

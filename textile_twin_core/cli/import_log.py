@@ -10,6 +10,7 @@ from pathlib import Path
 from textile_twin_core.cli.arguments import Parser, factor, number, positive
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
+from textile_twin_core.cli.progress import aside, stages
 from textile_twin_core.recordings import BagWriter
 from textile_twin_core.recordings.log_columns import choose
 from textile_twin_core.recordings.log_import import RawChannels, Wishes, import_log
@@ -21,6 +22,11 @@ _KINDS = {
     "torque": "N m, N cm, N mm, kN m, lbf ft, ..",
     "speed": "rpm, rad/s, deg/s, rev/s",
 }
+
+_READ = 0.3
+"""Share of all work at which the table is read."""
+_LIKE_A_SAMPLE = 1000
+"""Bytes of a log that take as long as a sample of a recording does elsewhere."""
 
 
 def parser() -> Parser:
@@ -71,7 +77,6 @@ def run(arguments: argparse.Namespace) -> None:
     _refuse_what_does_nothing(arguments)
     quantities = dict(_pair("quantity", text) for text in arguments.quantity)
     separator = "\t" if arguments.separator == "tab" else arguments.separator
-    columns = read_log(arguments.log, separator, arguments.decimal, arguments.table, _note)
     wishes = Wishes(
         columns={kind: name for kind in _KINDS if (name := getattr(arguments, kind)) is not None},
         units={kind: unit for kind in (*_KINDS, "quantity") if (unit := getattr(arguments, f"{kind}_unit"))},
@@ -81,9 +86,14 @@ def run(arguments: argparse.Namespace) -> None:
         raw=_raw(arguments),
     )
     ask = _ask if sys.stdin.isatty() and sys.stdout.isatty() else None
-    with BagWriter(arguments.out, {"imported_from": arguments.log.name}, overwrite=arguments.force) as out:
-        taken = import_log(columns, out, wishes, ask)
-        counts = out.counts
+    with stages(_size(arguments.log) // _LIKE_A_SAMPLE) as stage:
+        stage("reading", _READ, 1)
+        columns = read_log(arguments.log, separator, arguments.decimal, arguments.table, _note)
+        rows = len(next(iter(columns.values())))
+        done = stage("writing", 1.0, rows * (2 + len(quantities)))
+        with BagWriter(arguments.out, {"imported_from": arguments.log.name}, overwrite=arguments.force) as out:
+            taken = import_log(columns, out, wishes, ask, done or _uncounted)
+            counts = out.counts
     for kind, text in taken.items():
         print(f"{kind:7} {text}")
     if "torque" not in taken and not quantities:
@@ -94,8 +104,18 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"{topic}  {count} messages")
 
 
+def _size(path: Path) -> int:
+    """Bytes of a file; 0 where there is none, which is told when it is read."""
+    return path.stat().st_size if path.is_file() else 0
+
+
+def _uncounted(_rows: int) -> None:
+    """No bar."""
+
+
 def _note(text: str) -> None:
-    print(f"note    {text}")
+    with aside():
+        print(f"note    {text}", flush=True)
 
 
 def _refuse_what_does_nothing(arguments: argparse.Namespace) -> None:
@@ -118,6 +138,11 @@ def _refuse_what_does_nothing(arguments: argparse.Namespace) -> None:
 
 def _ask(kind: str, names: list[str]) -> str:
     """Ask which column is meant; an empty answer is none."""
+    with aside():
+        return _answer(kind, names)
+
+
+def _answer(kind: str, names: list[str]) -> str:
     print(f"Which column is the {kind}?")
     for k, name in enumerate(names, 1):
         print(f"  {k}  {name}")

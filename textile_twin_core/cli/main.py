@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
 
-from textile_twin_core.cli.mistakes import BeyondLimitError, nearest
+from textile_twin_core.cli.mistakes import BeyondLimitError, nearest, tell
 from textile_twin_core.errors import TwinError
 
 COMMANDS = {
@@ -111,5 +111,5 @@ def _run(given: list[str]) -> int:
 
 
 def _say(text: str, code: int) -> int:
-    print("textile-twin: " + " ".join(text.split()), file=sys.stderr)
+    tell(text)
     return code

@@ -1,7 +1,8 @@
-"""Mistakes on the command line, and the nearest words that would be right."""
+"""Mistakes on the command line, the nearest words that would be right, and what a person is to be told."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from difflib import get_close_matches
 
@@ -16,6 +17,12 @@ class UsageError(TwinError):
 
 class BeyondLimitError(TwinError):
     """The work is done, and a result lies beyond a limit that was given: exit code 3, for scripts."""
+
+
+def tell(*notices: str) -> None:
+    """Each notice as one line on stderr, beside what the command gives."""
+    for notice in notices:
+        print("textile-twin: " + " ".join(notice.split()), file=sys.stderr)
 
 
 def nearest(given: str, known: Iterable[str]) -> str:

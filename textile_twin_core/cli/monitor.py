@@ -12,11 +12,11 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording_t
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.places import check_ending
-from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.progress import on_terminal, stages
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.files import staged
-from textile_twin_core.recordings.monitored import Job, Watched, names_of, trend_table, watch_bags
+from textile_twin_core.recordings.monitored import Job, Watched, names_of, samples_of, trend_table, watch_bags
 
 _MOST_NAMED = 5
 """Recordings that could not be watched of which the error speaks by name."""
@@ -60,12 +60,7 @@ def run(arguments: argparse.Namespace) -> None:
     topics = (arguments.angle_topic, arguments.torque_topic, arguments.joint, arguments.skip_bad_samples)
     sensors = (arguments.index_topic, arguments.torque_unit, arguments.angle_unit_rad)
     jobs = [Job(bag.resolve(), machine, settings, *topics, *sensors) for bag in bags]
-    watched = []
-    with progress(len(jobs), "watching", " recordings", long=2) as done:
-        for each in watch_bags(jobs, arguments.workers, arguments.dask):
-            watched.append(each)
-            if done is not None:
-                done(1)
+    watched = _watch(jobs, arguments)
     watched.sort(key=lambda each: str(each.bag))
     for name, each in zip(names_of(watched), watched, strict=True):
         _tell(name, each)
@@ -96,6 +91,28 @@ def _recordings(given: list[Path]) -> list[Path]:
         # A folder of files alone is one recording that has lost its metadata.
         found += sorted(folders + files) if folders else [path]
     return list({path.resolve(): path for path in found}.values())  # each once, however often it is named
+
+
+def _watch(jobs: list[Job], arguments: argparse.Namespace) -> list[Watched]:
+    """All recordings watched, in the order in which they were ready."""
+    samples = {job.bag: samples_of(job) for job in jobs} if on_terminal() else {}
+    watched: list[Watched] = []
+    total = 2 * sum(samples.values())  # each is taken, and watched when all are there
+    with stages(total) as stage:
+        done = stage("watching", 1.0, total)
+        counted = over = 0
+
+        def count(units: int) -> None:
+            nonlocal counted
+            counted += units
+            if done is not None:
+                done(units)
+
+        for each in watch_bags(jobs, arguments.workers, arguments.dask, count):
+            watched.append(each)
+            over += 2 * samples.get(each.bag, 0)
+            count(over - counted)  # other processes count nothing, nor does what could not be watched to its end
+    return watched
 
 
 def _tell(name: str, watched: Watched) -> None:

@@ -10,10 +10,16 @@ from typing import TYPE_CHECKING, Never
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-_LONG = 50_000
+_LONG = 5_000
+"""Samples that take about two seconds on a slow computer."""
 _PARTS = 1000
 Stage = Callable[[str, float, int], "Callable[[int], object] | None"]
 """Begins a stage: its name, the share of all work at which it ends, its units; what counts units as they are done."""
+
+
+def on_terminal() -> bool:
+    """Whether there is somebody to show a bar to."""
+    return sys.stderr.isatty()
 
 
 @contextmanager
@@ -21,7 +27,7 @@ def progress(
     total: int, what: str, unit: str = " samples", long: int = _LONG
 ) -> Iterator[Callable[[int], object] | None]:
     """A function to call with the number of units just done; None when no bar is shown, as below `long` units."""
-    if total < long or not sys.stderr.isatty():
+    if total < long or not on_terminal():
         yield None
         return
     from tqdm import tqdm
@@ -33,13 +39,27 @@ def progress(
 @contextmanager
 def stages(total: int) -> Iterator[Stage]:
     """One bar over stages of different kinds: a function to call as each begins; no bar below `_LONG` samples."""
-    if total < _LONG or not sys.stderr.isatty():
+    if total < _LONG or not on_terminal():
         yield lambda *_: None
         return
     from tqdm import tqdm
 
-    with tqdm(total=_PARTS, leave=False, bar_format="{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}]") as bar:
+    # Not before its first stage has a name, and from then on with every part that is done.
+    form = "{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}]"
+    with tqdm(total=_PARTS, leave=False, bar_format=form, delay=1e-9, mininterval=0.0, miniters=1) as bar:
         yield _Stages(bar).begin
+
+
+@contextmanager
+def aside() -> Iterator[None]:
+    """Bars give way to words, or to a question, on the same terminal, and come back after them."""
+    if not on_terminal():
+        yield
+        return
+    from tqdm import tqdm
+
+    with tqdm.external_write_mode(sys.stderr):
+        yield
 
 
 class _Stages:
@@ -53,7 +73,7 @@ class _Stages:
         """Begin a stage; the one before is over."""
         self._move_to(self._to)
         self._from, self._to, self._total, self._done = self._to, until, total, 0
-        self._bar.set_description(what)
+        self._bar.set_description_str(what)
         return self._count
 
     def _count(self, units: int) -> None:

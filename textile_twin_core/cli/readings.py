@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
+from textile_twin_core.cli.mistakes import tell
 from textile_twin_core.comparison import Readings
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import open_bag
@@ -19,8 +19,7 @@ def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag
     Raises RecordingError, and SceneError for edges that this machine's encoder cannot count.
     """
     bag = open_bag(arguments.bag)
-    for notice in bag.notices:
-        print(f"textile-twin: {notice}", file=sys.stderr)
+    tell(*bag.notices)
     angles = usable_angles(
         bag,
         machine.sensors.encoder,
@@ -30,18 +29,13 @@ def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag
         arguments.index_topic,
         arguments.angle_unit_rad,
     )
-    _tell(clock_notes(angles))
+    tell(*clock_notes(angles))
     return bag, angles
 
 
 def tell_unit(angles: AngleSamples) -> None:
     """Say where recorded angles look like another unit than radians, for commands that no torque tells."""
-    _tell(unit_notes(angles))
-
-
-def _tell(notes: list[str]) -> None:
-    for note in notes:
-        print(f"textile-twin: {note}", file=sys.stderr)
+    tell(*unit_notes(angles))
 
 
 def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:
@@ -50,7 +44,7 @@ def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Ba
     topic = beside(bag, angles.topic, arguments.torque_topic)
     measured = bag.read_torques(topic, arguments.joint, unit_Nm=arguments.torque_unit)
     measured = usable_torques(measured, arguments.skip_bad_samples)
-    _tell(clock_notes(measured))
+    tell(*clock_notes(measured))
     return bag, angles, measured
 
 

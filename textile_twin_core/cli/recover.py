@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser
+from textile_twin_core.cli.mistakes import tell
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import BagWriter, open_bag
@@ -29,8 +29,7 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Copy what is there."""
     bag = open_bag(arguments.bag, salvage=True)
-    for notice in bag.notices:
-        print(f"textile-twin: {notice}", file=sys.stderr)
+    tell(*bag.notices)
     if bag.message_count == 0:
         raise RecordingError(f"{arguments.bag}: no message can be read; nothing to recover")
     with (

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, shaft_settings
 from textile_twin_core.cli.drawn import write_drawn
-from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
@@ -55,8 +54,7 @@ def _write_view(arguments: argparse.Namespace, machine: AnyMachine) -> None:
 
 def _write_bag(arguments: argparse.Namespace, machine: AnyMachine) -> None:
     bag = open_bag(arguments.bag)
-    for notice in bag.notices:
-        print(f"textile-twin: {notice}", file=sys.stderr)
+    tell(*bag.notices)
     total = bag.find_topic(arguments.angle_topic).count
     origin = {**bag.metadata, "replayed_from": arguments.bag.name, "machine": machine.name, "shaft": arguments.shaft}
     with (
@@ -78,8 +76,7 @@ def _write_bag(arguments: argparse.Namespace, machine: AnyMachine) -> None:
             progress=done,
             **shaft_settings(arguments),
         )
-    for note in replay.notes:
-        print(f"textile-twin: {note}", file=sys.stderr)
+    tell(*replay.notes)
     print(f"shaft: {replay.report.text()}")
     width = max(map(len, replay.counts))
     for topic, messages in replay.counts.items():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from itertools import groupby
 from pathlib import Path
 
@@ -12,10 +11,10 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.cli.arguments import Parser, add_machine, count, positive, shaft_speed
-from textile_twin_core.cli.mistakes import UsageError, nearest
+from textile_twin_core.cli.mistakes import UsageError, nearest, tell
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.places import check_ending, keep_input
-from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.progress import progress, stages
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import SceneError
 from textile_twin_core.files import MotionTable, check_folder, read_motion_table, staged, write_table
@@ -26,6 +25,8 @@ from textile_twin_core.twin import compile_machine
 _MOST_EVENTS = 40
 _BOUNCES = ("impact", "rest")
 _SUFFIXES = (".csv", ".parquet", ".mcap")
+_COMPUTED = 0.6
+"""Share of all work at which the outputs are there."""
 
 
 def parser() -> Parser:
@@ -67,41 +68,43 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Simulate and write the table or recording, or the picture, or both."""
-    if arguments.png is not None:
-        _draw(arguments)
-    if arguments.out is None:
-        if arguments.png is None:
-            raise UsageError("nothing to write: give --out for a table or recording, or --png for a picture")
-        return
+    if arguments.out is None and arguments.png is None:
+        raise UsageError("nothing to write: give --out for a table or recording, or --png for a picture")
+    check_ending("--png", arguments.png, ".png")
     check_ending("--out", arguments.out, *_SUFFIXES)
     keep_input("--out", arguments.out, arguments.input)
     machine = load_machine(arguments.machine, arguments.set)
+    if arguments.png is not None:
+        _draw(arguments, machine)
+    if arguments.out is None:
+        return
     names = _outputs(machine, arguments.outputs)
 
     check_folder(arguments.out)
     motion = _motion(arguments)
-    values, events = _evaluate(arguments, machine, names, motion)
-    if arguments.out.suffix == ".mcap":
-        from textile_twin_core.recordings.simulated_bag import write_simulated_bag
+    with stages(len(motion)) as stage:
+        stage("computing", _COMPUTED, 1)
+        values, events = _evaluate(arguments, machine, names, motion)
+        done = stage("writing", 1.0, len(motion))
+        if arguments.out.suffix == ".mcap":
+            from textile_twin_core.recordings.simulated_bag import write_simulated_bag
 
-        write_simulated_bag(arguments.out, machine, motion, values)
-    else:
-        with progress(len(motion), "writing") as done:
+            write_simulated_bag(arguments.out, machine, motion, values)
+        else:
             write_table(arguments.out, motion.columns() | values, done)
+    _tell_gaps(machine, motion, values)
     print(f"{arguments.out}: {len(motion)} samples of {len(names)} outputs")
     if events:
         _print_events(events)
 
 
-def _draw(arguments: argparse.Namespace) -> None:
+def _draw(arguments: argparse.Namespace, machine: AnyMachine) -> None:
     """The picture of the machine."""
-    if arguments.png.suffix != ".png":
-        raise UsageError(f"--png {arguments.png}: must end in .png")
     from textile_twin_core.views import plot_machine
 
-    with staged(arguments.png) as partial:
-        plot_machine(partial, load_machine(arguments.machine, arguments.set), rpm=arguments.rpm)
-    print(f"{arguments.png}: {arguments.machine} over one turn")
+    with staged(arguments.png) as partial, progress(1, "drawing", " pictures", long=1):
+        plot_machine(partial, machine, rpm=arguments.rpm)
+    print(f"{arguments.png}: {arguments.machine}")
 
 
 def _evaluate(
@@ -113,6 +116,17 @@ def _evaluate(
     columns = (motion.theta_rad, motion.omega_rad_s, motion.alpha_rad_s2)
     found = twin.evaluate(*columns, time=motion.time_s)
     return {name: found[name] for name in names}, list(twin.events)
+
+
+def _tell_gaps(machine: AnyMachine, motion: MotionTable, values: dict[str, FloatArray]) -> None:
+    """Tell where outputs are NaN: beyond the part of the turn that is declared, or at a change point."""
+    missing = np.flatnonzero(np.any([np.isnan(column) for column in values.values()], axis=0))
+    if missing.size:
+        tell(
+            f"{missing.size} of {len(motion)} samples are nan, the first at a shaft angle of"
+            f" {math.degrees(motion.theta_rad[missing[0]]):.4f} deg: there machine '{machine.name}' cannot close, or"
+            " its motion is not determined"
+        )
 
 
 def _print_events(events: list[ContactEvent]) -> None:
@@ -154,10 +168,9 @@ def _motion(arguments: argparse.Namespace) -> MotionTable:
         motion = read_motion_table(arguments.input)
         if looks_like_degrees(motion.theta_rad):
             low, high = motion.theta_rad.min(), motion.theta_rad.max()
-            print(
-                f"textile-twin: {arguments.input}: theta_rad runs from {low:g} to {high:g}: are these degrees? They are"
-                " taken for radians",
-                file=sys.stderr,
+            tell(
+                f"{arguments.input}: theta_rad runs from {low:g} to {high:g}: are these degrees? They are"
+                " taken for radians"
             )
         return motion
     if arguments.rpm is None or arguments.samples is None:

@@ -18,6 +18,7 @@ from textile_twin_core.comparison.rest import rest_reading
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings
 from textile_twin_core.comparison.shaft_track import TURN
+from textile_twin_core.comparison.stage import Begin, unheard
 from textile_twin_core.comparison.torque_units import nearest_gain
 from textile_twin_core.comparison.uncertainty import Estimate, estimates
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
@@ -32,6 +33,9 @@ _LEAST_LOAD, _SIGMAS = 0.01, 4.0
 
 _MOST_LEFT = 0.5
 """Share of the RMS error that an encoder or a sensor turned round may leave at most: else it explains nothing."""
+_JUDGED = 0.8
+"""Share of all work at which the verdict is there."""
+_FREE_REST = "a few seconds with the shaft at rest, the machine unclamped"
 
 
 @dataclass(frozen=True)
@@ -103,15 +107,18 @@ class Calibration:
         return out
 
 
-def calibrate(readings: Readings, machine: Machine) -> Calibration:
+def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> Calibration:
     """Settle direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque sensor.
 
     Discrete settings are those of the likeliest hypothesis (see `search`), continuous ones are fitted to all samples,
     with what else departs (loads, friction) fitted beside them. Intervals are by `uncertainty_by_turns`.
+    `begin` hears of each stage.
 
     Raises RecordingError when the recording tells nothing, is of another machine, or what it asks for explains no more.
     """
+    begin("judging", _JUDGED)
     assessment = assess(readings, machine)
+    begin("settling", 1.0)
     found = assessment.explanation
     if found is None:
         raise RecordingError("; ".join(assessment.notes))
@@ -149,7 +156,7 @@ def calibrate(readings: Readings, machine: Machine) -> Calibration:
         gain=gain,
         offset_Nm=offset,
         delay_s=delay,
-        ambiguous=tuple(_ambiguous(assessment, found, fit, abs(turned), told)),
+        ambiguous=tuple(_ambiguous(assessment, found, fit, abs(turned), told, offset)),
         rms_before_Nm=before,
         rms_after_Nm=after,
         rms_beside_Nm=fit.rms,
@@ -180,13 +187,18 @@ def _with_rest(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, Estim
     """The fit with the torque sensor's offset as the shaft at rest shows it, and that offset where there is one.
 
     It counts by its sigma: what is too small to accuse anybody of is an offset all the same, which left out reads as
-    friction. A shaft held at rest shows a torque that is gone while it turns, or whose friction would help it on.
+    friction. What is not significant leaves the offset as configured, and known by the rest. A shaft held at rest shows
+    a torque that is gone while it turns, or whose friction would help it on: of that none is the sensor's.
     """
     if found.offset_at_rest is not None or not found.rest_tells or "constant_Nm" not in fit.free:
         return fit, found.offset_at_rest
     settings, turning = fit.settings, estimates(fit)["constant_Nm"]
     shown = rest_reading(found.evidence, settings)
-    if shown is None or not (_significant(shown) and _significant(turning)):
+    if shown is None:
+        return fit, None
+    if not _significant(shown):
+        return fit, _kept(settings.offset_Nm, shown.scaled(1.0, settings.offset_Nm))
+    if not _significant(turning):
         return fit, None
     way = float(np.sign(settings.direction * found.evidence.working_speed()))
     friction = settings.constant_Nm - shown.value * way / settings.gain
@@ -196,6 +208,12 @@ def _with_rest(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, Estim
     start = replace(settings, constant_Nm=friction, offset_Nm=settings.offset_Nm + shown.value)
     fit = fit_settings(found.evidence.thinned(ALL_SAMPLES), start, fit.free)
     return fit, shown.scaled(1.0, settings.offset_Nm)
+
+
+def _kept(value: float, shown: Estimate) -> Estimate:
+    """A value that is kept beside what was shown instead: how far off it may be, and the interval of both."""
+    low, high = shown.interval95
+    return Estimate(value, math.hypot(shown.sigma, shown.value - value), (min(low, value), max(high, value)))
 
 
 def _significant(estimate: Estimate) -> bool:
@@ -228,7 +246,7 @@ def _beside_loads(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, bo
 
 
 def _ambiguous(
-    assessment: Assessment, found: Explanation, fit: SettingsFit, ratio: float, told: bool
+    assessment: Assessment, found: Explanation, fit: SettingsFit, ratio: float, told: bool, offset: Estimate
 ) -> list[Ambiguity]:
     ambiguous = []
     if found.one_speed:
@@ -245,7 +263,16 @@ def _ambiguous(
             Ambiguity(
                 ("torque.offset_Nm", "shaft_coulomb_Nm"),
                 "while the shaft turns one way, an offset of the torque sensor looks like dry friction",
-                "a few seconds with the shaft at rest, the machine unclamped",
+                _FREE_REST,
+            )
+        )
+    elif not math.isfinite(offset.sigma):
+        ambiguous.append(
+            Ambiguity(
+                ("torque.offset_Nm", "shaft_coulomb_Nm"),
+                "the torque at rest does not go with that of the turning shaft, as where a brake holds it: no offset of"
+                " the torque sensor was taken from it",
+                _FREE_REST,
             )
         )
     if not told:

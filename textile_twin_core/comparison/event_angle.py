@@ -54,7 +54,7 @@ def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: 
 
     Args:
         beside: samples near the event. scale: standard deviation of the noise.
-        about_rad, reach_rad: shifts within the reach of this one are looked at.
+        about_rad, reach_rad: shifts within the reach of this one are looked at, 200 to a side.
     """
     shifts = about_rad + np.linspace(-reach_rad, reach_rad, 401)
     best: tuple[float, FloatArray, float, bool] | None = None
@@ -73,10 +73,13 @@ def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: 
     mass = masses[True] + masses[False]
     mass /= mass.sum()
     mean = float(mass @ shifts)
-    spread = float(np.sqrt(mass @ (shifts - mean) ** 2))
-    reached = np.cumsum(mass)
-    low, high = (float(np.interp(share, reached, shifts)) for share in (0.025, 0.975))
-    return EventAngle(Estimate(mean, spread, (low, high)), best[2], best[3])
+    # A shift stands for all within half a step of it, or a posterior narrower than the step had no width.
+    step = float(shifts[1] - shifts[0])
+    sigma = float(np.sqrt(mass @ (shifts - mean) ** 2 + step**2 / 12.0))
+    edges = shifts[0] + step * (np.arange(shifts.size + 1) - 0.5)
+    reached = np.concatenate(([0.0], np.cumsum(mass)))
+    low, high = (float(np.interp(share, reached, edges)) for share in (0.025, 0.975))
+    return EventAngle(Estimate(mean, sigma, (low, high)), best[2], best[3])
 
 
 def _log_likelihoods(beside: BesideEvent, shifts: FloatArray, spread: float, scale: float, steep: bool) -> FloatArray:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.evidence import Settings
 from textile_twin_core.comparison.shaft_track import TURN
@@ -46,6 +47,16 @@ class TurnFeatures:
     stuck: FloatArray
     normal: FloatArray
     right: FloatArray
+
+    def where(self, kept: BoolArray | slice) -> TurnFeatures:
+        """Some of the turns."""
+        return TurnFeatures(**{name: getattr(self, name)[kept] for name in self.__dataclass_fields__})
+
+    @staticmethod
+    def joined(turns: Sequence[TurnFeatures]) -> TurnFeatures:
+        """Turns one after the other."""
+        names = TurnFeatures.__dataclass_fields__
+        return TurnFeatures(**{name: np.concatenate([getattr(each, name) for each in turns]) for name in names})
 
 
 def turn_features(

@@ -8,26 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.comparison.fault_signatures import BINS, KINDS, TurnFeatures
+from textile_twin_core.comparison.fault_band import SERIES as SERIES
+from textile_twin_core.comparison.fault_band import Band, Departure, band_of
+from textile_twin_core.comparison.fault_naming import OF_SAMPLES, SIDE, is_held, named, told, worth_telling
+from textile_twin_core.comparison.fault_signatures import TurnFeatures
 
-SERIES = (*KINDS, "noise", "profile", "dropout", "stuck")
-"""What is watched, turn by turn."""
-SIDE = {
-    "load_force": "needle",
-    "constant_torque": "drive",
-    "sensor_offset": "sensor",
-    "sensor_gain": "sensor",
-    "phase": "sensor",
-    "noise": "sensor",
-    "profile": "drive",
-    "dropout": "sensor",
-    "stuck": "sensor",
-}
-_ONE_SIDED = np.array([name not in KINDS for name in SERIES])
-_MOST = 0.6
-"""Share of what is new that one explanation must take to be named."""
-_FAR = 8.0
-"""Scatters from the median beyond which a turn that is learnt from counts no more than there."""
+_GROWN, _TURNED = 2.0, 0.5
+"""Times its size at which a fault that stands is told again, and so many times the other way."""
+_ALIKE = 4.0
+"""Standard deviations that the halves of some turns may differ by, to be alike."""
+_MOST_KNOWN = 8
+"""Bands that are kept while alarms stand."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +27,11 @@ class WatchSettings:
 
     Attributes:
         learn_turns: turns from which the machine's own band is learnt.
-        memory_turns: turns over which the moving mean looks back (exponentially weighted; Roberts 1959).
+        memory_turns: turns over which the moving mean looks back.
         raise_sigmas, clear_sigmas: an alarm comes above the one and goes below the other.
         clear_turns: turns in a row below, until it goes.
         evidence_turns: turns that are looked at before a fault is named.
+        settle_turns: turns alike after an alarm, from which on others are held against what holds since.
         least_share: smallest change of load, gain and of torques (share of the torque's size) worth an alarm.
         least_phase_rad: smallest slip of the angle worth one.
     """
@@ -50,6 +42,7 @@ class WatchSettings:
     clear_sigmas: float = 4.0
     clear_turns: int = 10
     evidence_turns: int = 4
+    settle_turns: int = 12
     least_share: float = 0.01
     least_phase_rad: float = 0.003
 
@@ -76,6 +69,9 @@ class Alarm:
 class FaultWatch:
     """Takes turns in order; learns first, then watches. State lives between the calls.
 
+    The first evidence names a fault; what follows from it is not another. So once an alarm stands, turns are held
+    against what holds since then; it goes when the turns are again as learnt at first.
+
     torque_Nm: size of the machine's torque, for what is worth an alarm.
     """
 
@@ -83,14 +79,12 @@ class FaultWatch:
     settings: WatchSettings = field(default_factory=WatchSettings)
 
     def __post_init__(self) -> None:
-        self._learning: list[FloatArray] = []
-        self._profiles: list[FloatArray] = []
-        self._mean = self._sigma = np.zeros(len(SERIES))
-        self._profile_mean, self._profile_sigma = np.zeros(BINS), np.ones(BINS)
-        self._moving = np.zeros(len(SERIES))
-        self._usual_count = 0.0
-        self._counts: list[int] = []
-        self._active: dict[str, int] = {}
+        self._learning: list[TurnFeatures] = []
+        self._known: list[Departure] = []  # from the band learnt at first, and from those that held since each alarm
+        self._since: list[TurnFeatures] = []  # after the last alarm
+        self._settling = False  # what holds since is not known yet
+        self._calm: dict[str, int] = {}  # turns, by the kind of each fault that stands
+        self._size: dict[str, float] = {}  # as told
         self._suspected = False
         self._evidence: list[TurnFeatures] = []
         self.latest = np.zeros(len(SERIES))
@@ -108,163 +102,136 @@ class FaultWatch:
     @property
     def active(self) -> tuple[str, ...]:
         """Kinds of faults that stand now."""
-        return tuple(self._active)
+        return tuple(self._calm)
 
     def take(self, turns: TurnFeatures) -> tuple[list[Alarm], FloatArray]:
         """Take turns; the alarms that they raise, and (t, series) departures in sigmas (0 while learning)."""
         alarms: list[Alarm] = []
         rows = []
         for k in range(turns.number.size):
-            rows.append(self._one(turns, k, alarms))
+            rows.append(self._one(turns.where(slice(k, k + 1)), alarms))
         return alarms, np.array(rows).reshape(len(rows), len(SERIES))
 
-    def _one(self, turns: TurnFeatures, k: int, alarms: list[Alarm]) -> FloatArray:
-        profile = turns.profile_Nm[k]
+    def _one(self, turn: TurnFeatures, alarms: list[Alarm]) -> FloatArray:
         if not self.learnt:
-            self._counts.append(int(turns.count[k]))
-            self._profiles.append(profile)
-            self._learning.append(self._row(turns, k))
+            self._learning.append(turn)
             if self.learnt:
-                self._learn()
+                self._known = [self._departure(self._learning)]
             return np.zeros(len(SERIES))
-        departure = (self._row(turns, k) - self._mean) / self._sigma
-        # One turn that is far out moves the mean at once; a lasting small one moves it in time.
-        share = 1.0 / self.settings.memory_turns
-        self._moving += share * (np.clip(departure, -200.0, 200.0) - self._moving)
-        spread = math.sqrt(share / (2.0 - share))
-        self.latest = self._moving / spread
-        self._raise_and_clear(turns, k, alarms)
+        for departure in {id(each): each for each in (self._known[0], self._known[-1])}.values():
+            departure.take(turn)
+        self.latest = self._known[0].sigmas
+        self._clear()
+        self._judge(turn, alarms)
         return self.latest.copy()
 
-    def _row(self, turns: TurnFeatures, k: int) -> FloatArray:
-        """The watched series of a turn."""
-        usual = float(np.median(self._counts)) if not self.learnt else self._usual_count
-        # Samples come by time, so a slower turn holds more of them.
-        profile = turns.profile_Nm[k]
-        bump = 0.0
-        if self.learnt:
-            bump = float(np.mean(((np.nan_to_num(profile) - self._profile_mean) / self._profile_sigma) ** 2))
-        return np.array(
-            [
-                *turns.sizes[k],
-                math.log(max(float(turns.noise_Nm[k]), 1e-300)),
-                math.log(max(bump, 1e-3)),
-                -float(turns.count[k]) * abs(float(turns.speed_rad_s[k])) / max(usual, 1.0),
-                float(turns.stuck[k]),
-            ]
-        )
+    def _departure(self, turns: list[TurnFeatures]) -> Departure:
+        memory = self.settings.memory_turns
+        first = self._known[0].band if self._known else None
+        return Departure(band_of(turns, self.torque_Nm, memory, first), memory)
 
-    def _learn(self) -> None:
-        self._usual_count = float(np.median(self._counts))
-        profiles = np.array(self._profiles)
-        profiles = np.nan_to_num(profiles)  # bins that never hold a sample, beside a leap of the load
-        self._profile_mean = np.median(profiles, axis=0)
-        spread = 1.4826 * np.median(np.abs(profiles - self._profile_mean), axis=0)
-        self._profile_sigma = np.maximum(spread, 0.3 * float(np.median(spread)) + 1e-12)
-        rows = np.array(self._learning)
-        away = (profiles - self._profile_mean) / self._profile_sigma
-        rows[:, SERIES.index("profile")] = np.log(np.maximum(np.mean(away**2, axis=1), 1e-3))
-        rows[:, SERIES.index("dropout")] *= np.median(self._counts) / max(self._usual_count, 1.0)
-        self._mean = np.median(rows, axis=0)
-        self._sigma = self._scatter(rows)
+    def _worth(self, band: Band) -> FloatArray:
+        return worth_telling(band, self.torque_Nm, self.settings.least_share, self.settings.least_phase_rad)
 
-    def _scatter(self, rows: FloatArray) -> FloatArray:
-        """Scatter of a turn; more where neighbouring turns go together, as their mean then scatters more."""
-        alone = 1.4826 * np.median(np.abs(rows - self._mean), axis=0)
-        floor = np.array([1e-4, 1e-4 * self.torque_Nm, 1e-4, 1e-5, 0.03, 0.05, 0.02 * abs(self._mean[6]) + 1e-6, 0.03])
-        # A mean takes a single wrong value in, however far off it is; the band would be that wide for good.
-        far = _FAR * np.maximum(alone, floor)
-        rows = np.clip(rows, self._mean - far, self._mean + far)
-        block = min(max(2, round(self.settings.memory_turns)), rows.shape[0])
-        means = rows[: rows.shape[0] // block * block].reshape(-1, block, rows.shape[1]).mean(axis=1)
-        together = np.std(means, axis=0) * math.sqrt(block)
-        return np.asarray(np.maximum(np.maximum(alone, together), floor))
-
-    def _worth(self) -> FloatArray:
-        """Smallest change of each series that is worth an alarm."""
-        s = self.settings
-        small = s.least_share
-        return np.array(
-            [2.0 * small, small * self.torque_Nm, small, s.least_phase_rad, 0.25, 0.7, 0.1 * abs(self._mean[6]), 0.2]
-        )
-
-    def _raise_and_clear(self, turns: TurnFeatures, k: int, alarms: list[Alarm]) -> None:
-        s = self.settings
-        size = self._moving * self._sigma
-        # Too much noise, too few samples and a stuck value count when they grow, the others either way.
-        away = np.where(_ONE_SIDED, self.latest, np.abs(self.latest))
-        out = (away > s.raise_sigmas) & (np.where(_ONE_SIDED, size, np.abs(size)) > self._worth())
-        for kind in list(self._active):
+    def _clear(self) -> None:
+        s, away = self.settings, self._known[0].away
+        for kind in self.active:
             calm = away[SERIES.index(kind)] < s.clear_sigmas
-            self._active[kind] = self._active[kind] + 1 if calm else 0
-            if self._active[kind] >= s.clear_turns:
-                del self._active[kind]
-        if self._active:
-            return  # the first evidence names the fault; what follows from it is not another
+            self._calm[kind] = self._calm[kind] + 1 if calm else 0
+            if self._calm[kind] >= s.clear_turns:
+                del self._calm[kind]
+                if not self._calm:
+                    self._go_back_to(0)
+
+    def _judge(self, turn: TurnFeatures, alarms: list[Alarm]) -> None:
+        s = self.settings
+        against = self._known[0] if self._settling else self._known[-1]
+        out = (against.away > s.raise_sigmas) & (against.size > self._worth(against.band))
+        if self._settling:
+            out &= np.array([name in OF_SAMPLES and name not in self._calm for name in SERIES])
         if not self._suspected:
             if out.any():
                 self._suspected = True  # the fault may have set in amid this turn, which shows it by half
+            elif self._calm:
+                self._settle(turn)
             return
-        self._evidence.append(_one_turn(turns, k))
+        self._evidence.append(turn)
         if len(self._evidence) < s.evidence_turns:
             return
-        kind, change = self._named(self._evidence[-s.evidence_turns :])
+        kind, change = self._named(TurnFeatures.joined(self._evidence[-s.evidence_turns :]), against.band)
         if kind in ("profile", "noise") and len(self._evidence) < 2 * s.evidence_turns:
             return  # a slipped encoder disturbs the shaft's motion for some turns; what lasts is named
-        self._suspected, evidence, self._evidence = False, self._evidence, []
+        evidence = TurnFeatures.joined(self._evidence)
+        self._suspected, self._evidence = False, []
         if kind:
-            self._active[kind] = 0
-            alarms.append(self._alarm(kind, change, evidence, float(away.max())))
+            self._tell(kind, change, evidence, against, alarms)
 
-    def _named(self, evidence: list[TurnFeatures]) -> tuple[str, float]:
-        """The kind of fault that a few turns show, and its size; empty when it has gone.
+    def _named(self, recent: TurnFeatures, band: Band) -> tuple[str, float]:
+        """The fault that turns show; none where they are as they were before an alarm."""
+        for k, earlier in enumerate(self._known[:-1]):
+            if is_held(recent, earlier.band, self._worth(earlier.band)):
+                self._go_back_to(k)
+                return "", 0.0
+        kind, change = named(recent, band, self._worth(band))
+        return ("", 0.0) if self._settling and kind not in OF_SAMPLES else (kind, change)
 
-        A single signature is named when it alone takes most of what the residual has more than learnt (the likeliest of
-        one-parameter explanations); else what is the same in every turn is an unknown torque, and what is not is noise.
-        """
-        rows = np.mean([self._row(turns, 0) for turns in evidence], axis=0) - self._mean
-        worth = self._worth()
-        for kind in ("stuck", "dropout"):
-            k = SERIES.index(kind)
-            if rows[k] > worth[k] and rows[k] > 3.0 * self._sigma[k]:
-                return kind, float(rows[k])
-        learnt = self._mean[: len(KINDS)]
-        normal = np.mean([turns.normal[0] for turns in evidence], axis=0)
-        right = np.mean([turns.right[0] for turns in evidence], axis=0) - normal @ learnt
-        power = float(np.mean([turns.rms_Nm[0] ** 2 for turns in evidence]))
-        power += float(learnt @ normal @ learnt - 2.0 * learnt @ (right + normal @ learnt))
-        excess = power - math.exp(2.0 * self._mean[SERIES.index("noise")])
-        taken = right**2 / np.maximum(np.diag(normal), 1e-300)
-        best = int(np.argmax(taken))
-        size = float(right[best] / max(normal[best, best], 1e-300))
-        if taken[best] > _MOST * excess and abs(size) > worth[best]:
-            return KINDS[best], size
-        profiles = np.nan_to_num(np.array([turns.profile_Nm[0] for turns in evidence])) - self._profile_mean
-        lasting, each = float(np.mean(np.mean(profiles, axis=0) ** 2)), float(np.mean(profiles**2))
-        if lasting > _MOST * each:
-            return "profile", float(np.sqrt(lasting))
-        k = SERIES.index("noise")
-        return ("noise", float(rows[k])) if rows[k] > worth[k] else ("", 0.0)
+    def _tell(self, kind: str, change: float, evidence: TurnFeatures, against: Departure, alarms: list[Alarm]) -> None:
+        """Raise the alarm of a fault that is new, has grown or has turned round; then see what holds since."""
+        speed = float(np.mean(evidence.speed_rad_s))
+        speed_known = any(each.band.knows_speed(speed) for each in self._known)
+        size = change
+        if kind in self._calm:
+            size += self._size[kind]
+            grown = size / self._size[kind]
+            raised = kind != "profile" and (grown >= _GROWN or grown <= -_TURNED)  # a profile's size has no sign
+            del self._known[max(1, len(self._known) - 1) :]  # what holds now takes its place
+        else:
+            # Beside an alarm another speed is reason enough for what its sensors' settings do there.
+            raised = speed_known or not self._calm or kind in OF_SAMPLES
+        self._since, self._settling = [], True
+        if not raised:
+            return
+        self._calm[kind], self._size[kind] = 0, size
+        name, text = told(kind, size, evidence, against.band, speed_known)
+        turn, stamp = int(evidence.number[-1]), int(evidence.start_ns[-1])
+        alarms.append(Alarm(name, SIDE[name], turn, stamp, size, float(against.away.max()), text))
 
-    def _alarm(self, kind: str, size: float, evidence: list[TurnFeatures], sigmas: float) -> Alarm:
-        last = evidence[-1]
-        against = kind == "constant_torque" and size * math.copysign(1.0, float(last.speed_rad_s[0])) < 0.0
-        name = "sensor_offset" if against else kind
-        away = np.mean([np.nan_to_num(turns.profile_Nm[0]) for turns in evidence], axis=0) - self._profile_mean
-        angle = (float(np.argmax(np.abs(away))) + 0.5) * 360.0 / BINS
-        text = {
-            "load_force": f"needle side: the loads changed by {size:+.1%}",
-            "constant_torque": f"drive side: friction changed by {size:+.3g} N m (or the torque sensor's offset)",
-            "sensor_offset": f"torque sensor: offset changed by {size:+.3g} N m (or the drive runs freer)",
-            "sensor_gain": f"torque sensor: gain changed by {size:+.1%}",
-            "phase": f"encoder or its coupling: the angle slipped by {math.degrees(size):+.2f} deg",
-            "noise": f"torque sensor: {math.exp(min(size, 20.0)):.2g} times as much noise as learnt",
-            "profile": f"drive side: a torque that the model does not know, most at {angle:.0f} deg",
-            "dropout": "torque sensor: samples are missing",
-            "stuck": "torque sensor: its value stands still",
-        }[name]
-        return Alarm(name, SIDE[name], int(last.number[0]), int(last.start_ns[0]), size, sigmas, text)
+    def _settle(self, turn: TurnFeatures) -> None:
+        """Learn what holds while alarms stand: of the first turns that are alike, and better of more of them."""
+        s = self.settings
+        if len(self._known) == 1 and not self._settling:
+            return  # all is as learnt at first
+        if len(self._since) < s.learn_turns:
+            self._since.append(turn)
+        if self._settling:
+            if len(self._since) < s.settle_turns:
+                return
+            if not _alike(self._known[0].band.rows(TurnFeatures.joined(self._since)), self._known[0].band):
+                del self._since[0]
+                return
+            self._settling = False
+            if len(self._known) == _MOST_KNOWN:
+                del self._known[1]
+            self._known.append(self._departure(self._since))
+        elif self._is_time(len(self._since)) and bool(np.all(self._known[-1].away < s.clear_sigmas)):
+            self._known[-1] = self._departure(self._since)
+
+    def _is_time(self, turns: int) -> bool:
+        """Whether so many turns tell more than those that were learnt from."""
+        learnt = self._known[-1].band.turns
+        return learnt < self.settings.learn_turns and turns >= min(2 * learnt, self.settings.learn_turns)
+
+    def _go_back_to(self, number: int) -> None:
+        """Hold turns against a band that was known before."""
+        del self._known[number + 1 :]
+        if number:
+            self._known[number] = Departure(self._known[number].band, self.settings.memory_turns)
+        self._since, self._settling = [], False
 
 
-def _one_turn(turns: TurnFeatures, k: int) -> TurnFeatures:
-    return TurnFeatures(**{name: getattr(turns, name)[k : k + 1] for name in TurnFeatures.__dataclass_fields__})
+def _alike(rows: FloatArray, band: Band) -> bool:
+    """Whether turns (t, series) are alike: their halves differ by no more than single turns tell."""
+    half = rows.shape[0] // 2
+    own = np.median(np.abs(np.diff(rows, axis=0)), axis=0) / 0.954  # of neighbours, which a step leaves as they are
+    apart = np.abs(rows[:half].mean(axis=0) - rows[half:].mean(axis=0))
+    return bool(np.all(apart < _ALIKE * np.maximum(own, band.sigma) * math.sqrt(2.0 / half)))

@@ -23,6 +23,7 @@ from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.settings_fit import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.smooth_fit import SmoothFit, instrumented_fit, least_squares_fit
+from textile_twin_core.comparison.stage import Begin, unheard
 from textile_twin_core.comparison.torque_model import DELAY, EVENTS, GAIN, NOT_NEGATIVE, OFFSET, ZERO, TorqueModel
 from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
 from textile_twin_core.comparison.unmodelled import UnmodelledTorque, unmodelled_torque
@@ -38,6 +39,8 @@ _ONE_AT_ONE_SPEED = {ZERO: DELAY, "shaft_viscous_Nms": "shaft_coulomb_Nm"}
 _SCAN_RAD = 0.2
 _LEFT_BY_LOADS = 0.15
 _FEW_STEPS, _MANY_STEPS = 8, 25
+_JUDGED, _SOLVED = 0.4, ((0.6, 0.66), (0.85, 0.92))
+"""Shares of all work at which stages end: the verdict, then twice a fit and the events."""
 
 
 @dataclass(frozen=True)
@@ -81,15 +84,17 @@ class Identification:
         return out
 
 
-def identify(readings: Readings, machine: Machine) -> Identification:
+def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Identification:
     """Fit the parameters that the record can tell.
 
     Effects are checked before anything is solved (see `identifiable`); the smooth parameters are then solved together
     (see `smooth_fit`), event angles by the likelihood of the samples beside them. Intervals by `uncertainty_by_turns`.
+    `begin` hears of each stage.
 
     Raises RecordingError when the recording tells nothing, is of another machine, or a sensor's discrete setting
     (direction, ratio, unit, sign) is wrong, which `calibrate` settles.
     """
+    begin("judging", _JUDGED)
     found, notes = _settled(readings, machine)
     evidence = found.evidence.thinned(_ALL_SAMPLES)
     model = TorqueModel(evidence, machine, found.settings.direction, _FIRST_SPREAD_RAD)
@@ -100,7 +105,8 @@ def identify(readings: Readings, machine: Machine) -> Identification:
     for each in lost:
         values[each.name] = told[each.name]
     steady = _steady(readings, machine, evidence)
-    values, events, fit = _solve(model, steady, values, tuple(free))
+    values, events, fit = _solve(model, steady, values, tuple(free), begin)
+    begin("weighing", 1.0)
     smooth = tuple(name for name in free if name not in EVENTS)
     turn = model.turn(values)[fit.good]
     known = uncertainty_by_turns(fit.slopes, fit.residual, turn, fit.instruments)
@@ -177,7 +183,7 @@ def _steady(readings: Readings, machine: Machine, evidence: Evidence) -> ShaftTr
 
 
 def _solve(
-    model: TorqueModel, steady: ShaftTrack, values: dict[str, float], free: tuple[str, ...]
+    model: TorqueModel, steady: ShaftTrack, values: dict[str, float], free: tuple[str, ...], begin: Begin
 ) -> tuple[dict[str, float], dict[str, EventAngle], SmoothFit]:
     """Smooth parameters away from the events, and events from the samples beside them, in turns."""
     names = [name for name in EVENTS if name in free]
@@ -188,12 +194,14 @@ def _solve(
         spread = _spread(events) if events else _WIDEST_RAD
         return ~model.near_event(model.parts(values).theta, values, _beside(spread))
 
-    for last in (False, True):
+    for last, (fitted, sought) in zip((False, True), _SOLVED, strict=True):
+        begin("fitting", fitted)
         chosen = away()
         values = least_squares_fit(model, values, smooth, chosen, _MANY_STEPS if last else _FEW_STEPS)
         if last:
             values = instrumented_fit(model, steady, values, smooth, chosen).values
         scale = robust_scale((model.evidence.torque_Nm - model.expected(values))[model.parts(values).good & chosen])
+        begin("seeking events", sought)
         for name in names:
             beside = model.beside_event(values, name, _SCAN_RAD)
             if beside.relative_rad.size:
@@ -230,7 +238,7 @@ def _phase_sigma(names: tuple[str, ...], covariance: FloatArray, speed: float) -
 def _with_phase(value: float, event: EventAngle, phase: float) -> Estimate:
     """An event's angle, uncertain by its own samples and by the shaft's angle."""
     shift = event.shift
-    wider = float(np.hypot(shift.sigma, phase)) / max(shift.sigma, 1e-300)
+    wider = float(np.hypot(shift.sigma, phase)) / shift.sigma
     low, high = (value + wider * (end - shift.value) for end in shift.interval95)
     return Estimate(value, wider * shift.sigma, (low, high))
 

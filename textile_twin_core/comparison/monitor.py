@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.assess import configured_settings
+from textile_twin_core.comparison.fault_band import SERIES
 from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN, KINDS, TurnFeatures, turn_features
-from textile_twin_core.comparison.fault_watch import SERIES, Alarm, FaultWatch, WatchSettings
+from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch, WatchSettings
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import TorqueTerms
@@ -23,6 +24,7 @@ from textile_twin_core.twin.session import encoder_settings
 
 _KEPT_S = 60.0
 _PEAK_SAMPLES = 720
+_BLOCK = 8192
 
 
 @dataclass(frozen=True)
@@ -161,19 +163,34 @@ class Monitor:
             self._torque = [(stamps[kept], torque[kept])]
 
     def _torque_size(self, machine: Machine) -> float:
-        theta = TURN * np.arange(_PEAK_SAMPLES) / _PEAK_SAMPLES
+        theta = machine.shaft_angles(_PEAK_SAMPLES)
         speed = np.full(_PEAK_SAMPLES, machine.nominal_speed_rad_s)
-        return float(np.max(np.abs(self._terms.at(theta, speed, np.zeros(_PEAK_SAMPLES), 0.0).total)))
+        return float(np.nanmax(np.abs(self._terms.at(theta, speed, np.zeros(_PEAK_SAMPLES), 0.0).total)))
 
 
 def monitor_recording(
-    readings: Readings, machine: Machine, settings: WatchSettings | None = None, shaft: str = "smooth"
+    readings: Readings,
+    machine: Machine,
+    settings: WatchSettings | None = None,
+    shaft: str = "smooth",
+    progress: Callable[[int], object] | None = None,
 ) -> Trend:
-    """Watch a whole recording: learn from its first turns, watch the rest."""
+    """Watch a whole recording: learn from its first turns, watch the rest.
+
+    `progress` is called with numbers of angles as they are taken, and again when all of them have been watched.
+    """
     monitor = Monitor(machine, settings, shaft)
     monitor.add_torques(readings.torque_stamps_ns, readings.torque)
-    monitor.add_angles(readings.angle_stamps_ns, readings.angle, readings.velocities)
-    return monitor.finish()
+    for start in range(0, len(readings.angle), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        speeds = None if readings.velocities is None else readings.velocities[part]
+        monitor.add_angles(readings.angle_stamps_ns[part], readings.angle[part], speeds)
+        if progress is not None:
+            progress(len(readings.angle[part]))
+    trend = monitor.finish()
+    if progress is not None:
+        progress(len(readings.angle))
+    return trend
 
 
 def _whole(found: TurnFeatures) -> TurnFeatures:
@@ -184,7 +201,7 @@ def _whole(found: TurnFeatures) -> TurnFeatures:
     kept = found.count >= max(FEWEST_TORQUES_PER_TURN, 0.2 * usual)
     kept[0] &= found.count[0] > 0.8 * usual
     kept[-1] &= found.count[-1] > 0.8 * usual
-    return TurnFeatures(**{name: getattr(found, name)[kept] for name in TurnFeatures.__dataclass_fields__})
+    return found.where(kept)
 
 
 def _trend(turns: TurnFeatures | None, away: FloatArray, alarms: list[Alarm]) -> Trend:

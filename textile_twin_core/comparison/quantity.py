@@ -329,7 +329,7 @@ def _slopes(model: _Model, values: dict[str, float], free: tuple[str, ...]) -> F
 
 
 def _over_a_turn(twin: Twin, name: str, omega_rad_s: float) -> FloatArray:
-    theta = TURN * np.arange(720) / 720
+    theta = twin.machine.shaft_angles(720)
     return np.asarray(twin.evaluate(theta, np.full_like(theta, omega_rad_s), np.zeros_like(theta))[name])
 
 
@@ -350,7 +350,7 @@ def _depends_on_sense(twin: Twin, name: str) -> bool:
 
     They differ by more than rounding beside what the quantity is at a speed; a velocity is none of its own there.
     """
-    theta = TURN * np.arange(720) / 720
+    theta = twin.machine.shaft_angles(720)
     forward, back = (twin.evaluate(theta, next_to_rest(np.full(720, way)), 0.0)[name] for way in (1.0, -1.0))
     usual = np.abs(_over_a_turn(twin, name, 1.0))
     return bool(np.nanmax(np.abs(forward - back)) > _CONSTANT * np.nanmax(usual))

@@ -8,7 +8,10 @@ from collections import Counter, deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from textile_twin_core.machine import TorqueSensor
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.machine import Machine, TorqueSensor
 from textile_twin_core.twin.predictor import AnyTwin
 from textile_twin_core.twin.restart import RestartWatch
 
@@ -151,14 +154,16 @@ def load_jumps(twin: AnyTwin) -> tuple[float, ...]:
     Args:
         twin: compiled for `balancing_torque_Nm`, among others.
     """
-    scale = max(abs(_torque(twin, TWO_PI * k / _PROBES)) for k in range(_PROBES))
-    return tuple(
-        event.angle_rad
-        for event in twin.machine.events()
-        if abs(_torque(twin, event.angle_rad + _BESIDE_RAD) - _torque(twin, event.angle_rad - _BESIDE_RAD))
-        > _JUMP_OVER_PEAK * scale
-    )
+    machine = twin.machine
+    if not isinstance(machine, Machine):  # one with a history: what happens comes with its motion
+        return ()
+    angles = np.array([event.angle_rad for event in machine.events()])
+    scale = np.nanmax(np.abs(_torques(twin, machine.shaft_angles(_PROBES))))
+    leaps = np.abs(_torques(twin, angles + _BESIDE_RAD) - _torques(twin, angles - _BESIDE_RAD))
+    return tuple(angles[leaps > _JUMP_OVER_PEAK * scale].tolist())  # an end of its range, with NaN beyond, is none
 
 
-def _torque(twin: AnyTwin, theta_rad: float) -> float:
-    return float(twin.evaluate(theta_rad, 1.0, 0.0)["balancing_torque_Nm"])
+def _torques(twin: AnyTwin, theta_rad: FloatArray) -> FloatArray:
+    """At angles (n,), NaN where the machine cannot close."""
+    torques: FloatArray = twin.evaluate(theta_rad, 1.0, 0.0)["balancing_torque_Nm"]
+    return torques

@@ -18,17 +18,21 @@ _QUARTILES = 1.349
 
 
 def rest_reading(evidence: Evidence, settings: Settings) -> Estimate | None:
-    """What the torque sensor shows at rest beside the machine's weight and its offset so far; None without rest."""
+    """What the torque sensor shows at rest beside the machine's own torque and its offset so far; None without rest.
+
+    That is of its weight and its loads, such as springs; dry friction is 0 at rest.
+    """
     theta, omega, _, good = evidence.track.at(evidence.time_s - settings.delay_s)
     still = good & (np.abs(omega) < 0.1 * evidence.rest_rad_s)
     if np.count_nonzero(still) < _FEWEST:
         return None
     theta = settings.direction * settings.ratio * theta[still] - settings.zero_rad
-    weight = evidence.terms.at(theta, np.zeros_like(theta), np.zeros_like(theta), evidence.rest_rad_s).mechanism
-    left = evidence.torque_Nm[still] - settings.gain * weight - settings.offset_Nm
+    parts = evidence.terms.at(theta, np.zeros_like(theta), np.zeros_like(theta), evidence.rest_rad_s)
+    held = parts.mechanism + settings.load * parts.load
+    left = evidence.torque_Nm[still] - settings.gain * held - settings.offset_Nm
     # by parts of the rest, since a few hold a shaft that creeps, with its friction
-    parts = np.array([np.median(part) for part in np.array_split(left, _PARTS)])
-    low, value, high = np.percentile(parts, [25.0, 50.0, 75.0]).tolist()
+    medians = np.array([np.median(part) for part in np.array_split(left, _PARTS)])
+    low, value, high = np.percentile(medians, [25.0, 50.0, 75.0]).tolist()
     sigma = _OF_MEDIAN * (high - low) / _QUARTILES / math.sqrt(_PARTS)
     half = float(scipy.stats.t.ppf(0.975, _PARTS - 1)) * sigma
     return Estimate(value, sigma, (value - half, value + half))

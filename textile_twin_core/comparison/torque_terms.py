@@ -50,14 +50,13 @@ class TorqueTerms:
         self._twin = compile_machine(
             replace(machine, loads=others), ["torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm"]
         )
-        self.has_load = bool(others) and self._load_acts()
+        self.has_load = bool(others) and self._load_acts(machine.shaft_angles(720))
         jumps = load_jumps(compile_machine(machine, ["balancing_torque_Nm"]))
         self._jumps = np.sort(np.mod(np.asarray(jumps, dtype=np.float64), TURN))
 
-    def _load_acts(self) -> bool:
+    def _load_acts(self, angles: FloatArray) -> bool:
         """Whether the loads are more than rounding beside the mechanism's own torque; a force of 0 weighs nothing."""
-        theta = np.tile(TURN * np.arange(720) / 720, 2)
-        omega = np.repeat([_SPEED_RAD_S, -_SPEED_RAD_S], 720)
+        theta, omega = np.tile(angles, 2), np.repeat([_SPEED_RAD_S, -_SPEED_RAD_S], angles.size)
         found = self._twin.evaluate(theta, omega, np.zeros_like(theta))
         load, *own = (np.nanmax(np.abs(found[f"torque_{name}_Nm"])) for name in ("load", "inertial", "gravity"))
         return bool(load > _ROUNDING * max(own))

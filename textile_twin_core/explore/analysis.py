@@ -124,7 +124,7 @@ def _forces(machine: Machine, speed: float, theta: FloatArray) -> tuple[list[Cha
     parts = [name for name in _TORQUE if name != "torque_load_Nm" or machine.loads]
     names = [*parts, *(f"reaction_{pin}_{axis}_N" for pin in at for axis in "xy"), *guides, *contacts]
     by_name = dict(zip(names, over_turn([model.output(name) for name in names], theta, speed), strict=True))
-    shaken = shaking(machine, speed, theta.size)
+    shaken = shaking(machine, speed, theta)
     reactions = {pin: np.hypot(by_name[f"reaction_{pin}_x_N"], by_name[f"reaction_{pin}_y_N"]) for pin in at}
     reactions |= {"guide" if len(guides) == 1 else name[15:-2]: np.abs(by_name[name]) for name in guides}
     reactions |= {

@@ -76,6 +76,11 @@ class Loop:
         """Whether blocks go through the compiled loop; compiles it when enough samples were met."""
         return 0 < _MET[self._code] >= self._worth and self._compiled is not None
 
+    def compile_now(self) -> None:
+        """Compile, however few samples were met; without a compiler all stays as it is."""
+        _MET[self._code] = max(_MET[self._code], math.ceil(self._worth))
+        _ = self._compiled
+
     @cached_property
     def _code(self) -> bytes:
         """What tells this code from another: twins of like machines share one loop."""

@@ -40,12 +40,14 @@ DRIVE = (
     "torque_inertial_Nm",
     "torque_gravity_Nm",
     "torque_load_Nm",
+    "equivalent_inertia_kgm2",
     "kinetic_energy_J",
     "potential_energy_J",
 )
 """What the drive must give between impacts: force on the driven element, its torque on the shaft (force times the
-law's slope) with its parts (the element's own inertia; springs, dampers and stops), and the energies of all bodies and
-springs."""
+law's slope) with its parts (the element's own inertia; springs, dampers and stops), that inertia at the shaft, and the
+energies of all bodies and springs. The inertia is the driven element's alone, mass times slope squared: where the
+bodies are is no function of the shaft angle."""
 _MOTION_OF_ALL = Scene(outputs=())
 _MILLI = 1e3
 _FASTEST_HZ = 3e6

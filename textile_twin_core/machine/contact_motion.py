@@ -196,6 +196,7 @@ class ContactMotion:
             "torque_inertial_Nm": own * slope,
             "torque_gravity_Nm": np.zeros_like(slope),
             "torque_load_Nm": -force * slope,
+            "equivalent_inertia_kgm2": mass * slope * slope,
             "kinetic_energy_J": kinetic,
             "potential_energy_J": potential_energy(self.machine.model, motion[0]),
         }

@@ -9,6 +9,9 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple
 
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.errors import MachineError
@@ -124,6 +127,17 @@ class Declaration(Declared):
             return [check_assembly(self.linkage)]
         turned = [(low + place.phase_rad, high + place.phase_rad) for place in self.linkages]
         return [check_assembly(replace(self.linkage, range_rad=angles)) for angles in turned]
+
+    def shaft_angles(self, count: int) -> FloatArray:
+        """(count,) evenly spaced shaft angles [rad]: of a full turn from 0 on, of a part of one off both its ends.
+
+        Where a part of the turn ends, a linkage may come into one line, and what it does there is not determined.
+        """
+        steps = np.arange(count, dtype=np.float64)
+        if self.linkage.solved.turns_fully:
+            return steps * (2.0 * math.pi / count)
+        low, high = self.range_rad
+        return low + (high - low) * ((steps + 0.5) / count)
 
     @property
     def links(self) -> tuple[Link, ...]:

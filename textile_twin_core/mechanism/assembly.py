@@ -27,7 +27,8 @@ class Closeness:
     across the guide; there the motion's own error grows as rounding over distance. transmission_range_rad: smallest
     and largest angle between coupler and rocker, or between rod and guide normal; transmission_angle_rad: the one
     farthest from a right angle, folded to 0..90 deg. grashof: class of a four-bar linkage, by which links turn fully;
-    None for other groups.
+    None for other groups. passes: whether its branch goes on smoothly where all links come into one line; passing: the
+    branches that would.
     """
 
     group: str
@@ -37,6 +38,13 @@ class Closeness:
     transmission_range_rad: tuple[float, float]
     transmission_angle_rad: float
     grashof: str | None = None
+    passes: bool = False
+    passing: tuple[str, ...] = ()
+
+    @property
+    def is_dead_point(self) -> bool:
+        """Whether motion and forces are not determined at theta_rad, to rounding."""
+        return self.margin <= _ROUNDING and not self.passes
 
 
 def check_assembly(linkage: Linkage) -> tuple[Closeness, ...]:
@@ -57,8 +65,8 @@ def check_assembly(linkage: Linkage) -> tuple[Closeness, ...]:
                 raise MachineError(f"group '{group.name}' {closure.fails}{where} {closure.how}; {closure.remedy}")
         margin, theta = min((v / c.scale, t) for c, (t, v) in zip(found, minima, strict=True))
         passed = group.transmission(motion, [value for _, value in minima])
-        angles = passed.range_rad, passed.worst_rad
-        reports.append(Closeness(group.name, max(margin, 0.0), theta, passed.distance_m, *angles, passed.grashof))
+        near = max(margin, 0.0), theta, passed.distance_m, passed.range_rad, passed.worst_rad
+        reports.append(Closeness(group.name, *near, passed.grashof, passed.passes, passed.passing))
     return tuple(reports)
 
 

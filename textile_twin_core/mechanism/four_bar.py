@@ -53,7 +53,7 @@ class FourBar:
     def __post_init__(self) -> None:
         if not self.passing:
             return
-        if not (self._opposite_sides_equal or self._neighbours_equal):
+        if not self.passing_branches:
             raise MachineError(
                 "a passing branch needs links that come into one line twice a turn, as a parallelogram (rocker as "
                 "long as the crank, coupler as the ground) or a kite (coupler as the crank, rocker as the ground); "
@@ -72,6 +72,13 @@ class FourBar:
     @property
     def _neighbours_equal(self) -> bool:
         return _same(self.coupler, self.circle.radius) and _same(self.rocker, self.ground_length)
+
+    @property
+    def passing_branches(self) -> tuple[str, ...]:
+        """Branches that go smoothly through change points; none where the links come into one line but once a turn."""
+        if self._neighbours_equal:
+            return ("left_passing",)
+        return ("left_passing", "right_passing") if self._opposite_sides_equal else ()
 
     @property
     def is_parallelogram(self) -> bool:

@@ -167,6 +167,8 @@ class RRRDyad(PlainGroup):
             min(from_longest, from_shortest),
             transmission_angles(stretched, folded, whole),
             None if four_bar is None else four_bar.grashof,
+            self._passes,
+            () if four_bar is None else four_bar.passing_branches,
         )
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:

@@ -11,12 +11,15 @@ class Transmission:
     """Of one group, over the range of the shaft angle.
 
     distance_m: how far it is, at its nearest, from where it opens. range_rad: smallest and largest transmission angle.
-    grashof: class of a four-bar linkage, by which links turn fully; None elsewhere.
+    grashof: class of a four-bar linkage, by which links turn fully; None elsewhere. passes: whether its branch goes on
+    smoothly where all links come into one line; passing: the branches that would.
     """
 
     distance_m: float
     range_rad: tuple[float, float]
     grashof: str | None = None
+    passes: bool = False
+    passing: tuple[str, ...] = ()
 
     @property
     def worst_rad(self) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.recordings.log_dialect import EMPTY
+from textile_twin_core.recordings.log_thousands import DOUBT, may_have_thousands, without_thousands
 
 _DAY_S = 86400.0
 _MOST_BAD = 0.01
@@ -24,8 +25,8 @@ class LogTable(dict[str, FloatArray]):
     """Columns by name, float64 (n,), NaN where a cell is empty or no number.
 
     dated: columns that were dates, times of day or durations, now seconds. left_out: columns without numbers, and what
-    they hold. bad: by column the first cell that is no number and how many there are; they are NaN. times_of: by column
-    the column of its times, where a log has several.
+    they hold. bad: by column the first cell that is no number and how many there are; they are NaN, and where they are
+    many the column is left out. times_of: by column the column of its times, where a log has several.
     """
 
     dated: set[str] = field(default_factory=set)
@@ -132,17 +133,26 @@ def _text(
             return
     except pyarrow.ArrowInvalid:
         pass
-    plain = pointed if decimal == "," else cells
+    plain = without_thousands(cells, decimal)
+    if decimal == ",":
+        plain = compute.replace_substring(plain, ",", ".")
     good = compute.match_substring_regex(plain, _NUMBER)
     bad = filled - int(compute.sum(good).as_py() or 0)
-    if not filled or bad > _MOST_BAD * filled:
-        first = next((cell for cell in cells.to_pylist() if cell is not None), None)
-        out.left_out[name] = "nothing" if first is None else f"text ('{first[:30]}')"
+    if not filled:
+        out.left_out[name] = "nothing"
         return
     if bad:
-        first = compute.filter(cells, compute.invert(good))[0].as_py()
-        out.bad[name] = (first, bad)
+        out.bad[name] = (compute.filter(cells, compute.invert(good))[0].as_py(), bad)
+    if bad > _MOST_BAD * filled:
+        out.left_out[name] = text_held(out.bad[name][0])
+        return
     out[name] = _float(compute.if_else(good, plain, None).cast("float64"))
+
+
+def text_held(cell: str, place: str = "") -> str:
+    """What a column of text holds, by its first cell that is no number, and where that is."""
+    doubt = f": {DOUBT}" if may_have_thousands(cell) else ""
+    return f"text ({place + ': ' if place else ''}'{cell[:30]}'{doubt})"
 
 
 def _matches(cells: Any, pattern: str) -> int:

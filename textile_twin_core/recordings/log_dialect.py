@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import codecs
+import csv
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_makers import known_head
+from textile_twin_core.recordings.log_thousands import DOUBT, has_thousands, may_have_thousands
 
 EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
 """What a cell without a number has in it."""
@@ -68,6 +70,7 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
                 best = found
     if best is None:
         _refuse_dates(path, lines)
+        _refuse_mixed_signs(path, lines)
         raise RecordingError(
             f"{path}: no table of numbers found at its beginning; tell --separator and --decimal, or convert it to CSV"
         )
@@ -91,9 +94,21 @@ def _refuse_dates(path: Path, lines: list[str]) -> None:
             )
 
 
+def _refuse_mixed_signs(path: Path, lines: list[str]) -> None:
+    """Raises RecordingError for a log in which one sign is decimal, and another may be that of thousands."""
+    for number, line in enumerate(lines, 1):
+        for separator in (";", "\t", "|"):
+            cells = cells_of(line, separator)
+            doubtful = next((cell for cell in cells if may_have_thousands(cell)), None)
+            if doubtful and any("." in cell for cell in cells) and any("," in cell for cell in cells):
+                raise RecordingError(
+                    f"{path}, line {number}: '{doubtful}': {DOUBT}; write numbers without thousands separators"
+                )
+
+
 def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dialect] | None:
     """Rows and columns that a dialect finds, and the dialect with the header that goes with it."""
-    rows = [_cells(line, separator) for line in lines]
+    rows = [cells_of(line, separator) for line in lines]
     width = max((len(row) for row in rows[-_LOOKED_AT:] if _is_data(row, decimal)), default=0)
     data = [k for k, row in enumerate(rows) if len(row) == width and _is_data(row, decimal)]
     if width == 0 or not data:
@@ -108,8 +123,12 @@ def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dial
     return len(data), width, Dialect(separator, decimal, first, tuple(_distinct(names)))
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    parts = line.split() if separator == " " else line.split(separator)
+def cells_of(line: str, separator: str) -> list[str]:
+    """The cells of a line, without spaces and quotation marks about them; within marks a separator is none."""
+    if '"' in line and separator != " ":
+        parts = next(csv.reader([line.rstrip("\r\n")], delimiter=separator))
+    else:
+        parts = line.split() if separator == " " else line.split(separator)
     if separator != " " and parts and not parts[-1].strip() and len(parts) > 1:
         parts = parts[:-1]  # a separator at the line's end
     return [part.strip().strip('"').strip() for part in parts]
@@ -118,7 +137,7 @@ def _cells(line: str, separator: str) -> list[str]:
 def _is_data(row: list[str], decimal: str) -> bool:
     """Whether every cell is a number of this decimal sign, a date or empty, and at least one is a number."""
     other = "," if decimal == "." else "."
-    numbers = [cell for cell in row if _NUMBER.match(cell) and other not in cell]
+    numbers = [c for c in row if (_NUMBER.match(c) and other not in c) or has_thousands(c, decimal)]
     rest = [cell for cell in row if cell not in EMPTY and not _DATE.match(cell)]
     return bool(numbers) and len(numbers) == len(rest)
 

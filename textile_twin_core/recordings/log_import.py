@@ -28,6 +28,7 @@ from textile_twin_core.recordings.log_columns import (
 from textile_twin_core.recordings.log_makers import UNTIMED
 from textile_twin_core.recordings.log_shaft import edge_angles, force_torque, tooth_edges
 from textile_twin_core.recordings.log_time import DATED, counts_rows, time_seconds
+from textile_twin_core.recordings.recording import Progress
 
 _FIRST_NS = 1_000_000_000
 """Stamp of the first row of a log whose time is none of the day: 0 means in ROS that there is no stamp."""
@@ -75,9 +76,15 @@ class Wishes:
 
 
 def import_log(
-    columns: Mapping[str, FloatArray], out: BagWriter, wishes: Wishes, ask: Ask | None = None
+    columns: Mapping[str, FloatArray],
+    out: BagWriter,
+    wishes: Wishes,
+    ask: Ask | None = None,
+    progress: Progress = lambda _: None,
 ) -> dict[str, str]:
     """Write angle, and torque and speed where there are any, into a recording; what was taken for what, in words.
+
+    `progress` is called with the number of rows as those of a column are written.
 
     Raises RecordingError when a column cannot be told or its unit is not known.
     """
@@ -97,11 +104,13 @@ def import_log(
     out.write_joint_states(
         "main_shaft/angle", stamps[here], ["main_shaft"], theta[here], None if omega is None else omega[here]
     )
+    progress(here.size)
     torque = _column("torque", columns, wishes, ask, needed=False)
     if torque is not None:
         values, unit = torque_newton_metres(torque, columns[torque.name], wishes.torque_scale)
         here = np.isfinite(values)
         out.write_wrenches("balancing_torque/measured", stamps[here], values[here])
+        progress(here.size)
         taken["torque"] = f"column '{torque.name}', {unit}{_empty(here)}"
     for output, name in wishes.quantities.items():
         _refuse_unknown(name, columns)
@@ -109,6 +118,7 @@ def import_log(
         values, unit = quantity_si(Column(name, unit, "as told"), columns[name])
         here = np.isfinite(values)
         out.write_joint_states(f"{MEASURED}/{output}", stamps[here], [output], values[here])
+        progress(here.size)
         taken[output] = f"column '{name}', {unit}{_empty(here)}"
     return taken
 

@@ -13,8 +13,8 @@ from scipy.io import loadmat
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.recordings.log_cells import LogTable, numeric
-from textile_twin_core.recordings.log_dialect import EMPTY, Dialect, sniff
+from textile_twin_core.recordings.log_cells import LogTable, numeric, text_held
+from textile_twin_core.recordings.log_dialect import EMPTY, Dialect, cells_of, sniff
 from textile_twin_core.recordings.log_makers import FILETIME, TIMES, UNTIMED
 
 _EPOCH_OF_1601_S = 11_644_473_600.0
@@ -103,9 +103,11 @@ def _text(path: Path, separator: str | None, decimal: str | None, note: Callable
         note(f"{torn} of {torn + table.num_rows} rows have other than {width} cells and are left out")
     names = [*dialect.names, *(f"column_{k + 1}" for k in range(len(dialect.names), table.num_columns))]
     log = numeric(dict(zip(names, table.columns, strict=False)), dialect.decimal)
-    if note is not None:
-        for name, (cell, count) in log.bad.items():
-            place = _line_of(path, dialect, names.index(name), cell)
+    for name, (cell, count) in log.bad.items():
+        place = _line_of(path, dialect, names.index(name), cell)
+        if name in log.left_out:
+            log.left_out[name] = text_held(cell, place)
+        elif note is not None:
             more = f"; {count} such cells count" if count > 1 else "; it counts"
             note(f"{place}: column '{name}' has '{cell}', no number{more} as empty")
     return _with_times(log, dialect.interval_s)
@@ -139,8 +141,8 @@ def _line_of(path: Path, dialect: Dialect, place: int, cell: str) -> str:
     """The line on which a cell stands, counted only when there is one to complain about."""
     with path.open(encoding="utf-8-sig" if dialect.encoding == "utf-8" else dialect.encoding, errors="replace") as file:
         for number, line in enumerate(file, 1):
-            cells = line.split(dialect.separator)
-            if number > dialect.skipped and place < len(cells) and cells[place].strip().strip('"').strip() == cell:
+            cells = cells_of(line, dialect.separator)
+            if number > dialect.skipped and place < len(cells) and cells[place] == cell:
                 return f"line {number}"
     return "a line"
 

@@ -26,6 +26,7 @@ from textile_twin_core.recordings.machine_topics import (
     usable_angles,
     usable_torques,
 )
+from textile_twin_core.recordings.recording import Progress
 
 
 @dataclass(frozen=True)
@@ -58,8 +59,16 @@ class Watched:
     notes: tuple[str, ...] = ()
 
 
-def watch_bag(job: Job) -> Watched:
-    """Watch one recording; a recording that cannot be read gives its error."""
+def samples_of(job: Job) -> int:
+    """How many angles a recording holds; 0 of one that cannot be read."""
+    try:
+        return open_bag(job.bag).find_topic(job.angle_topic).count
+    except TwinError:
+        return 0
+
+
+def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
+    """Watch one recording; a recording that cannot be read gives its error. `progress` as in `monitor_recording`."""
     try:
         bag = open_bag(job.bag)
         topics = (job.angle_topic, job.joint, job.skip_bad, job.index_topic)
@@ -68,7 +77,7 @@ def watch_bag(job: Job) -> Watched:
         topic = beside(bag, angles.topic, job.torque_topic)
         torque = usable_torques(bag.read_torques(topic, job.joint, unit_Nm=job.torque_unit_Nm), job.skip_bad)
         readings = Readings(angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, angles.velocities)
-        found = monitor_recording(readings, job.machine, job.settings)
+        found = monitor_recording(readings, job.machine, job.settings, progress=progress)
     except TwinError as error:
         return Watched(job.bag, {}, (), str(error))
     turns, learnt = len(found.columns.get("turn", ())), job.settings.learn_turns
@@ -81,19 +90,22 @@ def watch_bag(job: Job) -> Watched:
     return Watched(job.bag, found.columns, (), "; ".join([why, *notes]))
 
 
-def watch_bags(jobs: Sequence[Job], workers: int = 1, scheduler: str | None = None) -> Iterator[Watched]:
+def watch_bags(
+    jobs: Sequence[Job], workers: int = 1, scheduler: str | None = None, progress: Progress | None = None
+) -> Iterator[Watched]:
     """Watch recordings, those first that are ready first.
 
     Args:
         jobs: the recordings. workers: processes on this machine.
         scheduler: address of a Dask cluster, which then does it.
+        progress: as in `monitor_recording`, of recordings that are watched by this process.
 
     Raises RecordingError when the cluster cannot be reached or its package is missing.
     """
     if scheduler is not None:
         yield from _on_cluster(jobs, scheduler)
     elif workers < 2 or len(jobs) < 2:
-        yield from map(watch_bag, jobs)
+        yield from (watch_bag(job, progress) for job in jobs)
     else:
         # Spawned, not forked: the readers and compiled loops hold threads.
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:

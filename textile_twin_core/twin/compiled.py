@@ -67,6 +67,8 @@ class Twin:
     def reached_errors(self) -> dict[str, float]:
         """Largest error found per output, over its peak, at nominal speed, with a margin (see `accuracy`)."""
         evaluator = self._table_or_exact if self.method == "auto" else self._evaluator
+        if isinstance(evaluator, TableEvaluator):
+            evaluator.loop.compile_now()  # what is not compiled goes by the closed forms, past the table
         return reached_errors(self.machine, self._expressions, evaluator)
 
     @property

@@ -1,4 +1,4 @@
-"""A machine drawn before there is any recording: its linkage and its curves over one turn."""
+"""A machine drawn before there is any recording: its linkage and its curves over the turn."""
 
 from __future__ import annotations
 
@@ -56,13 +56,16 @@ def _linkage_page(machine: Machine, rpm: float | None) -> Figure:
     if not curves:
         names = {f"theta_{link.name}_rad": link.name for link in machine.links}
         curves.append(("Angles of the links", "deg", {k: v for k, v in names.items() if k in machine.outputs}))
-    figure = _page(machine.name, machine.description, speed)
+    whole = machine.linkage.solved.turns_fully
+    theta = np.linspace(0.0, 2.0 * np.pi, _SAMPLES + 1) if whole else machine.shaft_angles(_SAMPLES)
+    low, high = np.rad2deg(machine.range_rad)
+    said = "one turn" if whole else f"from {low:.4g}° to {high:.4g}°,"
+    figure = _page(machine.name, machine.description, f"{said} at {speed * 30.0 / np.pi:.4g} rpm")
     rows = (len(curves) + 1) // 2
     grid = figure.add_gridspec(
         rows, 3, width_ratios=[0.9, 1.4, 1.4], left=0.025, right=0.978, top=0.885, bottom=0.07, wspace=0.17, hspace=0.27
     )
     draw_linkage(figure.add_subplot(grid[:, 0]), build_scene(machine), machine)
-    theta = np.linspace(0.0, 2.0 * np.pi, _SAMPLES + 1)
     wanted = [name for _, _, names in curves for name in names]
     found = compile_machine(machine, wanted).evaluate(theta, np.full_like(theta, speed), np.zeros_like(theta))
     for k, (title, unit, names) in enumerate(curves):
@@ -87,7 +90,7 @@ def _law_page(machine: AnyMachine, rpm: float | None) -> Figure:
     twin = compile_machine(machine, [name for names in wanted.values() for name in names])
     columns = (theta, np.full_like(theta, speed), np.zeros_like(theta))
     found = twin.evaluate(*columns, time=time)
-    figure = _page(machine.name, machine.description, speed)
+    figure = _page(machine.name, machine.description, f"one turn at {speed * 30.0 / np.pi:.4g} rpm")
     grid = figure.add_gridspec(3, 1, left=0.06, right=0.978, top=0.885, bottom=0.07, hspace=0.35)
     for row, (what, names) in enumerate(wanted.items()):
         unit, factor = {"position_m": ("mm", 1e3), "velocity_m_s": ("m/s", 1.0)}.get(what, ("m/s²", 1.0))
@@ -96,11 +99,11 @@ def _law_page(machine: AnyMachine, rpm: float | None) -> Figure:
     return figure
 
 
-def _page(name: str, description: str, speed: float) -> Figure:
+def _page(name: str, description: str, motion: str) -> Figure:
     figure = Figure(figsize=(16.0, 10.0), dpi=100, facecolor="white")
     figure.text(0.025, 0.955, name, fontsize=19, weight="bold", color=_INK)
     said = f"{description}     " if description else ""
-    figure.text(0.025, 0.922, f"{said}one turn at {speed * 30.0 / np.pi:.4g} rpm", fontsize=12.5, color=_MUTED)
+    figure.text(0.025, 0.922, f"{said}{motion}", fontsize=12.5, color=_MUTED)
     return figure
 
 
@@ -113,9 +116,11 @@ def _curves(axes: Axes, title: str, unit: str, theta: FloatArray, curves: dict[s
             columnspacing=0.8, handlelength=0.9, handletextpad=0.4,
         )  # fmt: skip
     axes.set_title(f"{title}, {unit}", loc="left", fontsize=13, color=_INK, pad=8)
-    axes.set_xlim(0.0, 360.0)
-    axes.set_xticks(np.arange(0.0, 361.0, 45.0))
-    axes.set_xticklabels([f"{angle:.0f}°" for angle in np.arange(0.0, 361.0, 45.0)])
+    low, high = np.rad2deg(theta[[0, -1]])
+    axes.set_xlim(low, high)
+    if high - low > 359.0:
+        axes.set_xticks(np.arange(0.0, 361.0, 45.0))
+    axes.xaxis.set_major_formatter("{x:.4g}°")
     axes.grid(color=_GRID, linewidth=0.8)
     axes.tick_params(colors=_MUTED, labelsize=10.5)
     for side in ("top", "right"):

@@ -18,9 +18,9 @@ _BACKING, _INK, _PATH = "#2a9d63", "#22272e", "#b9c0c9"
 
 
 def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
-    """Draw the linkage at its deepest point, or at theta = 0 where there is none."""
+    """Draw the linkage at its deepest point; where there is none at theta = 0, or amid a part of the turn."""
     deepest = (angle for measure in machine.measures for angle in foremost(machine, measure.name))
-    theta = next(deepest, 0.0)
+    theta = next(deepest, float(machine.shaft_angles(1)[0]))
     points = {name: place[0] for name, place in PointPositions(machine)(np.array([theta])).items()}
     for path in scene.paths.values():
         axes.plot(path[:, 0], path[:, 1], color=_PATH, linewidth=1.0, zorder=1)

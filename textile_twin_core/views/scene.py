@@ -52,7 +52,7 @@ class MachineScene:
         moving: one part per link.
         fixed: pins on the ground and guides.
         backing: the surface that needles go through, None for a machine without one.
-        paths: path of every moving point over one turn, (k, 2) each.
+        paths: path of every moving point over one turn, or the part of it that is declared, (k, 2) each.
         fixed_points: the ground's points.
         lower, upper: corners of the box that holds every point over the turn.
     """
@@ -101,7 +101,9 @@ def poses(part: MovingPart, points: Mapping[str, FloatArray]) -> tuple[FloatArra
 
 def build_scene(machine: Machine) -> MachineScene:
     """Build the scene of a machine from its links, joints, measures and loads."""
-    paths = PointPositions(machine)(_TURN)
+    paths = PointPositions(machine)(_TURN if machine.linkage.solved.turns_fully else machine.shaft_angles(_TURN.size))
+    known = np.all([np.isfinite(path).all(axis=1) for path in paths.values()], axis=0)  # not at a dead point
+    paths = {name: path[known] for name, path in paths.items()}
     corners = np.concatenate(list(paths.values()))
     low, high = corners.min(axis=0), corners.max(axis=0)
     size = float(np.max(high - low))

@@ -18,7 +18,7 @@ from textile_twin_core.views.phases import Lane, lanes_of, marks_of
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
 
-_GRID = TWO_PI * np.arange(1441) / 1440
+_SAMPLES = 1440
 _MM = 1e3
 _COLOURS = {
     "dwell": palette.FREE,
@@ -29,13 +29,19 @@ _COLOURS = {
 
 
 class Travels:
-    """Positions [mm] of a machine's measures at shaft angles (n,), by measure; empty for a machine without any."""
+    """Positions [mm] of a machine's measures at shaft angles (n,), by measure; empty for a machine without any.
+
+    `over_turn` holds them at the shaft angles `angles` (k,) [rad], one turn or the part of it that is declared.
+    """
 
     def __init__(self, machine: Machine) -> None:
         self.names = tuple(measure.name for measure in machine.measures)
         outputs = [f"{name}_position_m" for name in self.names]
         self._twin = compile_machine(machine, outputs, method="exact") if outputs else None
-        self.over_turn = self(_GRID)
+        self.angles = TWO_PI * np.arange(_SAMPLES + 1) / _SAMPLES
+        if not machine.linkage.solved.turns_fully:
+            self.angles = machine.shaft_angles(_SAMPLES)
+        self.over_turn = self(self.angles)
 
     def __call__(self, theta_rad: FloatArray) -> dict[str, FloatArray]:
         """The positions by measure."""
@@ -43,11 +49,6 @@ class Travels:
             return {}
         found = self._twin.evaluate(theta_rad, np.zeros_like(theta_rad), np.zeros_like(theta_rad))
         return {name: _MM * found[f"{name}_position_m"] for name in self.names}
-
-    @property
-    def angles(self) -> FloatArray:
-        """(k,) shaft angles of `over_turn`, one turn [rad]."""
-        return _GRID
 
     def canvas(self) -> AngleCanvas | None:
         """A plot over the shaft angle that holds them all; None without any."""
@@ -82,21 +83,22 @@ def foremost(machine: Machine, name: str) -> list[float]:
     turns = [event.angle_rad for event in machine.events() if event.name == f"{name}_largest"]
     if not turns:
         return []
-    curve = Travels(machine).over_turn[name]
-    places = np.interp(turns, _GRID, curve)
+    travels = Travels(machine)
+    curve = travels.over_turn[name]
+    places = np.interp(turns, travels.angles, curve, period=TWO_PI)
     low, high = float(np.nanmin(curve)), float(np.nanmax(curve))
     front = high - DWELL_SHARE * (high - low)
     return [turns[k] for k in np.argsort(-places, kind="stable") if places[k] > front]
 
 
 def _beats(machine: Machine, arcs: set[str]) -> Mapping[str, Lane | None]:
-    if not arcs:
+    if not arcs or not machine.linkage.solved.turns_fully:
         return {}
-    over_turn = Travels(machine).over_turn
-    return {name: _beat(name, over_turn[name]) for name in sorted(arcs)}
+    travels = Travels(machine)
+    return {name: _beat(name, travels.angles, travels.over_turn[name]) for name in sorted(arcs)}
 
 
-def _beat(name: str, position: FloatArray) -> Lane | None:
+def _beat(name: str, angles: FloatArray, position: FloatArray) -> Lane | None:
     """Dwell within 5 % of the stroke from the rear, beat-up within 5 % from the front; None where it beats twice."""
     low, high = float(position.min()), float(position.max())
     near = DWELL_SHARE * (high - low)
@@ -104,7 +106,7 @@ def _beat(name: str, position: FloatArray) -> Lane | None:
     begins = []
     for k in np.flatnonzero(state != np.roll(state, 1)):
         rising = position[k + 1] > position[k]
-        begins.append((float(_GRID[k]), ("dwell", "forward" if rising else "back", "beat-up")[state[k]]))
+        begins.append((float(angles[k]), ("dwell", "forward" if rising else "back", "beat-up")[state[k]]))
     if sorted(phase for _, phase in begins) != sorted(_COLOURS):
         return None
     return Lane(f"{name}_beat", tuple(begins), _COLOURS)

@@ -16,7 +16,7 @@ from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Crank, LinkMotion
 from textile_twin_core.synthesis.balancing.shaking import shaking
-from textile_twin_core.synthesis.turn import over_turn, shaft_angles
+from textile_twin_core.synthesis.turn import SAMPLES, over_turn
 
 Against = Literal["gravity_torque", "shaking_force"]
 
@@ -72,7 +72,7 @@ def counterweights(
         raise MachineError(f"machine '{machine.name}' lacks masses: {', '.join(machine.missing_for_torque)}")
     names = _grounded(machine, links)
     speed = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
-    theta = shaft_angles()
+    theta = machine.shaft_angles(SAMPLES)
     before = _felt(machine, against, theta, speed)
     moments = [
         _felt(_with(machine, name, 1.0, turn), against, theta, speed) - before for name in names for turn in (1.0, 1.0j)
@@ -117,5 +117,5 @@ def _with(machine: Machine, link: str, mass_kg: float, place: complex) -> Machin
 def _felt(machine: Machine, against: Against, theta: FloatArray, speed: float) -> FloatArray:
     if against == "gravity_torque":
         return over_turn([machine.model.output("torque_gravity_Nm")], theta)[0]
-    shaken = shaking(machine, speed, theta.size)
+    shaken = shaking(machine, speed, theta)
     return np.stack([shaken.x_N, shaken.y_N], axis=1)

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import Body
-from textile_twin_core.errors import SceneError
+from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
@@ -45,7 +45,7 @@ def flywheel(machine: Machine, ripple: float, speed_rad_s: float | None = None) 
     sqrt(2 E/(J + flywheel)), with the loads as they are at the nominal speed. Solved for the flywheel by bisection,
     without the usual assumption of a constant inertia. 0 where the machine needs none.
     Raises SceneError for a ripple not between 0 and 1 or so small that no flywheel holds it, MachineError for a machine
-    without masses.
+    without masses, or one that does not turn fully.
     """
     if not 0.0 < ripple < 1.0:
         raise SceneError(f"ripple {ripple!r}: give a number between 0 and 1, such as 0.02 for 2 %")
@@ -76,6 +76,8 @@ def speed_ripple(machine: Machine, speed_rad_s: float | None = None) -> float:
 
 def _turn(machine: Machine, speed: float) -> tuple[FloatArray, FloatArray, float]:
     """Over a turn: inertia [kg m^2], work of drive, weight and loads since its beginning [J]; mean drive torque."""
+    if not machine.linkage.solved.turns_fully:
+        raise MachineError(f"machine '{machine.name}' does not turn fully; no constant torque keeps its speed")
     theta = shaft_angles(_SAMPLES)
     names = ("equivalent_inertia_kgm2", "potential_energy_J", "torque_load_Nm")
     inertia, potential, load = over_turn([machine.model.output(name) for name in names], theta, speed)

@@ -11,12 +11,12 @@ from textile_twin_core.dynamics.body import Body
 from textile_twin_core.expression import Expr
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Motion
-from textile_twin_core.synthesis.turn import SAMPLES, over_turn, shaft_angles
+from textile_twin_core.synthesis.turn import SAMPLES, over_turn
 
 
 @dataclass(frozen=True)
 class Shaking:
-    """Over one turn at constant speed, (n,) arrays: shaking force [N] on the frame and moment about the origin [N m].
+    """Over the turn at constant speed, (n,) arrays: shaking force [N] on the frame and moment about the origin [N m].
 
     The force is -sum(m a) of all bodies of all linkages, the moment theirs about the frame's origin with -sum(I alpha),
     all linkages taken as lying in one plane. Weight and loads are not in it.
@@ -33,12 +33,12 @@ class Shaking:
         return np.hypot(self.x_N, self.y_N)
 
 
-def shaking(machine: Machine, speed_rad_s: float, samples: int = SAMPLES) -> Shaking:
-    """Shaking force and moment over one turn at a constant speed.
+def shaking(machine: Machine, speed_rad_s: float, theta_rad: FloatArray | None = None) -> Shaking:
+    """Shaking force and moment at a constant speed, at shaft angles (n,) [rad]: by default 720 of the machine's turn.
 
     From the motion's own derivatives by the shaft angle, by arrays: quick enough to follow a slider.
     """
-    theta = shaft_angles(samples)
+    theta = machine.shaft_angles(SAMPLES) if theta_rad is None else theta_rad
     moved = [(k.motion, b) for k in machine.model.linkages for b in k.bodies]
     needed = [part for motion, body in moved for part in _parts(motion, body)]
     found = iter(over_turn(needed, theta))

@@ -12,7 +12,7 @@ from textile_twin_core.dynamics.loads import Spring
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.expression import sqrt
 from textile_twin_core.machine.machine import Machine
-from textile_twin_core.synthesis.turn import over_turn, shaft_angles
+from textile_twin_core.synthesis.turn import SAMPLES, over_turn
 
 _SHORTEST = 0.02
 """Points that come nearer than this share of their largest distance leave no room for a spring."""
@@ -46,7 +46,7 @@ def balancing_spring(
     no pair helps, or masses are missing; SceneError for an unknown point.
     """
     speed = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
-    theta = shaft_angles()
+    theta = machine.shaft_angles(SAMPLES)
     (before,) = over_turn([machine.model.output("balancing_torque_Nm")], theta, speed)
     best: tuple[float, Spring] | None = None
     for start, end in _pairs(machine) if ends is None else ends:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
@@ -53,6 +53,8 @@ class Inlets:
         self._types = dict(self._parsed(text) for text in types)
         self.wanted = {node.resolve_topic_name(topic) for topic in wanted}
         self._open: dict[str, Subscription] = {}
+        self._last: dict[str, bytes] = {}
+        """The last message of each topic."""
         self._refused: set[str] = set()
         self._other_types: defaultdict[str, set[str]] = defaultdict(set)
         self._unheard: dict[str, str] = {}
@@ -72,6 +74,10 @@ class Inlets:
         self._writer = writer
         for topic, subscription in self._open.items():
             self._declare(topic, subscription)
+
+    def latched(self) -> list[tuple[str, bytes]]:
+        """Topics that keep their last message for late subscribers, each with it where there was one."""
+        return [(topic, raw) for topic, raw in self._last.items() if self._is_latched(topic)]
 
     def discover(self) -> None:
         """Subscribe to wanted topics whose type is known by now, and anew where a publisher is not heard."""
@@ -117,16 +123,26 @@ class Inlets:
             return
         qos: QoSProfile = recording_qos(self._node.get_publishers_info_by_topic(topic), self._depth)
         self._types[topic] = msgtype
-        take, events = partial(self._take, topic), partial(self._on_incompatible, topic)
+        hear, events = partial(self._hear, topic), partial(self._on_incompatible, topic)
         self._open[topic] = self._node.create_subscription(
             message_type,
             topic,
-            take,
+            hear,
             qos,
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=events),
             raw=True,
         )
         self._declare(topic, self._open[topic])
+
+    def _hear(self, topic: str, raw: bytes) -> None:
+        self._last[topic] = raw
+        self._take(topic, raw)
+
+    def _is_latched(self, topic: str) -> bool:
+        # A subscription to a type known beforehand, made before its publishers came, does not know.
+        now = recording_qos(self._node.get_publishers_info_by_topic(topic), self._depth)
+        known = self._open[topic].qos_profile
+        return DurabilityPolicy.TRANSIENT_LOCAL in (known.durability, now.durability)
 
     def _tell_of_other_types(self, topic: str, types: list[str]) -> None:
         """A topic of a recording has one type: messages of another one are not in it."""
@@ -147,7 +163,7 @@ class Inlets:
             self._node.get_logger().info(f"{topic}: listening anew, for its publishers' {policy}: {seen}")
             before = self._open.pop(topic)
             for raw in _waiting(before, message_class(self._types[topic])):
-                self._take(topic, raw)
+                self._hear(topic, raw)
             self._node.destroy_subscription(before)
             self._subscribe(topic, self._types[topic])
         self._unheard.clear()

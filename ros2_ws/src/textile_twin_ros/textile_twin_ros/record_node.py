@@ -72,7 +72,10 @@ class RecordParameters:
 
 
 class RecordNode(Node):
-    """Subscribes to bytes and writes them as they are; the log time is when they were taken."""
+    """Subscribes to bytes and writes them as they are; the log time is when they were taken.
+
+    A recording begins with the last message of each latched topic.
+    """
 
     def __init__(self) -> None:
         super().__init__("record_node")
@@ -135,6 +138,8 @@ class RecordNode(Node):
         self._progress.begin()
         self._inlets.write_to(writer)
         self.get_logger().info(f"recording to {path}")
+        for topic, raw in self._inlets.latched():  # said once, perhaps before this recording
+            self._take(topic, raw)
 
     def _discover(self) -> None:
         """Listen to what has come to be; a topic that is new is declared in the recording."""
@@ -230,7 +235,9 @@ class RecordNode(Node):
         except (TwinError, OSError) as error:
             response.success, response.message = False, str(error)
             return response
-        assert self._writer is not None
+        if self._writer is None:
+            response.success, response.message = False, "the recording ended at once: its disk takes no more"
+            return response
         response.success, response.message = True, str(self._writer.path)
         return response
 

@@ -1,0 +1,151 @@
+"""What is usual of a machine's turns: the band that they are held against, and how far they have moved from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.fault_signatures import KINDS, TurnFeatures
+
+SERIES = (*KINDS, "noise", "profile", "dropout", "stuck")
+"""What is watched, turn by turn."""
+ONE_SIDED = np.array([name not in KINDS for name in SERIES])
+"""Series that count when they grow; the others count either way."""
+_PROFILE, _DROPOUT = SERIES.index("profile"), SERIES.index("dropout")
+_FARTHEST = 200.0
+_FAR = 8.0
+"""Scatters from the median beyond which a turn that is learnt from counts no more than there."""
+_SAME_SPEED, _FEWEST = 0.05, 0.05
+"""Part of a speed within which it is the same, and part of the turns that it needs to be known; a run-up has less."""
+_OF_MEDIAN = 0.5 * math.pi
+"""Variance of a median over that of a mean."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """What some turns had in common.
+
+    Attributes:
+        turns: how many they were. mean, sigma: (series,) of one turn.
+        profile_Nm, profile_sigma_Nm: (BINS,) what no signature takes, by shaft angle.
+        usual_count: samples in a turn. speeds_rad_s: (turns,) of each.
+    """
+
+    turns: int
+    mean: FloatArray
+    sigma: FloatArray
+    profile_Nm: FloatArray
+    profile_sigma_Nm: FloatArray
+    usual_count: float
+    speeds_rad_s: FloatArray
+
+    def rows(self, turns: TurnFeatures) -> FloatArray:
+        """The watched series of turns, (t, series)."""
+        away = (np.nan_to_num(turns.profile_Nm) - self.profile_Nm) / self.profile_sigma_Nm
+        # Samples come by time, so a slower turn holds more of them.
+        full = turns.count * np.abs(turns.speed_rad_s) / max(self.usual_count, 1.0)
+        return np.column_stack(
+            [
+                turns.sizes,
+                np.log(np.maximum(turns.noise_Nm, 1e-300)),
+                np.log(np.maximum(np.mean(away**2, axis=1), 1e-3)),
+                -full,
+                turns.stuck,
+            ]
+        )
+
+    def knows_speed(self, speed_rad_s: float) -> bool:
+        """Whether some of its turns were made at a speed."""
+        near = np.abs(self.speeds_rad_s - speed_rad_s) < _SAME_SPEED * abs(speed_rad_s)
+        return bool(np.mean(near) >= _FEWEST)
+
+
+def band_of(learnt: Sequence[TurnFeatures], torque_Nm: float, memory_turns: float, first: Band | None = None) -> Band:
+    """The band of some turns.
+
+    Args:
+        learnt: the turns. torque_Nm: size of the machine's torque. memory_turns: over which a moving mean looks back.
+        first: a band of more turns; this one, of turns that are alike, gets no narrower, and wider as far as its fewer
+            turns tell its mean worse.
+    """
+    turns = TurnFeatures.joined(learnt)
+    profiles = np.nan_to_num(turns.profile_Nm)  # bins that never hold a sample, beside a leap of the load
+    profile = np.median(profiles, axis=0)
+    spread = 1.4826 * np.median(np.abs(profiles - profile), axis=0)
+    spread = np.maximum(spread, 0.3 * float(np.median(spread)) + 1e-12)
+    if first is not None:
+        spread = np.maximum(spread, first.profile_sigma_Nm)
+    bare = Band(
+        turns=len(learnt),
+        mean=np.zeros(len(SERIES)),
+        sigma=np.ones(len(SERIES)),
+        profile_Nm=profile,
+        profile_sigma_Nm=spread,
+        usual_count=float(np.median(turns.count)),
+        speeds_rad_s=turns.speed_rad_s,
+    )
+    rows = bare.rows(turns)
+    mean = np.median(rows, axis=0)
+    sigma = _scatter(rows, mean, torque_Nm, memory_turns)
+    if first is not None:
+        # Beside a fault a series may have two values by turns: what moves on is its mean, and by all of its scatter.
+        mean, sigma = np.mean(rows, axis=0), np.maximum(sigma, np.std(rows, axis=0))
+        # Few turns lie nearer to their own mean profile than those to come.
+        mean[_PROFILE] = max(mean[_PROFILE], first.mean[_PROFILE])
+        moving = moving_spread(memory_turns) ** 2
+        wider = (moving + 1.0 / len(learnt)) / (moving + _OF_MEDIAN / first.turns)
+        sigma = np.maximum(sigma, first.sigma) * math.sqrt(max(wider, 1.0))
+    return replace(bare, mean=mean, sigma=sigma)
+
+
+def moving_spread(memory_turns: float) -> float:
+    """Standard deviation of an exponentially weighted mean, in those of a turn."""
+    share = 1.0 / memory_turns
+    return math.sqrt(share / (2.0 - share))
+
+
+def _scatter(rows: FloatArray, mean: FloatArray, torque_Nm: float, memory_turns: float) -> FloatArray:
+    """Scatter of a turn; more where neighbouring turns go together, as their mean then scatters more."""
+    alone = 1.4826 * np.median(np.abs(rows - mean), axis=0)
+    floor = np.array([1e-4, 1e-4 * torque_Nm, 1e-4, 1e-5, 0.03, 0.05, 0.02 * abs(mean[_DROPOUT]) + 1e-6, 0.03])
+    # A mean takes a single wrong value in, however far off it is; the band would be that wide for good.
+    far = _FAR * np.maximum(alone, floor)
+    rows = np.clip(rows, mean - far, mean + far)
+    block = min(max(2, round(memory_turns)), rows.shape[0])
+    means = rows[: rows.shape[0] // block * block].reshape(-1, block, rows.shape[1]).mean(axis=1)
+    together = np.std(means, axis=0) * math.sqrt(block)
+    return np.asarray(np.maximum(np.maximum(alone, together), floor))
+
+
+class Departure:
+    """The moving mean of how far turns lie from a band (exponentially weighted; Roberts 1959)."""
+
+    def __init__(self, band: Band, memory_turns: float) -> None:
+        self.band, self._memory_turns = band, memory_turns
+        self._moving = np.zeros(len(SERIES))
+
+    @property
+    def sigmas(self) -> FloatArray:
+        """The departure in its standard deviations, (series,)."""
+        return np.asarray(self._moving / moving_spread(self._memory_turns))
+
+    @property
+    def away(self) -> FloatArray:
+        """The same without the sign where both signs count."""
+        return np.where(ONE_SIDED, self.sigmas, np.abs(self.sigmas))
+
+    @property
+    def size(self) -> FloatArray:
+        """The departure in the units of the series, (series,), without the sign where both count."""
+        size = self._moving * self.band.sigma
+        return np.where(ONE_SIDED, size, np.abs(size))
+
+    def take(self, turn: TurnFeatures) -> None:
+        """Take one turn more."""
+        departure = (self.band.rows(turn)[0] - self.band.mean) / self.band.sigma
+        # One turn that is far out moves the mean at once; a lasting small one moves it in time.
+        self._moving += (np.clip(departure, -_FARTHEST, _FARTHEST) - self._moving) / self._memory_turns

@@ -1,0 +1,100 @@
+"""Which fault some turns show against a band, and how it is told to a person."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.fault_band import SERIES, Band
+from textile_twin_core.comparison.fault_signatures import BINS, KINDS, TurnFeatures
+
+OF_SAMPLES = ("stuck", "dropout")
+"""Faults that show in the samples themselves, whatever else is wrong."""
+SIDE = {
+    "load_force": "needle",
+    "constant_torque": "drive",
+    "sensor_offset": "sensor",
+    "sensor_gain": "sensor",
+    "phase": "sensor",
+    "noise": "sensor",
+    "profile": "drive",
+    "dropout": "sensor",
+    "stuck": "sensor",
+}
+_MOST = 0.6
+"""Share of what is new that one explanation must take to be named."""
+_AS_USUAL = 4.0
+"""Standard deviations that the mean of turns may lie from a band that holds them."""
+_NOISE, _DROPOUT = SERIES.index("noise"), SERIES.index("dropout")
+_TO_RPM = 30.0 / math.pi
+
+
+def worth_telling(band: Band, torque_Nm: float, least_share: float, least_phase_rad: float) -> FloatArray:
+    """Smallest change of each series that is worth an alarm, (series,)."""
+    lost = 0.1 * abs(band.mean[_DROPOUT])
+    torque = least_share * torque_Nm
+    return np.array([2.0 * least_share, torque, least_share, least_phase_rad, 0.25, 0.7, lost, 0.2])
+
+
+def is_held(turns: TurnFeatures, band: Band, worth: FloatArray) -> bool:
+    """Whether turns are as those of a band."""
+    away = np.abs(np.mean(band.rows(turns), axis=0) - band.mean)
+    return bool(np.all(away < np.maximum(worth, _AS_USUAL * band.sigma / math.sqrt(turns.number.size))))
+
+
+def named(turns: TurnFeatures, band: Band, worth: FloatArray) -> tuple[str, float]:
+    """The kind of fault that a few turns show, and its size; empty when it has gone.
+
+    A single signature is named when it alone takes most of what the residual has more than learnt (the likeliest of
+    one-parameter explanations); else what is the same in every turn is an unknown torque, and what is not is noise.
+    """
+    rows = np.mean(band.rows(turns), axis=0) - band.mean
+    for kind in OF_SAMPLES:
+        k = SERIES.index(kind)
+        if rows[k] > worth[k] and rows[k] > 3.0 * band.sigma[k]:
+            return kind, float(rows[k])
+    learnt = band.mean[: len(KINDS)]
+    normal = np.mean(turns.normal, axis=0)
+    right = np.mean(turns.right, axis=0) - normal @ learnt
+    power = float(np.mean(turns.rms_Nm**2))
+    power += float(learnt @ normal @ learnt - 2.0 * learnt @ (right + normal @ learnt))
+    excess = power - math.exp(2.0 * band.mean[_NOISE])
+    taken = right**2 / np.maximum(np.diag(normal), 1e-300)
+    best = int(np.argmax(taken))
+    size = float(right[best] / max(normal[best, best], 1e-300))
+    if taken[best] > _MOST * excess and abs(size) > worth[best]:
+        return KINDS[best], size
+    profiles = np.nan_to_num(turns.profile_Nm) - band.profile_Nm
+    lasting, each = float(np.mean(np.mean(profiles, axis=0) ** 2)), float(np.mean(profiles**2))
+    if lasting > _MOST * each:
+        return "profile", float(np.sqrt(lasting))
+    return ("noise", float(rows[_NOISE])) if rows[_NOISE] > worth[_NOISE] else ("", 0.0)
+
+
+def told(kind: str, size: float, turns: TurnFeatures, band: Band, speed_known: bool) -> tuple[str, str]:
+    """The kind of alarm and its text, for a fault of a kind and size that some turns show."""
+    speed = float(np.mean(turns.speed_rad_s))
+    against = kind == "constant_torque" and size * math.copysign(1.0, speed) < 0.0
+    name = "sensor_offset" if against else kind
+    away = np.mean(np.nan_to_num(turns.profile_Nm), axis=0) - band.profile_Nm
+    angle = (float(np.argmax(np.abs(away))) + 0.5) * 360.0 / BINS
+    text = {
+        "load_force": f"needle side: the loads changed by {size:+.1%}",
+        "constant_torque": f"drive side: friction changed by {size:+.3g} N m (or the torque sensor's offset)",
+        "sensor_offset": f"torque sensor: offset changed by {size:+.3g} N m (or the drive runs freer)",
+        "sensor_gain": f"torque sensor: gain changed by {size:+.1%}",
+        "phase": f"encoder or its coupling: the angle slipped by {math.degrees(size):+.2f} deg",
+        "noise": f"torque sensor: {math.exp(min(size, 20.0)):.2g} times as much noise as learnt",
+        "profile": f"drive side: a torque that the model does not know, most at {angle:.0f} deg",
+        "dropout": "torque sensor: samples are missing",
+        "stuck": "torque sensor: its value stands still",
+    }[name]
+    if speed_known or kind in OF_SAMPLES:
+        return name, text
+    now, learnt = (abs(each) * _TO_RPM for each in (speed, float(np.median(band.speeds_rad_s))))
+    return name, (
+        f"at another speed than learnt ({now:.0f} rpm, learnt at {learnt:.0f}), where friction or a delay shows that"
+        f" the machine file does not have; if it has them, {text}"
+    )
