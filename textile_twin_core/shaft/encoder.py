@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
@@ -16,7 +18,9 @@ SAME_TIME = 1.2  # ratio of two intervals up to which they count as equal
 WINDOW = 4  # changes of a move whose greatest common divisor is tried as the step
 CANDIDATES = 32  # windows that are tried
 DIFFERENT = 8  # moves of so many numbers of steps have a larger divisor by chance in one case of 250
-MIN_SHARE = 0.75  # of the moves that must be multiples of the step
+MIN_SHARE, MOST_SHARE = 0.75, 0.95  # of the moves that must be multiples of the step; where readings are rounded twice
+TWICE_ROUNDED = 4.0  # units that a step has at least to be told behind them
+BY_CHANCE = 0.004  # probability that moves of so many different numbers of steps are near their multiples by chance
 TOLERANCE, TOLERANCE_RAD = 1e-3, 1e-7  # of a multiple: part of the step, and rounding of floating-point angles
 
 
@@ -52,7 +56,8 @@ class StepFinder:
         step, before = encoder_step(self._stamps, self._readings, self._period), self.step
         self.step = before if step is None else step
         last = self._readings.size == LOOK_AT[-1]
-        self._known = self.step is not None and (last or (self.step > 0.0 and self._has_different_moves(self.step)))
+        sure = self.step is not None and self.step > 0.0 and not _is_decimal(self.step)
+        self._known = self.step is not None and (last or (sure and self._has_different_moves(self.step)))
         if self._known or last:
             self._readings = self._stamps = np.zeros(0)  # a shaft that hardly moved: the search begins again
         same = step is None or (before is not None and abs(step - before) <= TOLERANCE * before)
@@ -61,6 +66,12 @@ class StepFinder:
     def _has_different_moves(self, step: float) -> bool:
         moves = np.rint(np.abs(np.diff(np.unwrap(self._readings, period=self._period))) / step)
         return np.unique(moves[moves > 0.0]).size >= DIFFERENT
+
+
+def _is_decimal(step: float) -> bool:
+    """Whether a step [rad] is a power of ten, in radians or degrees: it may be that of the log alone."""
+    places = np.log10([step, np.rad2deg(step)])
+    return bool(np.any(np.abs(places - np.rint(places)) < TOLERANCE))
 
 
 def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TURN) -> float | None:
@@ -93,7 +104,28 @@ def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TUR
     step = float(steps[np.argmax(shares), 0])
     if shares.max() > MIN_SHARE and np.unique(np.rint(moving / step)).size == 1 and stamps.size < LOOK_AT[-1]:
         return None  # moves that are all alike may be many steps
-    return step if shares.max() > MIN_SHARE else no_step
+    found = step if shares.max() > MIN_SHARE else no_step
+    return found if found is None else _step_behind(max(found, FINEST_STEP_RAD), moving, changes) or found
+
+
+def _step_behind(unit: float, moves: FloatArray, changes: FloatArray) -> float | None:
+    """The step [rad] of readings that were rounded once more, to `unit`, as where a log has so many decimals.
+
+    Moves are then within a unit, and their changes within two, of multiples of the step. None where that may be chance.
+    """
+    several = changes[changes > 2.5 * unit]
+    step = float(np.median(several[several <= several.min() + 2.5 * unit])) if several.size else 0.0
+    if moves.size == 0 or step < TWICE_ROUNDED * unit:
+        return None
+    for most in (1.0, 4.0, 16.0, 64.0, math.inf):  # the more steps a difference has, the better it tells them
+        told = several if most < 16.0 else np.concatenate([several, moves])
+        counts = np.rint(told / step)
+        counts = np.where(counts <= most, counts, 0.0)
+        step = float(counts @ told / (counts @ counts))
+    counts = np.rint(moves / step)
+    inside = np.abs(moves - counts * step) < 1.01 * unit + TOLERANCE_RAD
+    chance = (2.0 * unit / step) ** (np.unique(counts[inside]).size - 1)
+    return step if np.mean(inside) > MOST_SHARE and chance < BY_CHANCE else None
 
 
 def _common_divisors(values: FloatArray) -> FloatArray:
