@@ -102,8 +102,8 @@ def test_a_ripple_in_which_the_clock_stands_still_is_none() -> None:
     rows, status = records(ROW, 200), new_status(ShaftSettings())
     time = np.arange(1.0, 201.0) * 0.01
     rows["time"], rows["step"], rows["reading"], rows["angle"], rows["speed"] = time, 0.01, 5.0 * time, 5.0 * time, 5.0
-    rows["noise"] = rows["unit"] = 1e-6
-    status["interval"], status["scale"], status["waves"][0, 1] = 0.01, 1.0, 2
+    rows["noise"], rows["unit"], rows["interval"] = 1e-6, 1e-6, 0.01
+    status["scale"], status["waves"][0, 1] = 1.0, 2
     smoother = new_smoother(ShaftSettings(), rows.size)
     for amplitude, valid in ((0.5, True), (0.9, False)):
         status["ripple"][0, 0] = amplitude

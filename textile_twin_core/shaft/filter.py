@@ -21,9 +21,10 @@ LARGEST = 1e12  # angle [rad] and stamp [s]: larger ones tell no motion, and squ
 # [1/rad], the gate: density of outliers without the constant 0.38 of Student's t, one sample in 130 within a radian
 OUTLIER_DENSITY = 0.02
 GAP_SAMPLES = 50.0  # intervals without a sample that make a gap
+FAR_ROUND = 2.0  # periods from 0 from which a first reading is not wrapped, whatever zero was taken off it
 MAX_SPREAD = 1.0 / 6.0  # deviation of a predicted angle, in periods, from which the turn of a wrapped one is not known
 MAX_SPEED_SIGMA, LEAST_SPEED = 0.25, 0.3  # a settled state's, relative to the speed; that at least, part of full speed
-ROUNDED_APART = 1.5  # encoder steps beyond the predicted move from which two rounding errors are uncorrelated
+ROUNDED_APART = 1.3  # encoder steps beyond the predicted move from which two rounding errors are uncorrelated
 MAX_HEARD = 1.5  # moves per interval, innovation up to which a rejected measurement still tells the encoder's step
 BUNCHED = 0.1  # of the mean interval: readings nearer to each other in time came late, together, and tell nothing
 USUAL_STEP = 1.5  # intervals up to which no sample was lost between two
@@ -77,6 +78,8 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
         status.origin, status.time = turns, 0.0
         status.angle = status.low = status.high = phase
         row.reading, row.angle, row.origin = phase, phase, turns
+        if status.auto > 0.0 and abs(angle) > FAR_ROUND * status.period:
+            status.period = 0.0
         put_angle(row, phase)
     else:
         status.time += step
@@ -91,6 +94,7 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
             _report_in_doubt(record, row)
         else:
             _report_state(status, row)
+        row.interval = status.interval
         if confirmed and row.cut == 0.0 and row.noise > 0.0:
             row.cut = MANOEUVRE
     # Sampling in step with the encoder may skip one of its steps: rejected measurements within a move count here, too.
@@ -120,7 +124,9 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     """One measurement from the third on, `raw` [rad] before unwrapping, `step` [s] after the one before."""
     status = record[0]
     status.bunched = status.bunched + 1.0 if step < BUNCHED * status.interval else 0.0
-    bunched = 0.0 < status.bunched <= measurement_noise.SETTLING  # else they come more often now
+    # More of them come more often now: the interval before was a pause. An edge is timed as it passes.
+    most = 1.0 if status.edges > 0.0 else measurement_noise.SETTLING
+    bunched, quicker = 0.0 < status.bunched <= most, status.bunched > most
     if not bunched:
         status.since += 1.0
         status.since_slip += 1.0
@@ -151,18 +157,21 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
         status.additive, status.sense, rate = 0.0, 0.0, (reading - status.read) / step
     elif not bunched and gating.is_runaway(status, reading - status.read, step):
         status.fastest, rate = 0.0, math.copysign(status.travel, status.leapt) / status.interval
+    elif quicker:
+        rate = (reading - status.read) / step
     if not math.isnan(rate):
+        status.losses += not quicker
         gating.initiate(status, step, reading, rate, row)
         return
     moved = abs(reading - status.read)
     if status.guessed > 0.0 and FINEST_STEP_RAD < moved < status.resolution:
         status.resolution = moved  # no move is smaller than the step
-    if abs(reading - status.read - status.speed * step) > ROUNDED_APART * status.resolution:
+    if max(abs(reading - status.read - status.speed * step), abs(off)) > ROUNDED_APART * status.resolution:
         status.correlated = row.correlated = 1.0
     repeated = status.holding
     held = bunched or measurement_noise.is_repetition(status, reading)
     status.angle, row.reading = expected, reading
-    if not bunched:
+    if status.bunched == 0.0 or status.bunched == most:
         status.read = reading
     row.unit = noise = measurement_noise.measurement_variance(status)
     row.noise = status.scale[status.best[status.leading]] * noise
@@ -173,7 +182,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     for f in range(1, lanes.FAMILIES):
         families.begin_or_rest(status, f, turned)
     # Of memory N: q = r / (N^6 T^5) (Kalata 1984). At a stop late stamps are no noise, but it is motion.
-    status.noise_of_late = max(noise, FORGET_NOISE * status.noise_of_late)
+    status.noise_of_late = max(noise, FORGET_NOISE * status.noise_of_late, measurement_noise.FINEST_MOTION)
     strength = math.sqrt(status.noise_of_late * step / status.interval**5)
     for f in range(lanes.FAMILIES - 1, -1, -1):
         if status.active[f] > 0.0:

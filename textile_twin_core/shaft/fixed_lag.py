@@ -125,7 +125,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
         begin_at_row(smoother, window.filtered[0])
     held.restart = 0
     window.filtered[0] = window.rows[due]
-    smooth(smoother, status.interval, window.rows[: held.rows], 1, due)
+    smooth(smoother, window.rows[: held.rows], 1, due)
     copy_numbers(smoother.filtered[due], smoother.filtered[0])
     scale_covariances(held.weight, window.rows[1 : due + 1])
     for k in range(1, due + 1):

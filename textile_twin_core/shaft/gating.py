@@ -54,7 +54,6 @@ def initiate(status: Record, step: float, angle: float, rate: float, row: Record
     A sensor's own speed replaces the speed `rate` [rad/s] where it agrees. It is no measurement later: drives mostly
     differentiate the same angles, smoothed and late, which made the acceleration's error ten times larger.
     """
-    status.losses += status.samples > 2.0
     status.interval = step
     measurement_noise.begin_jitter(status)
     status.angle, status.speed, status.acceleration = angle, rate, 0.0
@@ -162,6 +161,7 @@ def accept_manoeuvre(record: Records, reading: float, off: float, step: float, r
         _set_aside(status, off, step)
         none = status.rejected_run > (MAX_UNCONFIRMED if slipped else MAX_OUTLIERS)
         if none and status.unconfirmed > MAX_UNCONFIRMED:
+            status.losses += 1.0
             initiate(status, step, reading, 0.0 if status.holding > 0.0 else status.speed, row)
         return False
     if at_once:

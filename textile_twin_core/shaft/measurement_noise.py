@@ -25,6 +25,7 @@ LEAP, LEAP_GUESSED = 2.5, 4.5  # encoder steps, more than rounding can hide of a
 FORGET_HOLD = 0.98  # decay of the longest repetition per leap
 ALIKE_HOLDS = 0.6  # of the longest, from which repetitions are a sensor's: a shaft's that rests at times differ
 FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some hundred turns from the origin
+FINEST_MOTION = 1e-10  # [rad^2] least variance that the process noise is relative to: no motion is evener for long
 FINEST_S = 1e-9  # [s] least time between measurements: months after the first it may be lost to rounding
 LEAST_SCALE = 1e-6  # least noise scale of a filter where nothing else bounds it
 LEARN_JITTER = 0.5  # gain of the jitter's adaptation at full speed; lower speeds hardly show it

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft.measurement_noise import MOST_CORRELATED
+from textile_twin_core.shaft.measurement_noise import FINEST_MOTION, MOST_CORRELATED
 from textile_twin_core.shaft.status import Record, Records
 
 DELAY = 20.5  # independent samples until a filter detects a change; no integer, lest rounding decide comparisons
@@ -16,7 +16,7 @@ LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25  # memories that bound the intensity, in
 
 
 @compiled_in_place
-def set_initial_intensities(rows: Records, family: int, interval: float) -> None:
+def set_initial_intensities(rows: Records, family: int) -> None:
     """Make each row's intensity [rad^2/s^5] at least r / (N^6 T^5), N the family's memory there, as in `bank.predict`.
 
     A filter detects a change some samples late, the later the longer its memory is, so N is the shortest memory within
@@ -42,7 +42,7 @@ def set_initial_intensities(rows: Records, family: int, interval: float) -> None
             for j in range(oldest, newest + 1):
                 if rows[j].memory[family] <= rows[shortest].memory[family]:
                     shortest = j
-        expected = noise / (math.exp(6.0 * rows[shortest].memory[family]) * interval**5)
+        expected = max(noise, FINEST_MOTION) / (math.exp(6.0 * rows[shortest].memory[family]) * rows[i].interval ** 5)
         rows[i].intensity = max(rows[i].intensity, expected)
 
 
@@ -53,7 +53,7 @@ def _independent(row: Record, family: int) -> float:
 
 
 @compiled_in_place
-def adapt_intensities(rows: Records, interval: float, least: float) -> float:
+def adapt_intensities(rows: Records, least: float) -> float:
     """Scale each row's intensity by the smoothed jerk's mean square over its expectation, in a window around the row.
 
     The expectation is the variance that the measurements removed (MacKay 1992): the ratio is 1 where the intensity is
@@ -68,7 +68,7 @@ def adapt_intensities(rows: Records, interval: float, least: float) -> float:
     for i in range(count):
         if rows[i].noise > 0.0:
             noise = rows[i].noise
-        unit = noise / interval**5
+        unit = max(noise, FINEST_MOTION) / rows[i].interval ** 5
         half = max(half - half // 3, 2)
         before, last = max(i - half - 1, 0), min(i + half, count - 1)
         while rows[last].jerk[1] - rows[before].jerk[1] < FOUND and half < min(WIDEST, count):

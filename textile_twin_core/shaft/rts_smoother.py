@@ -123,7 +123,7 @@ def smooth_family(smoother: Smoother, record: Records, family: int, rows: Record
     else:
         set_start(smoother.filtered[0], start.reading, start.speed, start.noise or start.unit, rows[1].step)
         begin_at_state(smoother, start.reading, start.speed, 0.0, filters.second)
-    slope = smooth(smoother, record[0].interval, rows, 1, 0)
+    slope = smooth(smoother, rows, 1, 0)
     total = filter_rows(smoother, rows)
     if first <= last:
         smooth_back(smoother, rows, first, last)
@@ -131,7 +131,7 @@ def smooth_family(smoother: Smoother, record: Records, family: int, rows: Record
 
 
 @compiled_in_place
-def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last: int) -> float:
+def smooth(smoother: Smoother, rows: Records, first: int, last: int) -> float:
     """Smooth (n,) rows from the initial state on: rows `first` .. `last` get their states.
 
     The process noise of all rows is adapted for the next call; at once where it was far from right. Readings rejected
@@ -147,12 +147,12 @@ def smooth(smoother: Smoother, interval: float, rows: Records, first: int, last:
     for i in range(rows.size):
         g = wave_at(filters, filters.leading, lanes.CHAIN, filters.second, rows[i].angle)
         rows[i].clock, slope = rows[i].reading + g[0], min(slope, 1.0 + g[1])
-    set_initial_intensities(rows, filters.leading, interval)
+    set_initial_intensities(rows, filters.leading)
     least = 1.0
     for _ in range(MOST_PASSES):
         filter_rows(smoother, rows)
         smooth_back(smoother, rows, first, last)
-        if adapt_intensities(rows, interval, least) < FAR_OFF:
+        if adapt_intensities(rows, least) < FAR_OFF:
             break
         least = FAR_OFF
     return slope

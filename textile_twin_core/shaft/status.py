@@ -116,7 +116,7 @@ yet), number of the input sample, covariance."""
 _FOR_SMOOTHING = (
     "reading", "noise", "unit",  # unwrapped reading [rad]; its variance (0: rejected), and that without noise scale
     "angle", "origin",  # estimated angle [rad]; whole turns to add to both
-    "correlated", "time", "step",  # as in the status; time since the first sample and the last one [s]
+    "correlated", "interval", "time", "step",  # as in the status; time since the first sample and the last one [s]
     "cut",  # MANOEUVRE .., or 0
     "leading", "clock", "residual",  # leading family; reading of the clock, and less the smoothed one [rad]
     "intensity",  # process noise intensity [rad^2/s^5]
