@@ -17,12 +17,15 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from tests.generators.faults import faulty
+from tests.generators.faults import faulty, with_fault
 from tests.generators.mill_recordings import MillRecording
+from tests.generators.told_machine import told_machine
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite, node_environment, shaft_angles
 from tests.ros.test_live_topics import joint_state
+from textile_twin_core.comparison.fault_watch import WatchSettings
+from textile_twin_core.comparison.monitor import Monitor
 from textile_twin_core.recordings import BagWriter
-from textile_twin_ros.diagnostics import OK, WARN
+from textile_twin_ros.diagnostics import ERROR, OK, WARN
 from textile_twin_ros.monitor_node import MonitorNode
 
 
@@ -92,6 +95,21 @@ def give(node: MonitorNode, made: MillRecording, later_ns: int = 0) -> None:
     node._angles.extend((int(stamp), float(angle), math.nan) for stamp, angle in angles)
     torques = zip(made.torque_stamps_ns + later_ns, made.torque, strict=True)
     node._torques.extend((int(stamp), float(torque), math.nan) for stamp, torque in torques)
+
+
+@pytest.mark.slow
+def test_all_faults_that_stand_are_on_the_diagnostics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The worst of them tells the level: a sensor's alone is no error."""
+    made = faulty("friction", 0.6, 985, duration_s=62.0, onset_s=28.0, rate=250.0)
+    both = with_fault(made.recording, made.case, "sensor_gain", 0.12, 48.0)
+    with monitor_in_here(tmp_path, monkeypatch) as node:
+        node._monitor = Monitor(told_machine(made.case), WatchSettings(learn_turns=60))
+        give(node, both)
+        node._look()
+        faults = node._faults()
+    assert "friction" in faults.message
+    assert "gain" in faults.message
+    assert faults.level == ERROR
 
 
 def test_the_trend_is_written_meanwhile_and_what_does_not_go_is_kept(

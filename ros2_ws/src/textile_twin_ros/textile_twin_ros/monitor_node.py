@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from textile_twin_core.comparison.fault_watch import SERIES, Alarm, WatchSettings
+from textile_twin_core.comparison.fault_watch import SERIES, WatchSettings
 from textile_twin_core.comparison.monitor import Monitor
 from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.twin.restart import RestartWatch
@@ -58,7 +58,6 @@ class MonitorNode(Node):
         self._machine = load_linkage(settings.machine, settings.encoder())
         self._trends = TrendFolder(settings.parquet, _MOST_WRITES) if settings.parquet else None
         self._restarts = RestartWatch()
-        self._alarms: list[Alarm] = []
         self._begin()
         depth = depth_for(settings.rate_hz)
         self._angles: list[Sample] = []
@@ -89,7 +88,6 @@ class MonitorNode(Node):
     def _learn_again(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Forget the band, as after a repair."""
         self._begin()
-        self._alarms.clear()
         response.success = True
         response.message = f"learning from the next {self.settings.learn_turns} turns"
         return response
@@ -122,7 +120,6 @@ class MonitorNode(Node):
         if watched and self._trends is not None:
             self._trends.take(trend)
         for alarm in trend.alarms:
-            self._alarms.append(alarm)
             self.get_logger().warning(f"turn {alarm.turn}: {alarm.text}")
 
     def _statuses(self) -> list[Status]:
@@ -138,10 +135,10 @@ class MonitorNode(Node):
             return Status("faults", OK, text, {"turns": self._monitor.turns})
         values: dict[str, object] = {f"{name}_sigmas": float(v) for name, v in zip(SERIES, watch.latest, strict=True)}
         values["turns"] = self._monitor.turns
-        if not watch.active:
+        if not watch.standing:
             return Status("faults", OK, "as learnt", values)
-        alarm = self._alarms[-1]
-        return Status("faults", WARN if alarm.side == "sensor" else ERROR, alarm.text, values)
+        level = WARN if all(alarm.side == "sensor" for alarm in watch.standing) else ERROR
+        return Status("faults", level, "; ".join(alarm.text for alarm in watch.standing), values)
 
     def _write_meanwhile(self) -> None:
         """Write the trend while the machine runs; what does not go now is tried again with the next."""
