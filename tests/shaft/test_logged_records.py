@@ -112,3 +112,17 @@ def test_a_reading_far_beyond_a_turn_is_not_wrapped() -> None:
     heard = (time < 4.1) | (time > 5.0)
     states = _run(create_estimator("causal"), time[heard], theta[heard])
     assert np.abs(states.theta_rad - theta[heard][states.index]).max() < 0.1
+
+
+@pytest.mark.parametrize("counts", [24, 48, 90])
+@pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
+def test_a_wheel_of_few_steps_that_moves_by_one_at_a_time_does_not_slip(view: str, counts: int) -> None:
+    """As Hall sensors read it: at first it rests, and then each step is far larger than that of a guess."""
+    rng, time, step = np.random.default_rng(counts), np.arange(6000) * 0.002, TURN / counts
+    pace = np.where(time > 2.0, 0.5 + 3.0 * np.abs(np.sin(0.9 * time)), 0.0) * 12.0 / counts
+    theta = np.cumsum(pace * TURN / 12.0) * 0.002 * counts / 12.0 + rng.random()
+    estimator = create_estimator(view)
+    states = _run(estimator, time, np.floor(theta / step) * step)
+    assert np.abs(states.omega_rad_s).max() < 8.0 * np.gradient(theta, time).max()
+    assert np.abs(states.theta_rad - theta[states.index]).max() < 2.0 * step
+    assert estimator.report.jumps <= 1

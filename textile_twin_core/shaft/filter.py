@@ -11,7 +11,6 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import families, gating, lanes, measurement_noise
 from textile_twin_core.shaft.bank import doubt_ripple, predict_reading
-from textile_twin_core.shaft.encoder import FINEST_STEP_RAD
 from textile_twin_core.shaft.kalman import time_update
 from textile_twin_core.shaft.residual_orders import add_systematic, listen_for_orders, set_systematic
 from textile_twin_core.shaft.status import MANOEUVRE, RUNNING, STANDSTILL, STARTING, Record, Records, Stamps
@@ -163,9 +162,8 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
         status.losses += not quicker
         gating.initiate(status, step, reading, rate, row)
         return
-    moved = abs(reading - status.read)
-    if status.guessed > 0.0 and FINEST_STEP_RAD < moved < status.resolution:
-        status.resolution = moved  # no move is smaller than the step
+    if status.guessed > 0.0:
+        measurement_noise.guess_resolution(status, reading - status.read)
     if max(abs(reading - status.read - status.speed * step), abs(off)) > ROUNDED_APART * status.resolution:
         status.correlated = row.correlated = 1.0
     repeated = status.holding
