@@ -22,7 +22,7 @@ MOST_ADDITIVE = 128.0  # bound of one sample's estimate in current variances
 HELD_MOVES = 10.0, 25.0  # memory at first and at most in moves, a tenth of the readings used between
 OFTEN_HELD = 0.3  # share of moves after repetitions from which the sensor holds values
 LEAP, LEAP_GUESSED = 2.5, 4.5  # encoder steps, more than rounding can hide of a move; while the step is a guess
-FEW_EQUAL, SAME_MOVE = 2.0, 0.01  # equal readings between two steps, and part of them by which the two may differ
+FEW_EQUAL, SAME_MOVE = 2.0, 0.01  # equal readings between two steps, and part of a step by which they may differ
 FORGET_HOLD = 0.98  # decay of the longest repetition per leap
 ALIKE_HOLDS = 0.6  # of the longest, from which repetitions are a sensor's: a shaft's that rests at times differ
 FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some hundred turns from the origin
@@ -129,13 +129,14 @@ def _averaged(variance: float, found: float, noise: float, samples: float) -> fl
 def guess_resolution(status: Record, moved: float) -> None:
     """Guess the encoder's step while it is not known: no move is smaller.
 
-    Two moves alike, each between equal readings, and the same way, are of one step.
+    The first two after a rest, between equal readings, are of one step if they are alike; those of a shaft whose sensor
+    repeats its readings are not.
     """
     if abs(moved) > FINEST_STEP_RAD:
         alike = status.holding >= FEW_EQUAL and abs(moved - status.lone) < SAME_MOVE * abs(moved)
         coarse = alike and status.resolution == UNKNOWN_STEP_RAD
         status.resolution = abs(moved) if coarse else min(status.resolution, abs(moved))
-        status.lone = moved if status.holding >= FEW_EQUAL else 0.0
+        status.lone = moved if status.holding >= SETTLING else 0.0
 
 
 @compiled_in_place

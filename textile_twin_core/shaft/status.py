@@ -42,7 +42,7 @@ _NUMBERS = (
     "period", "slips",  # angle at which readings wrap, 0 if they do not; what unwrapping adds [rad]
     "auto", "low", "high",  # 1 if wrapping is found from the readings, and their range [rad]
     "edges", "resolution", "guessed",  # 1 for edges of teeth; encoder's step [rad], 1 if it is not known yet
-    "lone",  # last move after equal readings, else 0 [rad]
+    "lone",  # last move if it ended a rest, else 0 [rad]
     "correlated",  # readings that count as one, as their rounding errors are correlated
     "noise_of_late",  # measurement variance that the process noise is relative to [rad^2]
     "jitter", "jitter_told",  # variance of the stamps [s^2], 1 if it is a setting
