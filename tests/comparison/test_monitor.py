@@ -19,6 +19,7 @@ from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.comparison.monitor import Monitor, Trend, monitor_recording
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.machines import tufting
+from textile_twin_core.twin import compile_machine
 
 _SETTINGS = WatchSettings(learn_turns=60)
 
@@ -108,6 +109,14 @@ def test_an_alarm_at_another_speed_than_learnt_says_so(viscous_Nms: float, monke
     fault = with_fault(record(case), case, "friction", 1.2, 72.0)
     alarm = monitor_recording(readings_of(fault), told_machine(case), _SETTINGS).alarms[-1]
     assert alarm.kind == "constant_torque" and "another speed" not in alarm.text
+
+
+def test_torque_without_any_noise_has_no_more_of_it() -> None:
+    """As of a simulator: from the 55th turn on rounding was 3.9 times as much noise as learnt."""
+    theta = 16.755 * 0.002 * np.arange(12_000)
+    torque = compile_machine(tufting(), ["balancing_torque_Nm"]).evaluate(theta, 16.755)["balancing_torque_Nm"]
+    stamps = 10**18 + 2_000_000 * np.arange(theta.size)
+    assert monitor_recording(Readings(stamps, theta, stamps, torque), tufting(), WatchSettings(20)).alarms == ()
 
 
 def test_nothing_is_said_of_a_healthy_machine() -> None:

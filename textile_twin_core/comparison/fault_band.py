@@ -17,6 +17,8 @@ ONE_SIDED = np.array([name not in KINDS for name in SERIES])
 """Series that count when they grow; the others count either way."""
 _PROFILE, _DROPOUT = SERIES.index("profile"), SERIES.index("dropout")
 _FARTHEST = 200.0
+_ROUNDING = 1e-6
+"""Part of the torque below which its scatter is that of numbers, as a simulator's are."""
 _FAR = 8.0
 """Scatters from the median beyond which a turn that is learnt from counts no more than there."""
 _SAME_SPEED, _FEWEST = 0.05, 0.05
@@ -32,7 +34,7 @@ class Band:
     Attributes:
         turns: how many they were. mean, sigma: (series,) of one turn.
         profile_Nm, profile_sigma_Nm: (BINS,) what no signature takes, by shaft angle.
-        usual_count: samples in a turn. speeds_rad_s: (turns,) of each.
+        usual_count: samples in a turn. speeds_rad_s: (turns,) of each. least_noise_Nm: less noise is none.
     """
 
     turns: int
@@ -42,6 +44,7 @@ class Band:
     profile_sigma_Nm: FloatArray
     usual_count: float
     speeds_rad_s: FloatArray
+    least_noise_Nm: float
 
     def rows(self, turns: TurnFeatures) -> FloatArray:
         """The watched series of turns, (t, series)."""
@@ -51,7 +54,7 @@ class Band:
         return np.column_stack(
             [
                 turns.sizes,
-                np.log(np.maximum(turns.noise_Nm, 1e-300)),
+                np.log(np.maximum(turns.noise_Nm, self.least_noise_Nm)),
                 np.log(np.maximum(np.mean(away**2, axis=1), 1e-3)),
                 -full,
                 turns.stuck,
@@ -87,6 +90,7 @@ def band_of(learnt: Sequence[TurnFeatures], torque_Nm: float, memory_turns: floa
         profile_sigma_Nm=spread,
         usual_count=float(np.median(turns.count)),
         speeds_rad_s=turns.speed_rad_s,
+        least_noise_Nm=_ROUNDING * torque_Nm,
     )
     rows = bare.rows(turns)
     mean = np.median(rows, axis=0)
