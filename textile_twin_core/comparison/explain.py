@@ -15,7 +15,6 @@ from textile_twin_core.comparison.search import (
     BestFit,
     as_delay,
     search,
-    what_can_vary,
     zero_beside,
     zero_departure,
 )
@@ -89,7 +88,6 @@ def explain(
         late = _spare(fine, as_delay(fine, found[0].fit, configured), configured, encoder_turn_rad)
         if late.rms < fit.rms:
             fit = late
-    fit = _as_near(fine, fit, configured, encoder_turn_rad)
     at_rest = rest_reading(evidence, fit.settings)
     if at_rest is None and "constant_Nm" in fit.free and fit.settings.constant_Nm < -evidence.terms.coulomb_Nm:
         # What helps the shaft on is no friction.
@@ -197,28 +195,6 @@ def _spare(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_t
         start = fit.settings.changed(back)
         fit = fit_settings(evidence, start, [name for name in fit.free if name not in gone])
     return fit
-
-
-def _as_near(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_turn_rad: float) -> SettingsFit:
-    """The fit that begins at the configured settings, where it departs in fewer and leaves hardly more.
-
-    Settings that make up for each other, as a zero and a delay far off, are each missed when put back alone.
-    """
-    if not _departing(fit, configured):
-        return fit
-    for free in ((), what_can_vary(evidence)):
-        near = _spare(evidence, fit_settings(evidence, configured, free), configured, encoder_turn_rad)
-        fewer = _departing(near, configured) < _departing(fit, configured)
-        if fewer and near.cost(fit.scale) <= (1.0 + _WORTH) * fit.cost(fit.scale):
-            return near
-    return fit
-
-
-def _departing(fit: SettingsFit, configured: Settings) -> int:
-    """In how many settings a fit departs, discrete ones too."""
-    s = fit.settings
-    discrete = (s.direction != configured.direction, s.ratio != configured.ratio, s.gain * configured.gain < 0.0)
-    return len(fit.free) + sum(discrete)
 
 
 def _configured(name: str, settings: Settings, configured: Settings, encoder_turn_rad: float) -> float:
