@@ -28,6 +28,16 @@ def test_the_step_is_the_encoders_and_not_the_last_decimal_of_a_log(
     assert encoder_step(time, printed) == pytest.approx(step, rel=3e-3)
 
 
+@pytest.mark.parametrize("seed", [9, 14])
+def test_a_decimal_is_no_step_before_enough_readings_tell_the_encoders(seed: int) -> None:
+    """The first moves of a pendulum that is excited ever more are of many different numbers of decimals, too."""
+    rng, time, step = np.random.default_rng(seed), np.arange(900) * 0.002, TURN / 10_000
+    theta = 0.4 * time**2 * np.sin(rng.uniform(8.0, 20.0) * time) + rng.random()
+    estimator = create_estimator("causal")
+    _run(estimator, time, np.round(np.rint(theta / step) * step, 4))
+    assert estimator.report.resolution_rad == pytest.approx(step, rel=3e-3)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_a_fine_encoder_is_no_coarse_one_that_was_printed(seed: int) -> None:
     """Whose moves are alike, or few: they are multiples of many a step."""
