@@ -2,8 +2,8 @@
 
 Let L, L- and S be the factors of the filtered, the predicted and the next smoothed covariance, G that of the process
 noise and F the transition over a step, with x, x- and x+ the states. With K = L-^-1 F L, M = L-^-1 G, W = L-^-1 S and
-d = L-^-1 (x+ - x-) the smoothed factor is L times that of [K'K - I, K'M, K'W], positive by form, the smoothed state
-x + L K'd, and M'd the smoothed normalised jerk.
+d = L-^-1 (x+ - x-) the smoothed factor is L times that of the sum of squares of K'K - I, K'M and K'W, positive by form,
+the smoothed state x + L K'd, and M'd the smoothed normalised jerk.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from textile_twin_core.shaft.clock import (
     add_ripple_covariance,
     add_spread,
     copy_numbers,
-    dot,
     shaft_state,
     wave_at,
 )
@@ -37,6 +36,7 @@ from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records, 
 FAR, SURELY_FAR = 9.0, 1e4  # squared distance from the bank's angle that is far, in its variances; without a reading
 MOST_PASSES = 5
 BURST, NEARER = 10, 0.25  # rows after a manoeuvre in which it is taken back, by a reading so much nearer to the motion
+ROUNDED = 1e-30  # part of a variance that is left of it at least, where all is lost to rounding
 FAR_OFF = 4.0  # times too weak or too strong that some process noise was: it is adapted again
 
 
@@ -47,15 +47,13 @@ class Smoother(NamedTuple):
     filters: Records  # (1,) a status, of which lane CHAIN is the filter
     filtered: FloatArray  # (n, 9) its filtered state and factor at each row, initial ones at the first
     smoothed: FloatArray  # (9,) smoothed state and factor in the backward pass
-    whitened: FloatArray  # (3, 10) K, M, W, d
-    product: FloatArray  # (3, 10) [K'K - I, K'M, K'W, K'd]
 
 
 def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
     """Arrays for passes over at most so many rows."""
     filters = new_status(settings)
     filters["scale"][0, lanes.CHAIN] = 1.0
-    return Smoother(filters, np.zeros((rows, 9)), np.zeros(9), np.zeros((3, 10)), np.zeros((3, 10)))
+    return Smoother(filters, np.zeros((rows, 9)), np.zeros(9))
 
 
 @compiled_in_place
@@ -222,47 +220,64 @@ def _step_back(
     smoother: Smoother, predicted: FloatArray, filtered: FloatArray, step: float, strength: float, jerk: FloatArray
 ) -> None:
     """Smoothed state and factor before a step from those after it, and the step's jerk."""
-    s, A, B, place, half = smoother.smoothed, smoother.whitened, smoother.product, lanes.FACTOR, 0.5 * step * step
-    A[0, 1] = A[0, 2] = A[1, 2] = A[0, 4] = A[0, 5] = A[1, 5] = A[0, 7] = A[0, 8] = A[1, 8] = 0.0
-    for j in range(3):
-        for i in range(j, 3):
-            A[i, j], A[i, 6 + j] = filtered[place[i, j]], s[place[i, j]]
-        A[2, j] += step * A[1, j] + half * A[0, j]
-        A[1, j] += step * A[0, j]
-        A[j, 9] = s[j] - predicted[j]
-    A[0, 3], A[1, 3], A[2, 3] = strength, 0.5 * strength * step, strength * half / 3.0
-    A[1, 4], A[2, 4] = strength * step * HALF_JERK, strength * half * HALF_JERK
-    A[2, 5] = strength * step * step * LAST_JERK
-    i00, i11, i22 = 1.0 / predicted[lanes.L00], 1.0 / predicted[lanes.L11], 1.0 / predicted[lanes.L22]
-    p10, p20, p21 = predicted[lanes.L10], predicted[lanes.L20], predicted[lanes.L21]
-    for j in range(10):
-        a = A[0, j] * i00
-        b = (A[1, j] - p10 * a) * i11
-        A[0, j], A[1, j], A[2, j] = a, b, (A[2, j] - p20 * a - p21 * b) * i22
+    s, half = smoother.smoothed, 0.5 * step * step
+    f00, f10, f20 = filtered[lanes.L00], filtered[lanes.L10], filtered[lanes.L20]
+    f11, f21, f22 = filtered[lanes.L11], filtered[lanes.L21], filtered[lanes.L22]
+    for place in (lanes.L00, lanes.L11, lanes.L22):
+        predicted[place] = 1.0 / predicted[place]
+    k0 = _whitened(predicted, f00, f10 + step * f00, f20 + step * f10 + half * f00)
+    k1 = _whitened(predicted, 0.0, f11, f21 + step * f11)
+    k2 = _whitened(predicted, 0.0, 0.0, f22)
+    m0 = _whitened(predicted, strength, 0.5 * strength * step, strength * half / 3.0)
+    m1 = _whitened(predicted, 0.0, strength * step * HALF_JERK, strength * half * HALF_JERK)
+    m2 = _whitened(predicted, 0.0, 0.0, strength * step * step * LAST_JERK)
+    w0 = _whitened(predicted, s[lanes.L00], s[lanes.L10], s[lanes.L20])
+    w1 = _whitened(predicted, 0.0, s[lanes.L11], s[lanes.L21])
+    w2 = _whitened(predicted, 0.0, 0.0, s[lanes.L22])
+    d = _whitened(predicted, s[0] - predicted[0], s[1] - predicted[1], s[2] - predicted[2])
     jerk[0] = jerk[1] = 0.0
-    for j in range(3, 6):
-        jerk[0] += (A[0, j] * A[0, 9] + A[1, j] * A[1, 9] + A[2, j] * A[2, 9]) ** 2
-        for k in range(3):
-            jerk[1] += A[k, j] ** 2
-            jerk[1] -= (A[0, j] * A[0, 6 + k] + A[1, j] * A[1, 6 + k] + A[2, j] * A[2, 6 + k]) ** 2
+    for m in (m0, m1, m2):
+        jerk[0] += _product(m, d) ** 2
+        jerk[1] += _product(m, m) - _product(m, w0) ** 2 - _product(m, w1) ** 2 - _product(m, w2) ** 2
     jerk[1] = max(jerk[1], 0.0)
-    for i in range(3):
-        for j in range(10):
-            B[i, j] = A[0, i] * A[0, j] + A[1, i] * A[1, j] + A[2, i] * A[2, j] - (1.0 if i == j else 0.0)
-    for i in range(3):  # modified Gram-Schmidt on the rows of B: the triangle takes the place of K
-        for k in range(i):
-            part = dot(B[i], B[k], 9) / max(dot(B[k], B[k], 9), 1e-300)
-            for j in range(9):
-                B[i, j] -= part * B[k, j]
-            A[i, k] = part * A[k, k]
-        A[i, i] = math.sqrt(dot(B[i], B[i], 9))
-    for i in range(3):
-        s[i] = filtered[i]
-        for k in range(i + 1):
-            s[i] += filtered[place[i, k]] * B[k, 9]
-            s[place[i, k]] = 0.0
-            for j in range(k, i + 1):
-                s[place[i, k]] += filtered[place[i, j]] * A[j, k]
+    k10, k20, k21 = _product(k1, k0), _product(k2, k0), _product(k2, k1)
+    c = _squares(_product(k0, k0) - 1.0, k10, k20, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    c = _squares(k10, _product(k1, k1) - 1.0, k21, c)
+    c = _squares(k20, k21, _product(k2, k2) - 1.0, c)
+    for v in (m0, m1, m2, w0, w1, w2):
+        c = _squares(_product(k0, v), _product(k1, v), _product(k2, v), c)
+    t00 = math.sqrt(c[0])  # its factor, by Cholesky
+    t10, t20 = c[1] / t00, c[2] / t00
+    t11 = math.sqrt(max(c[3] - t10 * t10, ROUNDED * c[3]))
+    t21 = (c[4] - t20 * t10) / t11
+    t22 = math.sqrt(max(c[5] - t20 * t20 - t21 * t21, ROUNDED * c[5]))
+    by0, by1, by2 = _product(k0, d), _product(k1, d), _product(k2, d)
+    s[0] = filtered[0] + f00 * by0
+    s[1] = filtered[1] + f10 * by0 + f11 * by1
+    s[2] = filtered[2] + f20 * by0 + f21 * by1 + f22 * by2
+    s[lanes.L00], s[lanes.L10], s[lanes.L20] = f00 * t00, f10 * t00 + f11 * t10, f20 * t00 + f21 * t10 + f22 * t20
+    s[lanes.L11], s[lanes.L21], s[lanes.L22] = f11 * t11, f21 * t11 + f22 * t21, f22 * t22
+
+
+@compiled_in_place
+def _whitened(predicted: FloatArray, a: float, b: float, c: float) -> tuple[float, float, float]:
+    """A vector divided by the factor in `predicted`, whose diagonal is inverted."""
+    a *= predicted[lanes.L00]
+    b = (b - predicted[lanes.L10] * a) * predicted[lanes.L11]
+    return a, b, (c - predicted[lanes.L20] * a - predicted[lanes.L21] * b) * predicted[lanes.L22]
+
+
+@compiled_in_place
+def _product(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled_in_place
+def _squares(a: float, b: float, c: float, sums: tuple[float, ...]) -> tuple[float, ...]:
+    """Add the products of three numbers to the lower triangle of their sums, column by column."""
+    s00, s10, s20, s11, s21, s22 = sums
+    return s00 + a * a, s10 + b * a, s20 + c * a, s11 + b * b, s21 + c * b, s22 + c * c
 
 
 @compiled_in_place
