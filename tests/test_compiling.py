@@ -145,22 +145,25 @@ def test_a_loop_keeps_its_vectors_in_whole_cache_lines(tmp_path: Path, monkeypat
     assert "alignstack=64" in code
 
 
-def test_a_loop_computes_vectors_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_loop_computes_vectors_of_the_width_wanted_and_side_by_side(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("TEXTILE_TWIN_CACHE_DIR", str(tmp_path))
 
     def roots(x: FloatArray, y: FloatArray) -> None:
         for i in range(x.shape[0]):
             y[i] = math.sqrt(x[i] + x[i] * x[i])
 
-    def vectors(abreast: int) -> int:
-        loop = compiled(roots, apart=True, abreast=abreast)
+    def vectors(abreast: int, wide: int = 0) -> list[int]:
+        loop = compiled(roots, apart=True, abreast=abreast, wide=wide)
         x, y = np.arange(100.0), np.empty(100)
         loop(x, y)
         assert np.allclose(y, np.sqrt(x + x * x))
         (code,) = loop.inspect_llvm().values()  # type: ignore[attr-defined]
-        return len(re.findall(r"<\d+ x double> @llvm\.sqrt", code))
+        return [int(width) for width in re.findall(r"<(\d+) x double> @llvm\.sqrt", code)]
 
-    assert vectors(1) < 8 <= vectors(8)
+    assert len(vectors(1)) < 8 <= len(vectors(8))
+    assert set(vectors(1, wide=2)) == {2}
 
 
 def test_what_works_in_place_counts_no_users_of_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

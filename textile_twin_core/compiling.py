@@ -33,6 +33,7 @@ try:
     from numba.core.types import void
     from numba.extending import intrinsic
 
+    from textile_twin_core.linking import Vectors
     from textile_twin_core.programs import Program
     from textile_twin_core.references import pass_by_reference
 except ImportError as error:
@@ -47,21 +48,27 @@ CACHE_LINE: Final = 64  # bytes
 
 
 def compiled(
-    function: _Function, *, inlined: bool = False, apart: bool = False, abreast: int = 0, counted: bool = True
+    function: _Function,
+    *,
+    inlined: bool = False,
+    apart: bool = False,
+    abreast: int = 0,
+    wide: int = 0,
+    counted: bool = True,
 ) -> _Function:
     """The function compiled when first called, for the types it is called with; it may call other compiled ones.
 
     `inlined` puts it into the functions that call it; `apart` promises that no two of its arrays share memory, which
-    lets loops over many of them run on several samples at once, on `abreast` vectors of samples (a power of two) side
-    by side (0: as many as LLVM likes). Without `counted` nothing counts who uses an array, at each mention: not for
+    lets loops over many of them run on several samples at once, on `abreast` vectors of `wide` samples (powers of two)
+    side by side (0: as LLVM likes). Without `counted` nothing counts who uses an array, at each mention: not for
     functions that make arrays, or are given such by those that they call. Values of module-level names are read once.
     Do not hand functions over as arguments: such calls are not kept.
     """
     if numba is None:
         say_once(f"loops run uncompiled, some hundred times slower: {_LACKING}; install numba 0.68")
         return function
-    dispatcher = Program(function, apart, abreast, forceinline=inlined, _nrt=counted, **_OPTIONS)
-    dispatcher._cache = _ContentCache(function, inlined, apart, abreast, counted)
+    dispatcher = Program(function, apart, Vectors(abreast, wide), forceinline=inlined, _nrt=counted, **_OPTIONS)
+    dispatcher._cache = _ContentCache(function, inlined, apart, abreast, wide, counted)
     result: _Function = dispatcher
     return result
 

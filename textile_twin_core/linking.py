@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba.core.cgutils import ir
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, ll
 
 
+class Vectors(NamedTuple):
+    """How loops take vectors: so many side by side, of so many numbers each; 0: as LLVM likes."""
+
+    abreast: int = 0
+    wide: int = 0
+
+
 class ProgramPart(CPUCodeLibrary):  # type: ignore[misc]
     """A function that others call: their program optimises it, and makes machine code of it, with all the others."""
 
-    def __init__(self, codegen: Any, vectors: int) -> None:
+    def __init__(self, codegen: Any, vectors: Vectors) -> None:
         super().__init__(codegen, "part")
         self._vectors = vectors
 
@@ -48,7 +55,7 @@ class BorrowedPart(ProgramPart):
 class WholeProgram(JITCodeLibrary):  # type: ignore[misc]
     """A program: each of its parts is linked once, however many others call it."""
 
-    def __init__(self, codegen: Any, vectors: int) -> None:
+    def __init__(self, codegen: Any, vectors: Vectors) -> None:
         super().__init__(codegen, "program")
         self._vectors = vectors
         self.enable_object_caching()
@@ -74,19 +81,21 @@ class WholeProgram(JITCodeLibrary):  # type: ignore[misc]
         passes.run(self._final_module, builder)
 
 
-def _tell_vectors(module: Any, vectors: int) -> None:
-    """Have loops take so many vectors side by side (llvm.loop.interleave.count in LLVM); 0: as LLVM likes.
+def _tell_vectors(module: Any, vectors: Vectors) -> None:
+    """Have loops take such vectors (llvm.loop.interleave.count and .vectorize.width in LLVM).
 
     While one waits for a root, others go on: LLVM by itself does so for short loops alone, though a processor does not
-    see far enough ahead in long ones. Where a loop has few rounds, those that it cannot take side by side are slow.
+    see far enough ahead in long ones. Where a loop has few rounds, those that it cannot take side by side are slow, and
+    so are those that fill no vector: LLVM likes the widest that the processor has.
     """
-    if vectors == 0:
-        return
-    count = ir.Constant(ir.IntType(32), vectors)
-    told = module.add_metadata([ir.MetaDataString(module, "llvm.loop.interleave.count"), count])
-    for end in _ends_of_loops(module):
-        loop = module.add_metadata([told])
-        loop.operands = (loop, told)
+    told = []
+    for name, count in (("interleave.count", vectors.abreast), ("vectorize.width", vectors.wide)):
+        if count > 0:
+            number = ir.Constant(ir.IntType(32), count)
+            told.append(module.add_metadata([ir.MetaDataString(module, f"llvm.loop.{name}"), number]))
+    for end in _ends_of_loops(module) if told else ():
+        loop = module.add_metadata(told)
+        loop.operands = (loop, *told)
         end.set_metadata("llvm.loop", loop)
 
 

@@ -37,7 +37,7 @@ from numba.core.untyped_passes import (
     TranslateByteCode,
 )
 
-from textile_twin_core.linking import BorrowedPart, ProgramPart, WholeProgram
+from textile_twin_core.linking import BorrowedPart, ProgramPart, Vectors, WholeProgram
 
 _COLLECT_AFTER = 1_000_000
 """Objects until Python looks for what is no longer used: a compiler makes millions that stay."""
@@ -95,10 +95,10 @@ class _Pipeline(Compiler):  # type: ignore[misc]
     _PART: type[ProgramPart] = BorrowedPart
 
     def __init__(
-        self, abreast: int, types: Any, context: Any, _library: Any, args: Any, result: Any, flags: Any, *more: Any
+        self, vectors: Vectors, types: Any, context: Any, _library: Any, args: Any, result: Any, flags: Any, *more: Any
     ):
         code = context.codegen()
-        library = self._PART(code, abreast) if flags.no_compile else WholeProgram(code, abreast)
+        library = self._PART(code, vectors) if flags.no_compile else WholeProgram(code, vectors)
         super().__init__(_typing(types), context.subtarget(target=_Target), library, args, result, flags, *more)
 
 
@@ -127,10 +127,15 @@ class Program(CPUDispatcher):  # type: ignore[misc]
     _cache: Any
 
     def __init__(
-        self, function: Any, apart: bool = False, abreast: int = 0, passes: type = _PlainLoops, **options: Any
+        self,
+        function: Any,
+        apart: bool = False,
+        vectors: Vectors = Vectors(),  # noqa: B008
+        passes: type = _PlainLoops,
+        **options: Any,
     ) -> None:
         options = {"nopython": True, "boundscheck": None} | options
-        super().__init__(function, targetoptions=options, pipeline_class=partial(passes, abreast))
+        super().__init__(function, targetoptions=options, pipeline_class=partial(passes, vectors))
         self._compiler._customize_flags = self._set
         self._apart, self._is_part = apart, False
 

@@ -153,21 +153,33 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
 
 @compiled_in_place
 def update_filters(status: Record, f: int, noise: float, least_scale: float) -> None:
-    """Measurement update of all filters by the latest reading.
+    """Measurement update of all filters by the latest reading, and of what it tells of them."""
+    first, end = lanes.FIRST[f], lanes.END[f]
+    measurement_update(status, first, lanes.STOP[f])
+    if status.waves[f] > 0:
+        ripple.update_ripple(
+            status.sensitivity, status.ripple, status.factor, status.regressor, status.projected_ripple,
+            status.innovation, status.clock_variance, status.gain, status.clock, status.parts, status.ripple_change,
+            2 * status.waves[f], first, lanes.STOP[f],
+        )  # fmt: skip
+    _weigh_filters(status, f, noise, least_scale)
+    probability, likelihood_ratio, best = status.probability, status.likelihood_ratio, first
+    for m in range(first, end):
+        if probability[m] > probability[best]:
+            best = m
+    status.best[f] = best
+    for m in range(best if _is_young(status, f) else first, end):
+        if likelihood_ratio[m] < RESTART_RATIO and probability[m] < RESTART_PROBABILITY and m != best:
+            _restart_from(status, best, m, 2 * status.waves[f])
 
-    Updates mode probabilities and noise scales (by the normalised innovation squared), and restarts diverged filters.
-    """
+
+@lanes.vectorised
+def _weigh_filters(status: Record, f: int, noise: float, least_scale: float) -> None:
+    """Update mode probabilities, and noise scales by the normalised innovation squared."""
     first, end = lanes.FIRST[f], lanes.END[f]
     probability, usage, likelihood_ratio = status.probability, status.usage, status.likelihood_ratio
     innovation, scale, scale_samples = status.innovation, status.scale, status.scale_samples
     recent_scale = status.recent_scale
-    measurement_update(status, first, lanes.STOP[f])
-    if status.waves[f] > 0:
-        ripple.update_ripple(
-            status.sensitivity, status.ripple, status.factor, status.regressor, status.projected_ripple, innovation,
-            status.clock_variance, status.gain, status.clock, status.parts, status.ripple_change, 2 * status.waves[f],
-            first, lanes.STOP[f],
-        )  # fmt: skip
     uniform, inverse = UNIFORM_PART / (end - first), 1.0 / status.density[f]
     likelihood, prior_variance = status.likelihood, status.prior_variance
     for m in range(np.uint64(first), np.uint64(lanes.STOP[f])):
@@ -187,14 +199,6 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
             found = recent
         recent_scale[m] = recent if recent > least_scale else least_scale
         scale_samples[m], scale[m] = samples, found if found > least_scale else least_scale
-    best = first
-    for m in range(first, end):
-        if probability[m] > probability[best]:
-            best = m
-    status.best[f] = best
-    for m in range(best if _is_young(status, f) else first, end):
-        if likelihood_ratio[m] < RESTART_RATIO and probability[m] < RESTART_PROBABILITY and m != best:
-            _restart_from(status, best, m, 2 * status.waves[f])
 
 
 @compiled_in_place

@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 
-from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.status import Record
 
@@ -22,7 +21,7 @@ ROBUST = 9.0  # normalised innovation squared at most: beyond it the measurement
 HALF_JERK, LAST_JERK = math.sqrt(1.0 / 12.0), math.sqrt(1.0 / 720.0)
 
 
-@compiled_in_place
+@lanes.vectorised
 def time_update(filters: Record, strength: float, step: float, first: int, end: int) -> None:
     """Time update of lanes first .. end - 1 over `step` [s]: constant acceleration driven by white jerk.
 
@@ -62,7 +61,7 @@ def time_update(filters: Record, strength: float, step: float, first: int, end: 
         l22[m] = math.sqrt(l22[m] * l22[m] + left2 * left2 + left3 * left3 + last * last)
 
 
-@compiled_in_place
+@lanes.vectorised
 def innovate(filters: Record, reading: float, noise: float, first: int, end: int) -> None:
     """Innovations of a measurement in lanes first .. end - 1 and their Student-t likelihoods, up to a constant.
 
@@ -86,7 +85,7 @@ def innovate(filters: Record, reading: float, noise: float, first: int, end: int
         likelihood[m] = 1.0 / (tail * tail * tail * math.sqrt(tail * scale[m] * (noise + prior)))
 
 
-@compiled_in_place
+@lanes.vectorised
 def measurement_update(filters: Record, first: int, end: int) -> None:
     """Measurement update of lanes first .. end - 1 (Carlson 1973), from the last column of L to the first.
 

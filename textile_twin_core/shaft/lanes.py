@@ -31,7 +31,8 @@ MEMORIES: Final = np.ones(COUNT)
 for _first, _memories in zip(FIRST, _OF_FAMILIES, strict=True):
     MEMORIES[_first : _first + len(_memories)] = _memories
 
-vectorised = partial(compiled_in_place, apart=True, abreast=1)  # loops over lanes, of few vectors, one at a time
+vectorised = partial(compiled_in_place, wide=VECTOR)  # loops over lanes, of whole vectors ..
+of_arrays = partial(vectorised, apart=True, abreast=1)  # .. and few of them, one at a time
 
 
 def numbers(count: int) -> list[int]:

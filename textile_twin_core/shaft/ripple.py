@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.shaft.lanes import vectorised
+from textile_twin_core.shaft.lanes import of_arrays
 
 
-@vectorised
+@of_arrays
 def set_sensitivity(
     sensitivity: FloatArray, basis: FloatArray, lowest: float, rate: float, width: int, first: int, stop: int
 ) -> None:
@@ -28,7 +28,7 @@ def set_sensitivity(
             sensitivity[2, i, m] = basis[i]
 
 
-@vectorised
+@of_arrays
 def predict_ripple(
     sensitivity: FloatArray, ripple: FloatArray, factor: FloatArray, basis: FloatArray, regressor: FloatArray,
     projected: FloatArray, reading: FloatArray, variance: FloatArray, step: float, width: int, first: int, stop: int,
@@ -61,7 +61,7 @@ def predict_ripple(
             variance[m] += projected[j, m] * projected[j, m]
 
 
-@vectorised
+@of_arrays
 def update_ripple(
     sensitivity: FloatArray, ripple: FloatArray, factor: FloatArray, regressor: FloatArray, projected: FloatArray,
     innovation: FloatArray, variance: FloatArray, gain: FloatArray, clock: FloatArray, parts: FloatArray,
