@@ -43,7 +43,7 @@ def fit_curve(
     seed: int = 0,
     smallest_mu_rad: float = 0.0,
     generations: int = 600,
-    progress: Callable[[float], bool] | None = None,
+    progress: Callable[[float], bool | None] | None = None,
 ) -> CurveDesign:
     """The crank-rocker whose coupler curve passes nearest to six or more points [m], at whatever crank angles.
 
