@@ -202,7 +202,7 @@ def test_a_track_that_is_there_already_serves_as_well() -> None:
         told=replace(case.told, direction=-1, ratio=0.5, zero_rad=0.8),
     )
     made, machine = record(case), told_machine(case)
-    angles = AngleSamples("main_shaft/angle", made.angle_stamps_ns, made.angle, None, True)
+    angles = AngleSamples("main_shaft/angle", made.angle_stamps_ns, made.angle, None)
     track = recompute(angles, machine).track
     assert track is not None
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
@@ -227,7 +227,7 @@ def test_angles_without_torque_before_a_recording_accuse_nobody() -> None:
     """In degrees, so that the angle in radians begins anew each turn without being seen to do so."""
     case = healthy("tufting", 908, run_up=False, duration_s=20.0)
     made, machine = _driver_set_right(record(case), 14.0), told_machine(case)
-    angles = AngleSamples("main_shaft/angle", made.angle_stamps_ns, made.angle, None, True)
+    angles = AngleSamples("main_shaft/angle", made.angle_stamps_ns, made.angle, None)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     for track in (None, recompute(angles, machine).track):
         found = assess(readings, machine, track)

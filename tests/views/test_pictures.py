@@ -50,7 +50,7 @@ def columns_of(image: Pixels, colour: palette.Colour, near: int = 40) -> int:
 @pytest.mark.slow
 @needs_vulkan
 def test_curves_and_machine_are_drawn_and_the_machine_moves(run: Run, tmp_path: Path) -> None:
-    recording = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine)
+    recording = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine, title="a test")
     first, second = (
         pixels(picture)
         for picture in screenshots(recording, [(4.0, tmp_path / "first.png"), (4.1, tmp_path / "second.png")])
@@ -85,7 +85,7 @@ def test_a_viewer_that_joins_late_sees_the_live_view(run: Run, tmp_path: Path) -
 @needs_vulkan
 def test_no_viewer_is_left_behind(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STARTED_BY", str(tmp_path))
-    recording = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine)
+    recording = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine, title="a test")
     screenshot(recording, tmp_path / "run.png", size=(640, 400))
     assert Image.open(tmp_path / "run.png").size == (640, 400)
     end = time.monotonic() + 20.0

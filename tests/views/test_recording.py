@@ -10,7 +10,7 @@ import rerun.chunk
 
 from tests.views.conftest import START_NS, Run, rows_of, scalars_of
 from textile_twin_core.comparison import compare_torque
-from textile_twin_core.errors import RecordingError
+from textile_twin_core.errors import OutputError
 from textile_twin_core.views import write_comparison_recording
 
 
@@ -111,17 +111,17 @@ def test_file_has_its_footer_and_layout(recording: Path) -> None:
 
 
 def test_a_place_that_cannot_be_written_is_named_and_left_clean(run: Run, tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="there is no folder"):
-        write_comparison_recording(tmp_path / "no" / "run.rrd", run.comparison, run.machine)
-    with pytest.raises(RecordingError, match="is a folder"):
-        write_comparison_recording(tmp_path, run.comparison, run.machine)
+    with pytest.raises(OutputError, match="does not exist; make it first"):
+        write_comparison_recording(tmp_path / "no" / "no" / "run.rrd", run.comparison, run.machine, title="a test")
+    with pytest.raises(OutputError, match="a folder of that name exists"):
+        write_comparison_recording(tmp_path, run.comparison, run.machine, title="a test")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_old_file_is_replaced_as_a_whole(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
     path.write_bytes(b"old")
-    write_comparison_recording(path, run.comparison, run.machine)
+    write_comparison_recording(path, run.comparison, run.machine, title="a test")
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
     assert scalars_of(path, "/torque/measured")[1].size == run.measured_Nm.size
 
@@ -137,7 +137,7 @@ def test_no_prediction_is_drawn_over_a_gap(run: Run, tmp_path: Path) -> None:
         torque_sensor=run.machine.sensors.torque,
         events=run.machine.events(),
     )
-    path = write_comparison_recording(tmp_path / "gap.rrd", comparison, run.machine)
+    path = write_comparison_recording(tmp_path / "gap.rrd", comparison, run.machine, title="a test")
     times, predicted = scalars_of(path, "/torque/predicted", "Measurements:values")
     np.testing.assert_allclose(
         times[np.isnan(predicted)] - comparison.fit.delay_s, [1199.5 * 2e-3, 1399.5 * 2e-3], atol=1e-6

@@ -21,7 +21,7 @@ def test_a_comparison_that_does_not_fit_leaves_the_old_file(run: Run, tmp_path: 
     path = tmp_path / "run.rrd"
     path.write_bytes(b"old")
     with full_disk(300_000), pytest.raises(RecordingError, match="File too large"):
-        write_comparison_recording(path, run.comparison, run.machine)
+        write_comparison_recording(path, run.comparison, run.machine, title="a test")
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
     assert path.read_bytes() == b"old"
 
@@ -67,7 +67,7 @@ def test_a_live_view_tells_of_a_file_that_could_not_be_completed(run: Run, tmp_p
 
 
 def test_what_the_viewer_would_wait_for_in_vain_is_told_at_once(run: Run, tmp_path: Path) -> None:
-    whole = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine).read_bytes()
+    whole = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine, title="a test").read_bytes()
     check_whole(tmp_path / "run.rrd")
     for content, words in ((b"", "is no recording"), (b"junk" * 99, "is no recording"), (whole[:-200], "has no end")):
         (tmp_path / "spoilt.rrd").write_bytes(content)

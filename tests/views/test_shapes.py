@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.mechanism import CamFollower, Crank, RRRDyad
 from textile_twin_core.mechanism.cam_follower import SecondRoller
 from textile_twin_core.mechanism.law_strokes import Stroke
 from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for, round_ticks, split_turns
-from textile_twin_core.views.phases import inside_backing, lanes_of, state_changes
+from textile_twin_core.views.phases import Direction, Lane, StateChanges, inside_backing, lanes_of, state_changes
 from textile_twin_core.views.scene import build_scene, poses
 from textile_twin_core.views.solids import Solid, circle, extrude, rectangle, stadium
 
@@ -19,6 +20,10 @@ def volume(solid: Solid) -> float:
     """Volume by the divergence theorem: positive only when every triangle looks outwards."""
     a, b, c = (solid.vertices[solid.triangles[:, k]] for k in range(3))
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
+
+
+def _changes(lane: Lane, time_s: FloatArray, theta_rad: FloatArray) -> StateChanges:
+    return state_changes(lane, time_s, theta_rad, Direction().take(theta_rad))
 
 
 def test_solids_are_closed_and_look_outwards() -> None:
@@ -69,17 +74,17 @@ def test_phases_follow_the_shaft_forwards_and_backwards() -> None:
     lanes = {lane.name: lane for lane in lanes_of(events)}
     assert set(lanes) == {"needle_backing", "needle_stroke"}
     time = np.linspace(0.0, 2.0, 801)
-    forward = state_changes(lanes["needle_backing"], time, 2 * np.pi * time)
+    forward = _changes(lanes["needle_backing"], time, 2 * np.pi * time)
     assert forward.states == ("free", "in backing", "free", "in backing", "free")
     entry, leave = 0.38312100023839724 / (2 * np.pi), 3.3846508836082833 / (2 * np.pi)
     np.testing.assert_allclose(forward.time_s, [0.0, entry, leave, 1 + entry, 1 + leave], atol=1e-9)
-    backward = state_changes(lanes["needle_backing"], time, -2 * np.pi * time)
+    backward = _changes(lanes["needle_backing"], time, -2 * np.pi * time)
     assert backward.states == ("free", "in backing", "free", "in backing", "free")
     np.testing.assert_allclose(backward.time_s, [0.0, 1 - leave, 1 - entry, 2 - leave, 2 - entry], atol=1e-9)
     # The needle goes forward between its rear and its front point, whichever way the shaft turns.
     turns = [event.angle_rad / (2 * np.pi) for event in events if event.name.endswith(("_largest", "_smallest"))]
     for sign, expected in ((1, ("forward", "back") * 2 + ("forward",)), (-1, ("back", "forward") * 2 + ("back",))):
-        stroke = state_changes(lanes["needle_stroke"], time, sign * 2 * np.pi * time)
+        stroke = _changes(lanes["needle_stroke"], time, sign * 2 * np.pi * time)
         states = [state for state, when in zip(stroke.states, stroke.time_s, strict=True) if when == 0.0 or when > 0.01]
         assert tuple(states)[-4:] == expected[-4:]
         ends = sorted((sign * turn) % 1.0 + k for turn in turns for k in (0, 1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 import tracemalloc
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -32,10 +32,6 @@ class Growth:
     method: str
     ns_per_unit: float
     memory_MiB: float
-
-    def to_json(self) -> dict[str, object]:
-        """A plain dictionary."""
-        return asdict(self)
 
 
 @one_core()

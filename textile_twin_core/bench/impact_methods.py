@@ -117,7 +117,7 @@ class TransferEquations:
             _mark(function, terminal=True)
         return found
 
-    def with_penalty(self, stiffness_N_m: float, tolerance: float = 1e-9) -> Times:
+    def with_penalty(self, stiffness_N_m: float) -> Times:
         """Stops as stiff springs, damped after Hunt and Crossley (1975); one call of solve_ivp (LSODA)."""
 
         def stop(depth: float, rate: float) -> float:
@@ -139,9 +139,7 @@ class TransferEquations:
 
         _mark(pad, terminal=False)
         _mark(meet, terminal=True)
-        part = solve_ivp(
-            right_side, (0.0, END_S), self._start, "LSODA", rtol=tolerance, atol=tolerance * 1e-4, events=(pad, meet)
-        )
+        part = solve_ivp(right_side, (0.0, END_S), self._start, "LSODA", rtol=1e-9, atol=1e-13, events=(pad, meet))
         touched, met = part.t_events
         return float(touched[0]) if touched.size else math.inf, float(met[0]) if met.size else math.inf
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 
 from textile_twin_core.bench.impact_methods import Times, TransferEquations, event_driven
@@ -32,10 +32,6 @@ class ImpactRow:
     error_s: float
     ms_per_run: float
     ms_per_round: tuple[float, ...]
-
-    def to_json(self) -> dict[str, object]:
-        """A plain dictionary."""
-        return asdict(self)
 
 
 @one_core()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,10 +29,6 @@ class Ratio:
     median: float
     quartile_1: float
     quartile_3: float
-
-    def to_json(self) -> dict[str, object]:
-        """A plain dictionary."""
-        return asdict(self)
 
 
 def quartiles(values: Sequence[float]) -> tuple[float, float, float]:

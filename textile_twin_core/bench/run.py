@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from textile_twin_core.bench.c_limit import c_candidates
 from textile_twin_core.bench.own_methods import own_candidates
@@ -39,10 +39,6 @@ class Row:
     def name(self) -> str:
         """Method, and whose it is."""
         return self.method if self.peer is None else f"{self.peer}, {self.method}"
-
-    def to_json(self) -> dict[str, object]:
-        """A plain dictionary."""
-        return asdict(self)
 
 
 @one_core()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -52,10 +52,6 @@ class ShaftRow:
     inside_sigma: float | None
     latency_s: float | None
     us_per_sample: float | None
-
-    def to_json(self) -> dict[str, object]:
-        """A plain dictionary."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)

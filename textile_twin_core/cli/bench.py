@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 
 from textile_twin_core.bench.growth import growth
@@ -101,14 +102,14 @@ def _speed(machine: Machine, peers: bool, rounds: int, picture: Path | None) -> 
         from textile_twin_core.bench.plots.speed import plot_work_precision
 
         plot_work_precision(rows, picture)
-    methods = [row.to_json() for row in rows if row.peer != YARDSTICK]
-    return {"rows": methods, "ratios": [ratio.to_json() for ratio in compared]}
+    methods = [asdict(row) for row in rows if row.peer != YARDSTICK]
+    return {"rows": methods, "ratios": [asdict(ratio) for ratio in compared]}
 
 
 def _growth(machine: Machine) -> Rows:
     rows = growth(machine, _bar("growth"))
     _tell(growth_table(rows))
-    return [row.to_json() for row in rows]
+    return [asdict(row) for row in rows]
 
 
 def _shaft(machine: Machine, picture: Path | None) -> Rows:
@@ -118,7 +119,7 @@ def _shaft(machine: Machine, picture: Path | None) -> Rows:
         from textile_twin_core.bench.plots.shaft import plot_shaft
 
         plot_shaft(rows, picture)
-    return [row.to_json() for row in rows]
+    return [asdict(row) for row in rows]
 
 
 def _impacts(rounds: int, picture: Path | None) -> Rows:
@@ -128,7 +129,7 @@ def _impacts(rounds: int, picture: Path | None) -> Rows:
         from textile_twin_core.bench.plots.impacts import plot_impacts
 
         plot_impacts(rows, picture)
-    return [row.to_json() for row in rows]
+    return [asdict(row) for row in rows]
 
 
 def _tell(*blocks: str) -> None:

@@ -10,8 +10,10 @@ from pathlib import Path
 
 from textile_twin_core.cli import compare_quantity
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number, shaft_settings
-from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
+from textile_twin_core.cli.mistakes import BeyondLimitError
 from textile_twin_core.cli.named_machine import load_linkage
+from textile_twin_core.cli.outputs import print_rows
+from textile_twin_core.cli.places import check_ending
 from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
@@ -76,9 +78,7 @@ def run(arguments: argparse.Namespace) -> None:
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     for form in _FORMS:
-        path = getattr(arguments, form)
-        if path is not None and path.suffix != f".{form}":
-            raise UsageError(f"--{form} {path}: must end in .{form}")
+        check_ending(f"--{form}", getattr(arguments, form), f".{form}")
     if arguments.quantity is not None:
         compare_quantity.run(arguments, machine, _LIMITS)
         return
@@ -190,10 +190,5 @@ def _check_limits(comparison: Comparison, arguments: argparse.Namespace) -> None
 
 
 def _print(comparison: Comparison) -> None:
-
-    rows = summary_rows(comparison)
-    width = max(len(name) for name, _ in rows)
-    for name, value in rows:
-        print(f"{name:{width}}  {value}")
-    for k, line in enumerate(verdict_lines(comparison)):
-        print(f"{'verdict' if k == 0 else '':{width}}  {line}")
+    verdict = [("" if k else "verdict", line) for k, line in enumerate(verdict_lines(comparison))]
+    print_rows([*summary_rows(comparison), *verdict])

@@ -12,7 +12,7 @@ from textile_twin_core.cli.arguments import MOST_RPM, Parser, add_machine, count
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.places import check_ending, keep_input
-from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.progress import shares
 from textile_twin_core.dynamics.drive_torque import DriveTorque, TorqueOverAngle, TorqueOverTime
 from textile_twin_core.files import check_folder, write_table
 from textile_twin_core.machine import Machine
@@ -20,8 +20,6 @@ from textile_twin_core.machine.drive import drive
 from textile_twin_core.recordings.log_read import read_log
 
 _SUFFIXES = (".csv", ".parquet")
-_PARTS = 1000
-"""Of the progress bar."""
 _TIMES_NOMINAL, _TIMES_START = 100.0, 10.0
 """A shaft that turns so many times as fast as the machine is made for, and as at the start, runs away."""
 _OVER_TIME, _OVER_ANGLE = ("time_s", "torque_Nm"), ("theta_rad", "torque_Nm")
@@ -55,7 +53,7 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, write the motion, tell what happened on the way."""
     check_ending("--out", arguments.out, *_SUFFIXES)
-    keep_input("--out", arguments.out, Path(arguments.torque))
+    keep_input(arguments.out, Path(arguments.torque))
     if arguments.samples < 2:
         raise UsageError("--samples: a motion has two or more")
     machine = load_linkage(arguments.machine, arguments.set)
@@ -64,15 +62,7 @@ def run(arguments: argparse.Namespace) -> None:
     times = np.linspace(0.0, arguments.time, arguments.samples)
     omega = arguments.rpm * 2.0 * math.pi / 60.0
     torque = _torque(arguments.torque)
-    with progress(_PARTS, "following", "", long=0) as bar:
-        done = 0
-
-        def report(share: float) -> None:
-            nonlocal done
-            if bar and int(share * _PARTS) > done:
-                bar(int(share * _PARTS) - done)
-                done = int(share * _PARTS)
-
+    with shares("following") as report:
         start = math.radians(arguments.start)
         found = drive(machine, torque, start, omega, times, fastest_rad_s=_fastest(machine, omega), report=report)
     columns = {

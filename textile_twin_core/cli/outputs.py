@@ -38,11 +38,14 @@ def check_out(arguments: argparse.Namespace) -> None:
 
 def write_json(arguments: argparse.Namespace, machine: Machine, numbers: Mapping[str, Any]) -> None:
     """One object with what it is of, where --json asks for it."""
-    if arguments.json is None:
-        return
-    text = json.dumps({"bag": str(arguments.bag), "machine": machine.name, **numbers}, indent=1, allow_nan=False)
-    with staged(arguments.json) as partial:
-        partial.write_text(text + "\n", encoding="utf-8")
+    if arguments.json is not None:
+        save_json(arguments.json, {"bag": str(arguments.bag), "machine": machine.name, **numbers})
+
+
+def save_json(path: Path, value: object) -> None:
+    """Write a value that holds no NaN. Raises OutputError when the file cannot be written there."""
+    with staged(path) as partial:
+        partial.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def print_rows(rows: Iterable[tuple[str, str]]) -> None:

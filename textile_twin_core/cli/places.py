@@ -13,9 +13,9 @@ def check_ending(option: str, path: Path | None, *endings: str) -> None:
         raise UsageError(f"{option} {path}: must end in {' or '.join(endings)}")
 
 
-def keep_input(option: str, path: Path | None, read: Path | None) -> None:
-    """Raises UsageError where an output is the very file that is read, by whatever name or link."""
+def keep_input(path: Path | None, read: Path | None) -> None:
+    """Raises UsageError where --out is the very file that is read, by whatever name or link."""
     if path is None or read is None or not path.exists() or not read.exists():
         return
     if path.samefile(read):
-        raise UsageError(f"{option} {path}: is the file that is read, which would be lost; choose another name")
+        raise UsageError(f"--out {path}: is the file that is read, which would be lost; choose another name")

@@ -37,6 +37,21 @@ def progress(
 
 
 @contextmanager
+def shares(what: str) -> Iterator[Callable[[float], None]]:
+    """A function to call with the share of the work that is done, for work of which nobody knows how long it takes."""
+    with progress(_PARTS, what, "", long=0) as bar:
+        done = 0
+
+        def report(share: float) -> None:
+            nonlocal done
+            if bar and int(share * _PARTS) > done:
+                bar(int(share * _PARTS) - done)
+                done = int(share * _PARTS)
+
+        yield report
+
+
+@contextmanager
 def stages(total: int) -> Iterator[Stage]:
     """One bar over stages of different kinds: a function to call as each begins; no bar below `_LONG` samples."""
     if total < _LONG or not on_terminal():

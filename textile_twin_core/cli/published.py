@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser
+from textile_twin_core.cli.outputs import save_json
 from textile_twin_core.cli.places import check_ending
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.published_table import as_json, as_markdown, as_text
@@ -34,9 +34,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.plots is not None:
         _make_folder(arguments.plots)
     if arguments.json is not None:
-        with staged(arguments.json) as partial:
-            text = json.dumps(as_json(), indent=1, allow_nan=False)
-            partial.write_text(text + "\n", encoding="utf-8")
+        save_json(arguments.json, as_json())
     print(as_markdown() if arguments.markdown else as_text())
     if arguments.plots is not None:
         names = _draw(arguments.plots)

@@ -9,6 +9,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, 
 from textile_twin_core.cli.drawn import write_drawn
 from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_machine
+from textile_twin_core.cli.places import check_ending
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.files import staged
@@ -46,8 +47,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _write_view(arguments: argparse.Namespace, machine: AnyMachine) -> None:
-    if arguments.rrd.suffix != ".rrd":
-        raise UsageError(f"--rrd {arguments.rrd}: must end in .rrd")
+    check_ending("--rrd", arguments.rrd, ".rrd")
     with staged(arguments.rrd) as partial:
         write_drawn(partial, arguments, machine)
 

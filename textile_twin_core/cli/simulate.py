@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError("nothing to write: give --out for a table or recording, or --png for a picture")
     check_ending("--png", arguments.png, ".png")
     check_ending("--out", arguments.out, *_SUFFIXES)
-    keep_input("--out", arguments.out, arguments.input)
+    keep_input(arguments.out, arguments.input)
     machine = load_machine(arguments.machine, arguments.set)
     if arguments.png is not None:
         _draw(arguments, machine)

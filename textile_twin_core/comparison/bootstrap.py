@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison.by_turn import normals_by_turn, scores_by_turn
 from textile_twin_core.comparison.uncertainty import pseudo_residuals
 
 _DRAWS = 400
@@ -28,16 +29,11 @@ def bootstrap_moves(slopes: FloatArray, residual: FloatArray, turn: IntArray) ->
     sizes = np.sqrt(np.mean(slopes**2, axis=0)) + 1e-300
     scaled = slopes / sizes
     turns, place = np.unique(turn, return_inverse=True)
-    k = slopes.shape[1]
-    normals = np.empty((turns.size, k, k))
-    for row in range(k):
-        for column in range(k):
-            normals[:, row, column] = np.bincount(place, weights=scaled[:, row] * scaled[:, column])
-    scores = np.stack([np.bincount(place, weights=left * scaled[:, c]) for c in range(k)], axis=1)
+    normals, scores = normals_by_turn(scaled, place), scores_by_turn(scaled, left, place)
     rng = np.random.default_rng(_SEED)
     drawn = rng.multinomial(turns.size, np.full(turns.size, 1.0 / turns.size), size=_DRAWS).astype(np.float64)
     total = np.einsum("dt,tij->dij", drawn, normals)
-    total += 1e-12 * np.trace(total, axis1=1, axis2=2)[:, None, None] * np.eye(k)
+    total += 1e-12 * np.trace(total, axis1=1, axis2=2)[:, None, None] * np.eye(slopes.shape[1])
     moves = np.linalg.solve(total, (drawn @ scores)[..., None])[..., 0] / sizes
     # A bootstrap of few blocks is too narrow by the share of the mean that each block takes.
     return np.asarray(moves * math.sqrt(turns.size / max(turns.size - 1.0, 1.0)))

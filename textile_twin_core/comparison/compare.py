@@ -10,7 +10,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import Track, build_track, fast_speed, time_ranges
 from textile_twin_core.comparison.by_angle import bin_by_angle, by_revolution
 from textile_twin_core.comparison.by_order import by_order, by_speed
-from textile_twin_core.comparison.delay import SensorFit, fit_sensor, line, usable
+from textile_twin_core.comparison.delay import GUARD_S, SensorFit, fit_sensor, line, usable
 from textile_twin_core.comparison.inputs import usable_measurements, usable_predictions
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
 from textile_twin_core.comparison.statistics import error_statistics
@@ -19,6 +19,8 @@ from textile_twin_core.machine import Event, TorqueSensor
 
 _LEAST_SAMPLES = 16
 _LEAST_TURNS = 1.0  # of the shaft, without which a delay is not sought
+_SEARCH_S = 0.1
+_ANGLE_BINS = 120
 _TURNING_SHARE = 0.1  # of the fast end of the recorded speeds
 
 
@@ -34,14 +36,11 @@ def compare_torque(
     settled: BoolArray | None = None,
     predicted_sigma_Nm: FloatArray | None = None,
     rejected: Mapping[str, int] | None = None,
-    delay_search_s: float = 0.1,
-    event_guard_s: float = 0.0005,
-    angle_bins: int = 120,
 ) -> Comparison:
     """Hold measured torque against predicted torque.
 
     The prediction is taken at `stamp - delay` by cubic interpolation, piece by piece between the events of
-    the turn, each reached from its own side. Measured samples within `event_guard_s` of a jump of the load (an
+    the turn, each reached from its own side. Measured samples within half a millisecond of a jump of the load (an
     event over which the prediction steps, such as the needle's entry into the backing) or in a gap of the
     predictions do not enter the numbers and are counted. So a residual is never an artefact of interpolation,
     and a sample whose stamp cannot tell which side of a jump it belongs to does not pass for an error of the
@@ -58,9 +57,6 @@ def compare_torque(
         settled: (n,) whether the shaft estimator had settled; without it all count as settled.
         predicted_sigma_Nm: (n,) standard deviation of the predictions, kept for the views.
         rejected: samples that were refused before a prediction was made, by cause; they join the count.
-        delay_search_s: the delay is sought this far on either side of the configured one, and within half a turn.
-        event_guard_s: half width of the time around a load jump that is left out.
-        angle_bins: number of bins of the shaft angle.
 
     Raises:
         AlignmentError: shapes differ, stamps are no integers, too few samples, or no overlap in time.
@@ -97,12 +93,11 @@ def compare_torque(
     fit = SensorFit(configured, float("nan"), gain, offset, identifiable=False, at_limit=False, sought=False)
     turns = float(np.ptp(track.theta_rad)) / (2.0 * np.pi)
     if np.count_nonzero(calm) >= _LEAST_SAMPLES and turns >= _LEAST_TURNS:
-        search_s = min(delay_search_s, _half_turn(track))
-        fit = fit_sensor(track, time[calm], measured[calm], configured, search_s, event_guard_s)
-        fit = _never_worse(fit, track, (time[calm], measured[calm]), (configured, gain, offset), event_guard_s)
+        fit = fit_sensor(track, time[calm], measured[calm], configured, _search_s(track))
+        fit = _never_worse(fit, track, (time[calm], measured[calm]), (configured, gain, offset))
     del piece, inside, calm
 
-    used, not_used = _select(track, time - fit.delay_s, ready, event_guard_s)
+    used, not_used = _select(track, time - fit.delay_s, ready)
     causes.update(not_used)
     if np.count_nonzero(used) < _LEAST_SAMPLES:
         why = ", ".join(f"{number} {cause}" for cause, number in causes.items() if number)
@@ -113,7 +108,7 @@ def compare_torque(
     expected, angle = _expected(track, time - fit.delay_s, gain, offset)
     expected[~used] = np.nan
     residual = measured - expected
-    used_configured, _ = _select(track, time - configured, ready, event_guard_s)
+    used_configured, _ = _select(track, time - configured, ready)
     if np.count_nonzero(used_configured) < _LEAST_SAMPLES:
         used_configured = used
     configured_Nm, _ = _expected(track, time - configured, gain, offset)
@@ -147,7 +142,7 @@ def compare_torque(
         errors=errors,
         errors_configured=errors_configured,
         errors_fitted=errors_fitted,
-        by_angle=bin_by_angle(angle[used & turning], residual[used & turning], angle_bins),
+        by_angle=bin_by_angle(angle[used & turning], residual[used & turning], _ANGLE_BINS),
         by_revolution=by_revolution(measured_ns[used], turned, residual[used]),
         by_order=by_order(angle[used & turning], residual[used & turning]),
         by_speed=by_speed(_speed(track, time[used] - fit.delay_s), residual[used]),
@@ -162,11 +157,11 @@ def compare_torque(
         events=tuple(
             ComparisonEvent(event.name, float(event.angle_rad), jump) for event, jump in zip(events, jumps, strict=True)
         ),
-        notes=_notes(fit, configured, min(delay_search_s, _half_turn(track))) if turns >= _LEAST_TURNS else (),
+        notes=_notes(fit, configured, _search_s(track)) if turns >= _LEAST_TURNS else (),
     )
 
 
-def _select(track: Track, time_s: FloatArray, ready: BoolArray, guard_s: float) -> tuple[BoolArray, dict[str, int]]:
+def _select(track: Track, time_s: FloatArray, ready: BoolArray) -> tuple[BoolArray, dict[str, int]]:
     """Which of the times enter, and how many do not, each under the first cause that holds."""
     piece, inside = track.piece(time_s)
     left = np.ones(time_s.size, dtype=np.bool_)
@@ -175,7 +170,7 @@ def _select(track: Track, time_s: FloatArray, ready: BoolArray, guard_s: float) 
         ("no_prediction", ~inside),
         ("prediction_gap", track.blocked[piece]),
         ("not_settled", ~ready[piece]),
-        ("load_jump", track.near_jump(time_s, guard_s)),
+        ("load_jump", track.near_jump(time_s, GUARD_S)),
     ):
         causes[cause] = int(np.count_nonzero(left & holds))
         left &= ~holds
@@ -190,10 +185,13 @@ def _expected(track: Track, time_s: FloatArray, gain: float, offset_Nm: float) -
     return gain * torque + offset_Nm, theta
 
 
-def _half_turn(track: Track) -> float:
-    """Time of half a turn at the fast end of the recorded speeds; a delay beyond it cannot be told from one within."""
+def _search_s(track: Track) -> float:
+    """How far on either side of the configured delay another is sought.
+
+    At most half a turn at the fast end of the recorded speeds: a delay beyond it cannot be told from one within.
+    """
     speed = fast_speed(np.diff(track.theta_rad) / np.diff(track.edge_s))
-    return np.pi / speed if speed > 0.0 else np.inf
+    return min(_SEARCH_S, np.pi / speed) if speed > 0.0 else _SEARCH_S
 
 
 def _never_worse(
@@ -201,7 +199,6 @@ def _never_worse(
     track: Track,
     measured: tuple[FloatArray, FloatArray],
     sensor: tuple[float, float, float],
-    guard_s: float,
 ) -> SensorFit:
     """The fit, or the configured delay where the fitted one does not lessen the error as configured."""
     time_s, torque_Nm = measured
@@ -210,11 +207,11 @@ def _never_worse(
         return fit
     squares = []
     for delay in (fit.delay_s, configured_s):
-        good, torque, _ = usable(track, time_s - delay, guard_s)
+        good, torque, _ = usable(track, time_s - delay)
         squares.append(float(np.mean((torque_Nm[good] - gain * torque[good] - offset) ** 2)) if good.any() else np.inf)
     if squares[0] <= squares[1]:
         return fit
-    good, torque, _ = usable(track, time_s - configured_s, guard_s)
+    good, torque, _ = usable(track, time_s - configured_s)
     return SensorFit(configured_s, float("nan"), *line(torque[good], torque_Nm[good]), False, fit.at_limit)
 
 

@@ -8,8 +8,10 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.alignment import TWO_PI, Track, parts
-from textile_twin_core.comparison.statistics import HUBER
+from textile_twin_core.comparison.robust import huber_weights
 
+GUARD_S = 0.0005
+"""Samples this near to a jump of the load are left out: their stamps cannot tell its side."""
 _COARSE_SAMPLES = 5000
 _COARSE_STEPS = 100  # on either side of the configured delay
 _MORE_LIKELY = 1.05  # by this factor a reversed torque must be liker than one that is not
@@ -37,10 +39,10 @@ class SensorFit:
     sought: bool = True
 
 
-def usable(track: Track, time_s: FloatArray, guard_s: float) -> tuple[BoolArray, FloatArray, FloatArray]:
+def usable(track: Track, time_s: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
     """Which of the times (m,) can be interpolated, and torque and slope there."""
     piece, inside = track.piece(time_s)
-    good = inside & ~track.blocked[piece] & ~track.near_jump(time_s, guard_s)
+    good = inside & ~track.blocked[piece] & ~track.near_jump(time_s, GUARD_S)
     torque, slope = track.torque_at(time_s, piece)
     return good, torque, slope
 
@@ -51,7 +53,6 @@ def fit_sensor(
     measured_Nm: FloatArray,
     configured_s: float,
     search_s: float,
-    guard_s: float,
 ) -> SensorFit:
     """Estimate delay, gain and offset from measured samples (m,) at `time_s`.
 
@@ -61,19 +62,19 @@ def fit_sensor(
     """
     thin = np.linspace(0, time_s.size - 1, min(time_s.size, _COARSE_SAMPLES)).astype(np.int64)
     grid = configured_s + np.linspace(-search_s, search_s, 2 * _COARSE_STEPS + 1)
-    likeness = np.array([_correlation(track, time_s[thin] - d, measured_Nm[thin], guard_s) for d in grid])
+    likeness = np.array([_correlation(track, time_s[thin] - d, measured_Nm[thin]) for d in grid])
     if -likeness.min() > _MORE_LIKELY * likeness.max():
         likeness = -likeness
     best = int(np.argmax(likeness))
     at_limit = best in (0, grid.size - 1)
     if not likeness[best] > 0.3 or at_limit:
-        good, torque, _ = usable(track, time_s - configured_s, guard_s)
+        good, torque, _ = usable(track, time_s - configured_s)
         gain, offset = line(torque[good], measured_Nm[good])
         return SensorFit(configured_s, float("nan"), gain, offset, False, at_limit)
     delay, gain, offset, sigma = float(grid[best]), 1.0, 0.0, float("nan")
     span = float(grid[1] - grid[0])
     for _ in range(30):
-        good, torque, slope = usable(track, time_s - delay, guard_s)
+        good, torque, slope = usable(track, time_s - delay)
         torque, slope, seen = torque[good], slope[good], measured_Nm[good]
         if sigma != sigma:  # the first pass
             gain, offset = line(torque, seen)
@@ -97,8 +98,9 @@ def _gauss_newton(
     """
     normal, sides = np.zeros((3, 3)), np.zeros(3)
     for part in parts(error.size):
-        error[part], weighted = _huber(columns[:, part], error[part], scale)
-        normal += weighted @ columns[:, part].T
+        weight = huber_weights(error[part], scale)
+        error[part] *= weight
+        normal += (columns[:, part] * weight) @ columns[:, part].T
         sides += columns[:, part] @ error[part]
     first = np.linalg.pinv(normal)[0]
     turn = np.floor(theta_rad / TWO_PI).astype(np.int64)
@@ -115,14 +117,8 @@ def _gauss_newton(
     return move, float(np.sqrt(max(few * float(scores @ scores), alone)))
 
 
-def _huber(columns: FloatArray, error: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Errors and columns with what lies beyond `HUBER` scales weighed down."""
-    weight = np.minimum(1.0, HUBER * scale / np.maximum(np.abs(error), 1e-300))
-    return np.asarray(weight * error), np.asarray(columns * weight)
-
-
-def _correlation(track: Track, time_s: FloatArray, measured_Nm: FloatArray, guard_s: float) -> float:
-    good, torque, _ = usable(track, time_s, guard_s)
+def _correlation(track: Track, time_s: FloatArray, measured_Nm: FloatArray) -> float:
+    good, torque, _ = usable(track, time_s)
     if np.count_nonzero(good) < 8:
         return -1.0
     a, b = torque[good], measured_Nm[good]

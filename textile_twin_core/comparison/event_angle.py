@@ -34,14 +34,10 @@ class BesideEvent:
 
 @dataclass(frozen=True)
 class EventAngle:
-    """The event's shift from where it was looked for, with its uncertainty, and the spread that was likeliest.
-
-    steep: the force leaps, and the spread is that of the stamps; else it grows over the spread.
-    """
+    """The event's shift from where it was looked for, with its uncertainty, and the spread that was likeliest."""
 
     shift: Estimate
     spread_rad: float
-    steep: bool
 
 
 def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: float) -> EventAngle:
@@ -57,20 +53,10 @@ def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: 
         about_rad, reach_rad: shifts within the reach of this one are looked at, 200 to a side.
     """
     shifts = about_rad + np.linspace(-reach_rad, reach_rad, 401)
-    best: tuple[float, FloatArray, float, bool] | None = None
-    masses = {True: np.zeros(shifts.size), False: np.zeros(shifts.size)}
-    logs = {
-        (steep, spread): _log_likelihoods(beside, shifts, spread, scale, steep)
-        for spread in SPREADS_RAD
-        for steep in (True, False)
-    }
-    top = max(float(log.max()) for log in logs.values())
-    for (steep, spread), log in logs.items():
-        masses[steep] += np.exp(log - top)
-        if best is None or float(log.max()) > best[0]:
-            best = (float(log.max()), log, spread, steep)
-    assert best is not None
-    mass = masses[True] + masses[False]
+    logs = np.array(
+        [[_log_likelihoods(beside, shifts, spread, scale, steep) for spread in SPREADS_RAD] for steep in (True, False)]
+    )
+    mass = np.exp(logs - logs.max()).sum(axis=1).sum(axis=0)
     mass /= mass.sum()
     mean = float(mass @ shifts)
     # A shift stands for all within half a step of it, or a posterior narrower than the step had no width.
@@ -79,7 +65,7 @@ def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: 
     edges = shifts[0] + step * (np.arange(shifts.size + 1) - 0.5)
     reached = np.concatenate(([0.0], np.cumsum(mass)))
     low, high = (float(np.interp(share, reached, edges)) for share in (0.025, 0.975))
-    return EventAngle(Estimate(mean, sigma, (low, high)), best[2], best[3])
+    return EventAngle(Estimate(mean, sigma, (low, high)), SPREADS_RAD[int(np.argmax(logs.max(axis=(0, 2))))])
 
 
 def _log_likelihoods(beside: BesideEvent, shifts: FloatArray, spread: float, scale: float, steep: bool) -> FloatArray:

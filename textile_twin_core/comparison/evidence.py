@@ -19,7 +19,7 @@ _MOST_SAMPLES = 8000
 REST_SHARE = 0.05
 """Of the fast end of the speeds: below it the shaft counts as at rest."""
 _ONE_SPEED = 0.08
-JUMP_GUARD_S = 0.001
+_JUMP_GUARD_S = 0.001
 """Samples this near to a jump of the load cannot tell its side."""
 
 
@@ -35,7 +35,6 @@ class Settings:
         zero_rad: in shaft angle.
         gain, offset_Nm, delay_s: of the torque sensor. drift: seconds by which the delay grows each second.
         load: factor on the declared loads. constant_Nm, viscous_Nms: friction beside the declared one.
-        inertia_kgm2: inertia on the shaft beside the declared one.
     """
 
     direction: int = 1
@@ -48,7 +47,6 @@ class Settings:
     load: float = 1.0
     constant_Nm: float = 0.0
     viscous_Nms: float = 0.0
-    inertia_kgm2: float = 0.0
 
     def changed(self, values: Mapping[str, float]) -> Settings:
         """The same with other values for some of the continuous settings."""
@@ -99,7 +97,7 @@ class Evidence:
             turning = turning[np.linspace(0, turning.size - 1, most).astype(np.int64)]
         return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
 
-    def states(self, settings: Settings, guard_s: float = JUMP_GUARD_S) -> States:
+    def states(self, settings: Settings) -> States:
         """The shaft and the parts of its torque at the instants of which the measured samples speak."""
         theta, omega, alpha, good = self._at(settings.delay_s, settings.drift)
         turn = settings.direction * settings.ratio
@@ -108,7 +106,7 @@ class Evidence:
         rest = 0.5 * settings.ratio * self.rest_rad_s
         terms = self.terms.at(theta, omega, alpha, rest)
         usable = good & (np.abs(omega) > 1.2 * rest) & np.isfinite(terms.total)
-        usable &= ~self.terms.near_jump(theta, omega, guard_s)
+        usable &= ~self.terms.near_jump(theta, omega, _JUMP_GUARD_S)
         return States(theta, omega, alpha, terms, usable)
 
     def _at(self, delay_s: float, drift: float) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
@@ -123,7 +121,6 @@ class Evidence:
         parts = states.terms
         torque = parts.mechanism + settings.load * parts.load + parts.friction
         torque = torque + settings.constant_Nm * parts.direction + settings.viscous_Nms * states.omega
-        torque = torque + settings.inertia_kgm2 * states.alpha
         return settings.gain * torque + settings.offset_Nm
 
     def working_speed(self) -> float:

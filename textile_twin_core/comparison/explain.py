@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.by_turn import scores_by_turn
 from textile_twin_core.comparison.evidence import Evidence, Settings
 from textile_twin_core.comparison.rest import rest_reading
+from textile_twin_core.comparison.robust import huber_weights
 from textile_twin_core.comparison.search import (
     RATIOS,
     SPREAD_FOR_DELAY,
@@ -18,7 +20,7 @@ from textile_twin_core.comparison.search import (
     zero_beside,
     zero_departure,
 )
-from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings, huber_weights
+from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings
 from textile_twin_core.comparison.torque_units import nearest_gain
 from textile_twin_core.comparison.uncertainty import Estimate
 
@@ -147,8 +149,7 @@ def covariance_by_turns(fit: SettingsFit) -> FloatArray:
     normal = (jacobian * weight[:, None]).T @ jacobian
     inverse = np.linalg.pinv(normal, rcond=1e-12, hermitian=True) if normal.size else normal
     turns, place = np.unique(fit.turn[good], return_inverse=True)
-    scores = np.zeros((turns.size, jacobian.shape[1]))
-    np.add.at(scores, place, jacobian * (weight * residual)[:, None])
+    scores = scores_by_turn(jacobian, weight * residual, place)
     few = turns.size / max(turns.size - 1.0, 1.0)
     return np.asarray(few * inverse @ (scores.T @ scores) @ inverse)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import fast_speed
+from textile_twin_core.comparison.by_turn import normals_by_turn, scores_by_turn
 from textile_twin_core.comparison.evidence import Settings
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.torque_terms import TorqueTerms
@@ -92,7 +93,8 @@ def turn_features(
     turns, first, place = turns[in_time], first[in_time], np.argsort(in_time)[place]
     columns, left = columns[good], residual[good]
     count = np.bincount(place)
-    normal, right = _normal_by_turn(columns, left, place, count)
+    normal = normals_by_turn(columns, place) / count[:, None, None]
+    right = scores_by_turn(columns, left, place) / count[:, None]
     sizes = _solved(normal, right)
     rest_of = left - np.einsum("nk,nk->n", columns, sizes[place])
     bins = np.minimum((np.mod(theta[good], TURN) * (BINS / TURN)).astype(np.int64), BINS - 1)
@@ -113,19 +115,6 @@ def turn_features(
         normal=normal,
         right=right,
     )
-
-
-def _normal_by_turn(
-    columns: FloatArray, residual: FloatArray, place: IntArray, count: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Normal matrices and right sides of each turn, per sample."""
-    kinds = columns.shape[1]
-    normal, right = np.empty((count.size, kinds, kinds)), np.empty((count.size, kinds))
-    for row in range(kinds):
-        right[:, row] = np.bincount(place, weights=columns[:, row] * residual) / count
-        for column in range(kinds):
-            normal[:, row, column] = np.bincount(place, weights=columns[:, row] * columns[:, column]) / count
-    return normal, right
 
 
 def _solved(normal: FloatArray, right: FloatArray) -> FloatArray:

@@ -16,10 +16,9 @@ _NO_EFFECT = 1e-9
 
 @dataclass(frozen=True)
 class NotIdentifiable:
-    """A parameter that this record cannot tell; `with_parameters` are those whose effects look the same."""
+    """A parameter that this record cannot tell, and why."""
 
     name: str
-    with_parameters: tuple[str, ...]
     text: str
 
 
@@ -37,7 +36,7 @@ def identifiable(
     for name in names:
         if not sizes[name] > _NO_EFFECT * max(sizes.values()) * 1e-3:
             kept.remove(name)
-            lost.append(NotIdentifiable(name, (), f"{name} has no effect in this recording"))
+            lost.append(NotIdentifiable(name, f"{name} has no effect in this recording"))
     order = [*given_up_first, *(name for name in reversed(names) if name not in given_up_first)]
     while kept:
         columns = np.stack([jacobian[:, list(names).index(name)] / sizes[name] for name in kept], axis=1)
@@ -48,8 +47,8 @@ def identifiable(
             break
         tangled = [kept[k] for k in np.flatnonzero(np.abs(vectors[:, 0]) > 0.1)]
         gone = next(name for name in order if name in tangled)
-        partners = tuple(name for name in tangled if name != gone)
+        partners = [name for name in tangled if name != gone]
         kept.remove(gone)
         text = f"{gone} cannot be told from {' and '.join(partners)} in this recording; it stays as configured"
-        lost.append(NotIdentifiable(gone, partners, text))
+        lost.append(NotIdentifiable(gone, text))
     return kept, lost

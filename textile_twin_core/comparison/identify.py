@@ -21,7 +21,7 @@ from textile_twin_core.comparison.left_over import repeating_note
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.repeating_motion import excess_of, repeating_motion
 from textile_twin_core.comparison.result import plain
-from textile_twin_core.comparison.settings_fit import robust_scale
+from textile_twin_core.comparison.robust import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.smooth_fit import SmoothFit, instrumented_fit, least_squares_fit
 from textile_twin_core.comparison.stage import Begin, unheard
@@ -168,7 +168,7 @@ def _tellable(
         for name, partner in _ONE_AT_ONE_SPEED.items():
             names.remove(name)
             text = f"{name} cannot be told from {partner} at one speed; it stays as configured"
-            lost.append(NotIdentifiable(name, (partner,), text))
+            lost.append(NotIdentifiable(name, text))
     wide = model.with_spread(_WIDEST_RAD)
     effects = wide.jacobian(values, tuple(names))[wide.parts(values).good]
     free, more = identifiable(effects, names, GIVEN_UP_FIRST)

@@ -101,7 +101,7 @@ class Monitor:
 
     def _advance(self, last: bool) -> Trend:
         if self._origin_ns is None or not self._torque or sum(map(len, self._states)) < 2:
-            return _trend(None, np.zeros((0, len(SERIES))), [])
+            return Trend({}, ())
         rows = np.concatenate(self._states)
         stamps = np.concatenate([stamps for stamps, _ in self._torque])
         torque = np.concatenate([values for _, values in self._torque])
@@ -118,7 +118,7 @@ class Monitor:
             present = float(np.floor((s.direction * rows[-1, 1] - s.zero_rad) / TURN))
             ready = good & (sense * np.floor(states[0] / TURN) < sense * present)
         if np.count_nonzero(ready) < FEWEST_TORQUES_PER_TURN:
-            return _trend(None, np.zeros((0, len(SERIES))), [])
+            return Trend({}, ())
         found = turn_features(
             self._terms, s, stamps[ready], torque[ready], (states[0][ready], states[1][ready], states[2][ready])
         )
@@ -172,14 +172,13 @@ def monitor_recording(
     readings: Readings,
     machine: Machine,
     settings: WatchSettings | None = None,
-    shaft: str = "smooth",
     progress: Callable[[int], object] | None = None,
 ) -> Trend:
     """Watch a whole recording: learn from its first turns, watch the rest.
 
     `progress` is called with numbers of angles as they are taken, and again when all of them have been watched.
     """
-    monitor = Monitor(machine, settings, shaft)
+    monitor = Monitor(machine, settings, "smooth")
     monitor.add_torques(readings.torque_stamps_ns, readings.torque)
     for start in range(0, len(readings.angle), _BLOCK):
         part = slice(start, start + _BLOCK)
@@ -204,9 +203,7 @@ def _whole(found: TurnFeatures) -> TurnFeatures:
     return found.where(kept)
 
 
-def _trend(turns: TurnFeatures | None, away: FloatArray, alarms: list[Alarm]) -> Trend:
-    if turns is None:
-        return Trend({}, ())
+def _trend(turns: TurnFeatures, away: FloatArray, alarms: list[Alarm]) -> Trend:
     columns: dict[str, FloatArray | IntArray] = {
         "turn": turns.number,
         "stamp_ns": turns.start_ns,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,9 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.evidence import REST_SHARE
 from textile_twin_core.comparison.result import plain
+from textile_twin_core.comparison.robust import HUBER, robust_scale
 from textile_twin_core.comparison.search import SPREAD_FOR_DELAY
-from textile_twin_core.comparison.settings_fit import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
-from textile_twin_core.comparison.statistics import HUBER
 from textile_twin_core.comparison.turns import speed_spread
 from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
 from textile_twin_core.errors import RecordingError
@@ -94,23 +93,9 @@ class QuantityComparison:
 
     def to_json(self) -> dict[str, Any]:
         """The numbers as one object."""
-        out: dict[str, Any] = {"quantity": self.name}
-        for name in ("scale", "offset", "delay_s", "zero_rad"):
-            each: Estimate = getattr(self, name)
-            out[name] = {"value": each.value, "sigma": each.sigma, "interval95": list(each.interval95)}
-        rest = (
-            "rms",
-            "rms_as_told",
-            "explained",
-            "measured_range",
-            "machine_range",
-            "speed_rad_s",
-            "one_speed",
-            "at_rest",
-        )
-        out |= {name: getattr(self, name) for name in rest}
-        result: dict[str, Any] = plain({**out, "samples": self.time_s.size})
-        return result
+        told = {name: each for name, each in asdict(self).items() if not isinstance(each, np.ndarray)}
+        out: dict[str, Any] = plain({"quantity": told.pop("name"), **told, "samples": self.time_s.size})
+        return out
 
 
 class _Model:

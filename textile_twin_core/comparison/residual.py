@@ -17,6 +17,8 @@ from textile_twin_core.twin.restart import RestartWatch
 
 TWO_PI = 2.0 * math.pi
 _RECENT = 1000
+_LONGEST_NS = 50_000_000
+"""Predictions further apart than this have a gap between them."""
 _PROBES = 64
 _BESIDE_RAD = 1e-7
 _JUMP_OVER_PEAK = 1e-4
@@ -41,13 +43,11 @@ class ResidualStream:
     Args:
         sensor: delay, gain and offset of the torque sensor.
         jump_angles_rad: shaft angles at which the predicted torque jumps.
-        longest_interval_s: predictions further apart than this have a gap between them.
         memory_s: how long a prediction, or a measured sample, waits for its counterpart.
     """
 
     sensor: TorqueSensor
     jump_angles_rad: Sequence[float] = ()
-    longest_interval_s: float = 0.05
     memory_s: float = 30.0
     given: int = 0
     skipped: Counter[str] = field(default_factory=Counter)
@@ -117,7 +117,7 @@ class ResidualStream:
         else:
             before = after - 1
             step = self._stamps[after] - self._stamps[before]
-            if step > self.longest_interval_s * 1e9:
+            if step > _LONGEST_NS:
                 self.skipped["gap between predictions"] += 1
                 return []
             if self._jumps(self._thetas[before], self._thetas[after]):

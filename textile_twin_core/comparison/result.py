@@ -15,17 +15,16 @@ from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors
 from textile_twin_core.comparison.by_order import OrderSpectrum, SpeedBins
 from textile_twin_core.comparison.delay import SensorFit
 from textile_twin_core.comparison.statistics import ErrorStatistics
+from textile_twin_core.machine import Event
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison.verdict import Cause
 
 
-@dataclass(frozen=True, slots=True)
-class ComparisonEvent:
-    """An event of the turn at `angle_rad`; `jump` tells whether the predicted torque jumps there."""
+@dataclass(frozen=True)
+class ComparisonEvent(Event):
+    """An event of the turn; `jump` tells whether the predicted torque jumps there."""
 
-    name: str
-    angle_rad: float
     jump: bool
 
 

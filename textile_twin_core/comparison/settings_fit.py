@@ -9,8 +9,8 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.evidence import Evidence, Settings, States
+from textile_twin_core.comparison.robust import huber_loss, huber_weights, robust_scale
 from textile_twin_core.comparison.shaft_track import TURN
-from textile_twin_core.comparison.statistics import HUBER
 
 _STEPS = {"zero_rad": 1e-4, "delay_s": 1e-5, "drift": 1e-7}
 _LONGEST = {"zero_rad": 0.15, "delay_s": 0.01, "drift": 1e-4}
@@ -18,7 +18,7 @@ _LONGEST = {"zero_rad": 0.15, "delay_s": 0.01, "drift": 1e-4}
 NONLINEAR = tuple(_STEPS)
 _FEWEST_SAMPLES = 16
 """Samples below which nothing is fitted."""
-LINEAR = ("gain", "load", "constant_Nm", "viscous_Nms", "inertia_kgm2", "offset_Nm")
+LINEAR = ("gain", "load", "constant_Nm", "viscous_Nms", "offset_Nm")
 
 
 @dataclass(frozen=True)
@@ -40,25 +40,10 @@ class SettingsFit:
         """Robust standard deviation of the residual [N m]."""
         return robust_scale(self.residual[self.good])
 
-    def cost(self, scale: float) -> float:
-        """Mean Huber loss of the residuals over `scale`, twice: the mean square of small ones."""
-        return _loss(self.residual[self.good], scale)
-
     @property
     def rms(self) -> float:
         """Root mean square of the residual [N m]."""
         return float(np.sqrt(np.mean(self.residual[self.good] ** 2))) if self.good.any() else np.inf
-
-
-def robust_scale(residual: FloatArray) -> float:
-    """1.4826 times the median of |residual|, never quite zero."""
-    size = np.abs(residual)
-    return 1.4826 * float(np.median(size)) + 1e-12 * float(np.max(size, initial=0.0)) + 1e-300
-
-
-def huber_weights(residual: FloatArray, scale: float) -> FloatArray:
-    """Weights of a least-squares step that minimises Huber's loss."""
-    return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), 1e-300))
 
 
 def fit_settings(evidence: Evidence, start: Settings, free: Iterable[str], iterations: int = 25) -> SettingsFit:
@@ -102,14 +87,7 @@ def linear_start(evidence: Evidence, start: Settings, names: tuple[str, ...]) ->
     if not linear:
         return start
     states = evidence.states(start)
-    parts, good = states.terms, states.good
-    columns = {
-        "load": parts.load,
-        "constant_Nm": parts.direction,
-        "viscous_Nms": states.omega,
-        "inertia_kgm2": states.alpha,
-        "offset_Nm": np.ones_like(states.omega),
-    }
+    good, columns = states.good, {**_parts(states), "offset_Nm": np.ones_like(states.omega)}
     base = start.changed({name: 0.0 for name in linear if name != "gain"})
     torque = evidence.expected(replace(base, gain=1.0, offset_Nm=0.0), states)
     free_gain = "gain" in linear
@@ -131,7 +109,6 @@ def linear_start(evidence: Evidence, start: Settings, names: tuple[str, ...]) ->
 
 def slopes(evidence: Evidence, settings: Settings, states: States, names: tuple[str, ...]) -> FloatArray:
     """(m, k) derivatives of the expected torque by the named settings."""
-    parts = states.terms
     columns = []
     for name in names:
         if name in _STEPS:
@@ -144,14 +121,13 @@ def slopes(evidence: Evidence, settings: Settings, states: States, names: tuple[
         elif name == "offset_Nm":
             columns.append(np.ones_like(states.omega))
         else:
-            part = {
-                "load": parts.load,
-                "constant_Nm": parts.direction,
-                "viscous_Nms": states.omega,
-                "inertia_kgm2": states.alpha,
-            }[name]
-            columns.append(settings.gain * part)
+            columns.append(settings.gain * _parts(states)[name])
     return np.stack(columns, axis=1) if columns else np.empty((states.omega.size, 0))
+
+
+def _parts(states: States) -> dict[str, FloatArray]:
+    """Torque (m,) in the shaft per unit of the settings that add to it [N m]."""
+    return {"load": states.terms.load, "constant_Nm": states.terms.direction, "viscous_Nms": states.omega}
 
 
 def _loss(residual: FloatArray, scale: float) -> float:
@@ -159,12 +135,6 @@ def _loss(residual: FloatArray, scale: float) -> float:
     if residual.size < _FEWEST_SAMPLES:
         return np.inf
     return float(np.mean(huber_loss(residual, scale)))
-
-
-def huber_loss(residual: FloatArray, scale: float) -> FloatArray:
-    """Huber's loss of each residual over the scale, twice."""
-    size = np.abs(residual) / scale
-    return np.where(size <= HUBER, size**2, 2.0 * HUBER * size - HUBER**2)
 
 
 def _step(jacobian: FloatArray, residual: FloatArray, damping: float) -> FloatArray:

@@ -9,9 +9,8 @@ import numpy as np
 import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.comparison.settings_fit import huber_weights, robust_scale
+from textile_twin_core.comparison.robust import HUBER, huber_weights, robust_scale
 from textile_twin_core.comparison.shaft_track import ShaftTrack
-from textile_twin_core.comparison.statistics import HUBER
 from textile_twin_core.comparison.torque_model import NOT_NEGATIVE, TorqueModel
 
 _MOST_LOSS = 2.0

@@ -8,9 +8,6 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 
-HUBER = 1.345
-"""Residuals beyond so many standard deviations count linearly (Huber 1964)."""
-
 
 @dataclass(frozen=True, slots=True)
 class ErrorStatistics:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,7 +70,7 @@ class TorqueModel:
             if len(backings) > 1:
                 text = f"the machine has {len(backings)} backings; they stay as configured"
             self.not_there = tuple(
-                NotIdentifiable(name, (), f"{name} cannot be told: {text}") for name in (*FORCES, *EVENTS)
+                NotIdentifiable(name, f"{name} cannot be told: {text}") for name in (*FORCES, *EVENTS)
             )
         sought = (ShaftFriction, *((Backing,) if self.backing else ()))
         others = tuple(load for load in machine.loads if not isinstance(load, sought))
@@ -89,14 +90,14 @@ class TorqueModel:
 
     def with_spread(self, spread_rad: float) -> TorqueModel:
         """The same with another spread of the events."""
-        other = object.__new__(TorqueModel)
-        other.__dict__.update(self.__dict__, spread_rad=spread_rad)
+        other = copy(self)
+        other.spread_rad = spread_rad
         return other
 
     def with_evidence(self, evidence: Evidence) -> TorqueModel:
         """The same for other evidence."""
-        other = object.__new__(TorqueModel)
-        other.__dict__.update(self.__dict__, evidence=evidence)
+        other = copy(self)
+        other.evidence = evidence
         return other
 
     def start(self) -> dict[str, float]:

@@ -9,8 +9,9 @@ import numpy as np
 import scipy
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.settings_fit import SettingsFit, robust_scale
-from textile_twin_core.comparison.statistics import HUBER
+from textile_twin_core.comparison.by_turn import normals_by_turn, scores_by_turn
+from textile_twin_core.comparison.robust import HUBER, robust_scale
+from textile_twin_core.comparison.settings_fit import SettingsFit
 
 _ALONE = 1e-9
 """What a turn leaves to the others of a parameter, below which it alone tells it, and nothing of its uncertainty."""
@@ -121,14 +122,8 @@ def _by_turns(
     The latter nan where most of a parameter's variance comes from turns that alone tell it.
     In an orthonormal basis of the slopes the hat matrix of a turn and its inverse root are k by k.
     """
-    turns, place = np.unique(turn, return_inverse=True)
-    k = basis.shape[1]
-    scores = np.stack([np.bincount(place, weights=basis[:, c] * residual) for c in range(k)], axis=1)
-    hat = np.empty((turns.size, k, k))
-    for row in range(k):
-        for column in range(row, k):
-            hat[:, row, column] = np.bincount(place, weights=basis[:, row] * basis[:, column])
-            hat[:, column, row] = hat[:, row, column]
+    place = np.unique(turn, return_inverse=True)[1]
+    scores, hat = scores_by_turn(basis, residual, place), normals_by_turn(basis, place)
     share, axes = np.linalg.eigh(hat)
     lost = np.where(1.0 - share > _ALONE, 1.0 / np.sqrt(np.maximum(1.0 - share, _ALONE)), 0.0)
     adjust = np.einsum("tik,tk,tjk->tij", axes, lost, axes)

@@ -18,7 +18,7 @@ from textile_twin_core.recordings.mcap_parts import DamageError
 from textile_twin_core.recordings.mcap_read import McapFile
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.recordings.other_storage import OtherFile
-from textile_twin_core.recordings.recording import Progress, Recording
+from textile_twin_core.recordings.recording import Recording
 from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
 from textile_twin_core.recordings.samples import AngleSamples, PointSamples, TorqueSamples
 
@@ -33,30 +33,24 @@ class Bag(Recording):
     or never names the joint asked for. Values are as recorded: NaN stays NaN.
     """
 
-    def read_angles(
-        self, topic: str = "main_shaft/angle", joint: str = "main_shaft", progress: Progress | None = None
-    ) -> AngleSamples:
+    def read_angles(self, topic: str = "main_shaft/angle", joint: str = "main_shaft") -> AngleSamples:
         """Shaft angles of a JointState topic (position of `joint`) or a Float64 topic."""
         info = self._readable(topic, JOINT_STATE, FLOAT64)
         if info.msgtype == FLOAT64:
-            times, values = self._columns(info, lambda _, take: [take("data", 0)], progress)
-            return AngleSamples(info.name, times, values[0], None, stamped=False)
+            times, values = self._columns(info, lambda _, take: [take("data", 0)])
+            return AngleSamples(info.name, times, values[0], None)
 
         def fields(layout: MessageLayout, take: _Take) -> list[FloatArray] | None:
             place = _place(layout, joint, "position")
             return None if place is None else [take("position", place), take("velocity", place)]
 
-        stamps, (angles, velocities) = self._columns(info, fields, progress, joint)
+        stamps, (angles, velocities) = self._columns(info, fields, joint)
         velocities[np.isinf(velocities)] = np.nan  # what a sensor divides by no time at all is no speed
         has_velocities = not np.isnan(velocities).all()
-        return AngleSamples(info.name, stamps, angles, velocities if has_velocities else None, stamped=True)
+        return AngleSamples(info.name, stamps, angles, velocities if has_velocities else None)
 
     def read_torques(
-        self,
-        topic: str = "balancing_torque/measured",
-        joint: str = "main_shaft",
-        progress: Progress | None = None,
-        unit_Nm: float = 1.0,
+        self, topic: str = "balancing_torque/measured", joint: str = "main_shaft", unit_Nm: float = 1.0
     ) -> TorqueSamples:
         """Torques of a topic of WrenchStamped (torque.z), JointState (effort of `joint`) or Float64.
 
@@ -72,17 +66,17 @@ class Bag(Recording):
             place = _place(layout, joint, "effort")
             return None if place is None else [take("effort", place)]
 
-        stamps, (torque,) = self._columns(info, fields, progress, joint, "effort")
-        return TorqueSamples(info.name, stamps, torque * unit_Nm, stamped=info.msgtype != FLOAT64)
+        stamps, (torque,) = self._columns(info, fields, joint, "effort")
+        return TorqueSamples(info.name, stamps, torque * unit_Nm)
 
     def read_events(self, topic: str) -> IntArray:
         """Stamps (n,) in ns of a topic of Header, whose messages tell when something was: an edge, an index pulse."""
-        return self._columns(self._readable(topic, HEADER), lambda *_: [], None)[0]
+        return self._columns(self._readable(topic, HEADER), lambda *_: [])[0]
 
-    def read_points(self, topic: str, progress: Progress | None = None) -> PointSamples:
+    def read_points(self, topic: str) -> PointSamples:
         """Points of a PointStamped topic."""
         info = self._readable(topic, POINT)
-        stamps, columns = self._columns(info, lambda _, take: [take("point", k) for k in range(3)], progress)
+        stamps, columns = self._columns(info, lambda _, take: [take("point", k) for k in range(3)])
         return PointSamples(info.name, stamps, np.stack(columns, axis=1))
 
     def read_joint_states(self, topic: str = "joint_states") -> tuple[IntArray, dict[str, FloatArray]]:
@@ -95,7 +89,7 @@ class Bag(Recording):
             absent = layout.fields["position"][1]
             return [take("position", layout.names.index(name) if name in layout.names else absent) for name in names]
 
-        stamps, columns = self._columns(info, fields, None)
+        stamps, columns = self._columns(info, fields)
         return stamps, dict(zip(names, columns, strict=True))
 
     def _readable(self, topic: str, *types: str) -> TopicInfo:
@@ -113,7 +107,6 @@ class Bag(Recording):
         self,
         info: TopicInfo,
         fields: Callable[[MessageLayout, _Take], list[FloatArray] | None],
-        progress: Progress | None,
         joint: str = "",
         what: str = "position",
     ) -> tuple[IntArray, list[FloatArray]]:
@@ -123,7 +116,7 @@ class Bag(Recording):
         """
         pieces: list[list[FloatArray | IntArray]] = []
         joints: set[str] = set()
-        for block in self.blocks(info.name, progress):
+        for block in self.blocks(info.name):
             in_block: list[tuple[IntArray, list[FloatArray | IntArray]]] = []
             for layout, chosen in layouts(block, info.msgtype, info.name):
                 joints.update(layout.names)

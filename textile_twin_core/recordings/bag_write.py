@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -17,11 +17,11 @@ from textile_twin_core.files.atomic import check_folder, partial_path, put_in_pl
 from textile_twin_core.recordings import rosbag2_metadata
 from textile_twin_core.recordings.bag_arrays import ArrayWriter
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
-from textile_twin_core.recordings.complete_files import CompleteFile, CompleteFiles, information
+from textile_twin_core.recordings.complete_files import CompleteFiles
 from textile_twin_core.recordings.mcap_write import McapFileWriter
 from textile_twin_core.recordings.output_place import check_replaceable, is_empty_folder
 from textile_twin_core.recordings.recording import Progress, Recording
-from textile_twin_core.recordings.rosbag2_metadata import OfferedQos, TopicInfo
+from textile_twin_core.recordings.rosbag2_metadata import FileInfo, OfferedQos, TopicInfo
 from textile_twin_core.recordings.schemas import MessageSchema, message_schema
 
 _FLUSH_SECONDS = 1.0
@@ -200,11 +200,14 @@ class BagWriter(ArrayWriter):
         if self._live and self._file.is_removed:
             raise self._gone()  # before the metadata of this recording come to lie beside another's file
         counts = {name: self._file.counts[channel] for name, channel in self._channels.items()}
-        written = CompleteFile(self._file_name, self._file.span_ns, counts)
-        own = information([written], self._topics, self._custom_data)
+        written = FileInfo(self._file_name, self._file.span_ns, counts)
+        own = self._information([written])
         self._file.add_metadata("rosbag2", {"serialized_metadata": rosbag2_metadata.dump(own)})
         self._file.close()
         self._complete.append(written, self._file.bytes_written)
+
+    def _information(self, files: list[FileInfo]) -> dict[str, Any]:
+        return rosbag2_metadata.information(files, self._topics.values(), self._custom_data)
 
     def close(self) -> None:
         """Complete the recording and give it its name.
@@ -213,7 +216,7 @@ class BagWriter(ArrayWriter):
         """
         self._end_file()
         if not self._single:
-            rosbag2_metadata.write(self._place, information(self._complete.files, self._topics, self._custom_data))
+            rosbag2_metadata.write(self._place, self._information(self._complete.files))
         if not self._live:
             put_in_place(self._place, self.path)
 

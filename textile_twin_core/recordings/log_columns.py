@@ -62,11 +62,10 @@ _SPELLINGS = {
 
 @dataclass(frozen=True)
 class Column:
-    """A column that was chosen: its name, its unit ('' unknown), and how the unit came to be known."""
+    """A column that was chosen: its name and its unit ('' unknown)."""
 
     name: str
     unit: str
-    why: str
 
 
 def spelled(unit: str) -> str:

@@ -115,7 +115,7 @@ def import_log(
     for output, name in wishes.quantities.items():
         _refuse_unknown(name, columns)
         unit = spelled(wishes.units.get("quantity", "")) or unit_in_name(name)
-        values, unit = quantity_si(Column(name, unit, "as told"), columns[name])
+        values, unit = quantity_si(Column(name, unit), columns[name])
         here = np.isfinite(values)
         out.write_joint_states(f"{MEASURED}/{output}", stamps[here], [output], values[here])
         progress(here.size)
@@ -212,7 +212,7 @@ def _rising(columns: LogTable) -> Column:
         raise RecordingError(
             f"no column of times: '{name}' seems to count the rows; give --rate HZ, or --time '{name}' with --time-unit"
         )
-    return Column(name, unit_in_name(name), "it rises evenly")
+    return Column(name, unit_in_name(name))
 
 
 def _empty(here: BoolArray) -> str:
@@ -252,7 +252,7 @@ def _column(kind: str, columns: LogTable, wishes: Wishes, ask: Ask | None, neede
     name = wishes.columns.get(kind, "")
     if name:
         _refuse_unknown(name, columns)
-        return Column(name, unit or unit_in_name(name), "as told")
+        return Column(name, unit or unit_in_name(name))
     others = set(wishes.columns.values())
     told = bool(unit) or (kind == "torque" and wishes.torque_scale is not None)
     found = choose(kind, [each for each in columns if each not in others], told)
@@ -260,7 +260,7 @@ def _column(kind: str, columns: LogTable, wishes: Wishes, ask: Ask | None, neede
         answer = ask(kind, found or list(columns))
         found = [answer] if answer else []
     if len(found) == 1:
-        return Column(found[0], unit or unit_in_name(found[0]), "by its name")
+        return Column(found[0], unit or unit_in_name(found[0]))
     if unit and not found:
         raise RecordingError(
             f"--{kind}-unit, but which column is the {kind}? tell it with --{kind}: {describe(columns)}"

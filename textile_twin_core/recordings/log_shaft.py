@@ -114,7 +114,7 @@ def _at_rest(theta: FloatArray, force: FloatArray, zero_at_rad: float, cycle_tur
 def edge_angles(machine: Machine, stamps_ns: IntArray) -> tuple[IntArray, FloatArray]:
     """Stamps and encoder angles of the edges of this machine's wheel. Raises SceneError, RecordingError."""
     reference = reference_of(machine.sensors.encoder, True, False)
-    angles = AngleSamples("main_shaft/angle", stamps_ns, np.zeros(stamps_ns.size), None, stamped=True)
+    angles = AngleSamples("main_shaft/angle", stamps_ns, np.zeros(stamps_ns.size), None)
     assert reference is not None
     counted = referred(angles, reference, np.empty(0, np.int64))
     return counted.stamps, counted.angles_rad

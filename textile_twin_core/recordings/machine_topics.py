@@ -57,7 +57,7 @@ def usable_angles(
     edges = bag.find_topic(topic).msgtype == HEADER
     if edges:
         stamps = bag.read_events(topic)
-        angles = AngleSamples(bag.find_topic(topic).name, stamps, np.zeros(len(stamps)), None, stamped=True)
+        angles = AngleSamples(bag.find_topic(topic).name, stamps, np.zeros(len(stamps)), None)
     else:
         angles = in_radians(bag.read_angles(topic, joint), unit_rad)
     reference = reference_of(encoder, edges, index_topic is not None)

@@ -6,6 +6,7 @@ import heapq
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Protocol
 
@@ -109,18 +110,14 @@ class Recording:
     def raw_messages(self, topics: list[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Every message as (topic, log time in ns, CDR bytes), by log time; one block per topic is held."""
         names = list(self.topics) if topics is None else [self.find_topic(topic).name for topic in topics]
-        yield from heapq.merge(*(self._one_topic(name) for name in names), key=_log_time)
+        yield from heapq.merge(*(self._one_topic(name) for name in names), key=itemgetter(1))
 
     def _one_topic(self, name: str) -> Iterator[tuple[str, int, bytes]]:
         # Neighbouring blocks may overlap in time: what the next one could precede waits for it.
         waiting: list[tuple[str, int, bytes]] = []
         for block in self.blocks(name):
-            ready = bisect_left(waiting, int(block.log_times_ns.min()), key=_log_time)
+            ready = bisect_left(waiting, int(block.log_times_ns.min()), key=itemgetter(1))
             yield from waiting[:ready]
             fresh = [(name, time, block.message(i)) for i, time in enumerate(block.log_times_ns.tolist())]
-            waiting = sorted(waiting[ready:] + fresh, key=_log_time)
+            waiting = sorted(waiting[ready:] + fresh, key=itemgetter(1))
         yield from waiting
-
-
-def _log_time(message: tuple[str, int, bytes]) -> int:
-    return message[1]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -88,33 +89,38 @@ def dump(value: object) -> str:
 
 @dataclass(frozen=True)
 class FileInfo:
-    """One file of a recording: its name, log times of its first and last messages, and how many there are."""
+    """A complete file: its name, its first and last log time [ns], None without messages, and its messages by topic."""
 
     name: str
     span_ns: tuple[int, int] | None
-    message_count: int
+    counts: Mapping[str, int]
 
-    def entries(self) -> dict[str, Any]:
-        """Start, duration and count as rosbag2 writes them."""
-        first, last = self.span_ns or (0, 0)
-        return {
-            "starting_time": {"nanoseconds_since_epoch": int(first)},
-            "duration": {"nanoseconds": int(last - first)},
-            "message_count": self.message_count,
-        }
+
+def total(files: Sequence[FileInfo]) -> Counter[str]:
+    """The messages of several files by topic."""
+    return sum((Counter(file.counts) for file in files), Counter())
+
+
+def _entries(files: Sequence[FileInfo]) -> dict[str, Any]:
+    """Start, duration and count of one or several files as rosbag2 writes them."""
+    spans = [file.span_ns for file in files if file.span_ns is not None]
+    start = min((first for first, _ in spans), default=0)
+    return {
+        "starting_time": {"nanoseconds_since_epoch": int(start)},
+        "duration": {"nanoseconds": int(max((last for _, last in spans), default=0) - start)},
+        "message_count": total(files).total(),
+    }
 
 
 def information(
-    files: Sequence[FileInfo], topics: Sequence[TopicInfo], custom_data: Mapping[str, str]
+    files: Sequence[FileInfo], topics: Iterable[TopicInfo], custom_data: Mapping[str, str]
 ) -> dict[str, Any]:
-    """The rosbag2 information of a recording in one or several files."""
-    spans = [file.span_ns for file in files if file.span_ns is not None]
-    span = (min(first for first, _ in spans), max(last for _, last in spans)) if spans else None
-    whole = FileInfo("", span, sum(topic.count for topic in topics)).entries()
+    """The rosbag2 information of a recording in one or several files, which tell how many messages a topic has."""
+    counts = total(files)
     return {
         "version": 9,
         "storage_identifier": "mcap",
-        **whole,
+        **_entries(files),
         "topics_with_message_count": [
             {
                 "topic_metadata": {
@@ -124,14 +130,14 @@ def information(
                     "offered_qos_profiles": topic.qos.profiles(),
                     "type_description_hash": topic.schema.type_hash if topic.schema else "",
                 },
-                "message_count": topic.count,
+                "message_count": counts[topic.name],
             }
             for topic in topics
         ],
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file.name for file in files],
-        "files": [{"path": file.name, **file.entries()} for file in files],
+        "files": [{"path": file.name, **_entries([file])} for file in files],
         "custom_data": dict(custom_data) or None,
         "ros_distro": "jazzy",
     }

@@ -11,7 +11,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 class AngleSamples:
     """Angles of one joint in the order recorded; arrays of shape (n,).
 
-    stamps: ns, from the message headers; for Float64, which has none, when recorded (`stamped` is False).
+    stamps: ns, from the message headers; for Float64, which has none, when recorded.
     velocities: rad/s, NaN where a message has none; None when no message has one.
     """
 
@@ -19,7 +19,6 @@ class AngleSamples:
     stamps: IntArray
     angles_rad: FloatArray
     velocities: FloatArray | None
-    stamped: bool
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -32,7 +31,6 @@ class TorqueSamples:
     topic: str
     stamps: IntArray
     torque_Nm: FloatArray
-    stamped: bool
 
     def __len__(self) -> int:
         return len(self.stamps)

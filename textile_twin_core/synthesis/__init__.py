@@ -16,7 +16,7 @@ from textile_twin_core.synthesis.family import Family, Parameter, family_of
 from textile_twin_core.synthesis.four_bar import FourBarDesign
 from textile_twin_core.synthesis.hand_positions import RockerThroughPoints, rocker_through
 from textile_twin_core.synthesis.offset_slider import SliderCrankDesign, SliderCrankFamily, offset_slider
-from textile_twin_core.synthesis.rotation import rotation_of_time_ratio, time_ratio_of_rotation
+from textile_twin_core.synthesis.rotation import rotation_of_time_ratio
 from textile_twin_core.synthesis.through_points import PointsDesign, through_points
 
 __all__ = [
@@ -46,5 +46,4 @@ __all__ = [
     "rocker_through",
     "rotation_of_time_ratio",
     "through_points",
-    "time_ratio_of_rotation",
 ]

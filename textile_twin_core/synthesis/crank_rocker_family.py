@@ -18,19 +18,15 @@ class LinkRatios:
     """Crank-rockers as arrays of one shape (n,): lengths over the ground link, angles in radians.
 
     `beta_rad` is the angle at the crank pivot from the ground link to the line of crank and coupler,
-    stretched; `folded_rad` the same, folded. `mu_towards_rad` and `mu_away_rad` are the extreme transmission
-    angles, with the crank pointing at the rocker pivot and away from it; `mu_min_rad` is the smallest of
-    these two and their supplements.
+    stretched. `mu_min_rad` is the smallest of the extreme transmission angles, with the crank pointing at the
+    rocker pivot and away from it, and their supplements.
     """
 
     beta_rad: FloatArray
-    folded_rad: FloatArray
     crank: FloatArray
     coupler: FloatArray
     rocker: FloatArray
     crank_over_coupler: FloatArray
-    mu_towards_rad: FloatArray
-    mu_away_rad: FloatArray
     mu_min_rad: FloatArray
 
 
@@ -117,4 +113,4 @@ class CrankRockerFamily:
         towards = np.arctan2(sin_towards, middle_cos + crank)
         away = np.arctan2(sin_away, middle_cos - crank)
         smallest = np.minimum(np.minimum(towards, np.pi - towards), np.minimum(away, np.pi - away))
-        return LinkRatios(beta, folded, crank, coupler, rocker, ratio, towards, away, smallest)
+        return LinkRatios(beta, crank, coupler, rocker, ratio, smallest)

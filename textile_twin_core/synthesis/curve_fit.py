@@ -16,6 +16,7 @@ from textile_twin_core.synthesis.four_bar import (
     FourBarDesign,
     are_crank_rockers,
     coupler_points,
+    lack_of_turning,
     worst_transmission,
 )
 
@@ -43,7 +44,7 @@ def fit_curve(
     seed: int = 0,
     smallest_mu_rad: float = 0.0,
     generations: int = 600,
-    progress: Callable[[float], bool] | None = None,
+    progress: Callable[[float], bool | None] | None = None,
 ) -> CurveDesign:
     """The crank-rocker whose coupler curve passes nearest to six or more points [m], at whatever crank angles.
 
@@ -114,15 +115,8 @@ def _mean_square(designs: FloatArray, side: FloatArray, task: ComplexArray, smal
     # A design that misses all points by the curve's size, within the limit, is better than any beyond it.
     beyond = np.where(short > 0.0, 1.0 + 10.0 * short, 0.0)
     unfit = ~are_crank_rockers(designs) | ~np.isfinite(value)
-    return np.where(unfit, _BAD * (1.0 + _lack(designs)), np.nan_to_num(value, nan=_BAD) + beyond)
-
-
-def _lack(designs: FloatArray) -> FloatArray:
-    """(n,) how far a design is from turning fully, so that even those are led somewhere."""
-    ground = np.hypot(designs[:, 2] - designs[:, 0], designs[:, 3] - designs[:, 1])
-    lengths = np.sort(np.column_stack([designs[:, 4:7], ground]), axis=1)
-    surplus = lengths[:, 0] + lengths[:, 3] - lengths[:, 1] - lengths[:, 2]
-    return np.asarray(np.maximum(0.0, surplus) + (designs[:, 4] - lengths[:, 0]))
+    # Even designs that do not turn fully are led somewhere.
+    return np.where(unfit, _BAD * (1.0 + lack_of_turning(designs)), np.nan_to_num(value, nan=_BAD) + beyond)
 
 
 def _polished(row: FloatArray, side: float, task: ComplexArray, smallest_mu_rad: float) -> FloatArray:
@@ -147,10 +141,7 @@ def _polished(row: FloatArray, side: float, task: ComplexArray, smallest_mu_rad:
 def _design(
     row: FloatArray, side: float, points: ComplexArray, centre: complex, size: float, tried: int, stopped: bool
 ) -> CurveDesign:
-    scaled = row * size
-    scaled[[0, 2]] += centre.real
-    scaled[[1, 3]] += centre.imag
-    four_bar = FourBarDesign.of_row(scaled, side)
+    four_bar = FourBarDesign.of_row(row, side, centre, size)
     fine = four_bar.points(np.linspace(0.0, 2.0 * math.pi, 7201))
     away = np.abs(fine[None, :] - points[:, None]).min(axis=1)
     return CurveDesign(four_bar, float(np.sqrt((away**2).mean())), float(away.max()), tried, stopped)

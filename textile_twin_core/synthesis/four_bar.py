@@ -45,10 +45,21 @@ def ground_lengths(designs: FloatArray) -> FloatArray:
 
 def are_crank_rockers(designs: FloatArray) -> BoolArray:
     """(n,) whether the crank is the shortest link and turns fully (Grashof)."""
-    lengths = np.column_stack([designs[:, 4:7], ground_lengths(designs)])
-    ordered = np.sort(lengths, axis=1)
+    ordered = _ordered(designs)
     fits = (ordered > 0.0).all(axis=1) & (ordered[:, 0] + ordered[:, 3] < ordered[:, 1] + ordered[:, 2])
-    return np.asarray(fits & (lengths[:, 0] <= ordered[:, 0]))
+    return np.asarray(fits & (designs[:, 4] <= ordered[:, 0]))
+
+
+def lack_of_turning(designs: FloatArray) -> FloatArray:
+    """(n,) how far the links are from the lengths of one that turns fully, with the crank as the shortest."""
+    ordered = _ordered(designs)
+    surplus = ordered[:, 0] + ordered[:, 3] - ordered[:, 1] - ordered[:, 2]
+    return np.asarray(np.maximum(0.0, surplus) + (designs[:, 4] - ordered[:, 0]))
+
+
+def _ordered(designs: FloatArray) -> FloatArray:
+    """(n, 4) lengths of the links, the shortest first."""
+    return np.sort(np.column_stack([designs[:, 4:7], ground_lengths(designs)]), axis=1)
 
 
 def worst_transmission(designs: FloatArray) -> FloatArray:
@@ -71,9 +82,12 @@ class FourBarDesign:
     branch: Branch
 
     @classmethod
-    def of_row(cls, row: FloatArray, side: float) -> FourBarDesign:
-        """From a row of a table of designs."""
-        ox, oy, cx, cy, a, b, c, u, v = row.tolist()
+    def of_row(cls, row: FloatArray, side: float, centre: complex, size: float) -> FourBarDesign:
+        """From a row of a table of designs about `centre` [m], in lengths of `size` [m]."""
+        scaled = row * size
+        scaled[[0, 2]] += centre.real
+        scaled[[1, 3]] += centre.imag
+        ox, oy, cx, cy, a, b, c, u, v = scaled.tolist()
         return cls((ox, oy), (cx, cy), a, b, c, (u, v), "left" if side > 0.0 else "right")
 
     @property

@@ -15,8 +15,3 @@ def rotation_of_time_ratio(ratio: float) -> float:
     if not (math.isfinite(ratio) and ratio > 0.0):
         raise SceneError(f"time ratio {ratio!r}: give a positive number, 1 for out and back in equal times")
     return 2.0 * math.pi * ratio / (1.0 + ratio)
-
-
-def time_ratio_of_rotation(rotation_rad: float) -> float:
-    """How much longer the way out takes than the way back."""
-    return rotation_rad / (2.0 * math.pi - rotation_rad)

@@ -145,9 +145,6 @@ def _in_order(angles: FloatArray) -> bool:
 
 def _design(entry: Found, centre: complex, size: float, points: ComplexArray) -> PointsDesign:
     _, row, side, angles = entry
-    scaled = row * size
-    scaled[[0, 2]] += centre.real
-    scaled[[1, 3]] += centre.imag
-    four_bar = FourBarDesign.of_row(scaled, side)
+    four_bar = FourBarDesign.of_row(row, side, centre, size)
     miss = float(np.abs(four_bar.points(angles) - points).max())
     return PointsDesign(four_bar, tuple(np.mod(angles, 2.0 * math.pi).tolist()), miss)

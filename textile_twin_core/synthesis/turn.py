@@ -19,11 +19,9 @@ def shaft_angles(samples: int = SAMPLES) -> FloatArray:
     return np.arange(samples, dtype=np.float64) * (2.0 * math.pi / samples)
 
 
-def over_turn(
-    expressions: Sequence[Expr], theta: FloatArray, speed_rad_s: float = 0.0, acceleration_rad_s2: float = 0.0
-) -> list[FloatArray]:
+def over_turn(expressions: Sequence[Expr], theta: FloatArray, speed_rad_s: float = 0.0) -> list[FloatArray]:
     """Values (n,) of expressions of the shaft's state at angles (n,) [rad]; NaN where a machine cannot close."""
-    inputs = {"theta": theta, "omega": speed_rad_s, "alpha": acceleration_rad_s2}
+    inputs = {"theta": theta, "omega": speed_rad_s, "alpha": 0.0}
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         found = interpret(expressions, inputs, Numpy)
     return [np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), theta.shape)) for value in found]

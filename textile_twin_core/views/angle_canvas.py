@@ -42,10 +42,6 @@ class AngleCanvas:
         """Canvas y of values; larger values stand higher."""
         return np.asarray((self.high - value) * (self.height / (self.high - self.low)))
 
-    def ticks(self, about: int = 6) -> list[float]:
-        """Round values over the canvas's range."""
-        return round_ticks(self.low, self.high, about)
-
 
 def round_ticks(low: float, high: float, about: int) -> list[float]:
     """About so many values in steps of 1, 2 or 5 times a power of ten within low .. high."""
@@ -56,11 +52,11 @@ def round_ticks(low: float, high: float, about: int) -> list[float]:
     return [float(k * step) for k in np.arange(first, np.floor(high / step + 1e-9) + 1.0)]
 
 
-def canvas_for(values: Sequence[FloatArray], width: float, height: float, least: float = 1e-3) -> AngleCanvas:
+def canvas_for(values: Sequence[FloatArray], width: float, height: float) -> AngleCanvas:
     """A canvas that holds all finite values, with some room above and below and zero in sight."""
     finite = np.concatenate([*(v[np.asarray(np.isfinite(v))] for v in values), np.zeros(1)])
     low, high = float(finite.min()), float(finite.max())
-    room = 0.08 * max(high - low, least)
+    room = 0.08 * max(high - low, 1e-3)
     return AngleCanvas(low - room, high + room, width, height)
 
 

@@ -10,7 +10,7 @@ import rerun as rr
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.views import palette
-from textile_twin_core.views.angle_canvas import TWO_PI, AngleCanvas, split_turns
+from textile_twin_core.views.angle_canvas import TWO_PI, AngleCanvas, round_ticks, split_turns
 from textile_twin_core.views.phases import Lane
 from textile_twin_core.views.scene import BackingPlane, MachineScene
 from textile_twin_core.views.solids import Solid
@@ -160,7 +160,7 @@ def draw_canvas(
     """
     log = stream.log
     width, height = canvas.width, canvas.height
-    ticks = canvas.ticks()
+    ticks = round_ticks(canvas.low, canvas.high, 6)
     levels = canvas.y(np.array(ticks))
     angles = np.arange(0.0, 361.0, 45.0)
     across = angles * (width / 360.0)

@@ -10,12 +10,13 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.views import palette
+from textile_twin_core.views.frames import Frames
 from textile_twin_core.views.hits import HitDrawing
-from textile_twin_core.views.layout import TIMELINE
-from textile_twin_core.views.scribe import at_times
+from textile_twin_core.views.layout import TIMELINE, over_time, page, time_axis
+from textile_twin_core.views.scribe import at_times, scalars
 
 if TYPE_CHECKING:
     from textile_twin_core.machine import ContactMachine
@@ -39,7 +40,7 @@ class ElementDrawing:
 
     def __init__(self, machine: ContactMachine, stream: rr.RecordingStream, frames_hz: float) -> None:
         self._machine, self._stream = machine, stream
-        self._frame_s, self._next_frame_s = 1.0 / frames_hz, -math.inf
+        self._frames = Frames(frames_hz)
         angles = np.linspace(0.0, 2.0 * math.pi, 721)
         travel = np.array([machine.law.evaluate(angle) for angle in angles.tolist()])
         self._low, self._stroke = float(travel.min()), max(float(np.ptp(travel)), 1e-3)
@@ -50,12 +51,7 @@ class ElementDrawing:
 
     def blueprint(self, window_s: float) -> rrb.Blueprint:
         """The layout: the blocks above, positions and velocities over the last seconds below."""
-        axis = rrb.TimeAxis(
-            view_range=rrb.TimeRange(
-                start=rrb.TimeRangeBoundary.cursor_relative(seconds=-window_s),
-                end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.05 * window_s),
-            )
-        )
+        axis = time_axis(window_s, 0.05 * window_s)
         stroke, rows = self._stroke, len(self._machine.elements)
         farthest = max(self._low, *self._machine.start, *(pad.position_m for pad in self._machine.pads))
         bounds = rrb.VisualBounds2D(
@@ -72,16 +68,7 @@ class ElementDrawing:
         lines: list[tuple[rrb.View | rrb.Container, float]] = [
             (rrb.Horizontal(blocks, summary, column_shares=[2.4, 1.0]), 1.3),
             *(
-                (
-                    rrb.TimeSeriesView(
-                        name=name,
-                        origin=origin,
-                        axis_x=axis,
-                        background=rrb.archetypes.PlotBackground(color=palette.BACKGROUND, show_grid=True),
-                        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
-                    ),
-                    share,
-                )
+                (over_time(name, origin, axis, legend=True), share)
                 for name, origin, share in (
                     ("Position, and where it strikes [mm]", "position", 1.5),
                     ("Velocity [m/s]", "velocity", 1.0),
@@ -92,14 +79,7 @@ class ElementDrawing:
         if self._machine.pads:
             lines.append((rrb.StateTimelineView(name="Pads", origin="pads", time_view=axis), 0.6))
         views, shares = zip(*lines, strict=True)
-        return rrb.Blueprint(
-            rrb.Vertical(*views, row_shares=list(shares)),
-            rrb.BlueprintPanel(state="collapsed"),
-            rrb.SelectionPanel(state="collapsed"),
-            rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
-            auto_layout=False,
-            auto_views=False,
-        )
+        return page(rrb.Vertical(*views, row_shares=list(shares)))
 
     def prepare(self) -> None:
         """Draw what does not move."""
@@ -133,11 +113,11 @@ class ElementDrawing:
         self._time = np.concatenate([self._time[-_KEPT:], time_s])
         self._places = np.concatenate([self._places[-_KEPT:], positions_m])
         self._draw_hits(float(time_s[-1]))
-        frames = self._frames(time_s)
+        frames = self._frames.of(time_s)
         for number, element in enumerate(self._machine.elements):
             place = positions_m[:, number]
-            self._scalars(f"position/{element}", time_s, place * 1e3)
-            self._scalars(f"velocity/{element}", time_s, velocities_m_s[:, number])
+            scalars(self._stream, f"position/{element}", time_s, place * 1e3)
+            scalars(self._stream, f"velocity/{element}", time_s, velocities_m_s[:, number])
             if frames.size:
                 across = np.full(frames.size, self._row(element))
                 moved = np.column_stack([place[frames], across, np.zeros(frames.size)]).astype(np.float32)
@@ -165,14 +145,3 @@ class ElementDrawing:
     def _row(self, element: str) -> float:
         """Where an element's block stands across the line [m]."""
         return self._machine.elements.index(element) * _PITCH * self._stroke
-
-    def _scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
-        self._stream.send_columns(entity, at_times(time_s), rr.Scalars.columns(scalars=values))
-
-    def _frames(self, time_s: FloatArray) -> IntArray:
-        frames = []
-        for k, now in enumerate(time_s.tolist()):
-            if now >= self._next_frame_s:
-                frames.append(k)
-                self._next_frame_s = now + self._frame_s
-        return np.array(frames, dtype=np.int64)

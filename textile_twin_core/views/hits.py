@@ -13,7 +13,7 @@ from textile_twin_core.contact import ContactEvent, Pad, Stop
 from textile_twin_core.machine import ContactMachine
 from textile_twin_core.views import palette
 from textile_twin_core.views.layout import TIMELINE
-from textile_twin_core.views.scribe import at_times
+from textile_twin_core.views.scribe import at_times, scalars
 
 _HITS = ("impact", "touch")
 _PRESSED = {"touch": "pressed", "push": "pressed", "leave": "free", "slack": "free"}
@@ -89,7 +89,7 @@ class HitDrawing:
                 times = np.array([time for time, _ in hits])
                 speeds = np.array([event.approach_speed_m_s for _, event in hits])
                 self._stems(name, times, speeds)
-                self._scalars(f"position/at_{name}", times, 1e3 * self._place(upper, times))
+                scalars(self._stream, f"position/at_{name}", times, 1e3 * self._place(upper, times))
                 self._flash(name, hits)
             if name in self._pads:
                 changes = [(time, _PRESSED[event.kind]) for time, event in mine if event.kind in _PRESSED]
@@ -114,8 +114,8 @@ class HitDrawing:
     def _stems(self, name: str, times: FloatArray, speeds: FloatArray) -> None:
         """A line from zero to each speed, and a dot on it."""
         zero, gap = np.zeros_like(speeds), np.full_like(speeds, np.nan)
-        self._scalars(f"hits/{name}", np.repeat(times, 3), np.column_stack([zero, speeds, gap]).ravel())
-        self._scalars(f"hits/{name}/top", times, speeds)
+        scalars(self._stream, f"hits/{name}", np.repeat(times, 3), np.column_stack([zero, speeds, gap]).ravel())
+        scalars(self._stream, f"hits/{name}/top", times, speeds)
 
     def _flash(self, name: str, hits: Sequence[tuple[float, ContactEvent]]) -> None:
         """A mark where the ends meet, for a moment; bounces are counted and not marked again."""
@@ -141,6 +141,3 @@ class HitDrawing:
             for at, drawn in ((time, mark), (time + _SHOWN_S, rr.Clear(recursive=False))):
                 self._stream.set_time(TIMELINE, duration=at)
                 self._stream.log(entity, drawn)
-
-    def _scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
-        self._stream.send_columns(entity, at_times(time_s), rr.Scalars.columns(scalars=values))

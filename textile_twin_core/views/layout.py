@@ -15,7 +15,6 @@ from textile_twin_core.views.scene import MachineScene
 
 TIMELINE = "time"
 
-
 Overrides: TypeAlias = dict[Any, Any]  # what the viewer's own type spells out in four lines
 
 
@@ -50,18 +49,7 @@ class Layout:
         """The layout as the viewer takes it."""
         machine = rrb.Vertical(self._linkage(), self._log(), row_shares=[3.2, 1.0])
         plots = self._motion_plots() if self.torque is None or self.residual is None else self._torque_plots()
-        return rrb.Blueprint(
-            rrb.Horizontal(machine, plots, column_shares=[1.0, 2.9]),
-            rrb.BlueprintPanel(state="collapsed"),
-            rrb.SelectionPanel(state="collapsed"),
-            rrb.TimePanel(
-                state="collapsed",
-                timeline=TIMELINE,
-                play_state="following",
-            ),
-            auto_layout=False,
-            auto_views=False,
-        )
+        return page(rrb.Horizontal(machine, plots, column_shares=[1.0, 2.9]))
 
     def _torque_plots(self) -> rrb.Vertical:
         """Measured beside predicted torque."""
@@ -104,21 +92,14 @@ class Layout:
         return rrb.TextDocumentView(name="Run summary", origin="summary")
 
     def _window(self) -> rrb.TimeAxis:
-        before, after = self.window_s
-        return rrb.TimeAxis(view_range=rrb.TimeRange(start=_from_cursor(-before), end=_from_cursor(after)))
+        return time_axis(*self.window_s)
 
     def _kept_turns(self) -> Overrides:
         kept, last = _last(self.kept_s), _last(self.turn_s)
         return {"angle/measured": kept, "angle/predicted": last, "angle/last": last}
 
     def _series(self, name: str, origin: str, *, legend: bool = False) -> rrb.TimeSeriesView:
-        return rrb.TimeSeriesView(
-            name=name,
-            origin=origin,
-            axis_x=self._window(),
-            background=rrb.archetypes.PlotBackground(color=palette.BACKGROUND, show_grid=True),
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend),
-        )
+        return over_time(name, origin, self._window(), legend=legend)
 
     def _angle_view(self, name: str, origin: str, canvas: AngleCanvas, ranges: Overrides) -> rrb.Spatial2DView:
         return rrb.Spatial2DView(
@@ -157,6 +138,34 @@ class Layout:
             text_log_columns=[TextLogColumn(kind) for kind in (_Kind.LogLevel, _Kind.Body)],
         )
         return rrb.TextLogView(name="Events", origin="events", columns=columns)
+
+
+def page(views: rrb.Container) -> rrb.Blueprint:
+    """A layout of these views alone, that follows what comes."""
+    return rrb.Blueprint(
+        views,
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def time_axis(before_s: float, after_s: float) -> rrb.TimeAxis:
+    """The time around the cursor."""
+    return rrb.TimeAxis(view_range=rrb.TimeRange(start=_from_cursor(-before_s), end=_from_cursor(after_s)))
+
+
+def over_time(name: str, origin: str, axis: rrb.TimeAxis, *, legend: bool) -> rrb.TimeSeriesView:
+    """A plot of what is logged below `origin`."""
+    return rrb.TimeSeriesView(
+        name=name,
+        origin=origin,
+        axis_x=axis,
+        background=rrb.archetypes.PlotBackground(color=palette.BACKGROUND, show_grid=True),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend),
+    )
 
 
 def _from_cursor(seconds: float) -> rrb.TimeRangeBoundary:

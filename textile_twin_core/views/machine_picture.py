@@ -12,13 +12,12 @@ from matplotlib.figure import Figure
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.twin import compile_machine
+from textile_twin_core.views import paper
 from textile_twin_core.views.plot_linkage import draw_linkage
-from textile_twin_core.views.saving import save_png
 from textile_twin_core.views.scene import build_scene
 
 _SAMPLES = 1440
 _LINES = ("#0072b2", "#e07b00", "#2a9d63", "#c2377a", "#6b4fa0", "#22272e")
-_INK, _MUTED, _GRID = "#22272e", "#6b7480", "#e4e7eb"
 _TORQUES = {
     "balancing_torque_Nm": "balancing",
     "torque_inertial_Nm": "inertia",
@@ -39,7 +38,7 @@ def plot_machine(path: str | os.PathLike[str], machine: AnyMachine, *, rpm: floa
     Raises RecordingError when the file cannot be written there.
     """
     figure = _linkage_page(machine, rpm) if isinstance(machine, Machine) else _law_page(machine, rpm)
-    return save_png(figure, path)
+    return paper.save_png(figure, path)
 
 
 def _linkage_page(machine: Machine, rpm: float | None) -> Figure:
@@ -75,7 +74,7 @@ def _linkage_page(machine: Machine, rpm: float | None) -> Figure:
         _curves(figure.add_subplot(cell), title, unit, theta, {v: found[n] * factor for n, v in names.items()})
     for axes in figure.axes[1:]:
         for event in machine.events():
-            axes.axvline(np.rad2deg(event.angle_rad), color=_GRID, linewidth=1.2, zorder=0)
+            axes.axvline(np.rad2deg(event.angle_rad), color=paper.GRID, linewidth=1.2, zorder=0)
     return figure
 
 
@@ -100,10 +99,10 @@ def _law_page(machine: AnyMachine, rpm: float | None) -> Figure:
 
 
 def _page(name: str, description: str, motion: str) -> Figure:
-    figure = Figure(figsize=(16.0, 10.0), dpi=100, facecolor="white")
-    figure.text(0.025, 0.955, name, fontsize=19, weight="bold", color=_INK)
+    figure = paper.new_figure(16.0, 10.0)
+    figure.text(0.025, 0.955, name, fontsize=19, weight="bold", color=paper.INK)
     said = f"{description}     " if description else ""
-    figure.text(0.025, 0.922, f"{said}{motion}", fontsize=12.5, color=_MUTED)
+    figure.text(0.025, 0.922, f"{said}{motion}", fontsize=12.5, color=paper.MUTED)
     return figure
 
 
@@ -115,13 +114,9 @@ def _curves(axes: Axes, title: str, unit: str, theta: FloatArray, curves: dict[s
             loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize=9.5, borderaxespad=0.1,
             columnspacing=0.8, handlelength=0.9, handletextpad=0.4,
         )  # fmt: skip
-    axes.set_title(f"{title}, {unit}", loc="left", fontsize=13, color=_INK, pad=8)
+    paper.dress(axes, f"{title}, {unit}")
     low, high = np.rad2deg(theta[[0, -1]])
     axes.set_xlim(low, high)
     if high - low > 359.0:
         axes.set_xticks(np.arange(0.0, 361.0, 45.0))
     axes.xaxis.set_major_formatter("{x:.4g}°")
-    axes.grid(color=_GRID, linewidth=0.8)
-    axes.tick_params(colors=_MUTED, labelsize=10.5)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)

@@ -9,6 +9,7 @@ import rerun as rr
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.views import backdrop
+from textile_twin_core.views.frames import Frames
 from textile_twin_core.views.phases import Direction, inside_backing, state_changes
 from textile_twin_core.views.scene import PointPositions
 from textile_twin_core.views.scribe import Scribe
@@ -29,15 +30,14 @@ class MotionDrawing:
     `frames_hz`: the most pictures of the linkage in a second. `unwrapped`: angles count the turns, across gaps too.
     """
 
-    def __init__(self, machine: Machine, scribe: Scribe, frames_hz: float, unwrapped: bool = False) -> None:
-        self._scribe, self._frame_s, self._unwrapped = scribe, 1.0 / frames_hz, unwrapped
+    def __init__(self, machine: Machine, scribe: Scribe, frames_hz: float, unwrapped: bool) -> None:
+        self._scribe, self._frames, self._unwrapped = scribe, Frames(frames_hz), unwrapped
         self.lanes, self.marks = lanes_for(machine), marks_for(machine)
         self.inside = inside_backing(self.lanes)
         self.travels = Travels(machine)
         self.canvas = self.travels.canvas()
         self._positions = PointPositions(machine)
         self._time, self._theta = np.empty(0), np.empty(0)
-        self._next_frame_s = -np.inf
         self._phases: dict[str, str] = {}
         self._direction, self._backward = Direction(), np.empty(0, dtype=np.bool_)
         self._first_rad = np.nan
@@ -65,7 +65,7 @@ class MotionDrawing:
         if np.isnan(self._first_rad):
             self._first_rad = float(theta[0])
         block = theta[before.size :]
-        frames = self._frames(time)
+        frames = self._frames.of(time)
         if frames.size:
             self._scribe.motion(time[frames], self._positions(block[frames]))
             if self.canvas is not None:
@@ -121,12 +121,3 @@ class MotionDrawing:
             self._scribe.phases([changes.after(1) if known else changes])
             if changes.states:
                 self._phases[lane.name] = changes.states[-1]
-
-    def _frames(self, time: FloatArray) -> IntArray:
-        """The samples at which the linkage is drawn."""
-        frames: list[int] = []
-        for k, now in enumerate(time.tolist()):
-            if now >= self._next_frame_s:
-                frames.append(k)
-                self._next_frame_s = now + self._frame_s
-        return np.array(frames, dtype=np.int64)

@@ -11,7 +11,7 @@ import rerun as rr
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.views.live_drawing import LiveDrawing
 from textile_twin_core.views.rrd_file import written
-from textile_twin_core.views.scribe import gap_times
+from textile_twin_core.views.scribe import gap_times, turn_s
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -37,11 +37,9 @@ def write_motion_recording(
     """
     stream = rr.RecordingStream("textile-twin", recording_id=f"{machine.name}-{int(stamps_ns[0])}")
     time = np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)
-    turn_s = _turn_s(time, theta_rad)
-    window = (_TURNS_BEFORE * turn_s, _TURNS_AFTER * turn_s)
-    drawing = LiveDrawing(
-        machine, stream, None, _FRAMES_HZ, title=title, window_s=window, turn_s=turn_s, unwrapped=True
-    )
+    turn = turn_s(time, theta_rad)
+    window = (_TURNS_BEFORE * turn, _TURNS_AFTER * turn)
+    drawing = LiveDrawing(machine, stream, None, _FRAMES_HZ, title=title, window_s=window, turn_s=turn, unwrapped=True)
     with written(stream, path, drawing.layout.blueprint()):
         stream.send_recording_name(title)
         drawing.prepare()
@@ -53,9 +51,3 @@ def write_motion_recording(
                 sigma = np.full(time[part].size, np.nan) if sigma_Nm is None else sigma_Nm[part]
                 drawing.predicted(time[part], theta_rad[part], torque_Nm[part], sigma)
         drawing.break_lines(gap_times(time))
-
-
-def _turn_s(time: FloatArray, theta: FloatArray) -> float:
-    """Time of one turn where most of the recording runs [s]; 1 s for a shaft at rest."""
-    speed = float(np.median(np.abs(np.diff(theta)) / np.maximum(np.diff(time), 1e-9))) if time.size > 1 else 0.0
-    return 2.0 * np.pi / speed if speed > 1e-3 else 1.0

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.machine import Event
 from textile_twin_core.views import palette
 
 TWO_PI = 2.0 * np.pi
+_BINS = 720
 _REVERSAL_RAD = 0.02
 """So far a shaft has to turn back to count as turning that way: a resting one trembles."""
 _BACKWARD = {"forward": "back", "back": "forward"}
@@ -25,18 +26,6 @@ _BEGINS: dict[str, tuple[str, str, palette.Colour]] = {
     "_largest": ("stroke", "back", palette.RETURNING),
     "_smallest": ("stroke", "forward", palette.ADVANCING),
 }
-
-
-class EventLike(Protocol):
-    """An event of the turn."""
-
-    @property
-    def name(self) -> str:
-        """Name of the event."""
-
-    @property
-    def angle_rad(self) -> float:
-        """Shaft angle of the event [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +80,7 @@ class StateChanges:
         return StateChanges(self.lane, self.time_s[first:], self.states[first:])
 
 
-def lanes_of(events: Sequence[EventLike]) -> tuple[Lane, ...]:
+def lanes_of(events: Sequence[Event]) -> tuple[Lane, ...]:
     """The lanes that the machine's events make up."""
     rows: dict[str, list[tuple[float, str]]] = {}
     colours: dict[str, dict[str, palette.Colour]] = {}
@@ -103,7 +92,7 @@ def lanes_of(events: Sequence[EventLike]) -> tuple[Lane, ...]:
     return tuple(Lane(name, tuple(row), colours[name]) for name, row in rows.items() if len(row) > 1)
 
 
-def marks_of(events: Sequence[EventLike]) -> list[tuple[str, float]]:
+def marks_of(events: Sequence[Event]) -> list[tuple[str, float]]:
     """What to mark in plots over the angle: (short name, angle [rad]) of all events but the turning points."""
     short = {"_enters_backing": "entry", "_leaves_backing": "exit"}
     marks = []
@@ -114,16 +103,14 @@ def marks_of(events: Sequence[EventLike]) -> list[tuple[str, float]]:
     return marks
 
 
-def state_changes(
-    lane: Lane, time_s: FloatArray, theta_rad: FloatArray, backward: BoolArray | None = None
-) -> StateChanges:
+def state_changes(lane: Lane, time_s: FloatArray, theta_rad: FloatArray, backward: BoolArray) -> StateChanges:
     """Changes of phase along an unwrapped angle (n,), their times interpolated; the first phase comes first.
 
-    backward: (n,) where the shaft turns so; worked out from the angles without it.
+    backward: (n,) where the shaft turns so.
     """
     if time_s.size == 0:
         return StateChanges(lane.name, np.empty(0), ())
-    states = lane.at(theta_rad, Direction().take(theta_rad) if backward is None else backward)
+    states = lane.at(theta_rad, backward)
     changed = np.array([a != b for a, b in zip(states[1:], states[:-1], strict=True)], dtype=np.bool_)
     where = np.flatnonzero(changed)
     times, names = [float(time_s[0])], [states[0]]
@@ -133,13 +120,13 @@ def state_changes(
     return StateChanges(lane.name, np.array(times), tuple(names))
 
 
-def inside_backing(lanes: Sequence[Lane], bins: int = 720) -> BoolArray:
-    """Whether the needle is in the backing, over one turn in `bins` steps."""
-    theta = np.arange(0.5, bins, dtype=np.float64) * (TWO_PI / bins)
+def inside_backing(lanes: Sequence[Lane]) -> BoolArray:
+    """Whether the needle is in the backing, (bins,) over one turn."""
+    theta = np.arange(0.5, _BINS, dtype=np.float64) * (TWO_PI / _BINS)
     for lane in lanes:
         if lane.name.endswith("_backing"):
             return np.array([state == "in backing" for state in lane.at(theta)], dtype=np.bool_)
-    return np.zeros(bins, dtype=np.bool_)
+    return np.zeros(_BINS, dtype=np.bool_)
 
 
 def _crossing(lane: Lane, before: float, after: float, start_s: float, end_s: float) -> float:

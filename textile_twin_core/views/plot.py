@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison import Comparison
+from textile_twin_core.views import paper
 from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of
 from textile_twin_core.views.plot_linkage import draw_linkage
 from textile_twin_core.views.scene import build_scene
@@ -20,11 +21,7 @@ from textile_twin_core.views.scribe import gap_times
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
-from textile_twin_core.views.saving import save_png
 
-# On paper the same hues as in the viewer, dark enough for white.
-_MEASURED, _PREDICTED, _RESIDUAL = "#e07b00", "#0072b2", "#c2377a"
-_BACKING, _INK, _MUTED, _GRID = "#2a9d63", "#22272e", "#6b7480", "#e4e7eb"
 _SHOWN_TURNS = 3.0
 _KEPT_TURNS = 20
 
@@ -45,7 +42,7 @@ def plot_comparison(path: str | os.PathLike[str], comparison: Comparison, machin
         RecordingError: the file cannot be written there.
     """
     scene = build_scene(machine)
-    figure = Figure(figsize=(16.0, 10.0), dpi=100, facecolor="white")
+    figure = paper.new_figure(16.0, 10.0)
     grid = figure.add_gridspec(
         2, 3, width_ratios=[0.72, 1.6, 1.35], height_ratios=[1.0, 1.0], left=0.025, right=0.978, top=0.885, bottom=0.07,
         wspace=0.17, hspace=0.27,
@@ -61,12 +58,12 @@ def plot_comparison(path: str | os.PathLike[str], comparison: Comparison, machin
     _torque_over_angle(over_angle, comparison, inside, marks)
     _residual_over_time(residual, comparison, window, inside)
     _residual_by_angle(by_angle, comparison, inside, marks)
-    return save_png(figure, path)
+    return paper.save_png(figure, path)
 
 
 def _headline(figure: Figure, comparison: Comparison, title: str) -> None:
     errors, fit = comparison.errors, comparison.fit
-    figure.text(0.025, 0.955, title, fontsize=19, weight="bold", color=_INK)
+    figure.text(0.025, 0.955, title, fontsize=19, weight="bold", color=paper.INK)
     facts = [
         f"RMS error {errors.rms_error_Nm:.3f} N m, {errors.rms_over_peak * 100.0:.2f} % of the peak",
         f"correlation {errors.correlation:.5f}",
@@ -74,7 +71,7 @@ def _headline(figure: Figure, comparison: Comparison, title: str) -> None:
         f"{comparison.revolutions:.0f} turns, {comparison.samples.used} samples used, "
         f"{comparison.samples.rejected} rejected",
     ]
-    figure.text(0.025, 0.922, "     ".join(facts), fontsize=12.5, color=_MUTED)
+    figure.text(0.025, 0.922, "     ".join(facts), fontsize=12.5, color=paper.MUTED)
 
 
 def _window(comparison: Comparison) -> tuple[float, float]:
@@ -102,8 +99,8 @@ def _torque_over_time(axes: Axes, comparison: Comparison, window: tuple[float, f
     expected, sigma = (np.insert(values, at, np.nan) for values in (expected, sigma))
     told = (predicted_time >= window[0]) & (predicted_time <= window[1])
     _shade_times(axes, time[shown], comparison.theta_rad[shown], inside)
-    axes.plot(time[shown], measured[shown], color=_MEASURED, linewidth=1.5, label="measured")
-    axes.plot(predicted_time[told], expected[told], color=_PREDICTED, linewidth=1.5, label="predicted")
+    axes.plot(time[shown], measured[shown], color=paper.MEASURED, linewidth=1.5, label="measured")
+    axes.plot(predicted_time[told], expected[told], color=paper.PREDICTED, linewidth=1.5, label="predicted")
     sigma = sigma[told]
     if np.isfinite(sigma).any():
         spread = np.nan_to_num(sigma) * abs(comparison.sensor_gain)
@@ -111,7 +108,7 @@ def _torque_over_time(axes: Axes, comparison: Comparison, window: tuple[float, f
             predicted_time[told],
             expected[told] - spread,
             expected[told] + spread,
-            color=_PREDICTED,
+            color=paper.PREDICTED,
             alpha=0.25,
             linewidth=0,
         )
@@ -128,43 +125,45 @@ def _torque_over_angle(axes: Axes, comparison: Comparison, inside: BoolArray, ma
     kept, turns = used[near], np.unique(turn[near]).size
     degrees = np.rad2deg(np.mod(comparison.theta_rad[kept], 2.0 * np.pi))
     _shade_angles(axes, inside)
-    axes.plot(degrees, comparison.measured_Nm[kept], ".", color=_MEASURED, markersize=2.2, alpha=0.55, rasterized=True)
+    axes.plot(
+        degrees, comparison.measured_Nm[kept], ".", color=paper.MEASURED, markersize=2.2, alpha=0.55, rasterized=True
+    )
     order = np.argsort(degrees)
     x, y = degrees[order], comparison.expected_Nm[kept][order]
     for part in _pieces(x, marks):
-        axes.plot(x[part], y[part], color=_PREDICTED, linewidth=1.8)
+        axes.plot(x[part], y[part], color=paper.PREDICTED, linewidth=1.8)
     _mark(axes, marks)
     _dress(axes, f"Torque over shaft angle, {f'{turns} turns' if turns > 1 else 'one turn'}", "N m")
-    _degrees(axes)
+    paper.show_one_turn(axes)
 
 
 def _residual_over_time(axes: Axes, comparison: Comparison, window: tuple[float, float], inside: BoolArray) -> None:
     time, _ = _measured(comparison)
     shown = (time >= window[0]) & (time <= window[1])
     _shade_times(axes, time[shown], comparison.theta_rad[shown], inside)
-    axes.axhline(0.0, color=_MUTED, linewidth=0.9)
-    axes.plot(time[shown], comparison.residual_Nm[shown], color=_RESIDUAL, linewidth=1.3)
+    axes.axhline(0.0, color=paper.MUTED, linewidth=0.9)
+    axes.plot(time[shown], comparison.residual_Nm[shown], color=paper.RESIDUAL, linewidth=1.3)
     _dress(axes, "Residual = measured - predicted", "N m")
-    axes.set_xlabel("time from the start of the recording, s", color=_MUTED)
+    axes.set_xlabel("time from the start of the recording, s", color=paper.MUTED)
 
 
 def _residual_by_angle(axes: Axes, comparison: Comparison, inside: BoolArray, marks: list[tuple[str, float]]) -> None:
     bins = comparison.by_angle
     degrees = np.rad2deg(bins.centre_rad)
     _shade_angles(axes, inside)
-    axes.axhline(0.0, color=_MUTED, linewidth=0.9)
+    axes.axhline(0.0, color=paper.MUTED, linewidth=0.9)
     for low, high, alpha, label in (
         (bins.min_Nm, bins.max_Nm, 0.16, "extremes"),
         (bins.mean_Nm - bins.std_Nm, bins.mean_Nm + bins.std_Nm, 0.38, "sigma"),
     ):
-        axes.fill_between(degrees, low, high, step="mid", color=_RESIDUAL, alpha=alpha, linewidth=0, label=label)
-    axes.plot(degrees, bins.mean_Nm, color=_INK, linewidth=1.5, drawstyle="steps-mid", label="mean")
+        axes.fill_between(degrees, low, high, step="mid", color=paper.RESIDUAL, alpha=alpha, linewidth=0, label=label)
+    axes.plot(degrees, bins.mean_Nm, color=paper.INK, linewidth=1.5, drawstyle="steps-mid", label="mean")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=9.5, borderaxespad=0.1,
                 columnspacing=1.0, handlelength=1.4)  # fmt: skip
     _mark(axes, marks)
     _dress(axes, "Residual by angle", "N m")
-    _degrees(axes)
-    axes.set_xlabel("shaft angle", color=_MUTED)
+    paper.show_one_turn(axes)
+    axes.set_xlabel("shaft angle", color=paper.MUTED)
 
 
 def _measured(comparison: Comparison) -> tuple[FloatArray, FloatArray]:
@@ -181,7 +180,9 @@ def _pieces(degrees: FloatArray, marks: list[tuple[str, float]]) -> list[slice]:
 def _shade_angles(axes: Axes, inside: BoolArray) -> None:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     for start, end in zip(edges[::2], edges[1::2], strict=True):
-        axes.axvspan(start * 360.0 / inside.size, end * 360.0 / inside.size, color=_BACKING, alpha=0.09, linewidth=0)
+        axes.axvspan(
+            start * 360.0 / inside.size, end * 360.0 / inside.size, color=paper.BACKING, alpha=0.09, linewidth=0
+        )
 
 
 def _shade_times(axes: Axes, time: FloatArray, theta: FloatArray, inside: BoolArray) -> None:
@@ -189,30 +190,18 @@ def _shade_times(axes: Axes, time: FloatArray, theta: FloatArray, inside: BoolAr
     within = inside[np.clip(place, 0, inside.size - 1)]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], within, [False]]).astype(np.int8)))
     for start, end in zip(edges[::2], edges[1::2], strict=True):
-        axes.axvspan(float(time[start]), float(time[end - 1]), color=_BACKING, alpha=0.09, linewidth=0)
+        axes.axvspan(float(time[start]), float(time[end - 1]), color=paper.BACKING, alpha=0.09, linewidth=0)
 
 
 def _mark(axes: Axes, marks: list[tuple[str, float]]) -> None:
     for name, angle in marks:
-        axes.axvline(np.rad2deg(angle), color=_BACKING, linewidth=1.1, linestyle=(0, (4, 3)))
+        axes.axvline(np.rad2deg(angle), color=paper.BACKING, linewidth=1.1, linestyle=(0, (4, 3)))
         axes.annotate(
             f"{name} {np.rad2deg(angle):.1f}°", (np.rad2deg(angle), 0.985), xycoords=("data", "axes fraction"),
-            xytext=(5, 0), textcoords="offset points", va="top", color=_BACKING, fontsize=10.5,
+            xytext=(5, 0), textcoords="offset points", va="top", color=paper.BACKING, fontsize=10.5,
         )  # fmt: skip
 
 
-def _degrees(axes: Axes) -> None:
-    axes.set_xlim(0.0, 360.0)
-    axes.set_xticks(np.arange(0.0, 361.0, 45.0))
-    axes.set_xticklabels([f"{angle:.0f}°" for angle in np.arange(0.0, 361.0, 45.0)])
-
-
 def _dress(axes: Axes, title: str, unit: str) -> None:
-    axes.set_title(f"{title}, {unit}", loc="left", fontsize=13, color=_INK, pad=8)
-    axes.grid(color=_GRID, linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=_MUTED, labelsize=10.5)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color("#c3c9d1")
+    paper.dress(axes, f"{title}, {unit}")
+    axes.spines[["left", "bottom"]].set_color("#c3c9d1")

@@ -8,13 +8,14 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.views import paper
 from textile_twin_core.views.scene import MachineScene, PointPositions
 from textile_twin_core.views.travels import foremost
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
 
-_BACKING, _INK, _PATH = "#2a9d63", "#22272e", "#b9c0c9"
+_PATH = "#b9c0c9"
 
 
 def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
@@ -27,13 +28,13 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
     if scene.backing is not None:
         (x, y), (dx, dy) = scene.backing.point_m, scene.backing.direction
         u, v = 0.12 * scene.size_m * -dy, 0.12 * scene.size_m * dx
-        axes.plot([x - u, x + u], [y - v, y + v], color=_BACKING, linewidth=5, zorder=2)
+        axes.plot([x - u, x + u], [y - v, y + v], color=paper.BACKING, linewidth=5, zorder=2)
         axes.annotate(
             "backing",
             (x - abs(u), y - abs(v)),
             (-4, 8),
             textcoords="offset points",
-            color=_BACKING,
+            color=paper.BACKING,
             ha="right",
             fontsize=11,
         )
@@ -49,7 +50,9 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
             )
         if part.length_m > 0.05 * scene.size_m:
             middle = 0.5 * (start + end)
-            axes.annotate(part.name, middle, (9, 3), textcoords="offset points", fontsize=10.5, color=_INK, zorder=6)
+            axes.annotate(
+                part.name, middle, (9, 3), textcoords="offset points", fontsize=10.5, color=paper.INK, zorder=6
+            )
     for name, place in points.items():
         fixed = name in scene.fixed_points
         axes.plot(
@@ -58,7 +61,7 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
             color="white",
             markersize=11 if fixed else 7,
             zorder=4 if fixed else 5,
-            markeredgecolor=_INK,
+            markeredgecolor=paper.INK,
             markeredgewidth=1.6,
         )
         away = 17.0 * _outward(name, scene, points)
@@ -71,13 +74,13 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
             va="center",
             fontsize=12,
             weight="bold",
-            color=_INK,
+            color=paper.INK,
             zorder=6,
         )
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.margins(0.1, 0.07)
-    axes.set_title(f"Linkage at {np.rad2deg(theta):.1f}°", loc="left", fontsize=13, color=_INK, pad=12)
+    axes.set_title(f"Linkage at {np.rad2deg(theta):.1f}°", loc="left", fontsize=13, color=paper.INK, pad=12)
 
 
 def _draw_cam(

@@ -6,12 +6,10 @@ import os
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from textile_twin_core.comparison.quantity import QuantityComparison, shown_unit
-from textile_twin_core.views.saving import save_png
+from textile_twin_core.views import paper
 
-_MEASURED, _MACHINE, _INK, _MUTED, _GRID = "#e07b00", "#0072b2", "#22272e", "#6b7480", "#e4e7eb"
 _MOST_POINTS = 20_000
 
 
@@ -22,32 +20,29 @@ def plot_quantity(path: str | os.PathLike[str], found: QuantityComparison, title
     angle = np.rad2deg(np.mod(found.theta_rad[few], 2.0 * np.pi))
     order = np.argsort(angle)
     left = found.measured[few] - found.expected[few]
-    figure = Figure(figsize=(14.0, 9.0), dpi=100, facecolor="white")
+    figure = paper.new_figure(14.0, 9.0)
     said = (
         f"scale {found.scale.value:.4f}, delay {found.delay_s.value * 1e3:.2f} ms,"
         f" zero {np.degrees(found.zero_rad.value):+.2f} deg; left: {found.rms * factor:.3g} {unit} RMS;"
         f" range over a turn {found.measured_range * factor:.4g} {unit}, of the machine"
         f" {found.machine_range * factor:.4g} {unit}"
     )
-    figure.text(0.055, 0.955, f"{title}: {found.name}", fontsize=17, weight="bold", color=_INK)
-    figure.text(0.055, 0.922, said, fontsize=12, color=_MUTED)
+    figure.text(0.055, 0.955, f"{title}: {found.name}", fontsize=17, weight="bold", color=paper.INK)
+    figure.text(0.055, 0.922, said, fontsize=12, color=paper.MUTED)
     grid = figure.add_gridspec(
         2, 1, height_ratios=[2.2, 1.0], left=0.055, right=0.98, top=0.87, bottom=0.07, hspace=0.2
     )
     above, below = figure.add_subplot(grid[0]), figure.add_subplot(grid[1])
-    above.plot(angle, found.measured[few] * factor, ".", color=_MEASURED, markersize=2.0, label="measured")
+    above.plot(angle, found.measured[few] * factor, ".", color=paper.MEASURED, markersize=2.0, label="measured")
     above.plot(
-        angle[order], found.expected[few][order] * factor, color=_MACHINE, linewidth=1.3, label="machine, fitted"
+        angle[order], found.expected[few][order] * factor, color=paper.PREDICTED, linewidth=1.3, label="machine, fitted"
     )
     above.legend(loc="upper center", frameon=False, fontsize=11)
-    below.plot(angle, left * factor, ".", color=_MEASURED, markersize=2.0)
+    below.plot(angle, left * factor, ".", color=paper.MEASURED, markersize=2.0)
     for axes, name in ((above, found.name), (below, "what is left")):
-        axes.set_title(f"{name}, {unit}" if unit else name, loc="left", fontsize=12, color=_INK)
-        axes.set_xlim(0.0, 360.0)
-        axes.set_xticks(np.arange(0.0, 361.0, 45.0))
-        axes.set_xticklabels([f"{tick:.0f}°" for tick in np.arange(0.0, 361.0, 45.0)])
-        axes.grid(color=_GRID, linewidth=0.8)
-        axes.tick_params(colors=_MUTED)
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
-    return save_png(figure, path)
+        axes.set_title(f"{name}, {unit}" if unit else name, loc="left", fontsize=12, color=paper.INK)
+        paper.show_one_turn(axes)
+        axes.grid(color=paper.GRID, linewidth=0.8)
+        axes.tick_params(colors=paper.MUTED)
+        axes.spines[["top", "right"]].set_visible(False)
+    return paper.save_png(figure, path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,14 +11,14 @@ import rerun as rr
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import Comparison, summary_rows, verdict_lines
-from textile_twin_core.errors import RecordingError
+from textile_twin_core.files.atomic import staged
 from textile_twin_core.views import backdrop
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.phases import Direction, inside_backing, state_changes
 from textile_twin_core.views.rrd_file import written
 from textile_twin_core.views.scene import PointPositions, build_scene
-from textile_twin_core.views.scribe import Scribe, blocks, gap_times
+from textile_twin_core.views.scribe import Scribe, blocks, gap_times, turn_s
 from textile_twin_core.views.travels import lanes_for, marks_for
 
 if TYPE_CHECKING:
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
 APPLICATION = "textile-twin"
 _FRAME_RATE_HZ = 125.0  # of the moving linkage: 18 pictures a turn at 400 rpm
 _TURNS = 10
+_LIMIT = 3.0  # of the residual, in RMS errors
 _NAMED = 40  # turns over the limit that the list of events names
 
 
@@ -36,51 +36,33 @@ def write_comparison_recording(
     comparison: Comparison,
     machine: Machine,
     *,
-    title: str | None = None,
-    limit_Nm: float | None = None,
+    title: str,
 ) -> Path:
     """Write what was compared as a recording that `rerun` opens: moving machine, torques, residual, summary.
 
-    The file appears when it is complete: it is written beside its place under a temporary name.
+    The file appears when it is complete.
 
     Args:
         path: the .rrd file to write.
         comparison: the result of `compare_torque`.
         machine: the machine whose linkage is shown.
-        title: what the recording is of, for the summary; the machine's name without it.
-        limit_Nm: limit of the residual to draw; three times the RMS error without it.
+        title: what the recording is of, for the summary.
 
     Returns:
         The path written.
 
     Raises:
-        RecordingError: the file cannot be written there.
+        OutputError: the file cannot be written there.
+        RecordingError: or not to its end.
     """
-    target = Path(path)
-    if not target.parent.is_dir():
-        raise RecordingError(f"cannot write {target}: there is no folder {target.parent}")
-    if target.is_dir():
-        raise RecordingError(f"cannot write {target}: that is a folder; name a .rrd file")
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
-    except OSError as error:
-        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
-    os.close(handle)
-    draft = Path(name)
-    try:
-        _write(draft, comparison, machine, title or machine.name, limit_Nm)
-        draft.chmod(0o644)
-        draft.replace(target)
-    except OSError as error:
-        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
-    finally:
-        draft.unlink(missing_ok=True)
-    return target
+    with staged(Path(path)) as partial:
+        _write(partial, comparison, machine, title)
+    return Path(path)
 
 
-def _write(path: Path, comparison: Comparison, machine: Machine, title: str, limit_Nm: float | None) -> None:
+def _write(path: Path, comparison: Comparison, machine: Machine, title: str) -> None:
     origin = int(comparison.predicted_stamps_ns[0])
-    limit = 3.0 * comparison.errors.rms_error_Nm if limit_Nm is None else limit_Nm
+    limit = _LIMIT * comparison.errors.rms_error_Nm
     predicted_s = _seconds(comparison.predicted_stamps_ns, origin)
     measured_s = _seconds(comparison.stamps_ns, origin)
     theta = comparison.predicted_theta_rad
@@ -88,7 +70,7 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str, lim
     lanes, marks = lanes_for(machine), marks_for(machine)
     inside = inside_backing(lanes)
     torque_canvas, residual_canvas = _canvases(comparison)
-    period = _period_s(comparison)
+    period = turn_s(predicted_s, theta)
     layout = Layout(
         machine=machine.name,
         scene=scene,
@@ -174,13 +156,6 @@ def _canvases(comparison: Comparison) -> tuple[AngleCanvas, AngleCanvas]:
     bins = comparison.by_angle
     residual = canvas_for([bins.min_Nm, bins.max_Nm], *RESIDUAL_SIZE)
     return torque, residual
-
-
-def _period_s(comparison: Comparison) -> float:
-    """Time of one turn where most of the recording runs [s]; 1 s for a shaft at rest."""
-    step = np.diff(comparison.predicted_stamps_ns) * 1e-9
-    speed = float(np.median(np.abs(np.diff(comparison.predicted_theta_rad)) / step))
-    return 2.0 * np.pi / speed if speed > 1e-3 else 1.0
 
 
 def _seconds(stamps_ns: IntArray, origin: int) -> FloatArray:

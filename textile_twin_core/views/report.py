@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -67,9 +68,7 @@ def write_report(
         ("gain", f"{comparison.sensor_gain:.4f}", line[0]),
         ("offset", f"{comparison.sensor_offset_Nm:.4f} N m", line[1]),
     ]
-    events = [
-        (event.name.replace("_", " "), f"{event.angle_rad * 57.29577951308232:.2f}°") for event in comparison.events
-    ]
+    events = [(event.name.replace("_", " "), f"{math.degrees(event.angle_rad):.2f}°") for event in comparison.events]
     made = {
         "made by": f"textile-twin {version('textile-twin-core')}",
         "made at": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",

@@ -160,8 +160,7 @@ class Scribe:
 
     def scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
         """A series of numbers over time."""
-        for part in blocks(time_s.size):
-            self.stream.send_columns(entity, at_times(time_s[part]), rr.Scalars.columns(scalars=values[part]))
+        scalars(self.stream, entity, time_s, values)
 
 
 def gap_times(time_s: FloatArray) -> FloatArray:
@@ -177,9 +176,21 @@ def gap_times(time_s: FloatArray) -> FloatArray:
     return np.column_stack([time_s[:-1][gap] + 0.5 * usual, time_s[1:][gap] - 0.5 * usual]).ravel()
 
 
+def turn_s(time_s: FloatArray, theta_rad: FloatArray) -> float:
+    """Time of one turn where most of the recording runs [s]; 1 s for a shaft at rest."""
+    speed = float(np.median(np.abs(np.diff(theta_rad)) / np.maximum(np.diff(time_s), 1e-9))) if time_s.size > 1 else 0.0
+    return 2.0 * np.pi / speed if speed > 1e-3 else 1.0
+
+
 def blocks(count: int, size: int = _BLOCK) -> Iterator[slice]:
     """So many samples in blocks of at most `size`."""
     return (slice(first, min(first + size, count)) for first in range(0, count, size))
+
+
+def scalars(stream: rr.RecordingStream, entity: str, time_s: FloatArray, values: FloatArray) -> None:
+    """Write numbers (n,) over time [s]."""
+    for part in blocks(time_s.size):
+        stream.send_columns(entity, at_times(time_s[part]), rr.Scalars.columns(scalars=values[part]))
 
 
 def say(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> None:

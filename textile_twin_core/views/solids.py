@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.views.palette import Colour
 
-Colour = tuple[int, int, int]
 Points = Sequence[tuple[float, float]] | FloatArray
 
 
@@ -84,10 +84,10 @@ def extrude(
     )
 
 
-def circle(radius: float, centre: tuple[float, float] = (0.0, 0.0), sides: int = 40) -> FloatArray:
-    """Outline of a circle."""
+def circle(radius: float, sides: int = 40) -> FloatArray:
+    """Outline of a circle about (0, 0)."""
     angle = np.arange(sides) * (2.0 * np.pi / sides)
-    return np.column_stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)])
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
 
 
 def stadium(length: float, radius: float, sides: int = 20) -> FloatArray:

@@ -135,7 +135,6 @@ def one_by_one(
     library: str,
     method: str,
     sample: Callable[[float, float, float], tuple[float, ...]],
-    samples: int = SAMPLES,
     outputs: Sequence[str] | None = None,
     note: str = "",
 ) -> Candidate:
@@ -144,7 +143,7 @@ def one_by_one(
     `sample` gives the scene's outputs, or those named.
     """
     names = scene.outputs if outputs is None else outputs
-    samples = min(samples, scene.samples)
+    samples = min(SAMPLES, scene.samples)
     motion = [tuple(row) for row in np.column_stack([x[:samples] for x in scene.motion]).tolist()]
     found = np.empty((samples, len(names)))
 

@@ -85,7 +85,6 @@ def place_labels(
     labels: Sequence[Annotation],
     lines: Sequence[Sequence[Place]] = (),
     nameless: Sequence[Place] = (),
-    size: float = 8.0,
 ) -> list[Box]:
     """Write the labels and return their boxes in pixels. The axes' limits must be final.
 
@@ -100,7 +99,7 @@ def place_labels(
     more = [_pixel(axes, place) for place in nameless]
     tracks = [track for line in lines for track in pairwise([_pixel(axes, place) for place in line])]
     texts = [
-        axes.text(0.0, 0.0, label.text, transform=None, fontsize=size, color=label.colour, va="center", ha="center",
+        axes.text(0.0, 0.0, label.text, transform=None, fontsize=8.0, color=label.colour, va="center", ha="center",
                   fontweight="bold" if label.bold else "normal", zorder=6)
         for label in labels
     ]  # fmt: skip

@@ -26,9 +26,9 @@ _GROUPS = {
 }
 
 
-def plot_work_precision(rows: Sequence[Row], path: Path, scene: str = "torque") -> None:
-    """Draw the rows of one scene that have a batch time and an error into a PNG; a line joins the front of ours."""
-    shown = [row for row in rows if row.outputs == scene and row.ns_per_sample and row.error_over_peak is not None]
+def plot_work_precision(rows: Sequence[Row], path: Path) -> None:
+    """Draw the torque's rows that have a batch time and an error into a PNG; a line joins the front of ours."""
+    shown = [row for row in rows if row.outputs == "torque" and row.ns_per_sample and row.error_over_peak is not None]
     figure = style.new_figure(10.0, 6.0)
     axes = figure.add_subplot()
     style.dress(axes, "time per sample in a batch [ns]", "largest error / peak")
@@ -45,7 +45,7 @@ def plot_work_precision(rows: Sequence[Row], path: Path, scene: str = "torque") 
     exact = next((x for row, (x, _) in at.items() if row.peer is None and row.method == "exact"), None)
     if exact is not None:
         _compare_above(axes, exact)
-    axes.set_title(f"{shown[0].machine}, {scene}: error against time", loc="left", fontweight="bold", color=style.INK)
+    axes.set_title(f"{shown[0].machine}, torque: error against time", loc="left", fontweight="bold", color=style.INK)
     present = [name for name in _GROUPS if any(_group(row) == name for row in shown)]
     handles = [
         Line2D([], [], color=colour, marker=marker, markersize=size, linewidth=2.2 if name == "textile-twin" else 0.0)

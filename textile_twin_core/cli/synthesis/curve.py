@@ -10,13 +10,12 @@ from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser, count, number, seed
 from textile_twin_core.cli.mistakes import UsageError
-from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.progress import shares
 from textile_twin_core.cli.synthesis.shared import add_output, add_section, points, write
 from textile_twin_core.synthesis import fit_curve
 
 DESCRIPTION = "The four-bar whose coupler curve comes nearest to six or more points, by optimisation."
 EXAMPLE = "textile-twin synthesize curve --file path.csv --least-transmission 40 --out four_bar.yaml"
-_PARTS = 1000
 
 
 def add(parser: Parser) -> None:
@@ -35,16 +34,7 @@ def run(arguments: argparse.Namespace) -> None:
     if (arguments.file is None) == (arguments.points is None):
         raise UsageError("give the curve by --file or by --points")
     curve = arguments.points if arguments.file is None else _read(arguments.file)
-    with progress(_PARTS, "designs", "", long=0) as bar:
-        done = 0
-
-        def report(share: float) -> bool:
-            nonlocal done
-            if bar:
-                bar(int(share * _PARTS) - done)
-                done = int(share * _PARTS)
-            return False
-
+    with shares("designs") as report:
         found = fit_curve(
             curve, arguments.seed, math.radians(arguments.least_transmission), arguments.generations, report
         )

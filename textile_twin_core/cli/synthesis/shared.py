@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from dataclasses import replace
 from typing import Any
 
 from textile_twin_core.cli.arguments import Parser, number, positive
 from textile_twin_core.cli.mistakes import UsageError
-from textile_twin_core.cli.outputs import add_outputs
+from textile_twin_core.cli.outputs import add_outputs, save_json
 from textile_twin_core.errors import SceneError
-from textile_twin_core.files import save_machine_file, staged
+from textile_twin_core.files import save_machine_file
 from textile_twin_core.machine import Machine
 from textile_twin_core.synthesis import BarSection, rotation_of_time_ratio
 
@@ -82,8 +81,7 @@ def _section(text: str) -> BarSection:
 def write(arguments: argparse.Namespace, machine: Machine | None, result: dict[str, Any]) -> None:
     """Write what --json and --out ask for."""
     if arguments.json:
-        with staged(arguments.json) as partial:
-            partial.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
+        save_json(arguments.json, result)
     if arguments.out and machine is not None:
         save_machine_file(replace(machine, name=arguments.name or arguments.out.stem), arguments.out)
         print(f"wrote {arguments.out}: textile-twin simulate {arguments.out} --rpm 60 --samples 360 --out turn.csv")

@@ -1,7 +1,7 @@
 """Balancing a machine: counterweights, springs, linkages out of phase, and flywheels, each before and after."""
 
 from textile_twin_core.synthesis.balancing.counterweight import Counterweight, Counterweighted, counterweights
-from textile_twin_core.synthesis.balancing.flywheel import Flywheel, flywheel, speed_ripple
+from textile_twin_core.synthesis.balancing.flywheel import Flywheel, flywheel
 from textile_twin_core.synthesis.balancing.phase import Phased, opposed_linkages
 from textile_twin_core.synthesis.balancing.shaking import Shaking, shaking
 from textile_twin_core.synthesis.balancing.spring import Sprung, balancing_spring
@@ -22,5 +22,4 @@ __all__ = [
     "flywheel",
     "opposed_linkages",
     "shaking",
-    "speed_ripple",
 ]

@@ -67,13 +67,6 @@ def flywheel(machine: Machine, ripple: float, speed_rad_s: float | None = None) 
     return Flywheel(heavier, added, before, after, mean, swing, float(speeds[0]), swing / (ripple * speed**2))
 
 
-def speed_ripple(machine: Machine, speed_rad_s: float | None = None) -> float:
-    """(largest - smallest)/mean speed of a machine under the constant drive torque that keeps its speed."""
-    speed = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
-    inertia, work, _ = _turn(machine, speed)
-    return _ripple(inertia, work, 0.0, speed)
-
-
 def _turn(machine: Machine, speed: float) -> tuple[FloatArray, FloatArray, float]:
     """Over a turn: inertia [kg m^2], work of drive, weight and loads since its beginning [J]; mean drive torque."""
     if not machine.linkage.solved.turns_fully:

@@ -1,0 +1,26 @@
+"""Sums over the samples of each turn of the shaft: what least squares are made of whose turns belong together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray, IntArray
+
+
+def normals_by_turn(columns: FloatArray, place: IntArray) -> FloatArray:
+    """Normal matrices (t, k, k) of columns (n, k); place: (n,) number of the turn of each sample, from 0 on."""
+    turns, count = int(place.max(initial=-1)) + 1, columns.shape[1]
+    normals = np.empty((turns, count, count))
+    for row in range(count):
+        for column in range(row, count):
+            normals[:, row, column] = np.bincount(place, weights=columns[:, row] * columns[:, column])
+            normals[:, column, row] = normals[:, row, column]
+    return normals
+
+
+def scores_by_turn(columns: FloatArray, residual: FloatArray, place: IntArray) -> FloatArray:
+    """Right sides (t, k) of the same, for residuals (n,)."""
+    scores = np.empty((int(place.max(initial=-1)) + 1, columns.shape[1]))
+    for k, column in enumerate(columns.T):
+        scores[:, k] = np.bincount(place, weights=column * residual)
+    return scores
