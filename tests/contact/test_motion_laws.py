@@ -141,3 +141,14 @@ def test_wrong_laws_are_refused() -> None:
         from_table(np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0]), np.zeros(6))
     with pytest.raises(MachineError, match="at least 6"):
         from_table(np.arange(3.0), np.zeros(3))
+    with pytest.raises(MachineError, match=r"from 0 to 0\.01, but the smooth curve through it from -0\.05\d+ to 0\.03"):
+        from_table(np.array([0.0, 1.0, 2.0, 2.1, 3.5, 4.5, 4.6]), np.array([0.0, 0.0, 0.0, 0.01, 0.01, 0.01, 0.0]))
+
+
+def test_few_points_of_a_smooth_curve_are_a_law_and_stay_as_they_are() -> None:
+    """Six points beside the crests of a sine curve; a table over the whole turn may be read only."""
+    knots = np.linspace(0.0, 2.0 * math.pi, 7)
+    lift = 0.02 * np.sin(knots)
+    lift.flags.writeable = False
+    law = from_table(knots, lift)
+    assert max(abs(law.evaluate(a) - 0.02 * math.sin(a)) for a in np.linspace(0.0, 6.0, 50).tolist()) < 2e-4

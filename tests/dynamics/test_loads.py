@@ -187,6 +187,17 @@ class TestPeriodicTable:
         miss = np.abs((waves @ np.array(found.coefficients)).real - values).max()
         assert miss <= 1e-3 * np.ptp(values)
 
+    def test_steep_edges_between_plateaus_do_not_ring(self) -> None:
+        """The true curve is 0 and 100 on the plateaus and between them on the edges."""
+        found = PeriodicTable("t", (0.0, 1.0, 1.1, 3.0, 3.1, 5.0), (0.0, 0.0, 100.0, 100.0, 0.0, 0.0), harmonics=300)
+        theta = np.linspace(0.0, 2.0 * math.pi, 5001)
+        waves = np.exp(1j * np.outer(theta, np.arange(len(found.coefficients))))
+        series = (waves @ np.array(found.coefficients)).real
+        high, low = (theta > 1.1) & (theta < 3.0), (theta < 1.0) | (theta > 3.1)
+        assert np.abs(series[high] - 100.0).max() < 0.2
+        assert np.abs(series[low]).max() < 0.2
+        assert ((series > -0.2) & (series < 100.2)).all()
+
     @pytest.mark.parametrize(
         ("angles", "values", "message"),
         [
@@ -194,6 +205,8 @@ class TestPeriodicTable:
             ((0.0, 1.0, 2.0), (1.0, 2.0), "as many values"),
             ((0.0, 2.0, 1.0), (1.0, 2.0, 3.0), "angles must rise"),
             ((0.0, 2.0, 2.0 * math.pi), (1.0, 2.0, 1.0), "within one turn"),
+            ((0.0, 2.0, 6.283185307), (1.0, 2.0, 1.0), "the first not repeated"),
+            ((0.0, 1e-300, 3.0), (1.0, 2.0, 1.0), "angles must rise"),
             ((0.0, 1.0, 2.0), (1.0, math.nan, 3.0), "finite"),
             (tuple(k * 0.01 for k in range(600)), (0.0,) * 300 + (1.0,) * 300, "harmonics miss a value by"),
         ],

@@ -6,13 +6,17 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import mpmath as mp
 import numpy as np
 import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core.dynamics import Body
+from textile_twin_core.expression import cos
 from textile_twin_core.machine import Machine
+from textile_twin_core.mechanism import THETA as ANGLE
 from textile_twin_core.mechanism import Arc, Crank, RigidArm, RRPDyad, RRRDyad, Travel
+from textile_twin_core.mechanism.extremes import smallest_value
 
 THETA = np.linspace(0.0, 2.0 * math.pi, 20001)
 
@@ -215,3 +219,17 @@ def test_unknown_names_outside_the_groups(name: str) -> None:
     groups = (Crank("l1", at="O", end="A", length_m=0.3), RRRDyad("l2", "l3", "A", "C", "B", (1.1, 0.9)))
     with pytest.raises(ttc.MachineError, match=message):
         Machine("four-bar", {"O": (0.0, 0.0), "C": (1.2, 0.0)}, groups, **changes)
+
+
+@pytest.mark.parametrize("shift", np.linspace(0.0, 2.0, 23).tolist())
+@pytest.mark.parametrize("difference", [1e-9, 1e-6, -1e-6])
+def test_of_minima_that_are_nearly_alike_the_smallest_is_found(shift: float, difference: float) -> None:
+    """As of a chain that comes near to opening several times a turn: which of them is less, no grid tells."""
+    _, found = smallest_value(cos(3.0 * ANGLE + shift) + difference * cos(ANGLE + 0.3), (0.0, 2.0 * math.pi))
+
+    def exact(theta: Any) -> Any:
+        return mp.cos(3 * theta + shift) + difference * mp.cos(theta + 0.3)
+
+    starts = [((2 * k + 1) * math.pi - shift) / 3.0 for k in range(3)]
+    turns = [mp.findroot(lambda t: mp.diff(exact, t), start) for start in starts]
+    assert found == pytest.approx(float(min(exact(t) for t in turns)), abs=1e-15)

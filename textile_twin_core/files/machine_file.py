@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -73,9 +74,21 @@ def load_machine_file(path: str | Path) -> AnyMachine:
     try:
         entries = mapping_at(document, "the file")
         with reckonable("the machine"):
-            return _published(entries) if "machine" in entries else _declared(entries, path)
+            machine = _published(entries) if "machine" in entries else _declared(entries, path)
+        _check_scene(machine)
+        return machine
     except MachineError as error:
         raise MachineError(f"{path}: {error}") from error
+
+
+def _check_scene(machine: AnyMachine) -> None:
+    """Raise MachineError for a scene of no outputs, or of one that the machine has not."""
+    if not machine.scene.outputs:
+        raise MachineError("scene.outputs: names none; leave it out for the torque, or name some")
+    for name in machine.scene.outputs:
+        if name not in machine.outputs:
+            near = get_close_matches(name, machine.outputs, n=3) or machine.outputs[:6]
+            raise MachineError(f"scene.outputs: there is no output '{name}'; did you mean {' or '.join(near)}?")
 
 
 def published_machine(name: str, values: Mapping[str, Any], place: str) -> AnyMachine:
@@ -98,7 +111,7 @@ def _published(entries: dict[str, Any]) -> AnyMachine:
     for key in entries:
         if key not in _ON_A_PUBLISHED_MACHINE:
             raise MachineError(f"{key}: {unknown('key', key, list(_ON_A_PUBLISHED_MACHINE))}")
-    values = mapping_at(entries.get("parameters") or {}, "parameters")
+    values = _mapping(entries, "parameters")
     machine = published_machine(str(entries["machine"]), values, "parameters.")
     changes: dict[str, Any] = {
         key: reader(entries[key], key)
@@ -138,8 +151,13 @@ def _linkage(entries: dict[str, Any], path: Path) -> Machine:
     declared: dict[str, Any] = {"name": path.stem}
     declared |= {key: read(entries[key], key) for key, read in _TOP_LEVEL.items() if key in entries}
     declared |= {key: convert(entries[key], hint, key) for key, hint in plain_fields.items() if key in entries}
-    declared["bodies"] = _bodies(entries.get("bodies") or {}, Linkage(declared["points"], declared["groups"]))
+    declared["bodies"] = _bodies(_mapping(entries, "bodies"), Linkage(declared["points"], declared["groups"]))
     return Machine(**declared)
+
+
+def _mapping(entries: dict[str, Any], key: str) -> dict[str, Any]:
+    """What stands under a key that may be left out, or have nothing behind it."""
+    return {} if entries.get(key) is None else mapping_at(entries[key], key)
 
 
 def _several(kinds: Mapping[str, type]) -> Callable[[Any, str], tuple[Any, ...]]:
@@ -179,11 +197,11 @@ _NOT_PLAIN = (*_TOP_LEVEL, "bodies", *_NOT_DECLARED)
 """Fields of a machine that a file gives in a form of their own, or not at all."""
 
 
-def _bodies(value: Any, linkage: Linkage) -> tuple[Body, ...]:
+def _bodies(by_link: dict[str, Any], linkage: Linkage) -> tuple[Body, ...]:
     """Bodies by link, one or a list of them: mass and inertia, or density and section of a straight bar."""
     links = linkage.solved.links
     out: list[Body] = []
-    for link, entry in mapping_at(value, "bodies").items():
+    for link, entry in by_link.items():
         if link not in links and link != MAIN_SHAFT:
             raise MachineError(f"bodies.{link}: {unknown('link', link, [*links, MAIN_SHAFT])}")
         for k, body in enumerate(entry if isinstance(entry, list) else [entry]):

@@ -90,3 +90,7 @@ class Scene:
     outputs: tuple[str, ...] = ("balancing_torque_Nm",)
     method: Literal["exact", "table", "auto"] = "auto"
     tolerance: float = 1e-12
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < math.inf:
+            raise MachineError(f"scene: tolerance must be a positive number, such as 1e-12, not {self.tolerance!r}")

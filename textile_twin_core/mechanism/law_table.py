@@ -14,6 +14,9 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.mechanism.motion_law import TURN, MotionLaw, Section
 
 _FIT_KNOTS_LARGEST = 8192
+_LOOKS = 4097
+_MOST_RINGING = 1.5
+"""Of what the points span; six of a sine curve show seven eighths of its height at least."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +36,11 @@ def from_table(theta_rad: FloatArray, position_m: FloatArray, name: str = "table
     """Law through a user's own points over one turn: periodic quintic spline, continuous up to the fourth derivative.
 
     The angles increase from the first to at most one turn later; a last point one turn after the first repeats it.
-    Raises MachineError when they do not, when values are not finite or fewer than six points are given.
+    Raises MachineError when they do not, when values are not finite, when fewer than six points are given, or too few
+    for their bends, so that the spline swings far beyond them.
     """
     angles = np.asarray(theta_rad, dtype=float)
-    positions = np.asarray(position_m, dtype=float)
+    positions = np.array(position_m, dtype=float)  # a copy, whose last value is set
     if angles.ndim != 1 or angles.shape != positions.shape or angles.size < 6:
         raise MachineError(
             f"the motion table has shapes {angles.shape} and {positions.shape}; give two lists of at least 6 values"
@@ -54,10 +58,27 @@ def from_table(theta_rad: FloatArray, position_m: FloatArray, name: str = "table
     elif abs(positions[-1] - positions[0]) > 1e-12 * max(float(np.abs(positions).max()), 1e-300):
         raise MachineError("the motion table's first and last row are one turn apart but differ in position")
     positions[-1] = positions[0]
-    spline = scipy.interpolate.PPoly.from_spline(
+    spline = _periodic_spline(angles, positions)
+    _check_between(spline, angles, positions)
+    return _from_spline(spline, angles, name)
+
+
+def _periodic_spline(angles: FloatArray, positions: FloatArray) -> scipy.interpolate.PPoly:
+    return scipy.interpolate.PPoly.from_spline(
         scipy.interpolate.make_interp_spline(angles, positions, k=5, bc_type="periodic")
     )
-    return _from_spline(spline, angles, name)
+
+
+def _check_between(spline: scipy.interpolate.PPoly, angles: FloatArray, positions: FloatArray) -> None:
+    """Raises MachineError where the spline spans more than `_MOST_RINGING` of what its points do."""
+    over_turn = spline(np.linspace(angles[0], angles[-1], _LOOKS))
+    least, most = float(positions.min()), float(positions.max())
+    rounding = 1e-12 * max(abs(least), abs(most))
+    if np.ptp(over_turn) > _MOST_RINGING * (most - least) + rounding:
+        raise MachineError(
+            f"the motion table lies from {least:g} to {most:g}, but the smooth curve through it from "
+            f"{over_turn.min():.3g} to {over_turn.max():.3g}: give more points where it bends"
+        )
 
 
 def from_function(function: Callable[[float], float], name: str = "function") -> MotionLaw:
@@ -69,9 +90,10 @@ def from_function(function: Callable[[float], float], name: str = "function") ->
     while True:
         angles = np.linspace(0.0, TURN, count + 1)
         values = np.array([float(function(angle)) for angle in angles])
+        values[-1] = values[0]
         if not np.isfinite(values).all():
             raise MachineError("the motion function gives a value that is not finite")
-        law = from_table(angles[:-1], values[:-1], name)
+        law = _from_spline(_periodic_spline(angles, values), angles, name)
         between = angles[:-1] + 0.5 * np.diff(angles)
         error = max(abs(law.evaluate(angle) - float(function(angle))) for angle in between.tolist())
         if error <= 1e-12 * max(float(np.ptp(values)), 1e-9) or count >= _FIT_KNOTS_LARGEST:

@@ -115,6 +115,8 @@ class Twin:
                 raise self._not_determined(theta) from None
         if cores < 1:
             raise SceneError(f"cores must be 1 or more, not {cores}")
+        if out is None and all(isinstance(value, (float, int)) for value in (theta, omega, alpha)):
+            return self.evaluate(float(theta), float(omega), float(alpha))  # numpy's floats and whole numbers
         shape, columns = flat_columns({"theta": theta, "omega": omega, "alpha": alpha})
         if not shape and out is None:
             return self.evaluate(*(float(column[0]) for column in columns))

@@ -15,6 +15,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError
 
 _SHORT = 16_384
+_FEW = 1024
 _LINE = 8
 """Doubles of one cache line."""
 _APART = 5 * _LINE
@@ -99,9 +100,11 @@ def _new_arrays(names: list[str], shape: tuple[int, ...]) -> dict[str, FloatArra
     """Arrays in one block, each from a cache line's beginning and none at the same place in a page as its neighbours.
 
     Separate arrays of this size all begin at the same place in a page: written side by side they push each other out
-    of the cache.
+    of the cache. Short ones stay in it wherever they begin.
     """
     size = math.prod(shape)
+    if size <= _FEW:
+        return {name: np.empty(shape) for name in names}
     pitch = -(-size // _LINE) * _LINE + _APART
     block = np.empty(len(names) * pitch + _LINE)
     first = (-block.__array_interface__["data"][0] // block.itemsize) % _LINE

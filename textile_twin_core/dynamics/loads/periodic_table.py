@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const
 from textile_twin_core.mechanism.vector import Vector
@@ -21,6 +22,8 @@ Spectrum: TypeAlias = npt.NDArray[np.complex128]
 
 MOST_HARMONICS = 64
 CLOSE_ENOUGH = 1e-3
+_MOST_RINGING = 1.1
+_APART = 1e-9
 _SAMPLES = 4096
 _TURN = 2.0 * math.pi
 
@@ -29,9 +32,9 @@ _TURN = 2.0 * math.pi
 class PeriodicTable:
     """Values over one turn [rad] as a Fourier series.
 
-    Evenly spaced values whose upper third of harmonics is empty give their own series; all others that of the
-    periodic cubic spline through them, which does not ring between the points. `harmonics` None takes the fewest
-    that meet every value to 0.1 % of their range, at most 64. A series has no
+    Evenly spaced values whose upper third of harmonics is empty give their own series; all others that of a
+    periodic cubic spline through them, which does not ring between the points (see `_spline`). `harmonics` None takes
+    the fewest that meet every value to 0.1 % of their range, at most 64. A series has no
     branches, so every evaluator and every derivative keeps its full accuracy; a leap is no series: what leaps
     (a needle in the backing) is a load of its own.
     Raises MachineError for fewer than three angles, angles that do not rise or span more than a turn, and
@@ -51,7 +54,7 @@ class PeriodicTable:
             )
         if not all(math.isfinite(v) for v in (*self.angle_rad, *self.values)):
             raise MachineError(f"{self.what}: angles and values must be finite numbers")
-        if not all(b > a for a, b in pairwise(self.angle_rad)) or self.angle_rad[-1] - self.angle_rad[0] >= _TURN:
+        if not all(b - a > _APART for a, b in pairwise([*self.angle_rad, self.angle_rad[0] + _TURN])):
             raise MachineError(f"{self.what}: angles must rise and lie within one turn, the first not repeated")
         if self.harmonics is not None and not 0 <= self.harmonics <= _SAMPLES // 4:
             raise MachineError(f"{self.what}: harmonics must lie from 0 to {_SAMPLES // 4}, not {self.harmonics}")
@@ -83,10 +86,28 @@ class PeriodicTable:
             own[0] *= 0.5
             yield own * np.exp(-1j * np.arange(own.size) * angles[0])
 
-        spline = scipy.interpolate.CubicSpline(angles, [*self.values, self.values[0]], bc_type="periodic")
-        smooth = np.fft.rfft(spline(np.arange(_SAMPLES) * (_TURN / _SAMPLES))) * (2.0 / _SAMPLES)
+        smooth = np.fft.rfft(self._spline(angles)(np.arange(_SAMPLES) * (_TURN / _SAMPLES))) * (2.0 / _SAMPLES)
         smooth[0] *= 0.5
         yield smooth[: _SAMPLES // 4 + 1]
+
+    def _spline(self, angles: FloatArray) -> scipy.interpolate.PPoly:
+        """The periodic spline through the values at `angles`, the first repeated.
+
+        A steep edge beside a plateau throws a smooth spline far beyond its values. Where it leaves their range by more
+        than a tenth, its slopes are limited to three times those to either neighbour, so that it rises and falls as
+        the values do (Hyman, Accurate monotonicity preserving cubic interpolation, SIAM J. Sci. Stat. Comput. 4, 1983).
+        """
+        values = np.array([*self.values, self.values[0]])
+        smooth = scipy.interpolate.CubicSpline(angles, values, bc_type="periodic")
+        over_turn = smooth(np.linspace(angles[0], angles[-1], _SAMPLES))
+        if np.ptp(over_turn) <= _MOST_RINGING * np.ptp(values):
+            return smooth
+        slopes, after = smooth(angles, 1), np.diff(values) / np.diff(angles)
+        before, after = np.append(after[-1], after), np.append(after, after[0])
+        sense = np.where(before * after > 0.0, np.sign(before), np.sign(slopes))
+        steepest = 3.0 * np.minimum(np.abs(before), np.abs(after))
+        limited = sense * np.clip(sense * slopes, 0.0, steepest)
+        return scipy.interpolate.CubicHermiteSpline(angles, values, limited)
 
     def _miss(self, spectrum: Spectrum) -> float:
         angles = np.asarray(self.angle_rad)
