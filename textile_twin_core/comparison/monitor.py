@@ -194,7 +194,7 @@ def monitor_recording(
 
 
 def _whole(found: TurnFeatures) -> TurnFeatures:
-    """Without turns that hold too few samples to be one, and the first and last where the shaft did not turn through."""
+    """Without turns that hold too few samples to be one; the first and last only if the shaft turned through them."""
     if not found.number.size:
         return found
     way = found.count * np.abs(found.speed_rad_s)  # samples come by time, so part of a slow turn holds many
