@@ -49,7 +49,8 @@ _LETTER_OF_TYPE = r"\b[a-z]{1,2}(?=[A-Z][a-z])"
 _SPELLINGS = {
     "nm": "N m", "n*m": "N m", "n·m": "N m", "n.m": "N m", "ncm": "N cm", "nmm": "N mm", "knm": "kN m",
     "danm": "daN m", "lbft": "lbf ft", "ft-lb": "lbf ft", "ftlb": "lbf ft", "lbin": "lbf in", "in-lb": "lbf in",
-    "mnm": "mN m", "kgfcm": "kgf cm", "kgcm": "kgf cm", "kgfm": "kgf m", "kgm": "kgf m", "degree": "deg", "degrees": "deg",
+    "kgfcm": "kgf cm", "kgcm": "kgf cm", "kgfm": "kgf m",
+    "mnm": "mN m", "kgm": "kgf m", "degree": "deg", "degrees": "deg",
     "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad", "revolutions": "rev", "u": "rev", "turns": "rev",
     "sec": "s", "seconds": "s", "second": "s", "msec": "ms", "µs": "us", "μs": "us", "usec": "us", "1/min": "rpm",
     "u/min": "rpm", "min-1": "rpm", "r/min": "rpm", "min^-1": "rpm", "min⁻¹": "rpm", "1/min.": "rpm", "tr/min": "rpm",
