@@ -92,6 +92,18 @@ def test_delay_sigma_covers_the_truth() -> None:
     assert 0.7 < float(np.sqrt(np.mean(np.square(score)))) < 1.35
 
 
+@pytest.mark.parametrize("away", np.linspace(-2.0, 2.0, 9))
+def test_a_delay_that_is_settled_is_known(away: float) -> None:
+    """What is written down of a delay lies within its sigma, and may by chance lessen the error more than the best."""
+    arrays = recording(noise=0.4)
+    best = compare_torque(*arrays, torque_sensor=Sensor(1.01, 0.03), events=EVENTS).fit
+    settled = Sensor(1.01, 0.03, best.delay_s + away * best.delay_sigma_s)
+    result = compare_torque(*arrays, torque_sensor=settled, events=EVENTS)
+    assert result.fit.identifiable and not result.notes
+    assert result.fit.delay_s == pytest.approx(0.002, abs=4.0 * best.delay_sigma_s)
+    assert result.fit.delay_sigma_s == pytest.approx(best.delay_sigma_s, rel=0.2)
+
+
 def test_configured_sensor_removes_gain_offset_and_delay() -> None:
     sensor = Sensor(gain=1.01, offset_Nm=0.03, delay_s=0.002)
     result = compare_torque(*recording(), events=EVENTS, torque_sensor=sensor)

@@ -125,6 +125,19 @@ def test_nothing_is_said_of_a_healthy_machine() -> None:
     assert len(trend.columns["turn"]) > 95
 
 
+def test_a_turn_that_the_shaft_does_not_end_lacks_no_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The machine runs down and stops amid a turn, whose part holds more samples than a whole one at speed."""
+    speed = SPEED["tufting"]
+    plan = Plan([(0.0, speed), (30.0, speed), (32.0, 0.1 * speed), (32.5, 0.1 * speed), (33.3, 0.0)], 0.4, [])
+    monkeypatch.setattr(mill_recordings, "steady", lambda *_: plan)
+    case = healthy("tufting", 988, run_up=False, duration_s=36.0)
+    turns = plan.at(np.array([36.0]))[0] / (2.0 * np.pi)
+    assert 0.1 < turns % 1.0 < 0.7
+    trend = monitor_recording(readings_of(record(case)), told_machine(case), _SETTINGS)
+    assert trend.alarms == ()
+    assert trend.columns["turn"][-1] == np.floor(turns) - 1.0
+
+
 @pytest.mark.parametrize("encoder", ["as the machine", "against it", "against it, geared 1:2"])
 def test_live_in_small_blocks_finds_the_same_fault(encoder: str) -> None:
     made = faulty("needle_force", 0.2, 983, duration_s=38.0, onset_s=28.0, rate=250.0)

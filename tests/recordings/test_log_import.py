@@ -44,6 +44,14 @@ DIALECTS = {
         text(TIME, ANGLE / (2.0 * math.pi) * 4096.0, TORQUE, separator="\t", head="t\tEncoder\tTorque\ns\t\tNm\n"),
         ["--angle-unit", "4096"],
     ),
+    "units in a line of their own, a long one among them": (
+        text(TIME, ANGLE / (2.0 * math.pi) * 4096.0, TORQUE, separator=";", head="t;Encoder;Torque\ns;Inkremente;Nm\n"),
+        ["--angle-unit", "4096"],
+    ),
+    "thousandths of a newton metre behind a stroke": (
+        text(TIME, ANGLE, TORQUE * 1e3, separator=";", head="t / s;theta / rad;Torque / mNm\n"),
+        [],
+    ),
     "no header, decimal comma, tabs": (
         text(TIME, TORQUE, np.degrees(ANGLE), separator="\t", decimal=","),
         ["--angle", "column_3", "--torque", "column_2"],

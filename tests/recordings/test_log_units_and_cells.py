@@ -52,9 +52,19 @@ def test_the_unit_of_times_follows_from_the_interval(
     np.testing.assert_allclose(since_first_s(tmp_path / "bag"), TIME, atol=2e-6)
 
 
+def test_milliseconds_since_1970_that_rise_by_one_are_no_count_of_rows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path / "log.csv", [f"{1_700_000_000_000 + k}" for k in range(N)], "column,angle_rad,torque_Nm")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
+    assert "ms since 1970 (taken for granted" in capsys.readouterr().out
+    np.testing.assert_allclose(since_first_s(tmp_path / "bag"), 1e-3 * np.arange(N), atol=2e-6)
+
+
 @pytest.mark.parametrize(
     ("head", "times", "says"),
     [
+        ("n,angle_rad,torque_Nm", [f"{k}" for k in range(N)], "--rate"),
         ("sample,angle_rad,torque_Nm", [f"{k}" for k in range(N)], "--rate"),
         ("row,angle_rad,torque_Nm", [f"{2 * k}" for k in range(N)], "--rate"),
         ("time,angle_rad,torque_Nm", [f"{k}" for k in range(N)], "--time-unit"),

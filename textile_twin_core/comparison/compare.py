@@ -18,6 +18,8 @@ from textile_twin_core.errors import AlignmentError
 from textile_twin_core.machine import Event, TorqueSensor
 
 _LEAST_SAMPLES = 16
+_SAME_DELAY = 3.0
+"""Standard deviations within which a delay that was found is the configured one."""
 _LEAST_TURNS = 1.0  # of the shaft, without which a delay is not sought
 _SEARCH_S = 0.1
 _ANGLE_BINS = 120
@@ -200,7 +202,10 @@ def _never_worse(
     measured: tuple[FloatArray, FloatArray],
     sensor: tuple[float, float, float],
 ) -> SensorFit:
-    """The fit, or the configured delay where the fitted one does not lessen the error as configured."""
+    """The fit, or the configured delay where the fitted one does not lessen the error as configured.
+
+    Where the two are the same within what the record tells, the delay is known all the same: it is settled.
+    """
     time_s, torque_Nm = measured
     configured_s, gain, offset = sensor
     if not fit.identifiable:
@@ -212,7 +217,9 @@ def _never_worse(
     if squares[0] <= squares[1]:
         return fit
     good, torque, _ = usable(track, time_s - configured_s)
-    return SensorFit(configured_s, float("nan"), *line(torque[good], torque_Nm[good]), False, fit.at_limit)
+    settled = abs(fit.delay_s - configured_s) <= _SAME_DELAY * fit.delay_sigma_s
+    sigma = fit.delay_sigma_s if settled else float("nan")
+    return SensorFit(configured_s, sigma, *line(torque[good], torque_Nm[good]), settled, fit.at_limit)
 
 
 def _speed(track: Track, time_s: FloatArray) -> FloatArray:

@@ -193,13 +193,14 @@ def monitor_recording(
 
 
 def _whole(found: TurnFeatures) -> TurnFeatures:
-    """Without turns that hold too few samples to be one."""
+    """Without turns that hold too few samples to be one; the first and last only if the shaft turned through them."""
     if not found.number.size:
         return found
-    usual = float(np.median(found.count))
-    kept = found.count >= max(FEWEST_TORQUES_PER_TURN, 0.2 * usual)
-    kept[0] &= found.count[0] > 0.8 * usual
-    kept[-1] &= found.count[-1] > 0.8 * usual
+    way = found.count * np.abs(found.speed_rad_s)  # samples come by time, so part of a slow turn holds many
+    usual = float(np.median(way))
+    kept = (found.count >= FEWEST_TORQUES_PER_TURN) & (way >= 0.2 * usual)
+    kept[0] &= way[0] > 0.8 * usual
+    kept[-1] &= way[-1] > 0.8 * usual
     return found.where(kept)
 
 

@@ -22,6 +22,7 @@ TORQUE_UNITS = {
     **{name: 1.0 / count for name, count in UNITS_PER_NM.items() if " or " not in name},
     "kgf m": 9.80665,
     "daN m": 10.0,
+    "mN m": 1e-3,
 }
 """N m per unit."""
 QUANTITY_UNITS = {
@@ -48,7 +49,8 @@ _LETTER_OF_TYPE = r"\b[a-z]{1,2}(?=[A-Z][a-z])"
 _SPELLINGS = {
     "nm": "N m", "n*m": "N m", "n·m": "N m", "n.m": "N m", "ncm": "N cm", "nmm": "N mm", "knm": "kN m",
     "danm": "daN m", "lbft": "lbf ft", "ft-lb": "lbf ft", "ftlb": "lbf ft", "lbin": "lbf in", "in-lb": "lbf in",
-    "kgfcm": "kgf cm", "kgcm": "kgf cm", "kgfm": "kgf m", "kgm": "kgf m", "degree": "deg", "degrees": "deg",
+    "kgfcm": "kgf cm", "kgcm": "kgf cm", "kgfm": "kgf m",
+    "mnm": "mN m", "kgm": "kgf m", "degree": "deg", "degrees": "deg",
     "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad", "revolutions": "rev", "u": "rev", "turns": "rev",
     "sec": "s", "seconds": "s", "second": "s", "msec": "ms", "µs": "us", "μs": "us", "usec": "us", "1/min": "rpm",
     "u/min": "rpm", "min-1": "rpm", "r/min": "rpm", "min^-1": "rpm", "min⁻¹": "rpm", "1/min.": "rpm", "tr/min": "rpm",
@@ -83,9 +85,15 @@ def unit_in_name(name: str) -> str:
     if bracket:
         return spelled(bracket[0][1:-1])
     last = re.split(r"[_/ ]", name)[-1]
-    found = spelled(last)
-    known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
-    return found if found in known and found != name else ""
+    if len(name) == 1:
+        return ""  # n, t: a name of one letter is that of the quantity
+    return spelled(last) if is_unit(last) and spelled(last) != name else ""
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit that is known, in any spelling, with or without brackets."""
+    bare = text[1:-1] if re.fullmatch(_BRACKETS, text) else text
+    return spelled(bare) in {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
 
 
 def choose(kind: str, names: Iterable[str], unit_told: bool = False) -> list[str]:

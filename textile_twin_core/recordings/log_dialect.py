@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings.log_columns import is_unit
 from textile_twin_core.recordings.log_makers import known_head
 from textile_twin_core.recordings.log_thousands import DOUBT, has_thousands, may_have_thousands
 
@@ -143,7 +144,9 @@ def _is_data(row: list[str], decimal: str) -> bool:
 
 
 def _are_units(row: list[str]) -> bool:
-    return all(len(cell) <= 8 for cell in row)
+    """Whether cells are short as units are, or half of those that are not empty are units that are known."""
+    told = [cell for cell in row if cell]
+    return all(len(cell) <= 8 for cell in told) or 2 * sum(map(is_unit, told)) >= len(told)
 
 
 def _distinct(names: list[str]) -> list[str]:

@@ -132,7 +132,8 @@ def _speed(
         return None
     omega, amiss = None, ""
     if column.unit not in SPEED_UNITS:
-        amiss = f"speed in '{column.unit}'? tell --speed-unit: {', '.join(SPEED_UNITS)}"
+        what = f"speed in '{column.unit}'?" if column.unit else "its name has no unit;"
+        amiss = f"{what} tell --speed-unit: {', '.join(SPEED_UNITS)}"
     else:
         omega = columns[column.name] * SPEED_UNITS[column.unit]
         times = times_as_fast(stamps, theta, omega)

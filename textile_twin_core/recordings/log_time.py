@@ -63,8 +63,11 @@ def time_seconds(name: str, unit: str, values: FloatArray, raw: bool = False) ->
 
 def counts_rows(name: str, values: FloatArray) -> bool:
     """Whether a column that rises evenly, and no word calls a time, is a count of rows."""
-    steps = np.unique(np.diff(values[np.isfinite(values)][:10_000]))
-    return bool(_COUNTS.search(name.lower())) or (steps.size == 1 and float(steps[0]) == 1.0)
+    finite = values[np.isfinite(values)][:10_000]
+    steps = np.unique(np.diff(finite))
+    # Milliseconds since 1970 at 1 kHz rise by one, too.
+    by_one = steps.size == 1 and float(steps[0]) == 1.0 and float(finite[0]) < _EPOCHS_S[0]
+    return bool(_COUNTS.search(name.lower())) or by_one
 
 
 def _guessed(name: str, finite: FloatArray, raw: bool) -> tuple[str, str]:
