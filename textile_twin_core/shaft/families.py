@@ -12,6 +12,7 @@ from textile_twin_core.shaft.status import Record
 from textile_twin_core.shaft.turns import TURN
 
 SWITCH_PROBABILITY = 1e-5  # from one family to another at each sample, and of one that enters after another with ripple
+SIMPLER = 10.0  # times as probable, where several enter, is each than the next with more orders: few readings fit any
 SEEN_CYCLES = 1.25  # cycles of motion after which a family enters the comparison
 IMPROBABLE = 0.05  # mode probability up to which a family may rest or restart
 IDLE_CYCLES = 8.0  # that an improbable family, or one of more orders than the leading one, is active until it rests ..
@@ -162,7 +163,7 @@ def update_mode_probabilities(status: Record, noise: float, turning: bool) -> No
             if observed and status.used % SECOND_ORDER_EVERY == 0.0:
                 bank.update_second_order(status, f)
             if observed and turning and mode_probability[f] == 0.0:
-                mode_probability[f] = entry
+                mode_probability[f] = entry * SIMPLER ** (1 - f)
                 status.ripple_tried = 1.0
             mode_probability[f] *= status.density[f if turning else lanes.PLAIN]
             first, stop = lanes.FIRST[f], lanes.STOP[f]
