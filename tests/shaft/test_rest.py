@@ -67,7 +67,7 @@ def test_noise_that_does_not_fade_with_the_speed(bits: int | None, noise_rad: fl
 def test_stamps_that_are_late_now_and_then_are_no_blows() -> None:
     """By 0.3 ms on average, exponentially: two in a row that are later than usual look like one."""
     time, ratios = np.arange(0.0, 40.0, 0.002), []
-    for seed in range(1, 10):
+    for seed in range(1, 7):
         late = time + np.random.default_rng(seed).exponential(3e-4, time.size)
         ratios.append(beside_the_textbook(late, np.rint(motion(time)[0] * 2**16 / TURN) * TURN / 2**16))
     assert np.all(np.median(ratios, axis=0) < [1.1, 1.25]), ratios
