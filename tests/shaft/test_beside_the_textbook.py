@@ -57,6 +57,18 @@ def test_all_ripples_that_are_known_may_be_wrong_for_a_part() -> None:
     assert np.all(made.rms < 0.7 * made.book)
 
 
+def test_where_several_ripples_enter_the_simplest_leads() -> None:
+    """At seven readings a turn three orders fit the first ones as well as two, and then shake the acceleration."""
+    made = score(package, "coarse", 3, "causal")
+    assert np.all(made.rms < 1.25 * made.book)
+
+
+def test_an_order_that_stands_above_the_sensors_is_no_motion_yet() -> None:
+    """Ten times above by chance, in one of a hundred records: all of it taken for motion, its acceleration was 15."""
+    made = score(package, "pitch+3%", 5, "smooth")
+    assert np.all(made.rms < 2.0 * made.book)
+
+
 @pytest.mark.parametrize(("view", "most"), [("causal", (1.05, 1.05)), ("smooth", (1.25, 1.25))])
 def test_pitch_errors_that_nobody_told_of_are_not_taken_for_ripple(view: str, most: tuple[float, float]) -> None:
     """Medians: of a turn's orders the readings alone do not tell which is whose. Taken for ripple: 1.3, 3."""

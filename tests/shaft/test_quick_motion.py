@@ -7,12 +7,10 @@ import pytest
 
 from tests.shaft.kinds import TURN
 from tests.shaft.textbook import textbook
-from textile_twin_core.compiling import records
 from textile_twin_core.shaft import create_estimator
 from textile_twin_core.shaft.measurement_noise import adapt_jitter, least_scale
-from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_family
 from textile_twin_core.shaft.settings import ShaftSettings
-from textile_twin_core.shaft.status import ROW, new_status
+from textile_twin_core.shaft.status import new_status
 
 RATE, FINE, NOISE = 1400.0, 20, 2e-4
 
@@ -95,16 +93,3 @@ def test_late_stamps_make_no_standstill() -> None:
     status = new_status(ShaftSettings(resolution_rad=1e-4))
     status["interval"], status["speed"], status["jitter"], status["correlated"] = 4e-3, 10.0, 2e-3**2, 1.0
     assert least_scale(status[0], 0.02**2) < 0.01
-
-
-def test_a_ripple_in_which_the_clock_stands_still_is_none() -> None:
-    """Of an arm that swings to and fro angles were right, but four speeds of five a fraction of what they should be."""
-    rows, status = records(ROW, 200), new_status(ShaftSettings())
-    time = np.arange(1.0, 201.0) * 0.01
-    rows["time"], rows["step"], rows["reading"], rows["angle"], rows["speed"] = time, 0.01, 5.0 * time, 5.0 * time, 5.0
-    rows["noise"], rows["unit"], rows["interval"] = 1e-6, 1e-6, 0.01
-    status["scale"], status["waves"][0, 1] = 1.0, 2
-    smoother = new_smoother(ShaftSettings(), rows.size)
-    for amplitude, valid in ((0.5, True), (0.9, False)):
-        status["ripple"][0, 0] = amplitude
-        assert np.isfinite(smooth_family(smoother, status, 1, rows, 1, 199)) == valid

@@ -75,3 +75,19 @@ def test_edges_of_teeth_while_the_speed_grows_tenfold(teeth: int, most: float) -
     rising = (at > 0.5) & (at < 1.5)
     off = states.omega_rad_s - np.interp(at, time, omega)
     assert np.sqrt(np.mean(off[rising] ** 2)) < most
+
+
+@pytest.mark.parametrize("brake_s", [0.876, 0.886, 0.889])
+def test_ripple_that_is_seen_first_while_the_shaft_brakes_does_not_touch_the_speed(brake_s: float) -> None:
+    """From rest at 46 rad/s^2, then braked at 177: what was taken for ripple until then was off by 3 rad/s of 20."""
+    start_s, rise, fall = 0.2, 46.0, 177.0
+    time = np.arange(500) / 500.0
+    run, brake = np.clip(time, start_s, brake_s) - start_s, np.maximum(time - brake_s, 0.0)
+    omega = rise * run - fall * brake
+    theta = 0.5 * rise * run**2 + rise * (brake_s - start_s) * brake - 0.5 * fall * brake**2
+    step = 2.0 * np.pi / 2**16
+    states = create_estimator("causal").step(time, np.round(theta / step) * step)
+    now = time[states.index]
+    turning = (now > start_s + 0.05) & (np.abs(now - brake_s) > 0.008) & states.settled
+    assert np.count_nonzero(turning) > 300
+    assert np.max(np.abs(states.omega_rad_s - omega[states.index])[turning]) < 0.2

@@ -12,6 +12,7 @@ from textile_twin_core.shaft.status import Record
 from textile_twin_core.shaft.turns import TURN
 
 SWITCH_PROBABILITY = 1e-5  # from one family to another at each sample, and of one that enters after another with ripple
+SIMPLER = 10.0  # times as probable, where several enter, is each than the next with more orders: few readings fit any
 SEEN_CYCLES = 1.25  # cycles of motion after which a family enters the comparison
 IMPROBABLE = 0.05  # mode probability up to which a family may rest or restart
 IDLE_CYCLES = 8.0  # that an improbable family, or one of more orders than the leading one, is active until it rests ..
@@ -153,7 +154,7 @@ def forget_lessons(status: Record) -> None:
 def update_mode_probabilities(status: Record, noise: float, turning: bool) -> None:
     """Measurement update of all active families, and of their mode probabilities while the shaft turns."""
     least = least_scale(status, noise)
-    total, count = 0.0, 0
+    total, count, entry = 0.0, 0, SWITCH_PROBABILITY if status.ripple_tried > 0.0 else 1.0
     mode_probability = status.mode_probability
     for f in range(lanes.FAMILIES):
         if status.active[f] > 0.0:
@@ -161,19 +162,14 @@ def update_mode_probabilities(status: Record, noise: float, turning: bool) -> No
             observed = f > 0 and is_observed(status, f)
             if observed and status.used % SECOND_ORDER_EVERY == 0.0:
                 bank.update_second_order(status, f)
-            mode_probability[f] *= status.density[f if turning else lanes.PLAIN]
             if observed and turning and mode_probability[f] == 0.0:
-                mode_probability[f] = -1.0  # enters below, once the total is known
+                mode_probability[f] = entry * SIMPLER ** (1 - f)
+                status.ripple_tried = 1.0
+            mode_probability[f] *= status.density[f if turning else lanes.PLAIN]
             first, stop = lanes.FIRST[f], lanes.STOP[f]
             status.log_memory[f] = dot(status.probability[first:stop], status.logarithm[first:stop], stop - first)
-            total += max(mode_probability[f], 0.0)
+            total += mode_probability[f]
             count += 1
-    entry = total * (SWITCH_PROBABILITY if status.ripple_tried > 0.0 else 1.0)
-    for f in range(lanes.FAMILIES):
-        if mode_probability[f] < 0.0:
-            mode_probability[f] = entry
-            total += entry
-            status.ripple_tried = 1.0
     for f in range(lanes.FAMILIES):
         if mode_probability[f] > 0.0:
             mode_probability[f] = mode_probability[f] / total * (1.0 - SWITCH_PROBABILITY) + SWITCH_PROBABILITY / count

@@ -10,7 +10,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import families, gating, lanes, measurement_noise
-from textile_twin_core.shaft.bank import doubt_ripple, predict_reading
+from textile_twin_core.shaft.bank import doubt_ripple, predict_reading, update_second_order
 from textile_twin_core.shaft.kalman import time_update
 from textile_twin_core.shaft.residual_orders import add_systematic, listen_for_orders, set_systematic
 from textile_twin_core.shaft.status import MANOEUVRE, RUNNING, STANDSTILL, STARTING, Record, Records, Stamps
@@ -185,7 +185,10 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     for f in range(lanes.FAMILIES - 1, -1, -1):
         if status.active[f] > 0.0:
             time_update(status, strength, step, lanes.FIRST[f], lanes.STOP[f])
+            seen = families.is_observed(status, f)
             status.travelled[f] = max(status.travelled[f], abs(status.angle - status.began_at[f]))
+            if families.is_observed(status, f) and not seen:
+                update_second_order(status, f)  # which the first likelihood that counts must have
             # Until the ripple is observed, its angle is better known from the measurement than from the prediction.
             predict_reading(status, f, step, reading, expected if families.is_observed(status, f) else reading, noise)
             density += status.mode_probability[f] * status.density[f]

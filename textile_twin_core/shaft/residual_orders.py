@@ -22,8 +22,7 @@ ORDERS = lanes.WIDEST  # that are listened for at most: as many as the basis has
 KEEP = 1.0 - 1.0 / SCALE_SAMPLES  # of what is known of an order, at each reading
 HEARD = 0.9  # of the samples per turn: orders up to it differ from their aliases, as readings fall elsewhere each turn
 SIGNIFICANT = 7.0  # times the mean power of white residuals in an order, exceeded by chance in 1 case of 1000
-ABOVE_SENSOR = 10.0  # times the sensor's, by some 12 orders: exceeded by chance in 1 case of 1400 (F of 2 and 24)
-HIGH_ABOVE_SENSOR = 20.0  # the same of orders above the usual ones, whose accelerations are large: 1 of 140 000
+ABOVE_SENSOR = 20.0  # times the sensor's, by some 12 orders: exceeded by chance in 1 case of 140 000 (F of 2 and 24)
 TAIL = 3  # highest modelled orders by which those beyond are foretold, and those before by which their fall is known
 TAIL_SAMPLES = 10_000.0  # over which is averaged how much of it is heard
 CHANCE = 4.0  # times the mean power of white residuals, that an order may have beyond its own: 1 case of 50
@@ -165,7 +164,7 @@ def _part_orders(status: Record, f: int, left: float) -> None:
     for k in range(status.waves[f]):
         own, power = _own_power(status, k), _power(status, f, k)
         motion *= FALL[k]
-        if power > own * (ABOVE_SENSOR if k < lanes.USUAL_WAVES else HIGH_ABOVE_SENSOR):
+        if power > own * ABOVE_SENSOR:
             motion = max(power - own, motion)
         part = own / (motion + own) if own > 0.0 else 0.0
         status.sensor_ripple[f, 2 * k] = part * status.ripple[2 * k, status.best[f]]
@@ -191,7 +190,7 @@ def _doubt_higher_orders(status: Record, f: int, motion: float, left: float) -> 
         motion *= FALL[k] * fall
         heard += motion * (min(power, motion + CHANCE * white) - white) / white**2
         expected += (motion / white) ** 2
-        least = max(own * (ABOVE_SENSOR if k < lanes.USUAL_WAVES else HIGH_ABOVE_SENSOR), SIGNIFICANT * white)
+        least = max(own * ABOVE_SENSOR, SIGNIFICANT * white)
         _doubt_order(status, f, k, left * (power - own if power > least else min(share * motion, power)))
     if f == status.leading and status.sensor_power == 0.0:
         gain, keep = SECOND_ORDER_EVERY / SCALE_SAMPLES, 1.0 - SECOND_ORDER_EVERY / TAIL_SAMPLES
@@ -238,7 +237,7 @@ def _hear_high_orders(status: Record) -> None:
     if not settled and status.waves[f] < lanes.USUAL_WAVES:
         return
     for k in range(lanes.USUAL_WAVES - 1, _top(status, 0.5, lanes.MOST_WAVES[-1])):
-        significant = _power(status, f, k) > max(HIGH_ABOVE_SENSOR * _own_power(status, k), HIGH_SIGNIFICANT * white)
+        significant = _power(status, f, k) > max(ABOVE_SENSOR * _own_power(status, k), HIGH_SIGNIFICANT * white)
         if significant and (settled or k < status.waves[f]):
             heard = 1.0
     status.high_orders += (heard - status.high_orders) * SECOND_ORDER_EVERY / SCALE_SAMPLES

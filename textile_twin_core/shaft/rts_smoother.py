@@ -17,7 +17,6 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import lanes
 from textile_twin_core.shaft.clock import (
-    LEAST_SLOPE,
     add_ripple_covariance,
     add_spread,
     copy_numbers,
@@ -110,7 +109,7 @@ def is_far(smoother: Smoother, row: Record) -> bool:
 def smooth_family(smoother: Smoother, record: Records, family: int, rows: Records, first: int, last: int) -> float:
     """Smooth (n,) rows under a family's ripple, from the first reading on: rows `first` .. `last` get their states.
 
-    Returns the log-likelihood of all readings but the first, up to a constant; -inf where the clock stands still.
+    Returns the log-likelihood of all readings but the first, up to a constant.
     """
     filters, start = smoother.filters[0], rows[0]
     set_ripple(filters, record[0], family)
@@ -121,19 +120,19 @@ def smooth_family(smoother: Smoother, record: Records, family: int, rows: Record
     else:
         set_start(smoother.filtered[0], start.reading, start.speed, start.noise or start.unit, rows[1].step)
         begin_at_state(smoother, start.reading, start.speed, 0.0, filters.second)
-    slope = smooth(smoother, rows, 1, 0)
+    smooth(smoother, rows, 1, 0)
     total = filter_rows(smoother, rows)
     if first <= last:
         smooth_back(smoother, rows, first, last)
-    return total if slope > LEAST_SLOPE else -math.inf
+    return total
 
 
 @compiled_in_place
-def smooth(smoother: Smoother, rows: Records, first: int, last: int) -> float:
+def smooth(smoother: Smoother, rows: Records, first: int, last: int) -> None:
     """Smooth (n,) rows from the initial state on: rows `first` .. `last` get their states.
 
     The process noise of all rows is adapted for the next call; at once where it was far from right. Readings rejected
-    ahead of a detected manoeuvre are used again, with the shortest memory. Returns the clock's least slope.
+    ahead of a detected manoeuvre are used again, with the shortest memory.
     """
     for i in range(3, rows.size):
         if rows[i].cut == MANOEUVRE and not _is_taken_back(rows, i):
@@ -141,10 +140,10 @@ def smooth(smoother: Smoother, rows: Records, first: int, last: int) -> float:
                 if j == i or rows[j].noise == 0.0:
                     rows[j].memory[:] = math.log(0.5)
                     rows[j].noise = max(rows[j].noise, rows[i].unit)
-    filters, slope = smoother.filters[0], 1.0
+    filters = smoother.filters[0]
     for i in range(rows.size):
         g = wave_at(filters, filters.leading, lanes.CHAIN, filters.second, rows[i].angle)
-        rows[i].clock, slope = rows[i].reading + g[0], min(slope, 1.0 + g[1])
+        rows[i].clock = rows[i].reading + g[0]
     set_initial_intensities(rows, filters.leading)
     least = 1.0
     for _ in range(MOST_PASSES):
@@ -153,7 +152,6 @@ def smooth(smoother: Smoother, rows: Records, first: int, last: int) -> float:
         if adapt_intensities(rows, least) < FAR_OFF:
             break
         least = FAR_OFF
-    return slope
 
 
 @compiled_in_place
