@@ -98,3 +98,24 @@ def test_ten_cycles_under_load(suite: Suite, executor: str) -> None:
         feeder.join()
     assert twin.end() == 0
     assert not re.search("Traceback|Exception|FATAL", twin.words()), twin.words()
+
+
+@pytest.mark.slow
+def test_activated_by_hand_while_it_waits_for_subscribers(suite: Suite) -> None:
+    twin = suite.start("twin_node", "wait_for:=[balancing_torque/predicted]")
+    node = suite.node()
+
+    def change(transition: int) -> str:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        assert suite.call(node, ChangeState, "twin_node/change_state", request).success, twin.words()
+        return str(suite.call(node, GetState, "twin_node/get_state", GetState.Request()).current_state.label)
+
+    assert change(Transition.TRANSITION_ACTIVATE) == "active"
+    node.create_subscription(WrenchStamped, "balancing_torque/predicted", lambda _: None, RELIABLE)
+    suite.spin_for(1.0)
+    assert twin.process.poll() is None, twin.words()
+    assert change(Transition.TRANSITION_DEACTIVATE) == "inactive"
+    suite.spin_for(1.0)
+    state = suite.call(node, GetState, "twin_node/get_state", GetState.Request())
+    assert state.current_state.label == "inactive"
+    assert twin.end() == 0

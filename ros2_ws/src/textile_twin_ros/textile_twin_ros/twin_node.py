@@ -130,6 +130,7 @@ class TwinNode(LifecycleNode):
         """Listen."""
         settings, stream = self.settings, self._stream
         assert stream is not None and self._machine is not None
+        self._starting = False  # by whichever way it came to this
         stream.reset()
         self._measured = MeasuredTorque()
         depth = settings.qos_depth or depth_for(settings.rate_hz)
@@ -151,6 +152,7 @@ class TwinNode(LifecycleNode):
     @ends_on_error
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the machine and remove the topics."""
+        self._starting = False
         self._stop_listening()
         if self._stream is not None:
             self._stream.destroy()
@@ -191,7 +193,6 @@ class TwinNode(LifecycleNode):
         if self._starting and all(
             stream.publishers[topic].get_subscription_count() for topic in self.settings.wait_for
         ):
-            self._starting = False
             self.trigger_activate()
         if self._active and self._angle is not None and self._torque is not None:
             self._angle.renew()
