@@ -9,8 +9,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import FrameType
 
@@ -18,6 +18,7 @@ from this_computer import this_computer_alone
 
 PATIENCE_S = 10.0
 """How long a program may take to end by itself before it is killed."""
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 REVIVAL_S, SHORT_LIFE_S = 1.0, 10.0
 """Pause before a program is started again, and how long it must have lived: what dies at once would do so again."""
 
@@ -66,8 +67,19 @@ class Program:
 
 def follow_parent_to_the_end() -> None:
     """Asks Linux to end this process when the one that started it dies, even when that one is killed."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     pr_set_pdeathsig = 1
     ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGTERM)
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Signals that end all wait meanwhile: what is just being started must be known, to be ended, too."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
 
 
 def stop(programs: Sequence[Program]) -> None:
@@ -115,7 +127,8 @@ def watch(programs: Sequence[Program], until: str | None, essential: str | None)
             if essential not in (None, program.name) and program.was_struck_down():
                 print(f"{program.name} is started again", file=sys.stderr)
                 time.sleep(REVIVAL_S)
-                program.start()
+                with held_back():
+                    program.start()
                 running.append(program)
             if essential in (None, program.name):
                 return code if code > 0 else 1
@@ -141,20 +154,21 @@ def bring_up(
     def interrupt(signal_number: int, _frame: FrameType | None) -> None:
         sys.exit(128 + signal_number)
 
-    for signal_number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for signal_number in ENDING:
         signal.signal(signal_number, interrupt)
     programs: list[Program] = []
     try:
         if logs is not None:
             logs.mkdir(parents=True, exist_ok=True)
         for command in commands:
-            programs.append(Program(command, logs, {program.name for program in programs}))
+            with held_back():
+                programs.append(Program(command, logs, {program.name for program in programs}))
         return watch(programs, until, essential)
     except OSError as error:
         print(f"{error.filename}: cannot be started: {error.strerror}", file=sys.stderr)
         return 2
     finally:
-        for signal_number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for signal_number in ENDING:
             signal.signal(signal_number, signal.SIG_IGN)
         stop(programs[::-1])
 

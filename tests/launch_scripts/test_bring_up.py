@@ -108,6 +108,27 @@ def test_a_signal_ends_all(tmp_path: Path, number: signal.Signals) -> None:
     assert not any(map(is_running, pids))
 
 
+def test_a_signal_asks_the_program_that_is_just_being_started_to_end_too(tmp_path: Path) -> None:
+    asked = [
+        "bash",
+        "-c",
+        f"trap 'touch {tmp_path}/asked; exit' INT; echo $$ > {tmp_path}/a; while :; do sleep 0.01; done",
+    ]
+    slowly = (
+        "start = bring_up.Program.start; bring_up.Program.start = lambda program: start(program) or time.sleep(1.0)"
+    )
+    command = [
+        sys.executable,
+        "-c",
+        f"import bring_up, time; {slowly}; bring_up.sys.exit(bring_up.main({['--', *asked]}))",
+    ]
+    running = subprocess.Popen(command, cwd=BRING_UP.parent)
+    wait_until((tmp_path / "a").exists)
+    running.send_signal(signal.SIGTERM)
+    assert running.wait() == 128 + signal.SIGTERM
+    assert (tmp_path / "asked").exists()
+
+
 def test_nothing_is_left_when_the_supervisor_is_killed(tmp_path: Path) -> None:
     running = bring_up(tmp_path, "--", *sleeper(tmp_path, "a"))
     pid = pid_in(tmp_path / "a")
