@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.generators.governed_motion import governed_motion
 from tests.generators.mill_recordings import Case, healthy, record, torque_of
 from tests.generators.planned_motion import Plan
 from tests.generators.shaft_law import Backing, Friction, tufting_law
@@ -70,6 +71,27 @@ def test_at_one_speed_what_cannot_be_told_is_named_and_stays() -> None:
     assert "shaft_coulomb_Nm" in found.parameters
     low, high = found.parameters["shaft_coulomb_Nm"].interval95
     assert low < 1.0 < high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bits", [13, 16])
+def test_under_a_controller_of_the_speed_an_inertia_that_acts_as_a_delay_is_not_told(bits: int) -> None:
+    """Gain 1.03, 4 ms late, no inertia beside the file's; noise of 0.03 N m, stamps wrong by 30 us."""
+    case = healthy("loom", 980, duration_s=24.0)
+    fine, angle, _, torque = governed_motion(case, 2.0, (9.0, 14.0))
+    rng = np.random.default_rng([980, bits])
+    time, step = np.arange(0.1, 23.9, 0.001), 2.0 * np.pi / 2**bits
+    true = time + 3e-5 * rng.standard_normal(time.size)
+    stamps = np.rint(time * 1e9).astype(np.int64)
+    read = np.rint(np.interp(true, fine, angle) / step) * step
+    shown = 1.03 * np.interp(true - 0.004, fine, torque) + 0.03 * rng.standard_normal(time.size)
+    found = identify(Readings(stamps, read, stamps, shown), told_machine(case))
+    lost = {each.name: each.text for each in found.not_identifiable}
+    assert "torque_sensor_delay_s" in lost["added_inertia_kgm2"]
+    truth = {"torque_sensor_delay_s": 0.004, "torque_sensor_gain": 1.03, "encoder_zero_rad": 0.0}
+    for name, true_value in truth.items():
+        assert abs(found.parameters[name].value - true_value) < 3.0 * found.parameters[name].sigma, name
+    assert found.parameters["torque_sensor_delay_s"].value == pytest.approx(0.004, abs=2e-4)
 
 
 def test_a_backing_that_no_needle_comes_as_far_as_is_not_sought() -> None:

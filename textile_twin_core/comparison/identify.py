@@ -23,9 +23,24 @@ from textile_twin_core.comparison.repeating_motion import excess_of, repeating_m
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.robust import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
-from textile_twin_core.comparison.smooth_fit import SmoothFit, instrumented_fit, least_squares_fit
+from textile_twin_core.comparison.smooth_fit import (
+    SmoothFit,
+    clean_tracks,
+    entangled,
+    instrumented_fit,
+    least_squares_fit,
+)
 from textile_twin_core.comparison.stage import Begin, unheard
-from textile_twin_core.comparison.torque_model import DELAY, EVENTS, GAIN, NOT_NEGATIVE, OFFSET, ZERO, TorqueModel
+from textile_twin_core.comparison.torque_model import (
+    DELAY,
+    EVENTS,
+    GAIN,
+    INERTIA,
+    NOT_NEGATIVE,
+    OFFSET,
+    ZERO,
+    TorqueModel,
+)
 from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
 from textile_twin_core.comparison.unmodelled import UnmodelledTorque, unmodelled_torque
 from textile_twin_core.errors import RecordingError
@@ -102,15 +117,16 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     told = model.start()
     values = told | {DELAY: found.settings.delay_s, ZERO: _near(found.settings.zero_rad, told[ZERO])}
     values[GAIN] = found.settings.gain
-    free, lost = _tellable(model, values, found)
+    names, lost = _tellable(model, values, found)
+    clean, free, tangled = _untangled(model, _steady(readings, machine, evidence), values, names)
+    lost += tangled
     for each in lost:
         values[each.name] = told[each.name]
-    steady = _steady(readings, machine, evidence)
-    values, events, fit = _solve(model, steady, values, tuple(free), begin)
+    values, events, fit, moved = _solve(model, clean, values, free, begin)
     begin("weighing", 1.0)
     smooth = tuple(name for name in free if name not in EVENTS)
     turn = model.turn(values)[fit.good]
-    known = uncertainty_by_turns(fit.slopes, fit.residual, turn, fit.instruments)
+    known = uncertainty_by_turns(fit.slopes, fit.residual, turn, fit.instruments).wider(moved)
     fitted = {name: _bounded(name, known.estimate(k, values[name])) for k, name in enumerate(smooth)}
     phase = _phase_sigma(smooth, known.covariance, found.settings.direction * evidence.working_speed())
     fitted |= {name: _with_phase(values[name], event, phase) for name, event in events.items()}
@@ -175,6 +191,21 @@ def _tellable(
     return free, [*lost, *more]
 
 
+def _untangled(
+    model: TorqueModel, steady: ShaftTrack, values: Mapping[str, float], names: list[str]
+) -> tuple[tuple[ShaftTrack, ...], tuple[str, ...], list[NotIdentifiable]]:
+    """Tracks for instruments, and what can be told there: an inertia that errors alone tell from others is given up."""
+    wide, start = model.with_spread(_WIDEST_RAD), dict(values)
+    smooth = tuple(name for name in names if name not in EVENTS)
+    clean = clean_tracks(wide, steady, start, smooth)
+    tangled = entangled(wide, clean[0], start, smooth)
+    if INERTIA not in tangled or len(tangled) == 1:
+        return clean, tuple(names), []
+    partners = " and ".join(name for name in tangled if name != INERTIA)
+    text = f"{INERTIA} cannot be told from {partners} where the torque follows the speed; it stays as configured"
+    return clean, tuple(name for name in names if name != INERTIA), [NotIdentifiable(INERTIA, text)]
+
+
 def _steady(readings: Readings, machine: Machine, evidence: Evidence) -> ShaftTrack:
     """The motion that repeats or changes slowly, of which the errors of single readings are no part."""
     encoder, track = machine.sensors.encoder, evidence.track
@@ -186,9 +217,12 @@ def _steady(readings: Readings, machine: Machine, evidence: Evidence) -> ShaftTr
 
 
 def _solve(
-    model: TorqueModel, steady: ShaftTrack, values: dict[str, float], free: tuple[str, ...], begin: Begin
-) -> tuple[dict[str, float], dict[str, EventAngle], SmoothFit]:
-    """Smooth parameters away from the events, and events from the samples beside them, in turns."""
+    model: TorqueModel, clean: tuple[ShaftTrack, ...], values: dict[str, float], free: tuple[str, ...], begin: Begin
+) -> tuple[dict[str, float], dict[str, EventAngle], SmoothFit, list[FloatArray]]:
+    """Smooth parameters away from the events, and events from the samples beside them, in turns.
+
+    And by how much (k,) the smooth ones move with instruments on each of the other tracks.
+    """
     names = [name for name in EVENTS if name in free]
     smooth = tuple(name for name in free if name not in EVENTS)
     events: dict[str, EventAngle] = {}
@@ -202,7 +236,7 @@ def _solve(
         chosen = away()
         values = least_squares_fit(model, values, smooth, chosen, _MANY_STEPS if last else _FEW_STEPS)
         if last:
-            values = instrumented_fit(model, steady, values, smooth, chosen).values
+            values = instrumented_fit(model, clean[0], values, smooth, chosen).values
         scale = robust_scale((model.evidence.torque_Nm - model.expected(values))[model.parts(values).good & chosen])
         begin("seeking events", sought)
         for name in names:
@@ -211,8 +245,9 @@ def _solve(
                 coarse = _scan(beside, _FIRST_SPREAD_RAD)
                 events[name] = event_angle(beside, scale, coarse, _REACH_RAD)
                 values = values | {name: values[name] + events[name].shift.value}
-    fit = instrumented_fit(model, steady, values, smooth, away())
-    return fit.values, events, fit
+    fit, *others = (instrumented_fit(model, track, values, smooth, away()) for track in clean)
+    moved = [np.array([other.values[name] - fit.values[name] for name in smooth]) for other in others]
+    return fit.values, events, fit, moved
 
 
 def _spread(events: Mapping[str, EventAngle]) -> float:

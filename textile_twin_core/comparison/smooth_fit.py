@@ -11,11 +11,16 @@ import scipy
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.robust import HUBER, huber_weights, robust_scale
 from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.comparison.slow_motion import slow_motion
 from textile_twin_core.comparison.torque_model import NOT_NEGATIVE, TorqueModel
 
 _MOST_LOSS = 2.0
-"""Standard deviations that instruments may cost; weaker ones are not used."""
-_ROUNDS, _STILL = 8, 1e-4
+"""Standard deviations beside those of least squares, beyond which these live on errors of the track."""
+_ORDERS = (3.0, 5.0, 8.0)
+"""Of the turn, that limit the slow part of the motion."""
+_TANGLED = 0.3
+"""Share that a parameter has at least in the direction that instruments tell worst."""
+_ROUNDS, _STILL, _RUN_AWAY = 8, 1e-4, 2.0
 
 
 @dataclass(frozen=True)
@@ -63,35 +68,69 @@ def least_squares_fit(
     return at(start)
 
 
+def clean_tracks(
+    model: TorqueModel, steady: ShaftTrack, values: dict[str, float], free: tuple[str, ...]
+) -> tuple[ShaftTrack, ...]:
+    """Tracks without the errors of the model's track, to take instruments on: the best first, then others as good.
+
+    `steady`, the motion that repeats, where its instruments cost little beside least squares. Elsewhere these may take
+    errors of the acceleration for information, and the slow part of the motion serves, by several limits; the track
+    itself, by which least squares stay, only where that tells nothing.
+    """
+    evidence = model.evidence
+    if _loss(_on(model, steady, values, free)) <= _MOST_LOSS:
+        return (steady,)
+    slow = tuple(slow_motion(evidence.track, order, evidence.rest_rad_s) for order in _ORDERS)
+    return slow if np.isfinite(_loss(_on(model, slow[0], values, free))) else (evidence.track,)
+
+
+def entangled(
+    model: TorqueModel, clean: ShaftTrack, values: dict[str, float], free: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Parameters that only the errors of the model's track tell apart; none where instruments cost little.
+
+    Under a proportional controller the torque falls as the speed rises: a delay then acts as an inertia does. Slopes on
+    the track differ all the same, by the errors of its acceleration, and least squares take these for information.
+    """
+    fit = _on(model, clean, values, free)
+    if _loss(fit) <= _MOST_LOSS:
+        return ()
+    size = np.sqrt(np.mean(fit.slopes**2, axis=0)) + 1e-300
+    weakest = np.linalg.svd((fit.instruments / size).T @ (fit.slopes / size))[2][-1]
+    return tuple(name for name, share in zip(free, weakest.tolist(), strict=True) if abs(share) > _TANGLED)
+
+
 def instrumented_fit(
-    model: TorqueModel, steady: ShaftTrack, values: dict[str, float], free: tuple[str, ...], chosen: BoolArray
+    model: TorqueModel, clean: ShaftTrack, values: dict[str, float], free: tuple[str, ...], chosen: BoolArray
 ) -> SmoothFit:
     """From least squares to the values whose residual is orthogonal to the slopes on a track without its errors.
 
     Errors of the shaft's acceleration are in the slopes as well as in the residual, which biases least squares; they
-    are not in the slopes taken on `steady` (instrumental variables, Soederstroem and Stoica 1983; Huber's weights).
-    Where the motion repeats so little that this would cost more than half the precision, least squares stay.
+    are not in the slopes taken on `clean` (instrumental variables, Soederstroem and Stoica 1983; Huber's weights).
+    Of several roots the one near least squares is meant: where the steps run away from it, these stay.
     """
-    other = model.with_evidence(dataclasses.replace(model.evidence, track=steady))
+    other = model.with_evidence(dataclasses.replace(model.evidence, track=clean))
     good = model.parts(values).good & other.parts(values).good & chosen
-    fit = _state(model, other, values, free, good)
-    if _loss(fit) > _MOST_LOSS:
-        other = model
-        fit = _state(model, other, values, free, good)
+    start = fit = _state(model, other, values, free, good)
     for _ in range(_ROUNDS):
         step, normal = _step(fit, free)
         values = values | {name: values[name] + float(step[k]) for k, name in enumerate(free)}
         fit = _state(model, other, values, free, good)
         if float(np.max(np.abs(step) * normal, initial=0.0)) < _STILL * robust_scale(fit.residual):
             break
-    return fit
+    return fit if np.std(fit.residual) < _RUN_AWAY * np.std(start.residual) else start
+
+
+def _on(model: TorqueModel, clean: ShaftTrack, values: dict[str, float], free: tuple[str, ...]) -> SmoothFit:
+    """The fit as it stands, with instruments on another track."""
+    other = model.with_evidence(dataclasses.replace(model.evidence, track=clean))
+    return _state(model, other, values, free, model.parts(values).good & other.parts(values).good)
 
 
 def _state(
     model: TorqueModel, other: TorqueModel, values: dict[str, float], free: tuple[str, ...], good: BoolArray
 ) -> SmoothFit:
-    slopes = model.jacobian(values, free)[good]
-    instruments = slopes if other is model else other.jacobian(values, free)[good]
+    slopes, instruments = (each.jacobian(values, free)[good] for each in (model, other))
     residual = (model.evidence.torque_Nm - model.expected(values))[good]
     return SmoothFit(values, slopes, instruments, residual, good)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +42,14 @@ class Uncertainty:
 
     covariance: FloatArray
     half_width: FloatArray
+
+    def wider(self, moved: Sequence[FloatArray]) -> Uncertainty:
+        """The same where other choices, no worse, move the estimates by (k,) each: a bias of that size is possible."""
+        if not moved:
+            return self
+        bias = sum((np.outer(each, each) for each in moved), np.zeros_like(self.covariance))
+        half = np.hypot(self.half_width, scipy.stats.norm.ppf(0.975) * np.sqrt(np.diag(bias)))
+        return Uncertainty(self.covariance + bias, half)
 
     def estimate(self, number: int, value: float) -> Estimate:
         """One of them with its uncertainty."""

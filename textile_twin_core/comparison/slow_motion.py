@@ -1,0 +1,25 @@
+"""The slow part of the shaft's acceleration: instruments where the motion repeats too little or goes by the torque."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
+
+
+def slow_motion(track: ShaftTrack, order: float, rest_rad_s: float) -> ShaftTrack:
+    """The track with its acceleration passed through a Gaussian that halves waves of an order of the turn.
+
+    The errors of an estimated acceleration grow with the square of the frequency; what is left here has hardly any.
+    `order` is taken at the median speed above `rest_rad_s`; a track at rest stays as it is.
+    """
+    moving = np.abs(track.omega_rad_s) > rest_rad_s
+    if not moving.any():
+        return track
+    a_turn = TURN / (float(np.median(np.abs(track.omega_rad_s[moving]))) * float(np.median(np.diff(track.time_s))))
+    # A Gaussian of deviation s samples passes exp(-2 (pi s f)^2) of a frequency f a sample.
+    deviation = np.sqrt(0.5 * np.log(2.0)) * a_turn / (np.pi * order)
+    return replace(track, alpha_rad_s2=scipy.ndimage.gaussian_filter1d(track.alpha_rad_s2, deviation))
