@@ -17,6 +17,8 @@ from textile_twin_ros.twin_outputs import topics_of
 INPUTS = ["main_shaft/angle", "balancing_torque/measured"]
 # Queues hold some minutes of 500 Hz: a busy computer then delays but loses nothing.
 DEPTH = 100_000
+# What is lost on the way is sent again after three seconds, by Fast DDS's own settings: a pause of that is no end.
+IDLE_S = 10.0
 
 
 def nodes(context: LaunchContext) -> list[Action]:
@@ -32,7 +34,7 @@ def nodes(context: LaunchContext) -> list[Action]:
             {
                 "bag": LaunchConfiguration("out"),
                 "topics": inputs + outputs,
-                "stop_when_idle_s": 2.0,
+                "stop_when_idle_s": IDLE_S,
                 "rate_hz": float(DEPTH),
                 "queue_s": 1.0,
             }

@@ -92,6 +92,8 @@ def test_a_recording_of_any_machine_is_launched(
     assert not {topic for topic in parameters["twin_node"]["wait_for"] if topic.endswith("/position")} - outputs
     assert set(parameters["record_node"]["topics"]) >= outputs
     assert parameters["replay_node"]["wait_for"] == inputs
+    heartbeat_s = 3.0  # of a reliable writer, by Fast DDS's own settings: until then it may send nothing again
+    assert parameters["record_node"]["stop_when_idle_s"] > 2.0 * heartbeat_s
 
 
 def test_layouts_show_topics_of_the_suite() -> None:
