@@ -3,34 +3,38 @@
 ros2 launch textile_twin_ros replay.launch.py bag:=bags/tufting_160rpm_synthetic out:=out/recording rate:=4.0
 """
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, RegisterEventHandler, Shutdown
+from launch import Action, LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, RegisterEventHandler, Shutdown
 from launch.event_handlers import OnProcessExit
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from textile_twin_core.recordings import open_bag
+from textile_twin_ros.machine import load_machine
+from textile_twin_ros.twin_outputs import topics_of
+
 INPUTS = ["main_shaft/angle", "balancing_torque/measured"]
-OUTPUTS = [
-    "balancing_torque/predicted",
-    "balancing_torque/predicted_sigma",
-    "balancing_torque/residual",
-    "needle/position",
-    "joint_states",
-]
 # Queues hold some minutes of 500 Hz: a busy computer then delays but loses nothing.
 DEPTH = 100_000
+# What is lost on the way is sent again after three seconds, by Fast DDS's own settings: a pause of that is no end.
+IDLE_S = 10.0
 
 
-def generate_launch_description() -> LaunchDescription:
+def nodes(context: LaunchContext) -> list[Action]:
+    """Recorder, twin of the machine with all that it has to say, and the player."""
+    machine, bag = (LaunchConfiguration(name).perform(context) for name in ("machine", "bag"))
+    outputs = list(topics_of(load_machine(machine)))
+    # A machine without a torque sensor has no torque in its recordings.
+    inputs = [topic for topic in INPUTS if any(name.endswith(f"/{topic}") for name in open_bag(bag).topics)]
     recorder = Node(
         package="textile_twin_ros",
         executable="record_node",
         parameters=[
             {
                 "bag": LaunchConfiguration("out"),
-                "topics": INPUTS + OUTPUTS,
-                "stop_when_idle_s": 2.0,
+                "topics": inputs + outputs,
+                "stop_when_idle_s": IDLE_S,
                 "rate_hz": float(DEPTH),
                 "queue_s": 1.0,
             }
@@ -40,7 +44,7 @@ def generate_launch_description() -> LaunchDescription:
     twin = Node(
         package="textile_twin_ros",
         executable="twin_node",
-        parameters=[{"machine": LaunchConfiguration("machine"), "wait_for": OUTPUTS, "qos_depth": DEPTH}],
+        parameters=[{"machine": machine, "wait_for": outputs, "qos_depth": DEPTH}],
         output="screen",
     )
     replay = Node(
@@ -48,23 +52,25 @@ def generate_launch_description() -> LaunchDescription:
         executable="replay_node",
         parameters=[
             {
-                "bag": LaunchConfiguration("bag"),
+                "bag": bag,
                 "rate": ParameterValue(LaunchConfiguration("rate"), value_type=float),
-                "wait_for": [f"{topic}=2" for topic in INPUTS],
+                "wait_for": [f"{topic}=2" for topic in inputs],
                 "qos_depth": DEPTH,
             }
         ],
         output="screen",
     )
+    done = RegisterEventHandler(OnProcessExit(target_action=recorder, on_exit=[Shutdown(reason="recorded")]))
+    return [recorder, twin, replay, done]
+
+
+def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument("bag", description="the recording to play"),
             DeclareLaunchArgument("out", default_value="out/recording", description="the recording to write"),
             DeclareLaunchArgument("machine", default_value="tufting", description="machine name or machine file"),
             DeclareLaunchArgument("rate", default_value="1.0", description="speed of playing"),
-            recorder,
-            twin,
-            replay,
-            RegisterEventHandler(OnProcessExit(target_action=recorder, on_exit=[Shutdown(reason="recorded")])),
+            OpaqueFunction(function=nodes),
         ]
     )

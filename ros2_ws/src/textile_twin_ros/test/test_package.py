@@ -5,9 +5,13 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import json
+import runpy
+import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from unittest.mock import MagicMock
 
+import numpy as np
 import pytest
 import yaml
 
@@ -15,6 +19,7 @@ from textile_twin_ros.own_topics import OwnTopics
 
 PACKAGE = Path(__file__).parent.parent
 NODES = ("twin_node", "replay_node", "record_node", "shaft_node", "view_node", "plc_node", "opcua_node", "monitor_node")
+TORQUE_IN = "balancing_torque/measured=2"
 
 
 @pytest.mark.parametrize("node", NODES)
@@ -54,6 +59,41 @@ def test_launch_files_are_python() -> None:
     assert files
     for file in files:
         compile(file.read_text(), str(file), "exec")
+
+
+@pytest.mark.parametrize(
+    ("machine", "outputs", "inputs"),
+    [
+        ("tufting", {"needle/position", "balancing_torque/residual"}, ["main_shaft/angle=2", TORQUE_IN]),
+        ("handloom_beatup", {"beater/position", "balancing_torque/residual"}, ["main_shaft/angle=2", TORQUE_IN]),
+        ("elliptic_gear_beatup", {"sley/position", "joint_states"}, ["main_shaft/angle=2"]),
+        ("needle_transfer", {"joint_states", "contact_events"}, ["main_shaft/angle=2"]),
+    ],
+)
+def test_a_recording_of_any_machine_is_launched(
+    machine: str, outputs: set[str], inputs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the nodes are told, without the launch system, which the wheels do not have."""
+    recordings = pytest.importorskip("textile_twin_core.recordings")
+    with recordings.BagWriter(tmp_path / "bag") as bag:
+        bag.write_joint_states("main_shaft/angle", np.arange(3), ["main_shaft"], np.zeros(3))
+        if TORQUE_IN in inputs:
+            bag.write_wrenches("balancing_torque/measured", np.arange(3), np.zeros(3))
+    arguments = {"machine": machine, "bag": str(tmp_path / "bag")}
+    for name in ("", ".actions", ".event_handlers", ".substitutions"):
+        monkeypatch.setitem(sys.modules, f"launch{name}", MagicMock())
+    for name in ("", ".actions", ".parameter_descriptions"):
+        monkeypatch.setitem(sys.modules, f"launch_ros{name}", MagicMock())
+    sys.modules["launch.substitutions"].LaunchConfiguration = lambda name: MagicMock(perform=lambda _: arguments[name])
+    sys.modules["launch_ros.actions"].Node = MagicMock(side_effect=lambda **told: told)
+    told = runpy.run_path(str(PACKAGE / "launch" / "replay.launch.py"))["nodes"](None)
+    parameters = {node["executable"]: node["parameters"][0] for node in told if isinstance(node, dict)}
+    assert set(parameters["twin_node"]["wait_for"]) >= outputs
+    assert not {topic for topic in parameters["twin_node"]["wait_for"] if topic.endswith("/position")} - outputs
+    assert set(parameters["record_node"]["topics"]) >= outputs
+    assert parameters["replay_node"]["wait_for"] == inputs
+    heartbeat_s = 3.0  # of a reliable writer, by Fast DDS's own settings: until then it may send nothing again
+    assert parameters["record_node"]["stop_when_idle_s"] > 2.0 * heartbeat_s
 
 
 def test_layouts_show_topics_of_the_suite() -> None:

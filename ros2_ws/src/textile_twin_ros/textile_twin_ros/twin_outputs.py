@@ -13,6 +13,7 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.message_types import JOINT_STATE, POINT, WRENCH
 from textile_twin_core.twin import HistoryTwin, Twin
 from textile_twin_core.twin.session import Sample
+from textile_twin_ros import contact_events
 from textile_twin_ros.messages import SECOND_NS, JointTemplate, PointTemplate, WrenchTemplate
 
 TORQUE = "balancing_torque_Nm"
@@ -136,6 +137,16 @@ def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float]) -> list[
         outputs.append(TorqueOutput(SIGMA_TOPIC, lambda sample: sample.torque_sigma_Nm))
     outputs += [PointOutput(f"{measure}/position", point) for measure, point in machine.tools.items()]
     return [*outputs, JointOutput(machine, joint_rate_hz)]
+
+
+def topics_of(machine: AnyMachine) -> dict[str, str]:
+    """Every topic that comes of a machine's samples, with its message type."""
+    topics = {output.topic: output.msgtype for output in outputs_of(machine, lambda: 0.0)}
+    if machine.tells_torque:
+        topics[RESIDUAL_TOPIC] = WRENCH
+    if machine.has_history:
+        topics[contact_events.TOPIC] = contact_events.MSGTYPE
+    return topics
 
 
 def twins_of(machine: AnyMachine) -> CompileTwin:

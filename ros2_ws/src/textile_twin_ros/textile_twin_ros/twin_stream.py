@@ -12,7 +12,6 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_jumps
 from textile_twin_core.machine import AnyMachine
-from textile_twin_core.recordings.message_types import WRENCH
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_core.twin.session import Sample
@@ -29,6 +28,7 @@ from textile_twin_ros.twin_outputs import (
     Output,
     ResidualMessages,
     outputs_of,
+    topics_of,
     twins_of,
 )
 
@@ -80,11 +80,6 @@ class TwinStream:
         self._wants_residual = self._wants_sigma = False
         self._calls: list[tuple[Callable[[Sample], bytes | None], Send]] = []
         self._warm_up()
-        topics = {output.topic: output.msgtype for output in self._outputs}
-        if self._has_torque:
-            topics[RESIDUAL_TOPIC] = WRENCH
-        if self._has_history:
-            topics[contact_events.TOPIC] = contact_events.MSGTYPE
         self.publishers: dict[str, LifecyclePublisher] = {
             topic: node.create_lifecycle_publisher(
                 message_class(msgtype),
@@ -92,7 +87,7 @@ class TwinStream:
                 samples_qos(depth),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             )
-            for topic, msgtype in topics.items()
+            for topic, msgtype in topics_of(machine).items()
         }
 
     def destroy(self) -> None:
