@@ -15,7 +15,7 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
 from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, shaft_angles, write_bag
-from textile_twin_ros.view_feeds import ElementFeed
+from textile_twin_ros.view_feeds import ElementFeed, LinkageFeed
 
 rerun_chunk = pytest.importorskip("rerun.chunk")
 
@@ -149,3 +149,25 @@ def test_elements_are_drawn_together_whichever_was_heard_first() -> None:
         feed.hand_over()
     np.testing.assert_array_equal(np.concatenate([stamps for stamps, *_ in drawn]), [2_000_000, 4_000_000, 5_000_000])
     np.testing.assert_array_equal(np.concatenate([places for _, places, _ in drawn]).T, [[2.0, 4.0, 5.0]] * 3)
+
+
+def test_predictions_whose_joint_states_nobody_sends_are_forgotten_in_time() -> None:
+    """An hour of them would fill the computer's memory; with joint states again the newest are drawn."""
+    takers, drawn = {}, []
+    view = SimpleNamespace(
+        tells_torque=True,
+        add_predicted=lambda stamps, *more: drawn.append(stamps),
+        add_measured=lambda *none: None,
+        add_residual=lambda *none: None,
+    )
+    feed = LinkageFeed(view, lambda topic, *told: takers.setdefault(topic, told[-1]))  # type: ignore[arg-type]
+    count = 120_000
+    for first in range(0, count, 1000):
+        takers["balancing_torque/predicted"]([(stamp, 1.0) for stamp in range(first, first + 1000)])
+        feed.hand_over()
+    assert not drawn
+    takers["joint_states"]([(0, 0.0), (count, 1.0)])
+    feed.hand_over()
+    (stamps,) = drawn
+    assert stamps[-1] == count - 1
+    assert 1000 < stamps.size < count / 2

@@ -21,8 +21,8 @@ Listen = Callable[[str, Kind, str, Callable[[list[Sample]], None]], SampleInput]
 """Opens an input: topic, kind, joint, what takes its samples."""
 
 
-_MOST_WAITING = 10_000
-"""Samples of an element that wait for the others' at most."""
+_MOST_WAITING = 50_000
+"""Samples of a topic or an element that wait for the others' at most."""
 
 
 class Feed(Protocol):
@@ -75,6 +75,8 @@ class LinkageFeed:
                 stamps, values = _columns(samples)
                 add(stamps + self._shift_ns, values)
                 samples.clear()
+        for samples in self._samples.values():  # predictions without joint states would wait for ever
+            del samples[:-_MOST_WAITING]
 
     def _follow_restart(self) -> None:
         """Where a recording is played once more, the view's time goes on: what comes now is shown a second later."""
