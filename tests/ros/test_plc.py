@@ -13,12 +13,13 @@ import pytest
 pytest.importorskip("pymodbus")
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
 from pymodbus.client import ModbusTcpClient
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from tests.ros.bridged import Bridged
-from tests.ros.suite import SECOND_NS, Suite
+from tests.ros.suite import RELIABLE, SECOND_NS, Suite
 from textile_twin_core.errors import SceneError
 from textile_twin_ros.plc_registers import Register, Registers
 
@@ -164,6 +165,29 @@ def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
     bridge.wait_for_words("trying again every second")
     suite.spin_until(lambda: told[-1].level == DiagnosticStatus.ERROR, "diagnostics of the lost PLC")
     assert bridge.end() == 0 and "Traceback" not in bridge.words()
+
+
+def test_a_plc_that_refuses_predictions_and_begins_anew_gives_angles_all_the_same(suite: Suite, plc: Plc) -> None:
+    """It has no register 200; its program, started once more, counts its samples from one on."""
+    plc.set(14, [499])
+    heard = Bridged(suite.node(), "plc_node: plc")
+    words = ["sequence:=14:uint16", "predicted:=200:float32", "rate_hz:=200.0"]
+    bridge = suite.start("plc_node", "host:=127.0.0.1", f"port:={plc.port}", "angle:=10:uint32", *words)
+    bridge.wait_for_words("reading 127.0.0.1")
+    twin = suite.node().create_publisher(WrenchStamped, "balancing_torque/predicted", RELIABLE)
+    suite.spin_until(lambda: twin.get_subscription_count() == 2, "the bridge on predictions")
+    for number in [*range(500, 560), *range(1, 60)]:
+        plc.set(14, [number])
+        twin.publish(WrenchStamped())
+        suite.spin_for(0.02)
+    bridge.wait_for_words("the PLC does not take register 200")
+    suite.spin_until(lambda: heard.told and "does not take" in heard.told[-1].message, "diagnostics")
+    counts = {entry.key: int(entry.value) for entry in heard.told[-1].values}
+    assert heard.told[-1].level == DiagnosticStatus.WARN
+    assert counts["failures"] == 0
+    assert counts["received"] > 90 and counts["received"] + counts["missed"] <= 121
+    assert len(heard.angles) > 90
+    assert bridge.end() == 0
 
 
 @pytest.mark.parametrize("text", ["4", "x:int16", "4:int8", "-1:int16", "70000:int16", "4:float32:2"])

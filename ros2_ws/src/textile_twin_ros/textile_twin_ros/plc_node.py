@@ -19,7 +19,7 @@ from textile_twin_ros.health import Recent
 from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplate
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.plc_registers import Register, Registers
+from textile_twin_ros.plc_registers import RefusedError, Register, Registers
 from textile_twin_ros.sending import Send, patient
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
@@ -73,7 +73,7 @@ class PlcNode(Node):
         self._client = ModbusTcpClient(settings.host, port=settings.port, timeout=settings.timeout_s, retries=0)
         self._registers = Registers(self._client, settings.table, values, settings.device, settings.word_order)
         self.counts: Counter[str] = Counter(received=0, missed=0, failures=0)
-        self._recent, self._trouble = Recent(), "not connected yet"
+        self._recent, self._trouble, self._refusal = Recent(), "not connected yet", ""
         self._last_sequence: int | None = None
         self._latest: float | None = None
         self._create_topics(has_torque=values["torque"] is not None)
@@ -127,14 +127,23 @@ class PlcNode(Node):
             values = self._registers.read()
             stamp = (before + self.get_clock().now().nanoseconds) // 2
             self._give(stamp, values)
-            latest, self._latest = self._latest, None
-            if self._predicted is not None and latest is not None and math.isfinite(latest):
-                self._registers.write(self._predicted, latest)
+            self._write_prediction()
         except ModbusException as error:
             raise OSError(str(error)) from error
         if self._trouble:
             self.get_logger().info(f"reading {self.settings.host}:{self.settings.port}")
             self._trouble = ""
+
+    def _write_prediction(self) -> None:
+        """Into its register; a PLC that does not take it gives angles all the same."""
+        latest, self._latest = self._latest, None
+        if self._predicted is None or self._refusal or latest is None or not math.isfinite(latest):
+            return
+        try:
+            self._registers.write(self._predicted, latest)
+        except RefusedError as error:
+            self._refusal = f"{error}; not tried again until it is connected anew: see parameter 'predicted'"
+            self.get_logger().warning(f"{self.settings.host}:{self.settings.port}: {self._refusal}")
 
     def _give(self, stamp_ns: int, values: dict[str, float]) -> None:
         if self._sequence_bits:
@@ -142,7 +151,9 @@ class PlcNode(Node):
             if sequence == self._last_sequence:
                 return
             if self._last_sequence is not None:
-                self.counts["missed"] += (sequence - self._last_sequence) % (1 << self._sequence_bits) - 1
+                ahead = (sequence - self._last_sequence) % (1 << self._sequence_bits)
+                if 2 * ahead < 1 << self._sequence_bits:  # else the PLC's program began anew
+                    self.counts["missed"] += ahead - 1
             self._last_sequence = sequence
         self.counts["received"] += 1
         self._send_angle(self._angle.message(stamp_ns, values["angle"] * self.settings.angle_unit_rad))
@@ -152,7 +163,7 @@ class PlcNode(Node):
 
     def _fail(self, error: OSError) -> None:
         self._client.close()
-        self._last_sequence = None
+        self._last_sequence, self._refusal = None, ""
         self.counts["failures"] += 1
         text = " ".join(str(error).split())
         if text != self._trouble:
@@ -166,6 +177,8 @@ class PlcNode(Node):
         if growth["missed"] or growth["failures"]:
             text = f"{growth['missed']:.0f} samples missed, {growth['failures']:.0f} failures; raise rate_hz"
             return [Status("plc", WARN, text, self.counts)]
+        if self._refusal:
+            return [Status("plc", WARN, self._refusal, self.counts)]
         return [Status("plc", OK, f"{self.counts['received']} samples", self.counts)]
 
 

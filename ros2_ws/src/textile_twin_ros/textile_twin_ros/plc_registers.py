@@ -58,6 +58,10 @@ def nearest(kind: str, value: float) -> int | float:
     return min(max(round(value), int(limits.min)), int(limits.max))
 
 
+class RefusedError(OSError):
+    """The PLC answers, but does not take a value."""
+
+
 class Registers:
     """Named values read in one request.
 
@@ -101,13 +105,14 @@ class Registers:
         """Write one value into holding registers, the nearest that they can hold.
 
         Raises:
-            OSError: the PLC does not take it.
+            RefusedError: the PLC does not take it.
+            OSError: the PLC does not answer.
         """
         kind = self._client.DATATYPE[register.kind.upper()]
         words = self._client.convert_to_registers(nearest(register.kind, value), kind, self._word_order)
         answer = self._client.write_registers(register.address, words, device_id=self._device)
         if answer.isError():
-            raise OSError(f"the PLC does not take register {register.address}: {answer}")
+            raise RefusedError(f"the PLC does not take register {register.address}: {answer}")
 
     def _decode(self, words: list[int], register: Register) -> float:
         start = register.address - self._first
