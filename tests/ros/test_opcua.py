@@ -16,9 +16,10 @@ pytest.importorskip("asyncua")
 
 from asyncua import Client, Server, ua
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
 
 from tests.ros.bridged import Bridged
-from tests.ros.suite import SECOND_NS, Suite
+from tests.ros.suite import RELIABLE, SECOND_NS, Suite
 from tests.ros.test_live_topics import stamp_of
 from textile_twin_ros.opcua_values import Values
 
@@ -183,6 +184,27 @@ def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
     program = suite.start("opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", "angle:='ns=2;s=Angel'")
     program.wait_for_words("angle, ns=2;s=Angel: BadNodeIdUnknown; trying again every second")
     assert program.end() == 0
+
+
+@pytest.mark.slow
+def test_a_server_that_refuses_predictions_gives_angles_all_the_same(suite: Suite, plc: Plc) -> None:
+    """Its own level of service is nobody's to write."""
+    heard = Bridged(suite.node(), "opcua_node: plc")
+    words = ["angle:='ns=2;s=Angle'", "predicted:='i=2267'", "timeout_s:=20.0"]
+    bridge = suite.start("opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", *words)
+    bridge.wait_for_words("reading opc.tcp")
+    twin = suite.node().create_publisher(WrenchStamped, "balancing_torque/predicted", RELIABLE)
+    suite.spin_until(lambda: twin.get_subscription_count() == 2, "the bridge on predictions")
+    for number in range(120):
+        plc.call(plc.cycle(number))
+        twin.publish(WrenchStamped())
+        suite.spin_for(0.02)
+    bridge.wait_for_words("the server does not take 'i=2267'")
+    suite.spin_until(lambda: heard.told and "does not take" in heard.told[-1].message, "diagnostics")
+    assert heard.told[-1].level == DiagnosticStatus.WARN
+    assert {entry.key: entry.value for entry in heard.told[-1].values}["failures"] == "0"
+    assert len(heard.angles) > 100
+    assert bridge.end() == 0
 
 
 @pytest.mark.parametrize(

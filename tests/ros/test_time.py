@@ -35,6 +35,15 @@ def test_a_stop_ends_the_waiting() -> None:
     assert not Pace(stop).wait_until(1000.0)
 
 
+def test_a_rate_that_is_raised_ends_a_long_pause() -> None:
+    pace = Pace(threading.Event(), rate=1.0)
+    waiting = threading.Thread(target=pace.wait_until, args=(3600.0,), daemon=True)
+    waiting.start()
+    pace.set_rate(1e5)
+    waiting.join(60.0)
+    assert not waiting.is_alive()
+
+
 @given(st.lists(st.integers(0, 900_000_000), max_size=60))
 def test_late_samples_are_no_restart(late_ns: list[int]) -> None:
     watch = RestartWatch()

@@ -67,7 +67,7 @@ class OpcuaNode(Node):
         super().__init__("opcua_node")
         # What becomes of the connection is told by this node, in its own words.
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)
-        self._create_client, self._failures = Client, (OSError, UaError)
+        self._create_client, self._refused, self._failures = Client, UaError, (OSError, UaError)
         self.settings = settings = declare(self, OpcuaParameters)
         self.executor_name = settings.executor
         self.finished = Future()
@@ -77,7 +77,7 @@ class OpcuaNode(Node):
             raise SceneError("parameter 'angle' is not set: give the variable's node id, such as ns=2;s=Loom.Angle")
         self._ids = {name: self._node_id(name) for name in ("angle", "torque", "predicted") if getattr(settings, name)}
         self.counts: Counter[str] = Counter(angles=0, torques=0, unfit=0, overflows=0, failures=0)
-        self._recent, self._trouble = Recent(), "not connected yet"
+        self._recent, self._trouble, self._refusal = Recent(), "not connected yet", ""
         self._latest: float | None = None
         self._create_topics()
         self._diagnostics = DiagnosticsPublisher(self, lambda: settings.url, self._statuses)
@@ -143,16 +143,29 @@ class OpcuaNode(Node):
         listened: dict[str, Any] = {name: self._ids[name] for name in ("angle", "torque") if name in self._ids}
         await values.subscribe(listened, {"angle": self._give_angle, "torque": self._give_torque})
         self.get_logger().info(f"reading {settings.url}")
-        self._trouble = ""
+        self._trouble = self._refusal = ""
         looks = 0
         while not self._stop.is_set():
             await asyncio.sleep(_WRITE_S)
             latest, self._latest = self._latest, None
-            if latest is not None and math.isfinite(latest):
-                await values.write(self._ids["predicted"], latest)
+            if latest is not None and math.isfinite(latest) and not self._refusal:
+                await self._write_prediction(client, values, latest)
             looks += 1
             if looks % round(_CHECK_S / _WRITE_S) == 0:
                 await client.check_connection()
+
+    async def _write_prediction(self, client: Client, values: Values, torque_Nm: float) -> None:
+        """Into its variable; a server that does not take it gives angles all the same."""
+        try:
+            await values.write(self._ids["predicted"], torque_Nm)
+        except self._refused as error:
+            await client.check_connection()
+            why = " ".join(str(error).split()) or type(error).__name__
+            self._refusal = (
+                f"the server does not take '{self.settings.predicted}': {why}; not tried again until it is connected"
+                " anew: see parameter 'predicted'"
+            )
+            self.get_logger().warning(f"{self.settings.url}: {self._refusal}")
 
     def _give_angle(self, value: Value) -> None:
         number = self._number(value)
@@ -191,6 +204,8 @@ class OpcuaNode(Node):
         if wrong:
             text = ", ".join(f"{count:.0f} {name}" for name, count in wrong.items())
             return [Status("plc", WARN, f"{text} in the last seconds", self.counts)]
+        if self._refusal:
+            return [Status("plc", WARN, self._refusal, self.counts)]
         return [Status("plc", OK, f"{self.counts['angles']} angles", self.counts)]
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import threading
 import time
 
+_LONGEST_S = 0.1
+"""Until it is looked again how long it takes: the rate may be another meanwhile."""
+
 
 class Pace:
     """Waits until moments of a recorded or simulated time, played at a rate.
@@ -16,24 +19,23 @@ class Pace:
 
     def __init__(self, stop: threading.Event, rate: float = 1.0) -> None:
         self._stop = stop
-        self._rate = rate
-        self.start()
+        self._begun = (time.monotonic(), 0.0, rate)  # real time, played time, and the rate since then, set at once
 
     def start(self) -> None:
         """Begin at played time 0 now."""
-        self._real_s = time.monotonic()
-        self._played_s = 0.0
+        self._begun = (time.monotonic(), 0.0, self._begun[2])
 
     def set_rate(self, rate: float) -> None:
         """Go on at another rate from here."""
-        now = time.monotonic()
-        self._played_s += (now - self._real_s) * self._rate
-        self._real_s = now
-        self._rate = rate
+        (real_s, played_s, before), now = self._begun, time.monotonic()
+        self._begun = (now, played_s + (now - real_s) * before, rate)
 
     def wait_until(self, played_s: float) -> bool:
         """Wait until this many seconds of played time have passed since the start; False when told to stop."""
-        remaining = (played_s - self._played_s) / self._rate - (time.monotonic() - self._real_s)
-        if remaining > 0.0:
-            return not self._stop.wait(remaining)
-        return not self._stop.is_set()
+        while not self._stop.is_set():
+            real_s, begun_s, rate = self._begun
+            remaining = (played_s - begun_s) / rate - (time.monotonic() - real_s)
+            if remaining <= 0.0:
+                return True
+            self._stop.wait(min(remaining, _LONGEST_S))
+        return False
