@@ -67,3 +67,19 @@ def test_ripple_is_found_after_the_run_up_of_a_wheel(seed: int) -> None:
     late = states.stamps > 10.0
     alpha = motion.at(states.stamps[late])[2]
     assert np.sqrt(np.mean((states.alpha_rad_s2[late] - alpha) ** 2)) < 0.02 * np.sqrt(np.mean(alpha**2))
+
+
+def test_a_great_ripple_that_is_seen_for_the_first_time_shakes_the_speed_little() -> None:
+    """By 20 and 30 % of the speed: weighed without its second order it is off by 2.6 % at worst, with it by 1.1 %."""
+    worst = []
+    for size, phase, speed, bits in ((0.2, 4.0, 10.0, 16), (0.3, 5.0, 20.0, 16), (0.2, 3.0, 40.0, 12)):
+        waves = np.array([[1.0, size, phase], [2.0, size / 3.0, 2.0 * phase]])
+        steady = np.full(3001, speed)
+        motion = ShaftMotion.solve(Law(1e-3, 0.0 * steady, steady, 3.0, waves, steady / speed), 0.3)
+        time, step = np.arange(1, 1450) / 500.0, TURN / 2**bits
+        theta, omega, _ = motion.at(time)
+        states = create_estimator("causal").step(time, np.round(theta / step) * step)
+        turned = (theta[states.index] - theta[0]) / TURN
+        off = np.abs(states.omega_rad_s - omega[states.index])[(turned > 1.1) & (turned < 2.5)]
+        worst.append(np.max(off) / speed)
+    assert np.exp(np.mean(np.log(worst))) < 0.017
