@@ -89,3 +89,18 @@ def test_a_parameter_that_cannot_be_negative_stops_at_zero() -> None:
 def test_without_a_whole_turn_the_motion_stays() -> None:
     track = ShaftTrack(TIME[:500], 0.5 * TIME[:500], np.full(500, 0.5), np.zeros(500), 0.01)
     assert repeating_motion(track, 1, 0.01) is track
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_instruments_that_tell_nothing_lead_nowhere(seed: int) -> None:
+    """On a motion of another record the steps would run away: least squares stay."""
+    model, _, values, away = record(seed, "of each sample")
+    least = least_squares_fit(model, values, FREE, away, 10)
+    rng = np.random.default_rng([seed, 41])
+    track = model.evidence.track
+    strange = replace(
+        track, theta_rad=rng.permutation(track.theta_rad), alpha_rad_s2=100.0 * rng.standard_normal(track.time_s.size)
+    )
+    fit = instrumented_fit(model, strange, least, FREE, away)
+    before = np.std((model.evidence.torque_Nm - model.expected(least))[fit.good])
+    assert np.std(fit.residual) < 2.0 * before

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy
 
-from textile_twin_core.comparison.uncertainty import pseudo_residuals, uncertainty_by_turns
+from textile_twin_core.comparison.uncertainty import Uncertainty, pseudo_residuals, uncertainty_by_turns
 
 
 def by_definition(slopes: np.ndarray, left: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -100,3 +100,11 @@ def test_two_turns_that_agree_by_chance_are_no_surer_than_their_samples() -> Non
         alone = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)) * np.mean(pseudo_residuals(residual) ** 2))
         assert (np.sqrt(np.diag(found.covariance)) >= (1.0 - 1e-9) * alone).all()
         assert (found.half_width >= 1.95 * alone).all()
+
+
+def test_what_other_choices_move_an_estimate_by_is_in_its_interval() -> None:
+    known = Uncertainty(np.diag([4.0, 9.0]), np.array([5.0, 7.0]))
+    wider = known.wider([np.array([3.0, 0.0]), np.array([0.0, -4.0])])
+    np.testing.assert_allclose(np.sqrt(np.diag(wider.covariance)), [np.sqrt(13.0), 5.0])
+    np.testing.assert_allclose(wider.half_width, [np.hypot(5.0, 1.96 * 3.0), np.hypot(7.0, 1.96 * 4.0)], rtol=1e-4)
+    assert known.wider([]) is known
