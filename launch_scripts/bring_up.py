@@ -19,6 +19,7 @@ from this_computer import this_computer_alone
 PATIENCE_S = 10.0
 """How long a program may take to end by itself before it is killed."""
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end all."""
 REVIVAL_S, SHORT_LIFE_S = 1.0, 10.0
 """Pause before a program is started again, and how long it must have lived: what dies at once would do so again."""
 
