@@ -50,10 +50,14 @@ def test_what_is_left_out_of_a_clock_set_back_is_of_one_part(
     assert "as the machine file says" in told.out and told.err == ""
 
 
-def test_a_torque_whose_clock_was_set_back_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("command", [["compare"], ["monitor", "--learn", "5"]])
+def test_a_torque_whose_clock_was_set_back_alone(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     bag = write(tmp_path / "bag", replace(MADE, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 16.0)))
-    assert main(["compare", str(bag), "--machine", "tufting"]) == 0
-    assert "topic /balancing_torque/measured: a clock was set back" in capsys.readouterr().err
+    assert main([command[0], str(bag), "--machine", "tufting", *command[1:]]) == 0
+    told = capsys.readouterr()
+    assert "topic /balancing_torque/measured: a clock was set back" in told.err + told.out
 
 
 def test_a_replay_leaves_out_torque_as_the_other_commands_do(

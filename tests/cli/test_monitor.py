@@ -101,6 +101,16 @@ def test_a_recording_that_cannot_be_watched_is_told_by_the_exit_code(
     assert "1 alarms in 1 recordings; 1 of 2 recordings could not be watched: spoilt.mcap" in err
 
 
+def test_of_a_recording_that_was_cut_off_is_told_that_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path / "whole.mcap", "", 0.0, 991)
+    written = (tmp_path / "whole.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(written[: len(written) - 3000])
+    assert main(["monitor", str(tmp_path / "cut.mcap"), "--machine", "tufting", "--learn", "40"]) == 0
+    assert "cut.mcap: the recording was cut off" in capsys.readouterr().out
+
+
 def test_few_turns_to_learn_from_are_enough_to_be_alarmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Fewer than the moving mean looks back on; and recordings of one name are told apart, each watched once."""
     for place, kind in (("old", ""), ("new", "friction")):

@@ -18,6 +18,7 @@ from tests.ros.test_live_topics import stamp_of
 from textile_twin_core.machine import with_encoder
 from textile_twin_core.machines import tufting
 from textile_twin_core.recordings import BagWriter, open_bag
+from textile_twin_core.recordings.machine_topics import MachineTopics
 from textile_twin_core.recordings.replay import replay_bag
 from textile_twin_ros.messages import HeaderTemplate
 from textile_twin_ros.shaft_motion import TURN, Marks, SimulatedEncoder, SimulatedShaft
@@ -47,7 +48,8 @@ def test_edges_and_current_live_as_offline(suite: Suite, tmp_path: Path) -> None
             "balancing_torque/measured", np.array(currents), ["main_shaft"], None, None, np.full(len(currents), 3.0)
         )
     with BagWriter(tmp_path / "replayed") as out:
-        replay_bag(open_bag(tmp_path / "sent"), out, MACHINE, index_topic="main_shaft/index", torque_unit_Nm=UNIT_NM)
+        topics = MachineTopics(index="main_shaft/index", torque_unit_Nm=UNIT_NM)
+        replay_bag(open_bag(tmp_path / "sent"), out, MACHINE, recorded=topics)
     offline = open_bag(tmp_path / "replayed").read_torques("balancing_torque/predicted")
     residuals = open_bag(tmp_path / "replayed").read_torques("balancing_torque/residual")
 

@@ -11,9 +11,9 @@ from textile_twin_core.cli.arguments import shaft_settings
 from textile_twin_core.cli.compare import compare_recording
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.readings import read_angles, tell_unit
+from textile_twin_core.cli.sensor_options import topics_of
 from textile_twin_core.machine import AnyMachine, ContactMachine, Machine
 from textile_twin_core.recordings import open_bag
-from textile_twin_core.recordings.machine_topics import beside
 from textile_twin_core.recordings.predicted_topics import TORQUE
 from textile_twin_core.recordings.prediction import predictions
 from textile_twin_core.twin import Samples, compile_machine
@@ -46,7 +46,7 @@ def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) 
 def _holds_torque(arguments: argparse.Namespace) -> bool:
     """Whether a torque was recorded beside the angle."""
     bag = open_bag(arguments.bag)
-    return bag.has_topic(beside(bag, bag.find_topic(arguments.angle_topic).name, arguments.torque_topic))
+    return bag.has_topic(topics_of(arguments).torque_in(bag))
 
 
 def _write_elements(path: Path, arguments: argparse.Namespace, machine: ContactMachine) -> None:

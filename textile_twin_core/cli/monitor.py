@@ -13,7 +13,7 @@ from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.places import check_ending
 from textile_twin_core.cli.progress import on_terminal, stages
-from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
+from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
 from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.files import staged
 from textile_twin_core.recordings.monitored import Job, Watched, names_of, samples_of, trend_table, watch_bags
@@ -57,9 +57,8 @@ def run(arguments: argparse.Namespace) -> None:
     check_ending("--json", arguments.json, ".json")
     bags = _recordings(arguments.bags)
     settings = WatchSettings(learn_turns=arguments.learn)
-    topics = (arguments.angle_topic, arguments.torque_topic, arguments.joint, arguments.skip_bad_samples)
-    sensors = (arguments.index_topic, arguments.torque_unit, arguments.angle_unit_rad)
-    jobs = [Job(bag.resolve(), machine, settings, *topics, *sensors) for bag in bags]
+    topics = topics_of(arguments)
+    jobs = [Job(bag.resolve(), machine, settings, topics) for bag in bags]
     watched = _watch(jobs, arguments)
     watched.sort(key=lambda each: str(each.bag))
     for name, each in zip(names_of(watched), watched, strict=True):

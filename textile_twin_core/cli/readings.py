@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 
 from textile_twin_core.cli.mistakes import tell
+from textile_twin_core.cli.sensor_options import topics_of
 from textile_twin_core.comparison import Readings
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.bag import Bag
-from textile_twin_core.recordings.machine_topics import beside, clock_notes, unit_notes, usable_angles, usable_torques
+from textile_twin_core.recordings.machine_topics import unit_notes
+from textile_twin_core.recordings.recorded_clock import clock_notes
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 
@@ -20,15 +22,7 @@ def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag
     """
     bag = open_bag(arguments.bag)
     tell(*bag.notices)
-    angles = usable_angles(
-        bag,
-        machine.sensors.encoder,
-        arguments.angle_topic,
-        arguments.joint,
-        arguments.skip_bad_samples,
-        arguments.index_topic,
-        arguments.angle_unit_rad,
-    )
+    angles = topics_of(arguments).read_angles(bag, machine.sensors.encoder)
     tell(*clock_notes(angles))
     return bag, angles
 
@@ -41,9 +35,7 @@ def tell_unit(angles: AngleSamples) -> None:
 def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:
     """The same with the measured torque. Raises as read_angles does."""
     bag, angles = read_angles(arguments, machine)
-    topic = beside(bag, angles.topic, arguments.torque_topic)
-    measured = bag.read_torques(topic, arguments.joint, unit_Nm=arguments.torque_unit)
-    measured = usable_torques(measured, arguments.skip_bad_samples)
+    measured = topics_of(arguments).read_torques(bag)
     tell(*clock_notes(measured))
     return bag, angles, measured
 

@@ -11,7 +11,7 @@ from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.places import check_ending
 from textile_twin_core.cli.progress import progress
-from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
+from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
 from textile_twin_core.files import staged
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import BagWriter, open_bag
@@ -66,13 +66,7 @@ def _write_bag(arguments: argparse.Namespace, machine: AnyMachine) -> None:
             out,
             machine,
             shaft=arguments.shaft,
-            angle_topic=arguments.angle_topic,
-            torque_topic=arguments.torque_topic,
-            joint=arguments.joint,
-            skip_bad=arguments.skip_bad_samples,
-            index_topic=arguments.index_topic,
-            angle_unit_rad=arguments.angle_unit_rad,
-            torque_unit_Nm=arguments.torque_unit,
+            recorded=topics_of(arguments),
             progress=done,
             **shaft_settings(arguments),
         )

@@ -9,6 +9,7 @@ from textile_twin_core.cli.arguments import count, factor, positive
 from textile_twin_core.comparison.readings import ANGLE_TURNS, radians_of
 from textile_twin_core.machine import ENCODER_OPTIONS, with_encoder
 from textile_twin_core.machine.sensors import Encoder
+from textile_twin_core.recordings.machine_topics import MachineTopics
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.protocol import SomeMachine
@@ -62,3 +63,16 @@ def with_sensors(machine: SomeMachine, arguments: argparse.Namespace) -> SomeMac
     """The machine with the encoder that the arguments tell of. Raises MachineError."""
     given = {name: getattr(arguments, name) for name in ENCODER_OPTIONS}
     return with_encoder(machine, {name: value for name, value in given.items() if value is not None})
+
+
+def topics_of(arguments: argparse.Namespace) -> MachineTopics:
+    """Where the recording of the arguments holds angle and torque, by add_recording_topics and add_sensors."""
+    return MachineTopics(
+        arguments.angle_topic,
+        arguments.torque_topic,
+        arguments.joint,
+        arguments.index_topic,
+        arguments.angle_unit_rad,
+        arguments.torque_unit,
+        arguments.skip_bad_samples,
+    )

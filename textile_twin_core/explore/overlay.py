@@ -11,7 +11,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings import open_bag
-from textile_twin_core.recordings.machine_topics import beside, usable_angles
+from textile_twin_core.recordings.machine_topics import MachineTopics
 from textile_twin_core.recordings.prediction import recompute
 
 _BINS = 360
@@ -28,20 +28,14 @@ class Overlay:
     torque_Nm: FloatArray
 
 
-def overlay(
-    path: str | Path,
-    machine: Machine,
-    angle_topic: str = "main_shaft/angle",
-    torque_topic: str = "balancing_torque/measured",
-    joint: str = "main_shaft",
-) -> Overlay:
+def overlay(path: str | Path, machine: Machine) -> Overlay:
     """The measured torque of a recording by the angle that the machine's encoder gives, sensor delay, gain, offset out.
 
     Raises RecordingError where the recording cannot be read or holds no torque while the shaft moves.
     """
     bag = open_bag(Path(path))
-    angles = usable_angles(bag, machine.sensors.encoder, angle_topic, joint, True)
-    measured = bag.read_torques(beside(bag, angles.topic, torque_topic), joint)
+    topics = MachineTopics(skip_bad=True)
+    angles, measured = topics.read_angles(bag, machine.sensors.encoder), topics.read_torques(bag)
     shaft = recompute(angles, machine, "smooth", None)
     sensor = machine.sensors.torque
     begin = shaft.stamps_ns[0]

@@ -17,15 +17,8 @@ from textile_twin_core.comparison.monitor import monitor_recording
 from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag import open_bag
-from textile_twin_core.recordings.machine_topics import (
-    ANGLE_TOPIC,
-    MEASURED_TOPIC,
-    beside,
-    clock_notes,
-    unit_notes,
-    usable_angles,
-    usable_torques,
-)
+from textile_twin_core.recordings.machine_topics import MachineTopics, unit_notes
+from textile_twin_core.recordings.recorded_clock import clock_notes
 from textile_twin_core.recordings.recording import Progress
 
 
@@ -36,13 +29,7 @@ class Job:
     bag: Path
     machine: Machine
     settings: WatchSettings
-    angle_topic: str = ANGLE_TOPIC
-    torque_topic: str = MEASURED_TOPIC
-    joint: str = "main_shaft"
-    skip_bad: bool = False
-    index_topic: str | None = None
-    torque_unit_Nm: float = 1.0
-    angle_unit_rad: float = 1.0
+    topics: MachineTopics
 
 
 @dataclass(frozen=True)
@@ -62,7 +49,7 @@ class Watched:
 def samples_of(job: Job) -> int:
     """How many angles a recording holds; 0 of one that cannot be read."""
     try:
-        return open_bag(job.bag).find_topic(job.angle_topic).count
+        return open_bag(job.bag).find_topic(job.topics.angle).count
     except TwinError:
         return 0
 
@@ -71,11 +58,9 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
     """Watch one recording; a recording that cannot be read gives its error. `progress` as in `monitor_recording`."""
     try:
         bag = open_bag(job.bag)
-        topics = (job.angle_topic, job.joint, job.skip_bad, job.index_topic)
-        angles = usable_angles(bag, job.machine.sensors.encoder, *topics, job.angle_unit_rad)
-        notes = (*unit_notes(angles), *clock_notes(angles))
-        topic = beside(bag, angles.topic, job.torque_topic)
-        torque = usable_torques(bag.read_torques(topic, job.joint, unit_Nm=job.torque_unit_Nm), job.skip_bad)
+        angles = job.topics.read_angles(bag, job.machine.sensors.encoder)
+        torque = job.topics.read_torques(bag)
+        notes = (*bag.notices, *unit_notes(angles), *clock_notes(angles), *clock_notes(torque))
         readings = Readings(angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, angles.velocities)
         found = monitor_recording(readings, job.machine, job.settings, progress=progress)
     except TwinError as error:

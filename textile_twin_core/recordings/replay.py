@@ -12,18 +12,10 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.bag_write import BagWriter
 from textile_twin_core.recordings.cdr_encode import encode_string
-from textile_twin_core.recordings.machine_topics import (
-    ANGLE_TOPIC,
-    MEASURED_TOPIC,
-    beside,
-    clock_notes,
-    namespace_of,
-    unit_notes,
-    usable_angles,
-    usable_torques,
-)
+from textile_twin_core.recordings.machine_topics import MachineTopics, namespace_of, unit_notes
 from textile_twin_core.recordings.predicted_topics import TORQUE, PredictedTopics, predicted_topics
 from textile_twin_core.recordings.prediction import predictions
+from textile_twin_core.recordings.recorded_clock import clock_notes
 from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.recordings.rosbag2_metadata import LATCHED
 from textile_twin_core.recordings.samples import TorqueSamples
@@ -51,13 +43,7 @@ def replay_bag(
     machine: AnyMachine,
     *,
     shaft: str = "causal",
-    angle_topic: str = ANGLE_TOPIC,
-    torque_topic: str = MEASURED_TOPIC,
-    joint: str = "main_shaft",
-    skip_bad: bool = False,
-    index_topic: str | None = None,
-    angle_unit_rad: float = 1.0,
-    torque_unit_Nm: float = 1.0,
+    recorded: MachineTopics | None = None,
     progress: Progress | None = None,
     **shaft_settings: float,
 ) -> Replay:
@@ -68,9 +54,9 @@ def replay_bag(
     the measured torque, when the recording has one. A namespace of the angle's topic is kept. Topics of these names
     in the recording are not copied.
     """
-    angles = usable_angles(bag, machine.sensors.encoder, angle_topic, joint, skip_bad, index_topic, angle_unit_rad)
+    recorded = recorded or MachineTopics()
+    angles = recorded.read_angles(bag, machine.sensors.encoder)
     namespace = namespace_of(angles.topic)
-    torque_topic = beside(bag, angles.topic, torque_topic)
     topics = predicted_topics(machine)
     writer = _Predictions(topics, out, namespace)
     description = f"{namespace}/robot_description"
@@ -81,10 +67,10 @@ def replay_bag(
     out.write(description, bag.start_ns, encode_string(machine.urdf()))
     residual = None
     notes = [*unit_notes(angles), *clock_notes(angles)]
-    if topics.has_torque and bag.has_topic(torque_topic):
+    if topics.has_torque and bag.has_topic(recorded.torque_in(bag)):
         jumps = load_jumps(compile_machine(machine, [TORQUE]))
         stream = ResidualStream(machine.sensors.torque, jumps)
-        measured = usable_torques(bag.read_torques(torque_topic, joint, unit_Nm=torque_unit_Nm), skip_bad)
+        measured = recorded.read_torques(bag)
         notes += clock_notes(measured)
         residual = _Residual(stream, measured, out, writer.residual)
     session = compile_machine(machine, topics.outputs).session(shaft, **shaft_settings)
