@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
 from textile_twin_core.comparison.explain import Explanation, explain
 from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
@@ -166,7 +165,7 @@ def evidence_of(
     good = np.isfinite(readings.torque)
     good[1:] &= np.diff(stamps) > 0
     time: np.ndarray = (stamps[good] - origin_ns) * 1e-9
-    fast = fast_speed(track.omega_rad_s)
+    fast = track.fast_rad_s
     beside = min(LONGEST_DELAY_S, 0.5 * TURN / fast) if fast > 0.0 else LONGEST_DELAY_S  # for what delays are tried
     track = without_turns(track.between(time[0] - beside, time[-1] + beside), encoder_turn_rad)
     track, leaps = _unbroken(track)

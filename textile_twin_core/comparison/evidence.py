@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.shaft_track import ShaftTrack
 from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
-from textile_twin_core.comparison.turns import speed_spread
 
 _MOST_SAMPLES = 8000
 REST_SHARE = 0.05
@@ -83,8 +81,7 @@ class Evidence:
     )
 
     def __post_init__(self) -> None:
-        fast = fast_speed(self.track.omega_rad_s)
-        object.__setattr__(self, "rest_rad_s", REST_SHARE * fast)
+        object.__setattr__(self, "rest_rad_s", REST_SHARE * self.track.fast_rad_s)
 
     def thinned(self, most: int = _MOST_SAMPLES, at_one_speed: bool = False) -> Evidence:
         """The same with at most that many samples while the shaft turns, or turns at working speed, evenly taken."""
@@ -132,10 +129,6 @@ class Evidence:
         place = int(np.argmax(count))
         inside = (omega >= edges[place]) & (omega <= edges[place + 1])
         return float(np.median(omega[inside]))
-
-    def speed_spread(self) -> float:
-        """How far the mean speeds of whole turns differ (see `turns.speed_spread`)."""
-        return speed_spread(self.track)
 
     def turns_both_ways(self) -> bool:
         """Whether the shaft turns a share of the time in either direction."""

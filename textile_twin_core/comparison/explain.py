@@ -13,7 +13,6 @@ from textile_twin_core.comparison.rest import rest_reading
 from textile_twin_core.comparison.robust import huber_weights
 from textile_twin_core.comparison.search import (
     RATIOS,
-    SPREAD_FOR_DELAY,
     BestFit,
     as_delay,
     search,
@@ -83,7 +82,7 @@ def explain(
     if not found:
         return None
     fine = evidence.thinned()
-    one_speed = evidence.speed_spread() <= SPREAD_FOR_DELAY
+    one_speed = evidence.track.at_one_speed
     fit = _spare(fine, found[0].fit, configured, encoder_turn_rad)
     if one_speed and "zero_rad" in fit.free:
         # At one speed a delay may be meant: what explains better what little tells them apart is taken for the rest.

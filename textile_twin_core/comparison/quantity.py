@@ -10,13 +10,10 @@ import numpy as np
 import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.evidence import REST_SHARE
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.robust import HUBER, robust_scale
-from textile_twin_core.comparison.search import SPREAD_FOR_DELAY
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
-from textile_twin_core.comparison.turns import speed_spread
 from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
@@ -150,7 +147,7 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     if time.size:
         track = track.between(float(time.min()), float(time.max()))
     twin = compile_machine(machine, [name])
-    rest_rad_s = REST_SHARE * fast_speed(track.omega_rad_s) if _depends_on_sense(twin, name) else 0.0
+    rest_rad_s = REST_SHARE * track.fast_rad_s if _depends_on_sense(twin, name) else 0.0
     _, omega, _, inside = track.at(time)
     _check_beside(name, inside)
     turning = ~inside | (np.abs(omega) >= rest_rad_s)
@@ -166,7 +163,7 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     few = np.linspace(0, time.size - 1, min(time.size, _COARSE_SAMPLES)).astype(np.int64)
     model, coarse = (_Model(twin, name, track, some, encoder.direction, told, rest_rad_s) for some in (time, time[few]))
     _check_machine(coarse, name)
-    one_speed = speed_spread(track) <= SPREAD_FOR_DELAY
+    one_speed = track.at_one_speed
     values = {"scale": 1.0, "offset": 0.0, "zero_rad": 0.0, "delay_s": 0.0}
     free: tuple[str, ...] = ("scale", "offset", "delay_s")
     if _tells_zero(coarse):
@@ -321,7 +318,7 @@ def _over_a_turn(twin: Twin, name: str, omega_rad_s: float) -> FloatArray:
 def _usual_speed(track: ShaftTrack) -> float:
     """Median speed [rad/s] of a shaft while it turns: velocities and accelerations grow with it."""
     omega = track.omega_rad_s
-    return float(np.median(omega[np.abs(omega) > _TURNING_SHARE * fast_speed(omega)]))
+    return float(np.median(omega[np.abs(omega) > _TURNING_SHARE * track.fast_rad_s]))
 
 
 def _leaps(twin: Twin, name: str, angle_rad: float) -> bool:

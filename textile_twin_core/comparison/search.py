@@ -12,8 +12,6 @@ from textile_twin_core.comparison.shaft_track import TURN
 
 RATIOS = (1.0, 0.5, 2.0, 1.0 / 3.0, 3.0, 0.25, 4.0)
 """Gear ratios that are tried beside the configured one."""
-SPREAD_FOR_DELAY = 1.2
-"""Mean speeds of turns must differ by this factor for zero and delay to be told apart."""
 _ZEROS = 72
 _DELAYS = 48
 _COARSE_SAMPLES = 2000
@@ -45,7 +43,7 @@ class BestFit:
 def what_can_vary(evidence: Evidence) -> tuple[str, ...]:
     """The continuous settings that this record can weigh at all, zero and delay as one where the speed is one."""
     names = ["zero_rad", "drift", "gain", "constant_Nm"]
-    if evidence.speed_spread() > SPREAD_FOR_DELAY:
+    if not evidence.track.at_one_speed:
         names += ["delay_s", "viscous_Nms"]
     if evidence.turns_both_ways():
         names.append("offset_Nm")
@@ -63,7 +61,7 @@ def search(
     """
     free = what_can_vary(evidence)
     coarse = evidence.thinned(_COARSE_SAMPLES)
-    varied = evidence.speed_spread() > SPREAD_FOR_DELAY
+    varied = not evidence.track.at_one_speed
     # At one speed a delay is a zero: so the zeros are scanned there, and then told from delays by the whole record.
     fast = evidence.thinned(_COARSE_SAMPLES, at_one_speed=True) if varied else coarse
     starts: list[tuple[float, Settings]] = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from textile_twin_core.twin.session import encoder_settings
 TURN = 2.0 * math.pi
 _UNSURE, _STILL = 0.1, 0.005
 _FEWEST = 8
+_SPREAD = 1.2
+_PAUSE = 20.0
+"""A turn this many times longer than the median one holds a stop."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,24 @@ class ShaftTrack:
     def turns(self) -> float:
         """Turns of the shaft from one extreme of its angle to the other."""
         return float(np.ptp(self.theta_rad)) / TURN
+
+    @cached_property
+    def fast_rad_s(self) -> float:
+        """The fast end of its speeds (see `fast_speed`)."""
+        return fast_speed(self.omega_rad_s)
+
+    @cached_property
+    def at_one_speed(self) -> bool:
+        """Whether whole turns are so alike in their mean speeds that a delay is a zero of the encoder.
+
+        The third fastest turn is then at most 1.2 times as fast as the third slowest, or there are too few to tell.
+        """
+        edges = np.flatnonzero(np.diff(np.floor(self.theta_rad / TURN)) != 0.0)
+        spans = np.sort(np.diff(self.time_s[edges]))
+        # A shaft that rests where a turn ends trembles across that place: no turn is so short.
+        spans = spans[2.0 * self.fast_rad_s * spans > TURN]
+        spans = spans[spans < _PAUSE * np.median(spans)] if spans.size else spans
+        return spans.size < _FEWEST or bool(spans[-3] <= _SPREAD * spans[2])
 
     def between(self, first_s: float, last_s: float) -> ShaftTrack:
         """The track from one time to another; all of it where too little lies between."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings import open_bag
@@ -42,7 +43,7 @@ def overlay(path: str | Path, machine: Machine) -> Overlay:
     at = (measured.stamps - begin) * 1e-9 - sensor.delay_s
     known = (shaft.stamps_ns - begin) * 1e-9
     speed = np.abs(np.diff(shaft.theta_rad) / np.diff(known))
-    turning = (speed > 0.0) & (speed >= _TURNING_SHARE * np.percentile(speed, 95.0))
+    turning = (speed > 0.0) & (speed >= _TURNING_SHARE * fast_speed(speed))
     inside = (at >= known[0]) & (at < known[-1]) & np.isfinite(measured.torque_Nm)
     inside[inside] = turning[np.searchsorted(known, at[inside], side="right") - 1]
     if not inside.any():
