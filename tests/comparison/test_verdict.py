@@ -81,6 +81,15 @@ def test_a_mistake_is_named_first(machine: str, names: tuple[str, ...], run_up: 
     assert found.repeating_Nm == 0.0
 
 
+@pytest.mark.parametrize("run_up", [True, False])
+def test_what_is_too_small_to_be_named_does_not_move_what_is(run_up: bool) -> None:
+    """An offset of a hundredth of the torque's peak reads as 1.5 % of gain where it has no part in the fit."""
+    case = healthy("tufting", 913, run_up=run_up, duration_s=18.0)
+    (found,) = judged(replace(case, torque=replace(case.torque, gain=1.04, offset_Nm=0.2))).verdict
+    assert found.cause == "torque_gain"
+    assert found.value == pytest.approx(1.04, abs=max(3.0 * found.sigma, 0.001)) and found.sigma < 0.002
+
+
 def test_a_run_up_tells_zero_from_delay() -> None:
     case = healthy("tufting", 903, duration_s=24.0)
     case = replace(

@@ -30,6 +30,7 @@ _SIGMAS = 4.0
 _LEAST = {"zero_rad": np.radians(0.3), "delay_s": 3e-4, "drift": 2e-5, "gain": 0.02, "load": 0.04}
 ALL_SAMPLES = 60_000
 """Samples of which the last fit takes all; of longer records it takes so many."""
+_FRICTION = ("constant_Nm", "viscous_Nms")
 _LEAST_TORQUE = 0.015  # of the measured torque's size, as torque
 
 
@@ -38,9 +39,9 @@ class Explanation:
     """The record as these settings explain it.
 
     Attributes:
-        configured: what the machine file says. settings: the likeliest with few departures.
+        configured: what the machine file says. settings: the likeliest, of what departs enough to be named.
         departing: the continuous settings that depart. sigma: their standard deviations, over turns of the shaft.
-        fit: what is left. others: discrete hypotheses that explain the record as well.
+        fit: what is left when small departures are taken off too. others: discrete hypotheses that explain it as well.
         explained: share of the torque's mean square about its mean that is explained.
         one_speed: the shaft turns at one speed, so zero and delay are one.
         rest_tells: the record holds the shaft at rest, so that friction and the torque sensor's offset are two.
@@ -99,10 +100,14 @@ def explain(
     fine = evidence.thinned(ALL_SAMPLES)
     fit = fit_settings(fine, fit.settings, fit.free)
     torque = fine.torque_Nm[fit.good]
-    departing, sigma, offset = fit.free, sigmas(fit), None
+    unnamed = {name for name in fit.free if _is_small(name, fit.settings, configured, encoder_turn_rad, fine)}
+    settings = fit.settings.changed(
+        {name: _configured(name, fit.settings, configured, encoder_turn_rad) for name in unnamed}
+    )
+    departing, sigma, offset = tuple(name for name in fit.free if name not in unnamed), sigmas(fit), None
     if at_rest is not None and "offset_Nm" not in fit.free and fit.settings.offset_Nm != configured.offset_Nm:
         offset = at_rest.scaled(1.0, fit.settings.offset_Nm - at_rest.value)
-        departing, sigma = (*fit.free, "offset_Nm"), sigma | {"offset_Nm": offset.sigma}
+        departing, sigma = (*departing, "offset_Nm"), sigma | {"offset_Nm": offset.sigma}
     alternatives = tuple(
         each
         for each in found[1:]
@@ -112,7 +117,7 @@ def explain(
     )
     return Explanation(
         configured=configured,
-        settings=fit.settings,
+        settings=settings,
         departing=departing,
         sigma=sigma,
         fit=fit,
@@ -163,8 +168,10 @@ def sigmas(fit: SettingsFit) -> dict[str, float]:
 
 
 def _spare(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_turn_rad: float) -> SettingsFit:
-    """Put departures back to the configured values until every one that is left is needed."""
-    size = float(np.percentile(np.abs(evidence.torque_Nm), 95.0)) + 1e-300
+    """Put departures back to the configured values until every one that is left is needed.
+
+    One that is needed stays, however small: without it the others would carry what it carries.
+    """
     while fit.free:
         good = fit.good
         jacobian, residual = fit.jacobian[good], fit.residual[good]
@@ -177,14 +184,7 @@ def _spare(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_t
             [_to_configured(name, fit.settings, configured, encoder_turn_rad) for name in fit.free], dtype=np.float64
         )
         rise = delta**2 / np.maximum(np.diag(inverse) * total, 1e-200)
-        small = np.array(
-            [
-                _is_small(name, fit.settings, configured, encoder_turn_rad, evidence, size)
-                or abs(delta[k]) < _SIGMAS * sigma[k]
-                or rise[k] < _WORTH
-                for k, name in enumerate(fit.free)
-            ]
-        )
+        small = np.array([abs(delta[k]) < _SIGMAS * sigma[k] or rise[k] < _WORTH for k, name in enumerate(fit.free)])
         if not small.any():
             break
         # The least missed goes first; the others may then carry what it carried.
@@ -210,21 +210,20 @@ def _to_configured(name: str, settings: Settings, configured: Settings, encoder_
     return float(getattr(settings, name)) - _configured(name, settings, configured, encoder_turn_rad)
 
 
-def _is_small(
-    name: str, settings: Settings, configured: Settings, encoder_turn_rad: float, evidence: Evidence, size: float
-) -> bool:
-    """Whether a departure is too small to bother a person with."""
+def _is_small(name: str, settings: Settings, configured: Settings, encoder_turn_rad: float, evidence: Evidence) -> bool:
+    """Whether a departure, of friction both parts, is too small to bother a person with."""
     away = abs(departure(name, settings, configured, encoder_turn_rad))
     if name in _LEAST:
         return bool(away < _LEAST[name])
-    torque = away * (abs(evidence.working_speed()) if name == "viscous_Nms" else 1.0)
-    shown = torque if name == "offset_Nm" else torque * abs(settings.gain)
-    return bool(shown < _LEAST_TORQUE * size)
+    if name != "offset_Nm":
+        constant, viscous = (departure(each, settings, configured, encoder_turn_rad) for each in _FRICTION)
+        away = abs(settings.gain) * max(abs(constant), abs(viscous * evidence.working_speed()))
+    return bool(away < _LEAST_TORQUE * float(np.percentile(np.abs(evidence.torque_Nm), 95.0)))
 
 
 def _is_of_both(fit: SettingsFit) -> bool:
     """Whether a torque departs that friction and offset may share; a shaft held at rest alone accuses nobody."""
-    return "offset_Nm" not in fit.free and not {"constant_Nm", "viscous_Nms"}.isdisjoint(fit.free)
+    return "offset_Nm" not in fit.free and not set(_FRICTION).isdisjoint(fit.free)
 
 
 def _is_shown(at_rest: Estimate, evidence: Evidence) -> bool:
