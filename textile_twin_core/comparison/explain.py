@@ -211,13 +211,14 @@ def _to_configured(name: str, settings: Settings, configured: Settings, encoder_
 
 
 def _is_small(name: str, settings: Settings, configured: Settings, encoder_turn_rad: float, evidence: Evidence) -> bool:
-    """Whether a departure, of friction both parts, is too small to bother a person with."""
+    """Whether a departure, of friction either part and both together, is too small to bother a person with."""
     away = abs(departure(name, settings, configured, encoder_turn_rad))
     if name in _LEAST:
         return bool(away < _LEAST[name])
     if name != "offset_Nm":
         constant, viscous = (departure(each, settings, configured, encoder_turn_rad) for each in _FRICTION)
-        away = abs(settings.gain) * max(abs(constant), abs(viscous * evidence.working_speed()))
+        viscous *= abs(settings.ratio * evidence.working_speed())
+        away = abs(settings.gain) * max(abs(constant), abs(viscous), abs(constant + viscous))
     return bool(away < _LEAST_TORQUE * float(np.percentile(np.abs(evidence.torque_Nm), 95.0)))
 
 
