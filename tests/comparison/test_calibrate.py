@@ -193,6 +193,17 @@ def test_a_recording_of_another_machine_gives_no_calibration() -> None:
         calibrate(readings, told_machine(case))
 
 
+@pytest.mark.parametrize("offset_Nm", [0.13, 0.2, 0.31])
+def test_an_offset_is_told_no_finer_than_the_steps_of_the_sensor(offset_Nm: float) -> None:
+    """At rest a torque that is logged with one decimal may show one value throughout, up to half a step off."""
+    case = healthy("tufting", 976, duration_s=24.0)
+    made = record(replace(case, torque=replace(case.torque, offset_Nm=offset_Nm, noise_Nm=0.01)))
+    torque = np.round(made.torque, 1)
+    found = calibrate(Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, torque), told_machine(case))
+    assert abs(found.offset_Nm.value - offset_Nm) < 2.5 * found.offset_Nm.sigma
+    assert found.offset_Nm.sigma < 0.05
+
+
 @pytest.mark.parametrize(("rest_s", "delay_s"), [(0.0, 0.0), (0.0, 0.002), (4.0, 0.002)])
 def test_a_lighter_machine_of_the_same_kind_does_not_mirror_the_sensors(rest_s: float, delay_s: float) -> None:
     """Encoder and torque turned round, a seventh of the gain, loads of -4 times left 0.7 of the error."""

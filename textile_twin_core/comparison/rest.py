@@ -7,6 +7,7 @@ import math
 import numpy as np
 import scipy
 
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.evidence import Evidence, Settings
 from textile_twin_core.comparison.uncertainty import Estimate
 
@@ -34,5 +35,13 @@ def rest_reading(evidence: Evidence, settings: Settings) -> Estimate | None:
     medians = np.array([np.median(part) for part in np.array_split(left, _PARTS)])
     low, value, high = np.percentile(medians, [25.0, 50.0, 75.0]).tolist()
     sigma = _OF_MEDIAN * (high - low) / _QUARTILES / math.sqrt(_PARTS)
+    # at rest a sensor may show one of its values throughout: anything within a step is as likely
+    sigma = math.hypot(sigma, _step(evidence.torque_Nm) / math.sqrt(12.0))
     half = float(scipy.stats.t.ppf(0.975, _PARTS - 1)) * sigma
     return Estimate(value, sigma, (value - half, value + half))
+
+
+def _step(torque_Nm: FloatArray) -> float:
+    """The step [N m] from one value that a sensor can show to the next; 0 where values hardly repeat."""
+    values = np.unique(torque_Nm)
+    return float(np.median(np.diff(values))) if 1 < values.size < 0.5 * torque_Nm.size else 0.0
