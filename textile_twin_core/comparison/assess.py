@@ -12,6 +12,7 @@ from textile_twin_core.comparison.explain import Explanation, explain
 from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
 from textile_twin_core.comparison.left_over import repeating_note, repeating_torque
 from textile_twin_core.comparison.periodic import best_periodic
+from textile_twin_core.comparison.range_ends import at_range_ends
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
 from textile_twin_core.comparison.search import LONGEST_DELAY_S
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
@@ -172,7 +173,11 @@ def evidence_of(
     # A drift is told from a delay by the time in which the shaft turns, of which the rests may leave but an end.
     turning = track.time_s[np.abs(track.omega_rad_s) >= REST_SHARE * fast]
     middle = 0.5 * float(turning[0] + turning[-1]) if turning.size else 0.5 * float(time[0] + time[-1])
-    return Evidence(time, readings.torque[good], track, terms, middle, leaps)
+    torque, inside = readings.torque[good], np.ones(time.size, np.bool_)
+    _, omega, _, beside_angles = track.at(time)
+    moving = beside_angles & (np.abs(omega) > REST_SHARE * fast)
+    inside[moving] = ~at_range_ends(torque[moving])
+    return Evidence(time[inside], torque[inside], track, terms, middle, leaps, torque[~inside])
 
 
 def _unbroken(track: ShaftTrack) -> tuple[ShaftTrack, tuple[tuple[float, float], ...]]:
@@ -250,6 +255,12 @@ def _other_unit(
 
 def _notes(evidence: Evidence, found: Explanation) -> tuple[str, ...]:
     notes = []
+    if evidence.at_ends_Nm.size:
+        ends = " and ".join(f"{end:g}" for end in np.unique(evidence.at_ends_Nm))
+        notes.append(
+            f"{evidence.at_ends_Nm.size} samples of torque are exactly {ends} N m, as at the end of the range of a"
+            " sensor or drive: the verdict is without them"
+        )
     step = np.diff(evidence.track.time_s)
     gaps = step > evidence.track.longest_s
     if gaps.any():

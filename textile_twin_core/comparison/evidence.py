@@ -67,6 +67,7 @@ class Evidence:
     """Measured torque (m,) over time [s], the shaft's track, and the machine's parts of the torque.
 
     leaps: time [s] and size [rad] of leaps of the angle, of which the track ends or begins at one.
+    at_ends_Nm: measured torques at an end of their sensor's range, which are not among the others.
     """
 
     time_s: FloatArray
@@ -75,6 +76,7 @@ class Evidence:
     terms: TorqueTerms
     middle_s: float
     leaps: tuple[tuple[float, float], ...] = ()
+    at_ends_Nm: FloatArray = field(default_factory=lambda: np.empty(0))
     rest_rad_s: float = field(init=False)
     _seen: dict[tuple[float, float], tuple[FloatArray, FloatArray, FloatArray, BoolArray]] = field(
         init=False, repr=False, compare=False, default_factory=dict
