@@ -119,6 +119,23 @@ def test_torque_without_any_noise_has_no_more_of_it() -> None:
     assert monitor_recording(Readings(stamps, theta, stamps, torque), tufting(), WatchSettings(20)).alarms == ()
 
 
+def test_torque_without_any_noise_beside_a_real_encoder_has_no_unknown_part() -> None:
+    """What is left of the torque is of 1e-8 N m, and changes as the samples wander through the turn."""
+    twin, step, noise = (
+        compile_machine(tufting(), ["balancing_torque_Nm"]),
+        2.0 * np.pi / 8192,
+        np.random.default_rng(4),
+    )
+    time = 0.002 * np.arange(15_000)
+    late = time + 0.0007
+    theta, at_torque = (1.0 + 16.0 * t + 1e-5 * t**2 for t in (time, late))
+    torque = twin.evaluate(at_torque, 16.0 + 2e-5 * late, 2e-5)["balancing_torque_Nm"]
+    seen = np.round((theta + 2e-4 * noise.normal(size=theta.size)) / step) * step
+    stamps = 2_000_000 * np.arange(theta.size)
+    readings = Readings(stamps, seen, stamps + 700_000, torque)
+    assert monitor_recording(readings, tufting(), WatchSettings(20)).alarms == ()
+
+
 def test_nothing_is_said_of_a_healthy_machine() -> None:
     trend, _ = watched("", 0.0, 982)
     assert trend.alarms == ()

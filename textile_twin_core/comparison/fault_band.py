@@ -79,7 +79,7 @@ def band_of(learnt: Sequence[TurnFeatures], torque_Nm: float, memory_turns: floa
     profiles = np.nan_to_num(turns.profile_Nm)  # bins that never hold a sample, beside a leap of the load
     profile = np.median(profiles, axis=0)
     spread = 1.4826 * np.median(np.abs(profiles - profile), axis=0)
-    spread = np.maximum(spread, 0.3 * float(np.median(spread)) + 1e-12)
+    spread = np.maximum(spread, max(0.3 * float(np.median(spread)), _ROUNDING * torque_Nm))
     if first is not None:
         spread = np.maximum(spread, first.profile_sigma_Nm)
     bare = Band(

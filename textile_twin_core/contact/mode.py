@@ -173,7 +173,7 @@ def fastest_rate(plant: Plant, mode: Mode, pads: IntArray) -> float:
 
 
 @compiled
-def stop_forces(plant: Plant, mode: Mode, closed: BoolArray, series: FloatArray, h: float) -> FloatArray:
+def stop_forces(plant: Plant, closed: BoolArray, series: FloatArray, h: float) -> FloatArray:
     """Power series (stops, order-1) of the force in every closed stop, zero in the others.
 
     `series` (movers + pads, order+1) holds the movers' positions and the pads' forces: what they do not explain of the

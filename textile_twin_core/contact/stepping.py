@@ -81,7 +81,7 @@ def advance(
         if is_full(plant, log):
             return FULL, NONE
         span, series = step(plant, mode, state, drive, longest, tolerance)
-        forces = stop_forces(plant, mode, state.closed, series, span)
+        forces = stop_forces(plant, state.closed, series, span)
         place, kind, which = first_event(plant, state, series, forces, span)
         unsettled = place < math.inf
         end = drive.end_s if span >= longest else now + span
