@@ -74,12 +74,16 @@ def test_at_one_speed_what_cannot_be_told_is_named_and_stays() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bits", [13, 16])
-def test_under_a_controller_of_the_speed_an_inertia_that_acts_as_a_delay_is_not_told(bits: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "bits", "gain_Nms"), [(980, 13, 2.0), (980, 16, 2.0), (982, 11, 2.0), (985, 11, 2.0), (984, 13, 5.0)]
+)
+def test_under_a_controller_of_the_speed_an_inertia_that_acts_as_a_delay_is_not_told(
+    seed: int, bits: int, gain_Nms: float
+) -> None:
     """Gain 1.03, 4 ms late, no inertia beside the file's; noise of 0.03 N m, stamps wrong by 30 us."""
-    case = healthy("loom", 980, duration_s=24.0)
-    fine, angle, _, torque = governed_motion(case, 2.0, (9.0, 14.0))
-    rng = np.random.default_rng([980, bits])
+    case = healthy("loom", seed, duration_s=24.0)
+    fine, angle, _, torque = governed_motion(case, gain_Nms, (9.0, 14.0))
+    rng = np.random.default_rng([seed, bits])
     time, step = np.arange(0.1, 23.9, 0.001), 2.0 * np.pi / 2**bits
     true = time + 3e-5 * rng.standard_normal(time.size)
     stamps = np.rint(time * 1e9).astype(np.int64)
@@ -91,7 +95,7 @@ def test_under_a_controller_of_the_speed_an_inertia_that_acts_as_a_delay_is_not_
     truth = {"torque_sensor_delay_s": 0.004, "torque_sensor_gain": 1.03, "encoder_zero_rad": 0.0}
     for name, true_value in truth.items():
         assert abs(found.parameters[name].value - true_value) < 3.0 * found.parameters[name].sigma, name
-    assert found.parameters["torque_sensor_delay_s"].value == pytest.approx(0.004, abs=2e-4)
+    assert found.parameters["torque_sensor_delay_s"].value == pytest.approx(0.004, abs=2e-4 if bits > 12 else 3e-4)
 
 
 def test_a_backing_that_no_needle_comes_as_far_as_is_not_sought() -> None:

@@ -15,6 +15,7 @@ from textile_twin_core.comparison.assess import assess
 from textile_twin_core.comparison.event_angle import BesideEvent, EventAngle, event_angle
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.explain import Explanation
+from textile_twin_core.comparison.governed import follows_speed
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable
 from textile_twin_core.comparison.identified_machine import identified_machine
 from textile_twin_core.comparison.left_over import repeating_note
@@ -26,7 +27,6 @@ from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.smooth_fit import (
     SmoothFit,
     clean_tracks,
-    entangled,
     instrumented_fit,
     least_squares_fit,
 )
@@ -117,14 +117,15 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     told = model.start()
     values = told | {DELAY: found.settings.delay_s, ZERO: _near(found.settings.zero_rad, told[ZERO])}
     values[GAIN] = found.settings.gain
-    names, lost = _tellable(model, values, found)
-    clean, free, tangled = _untangled(model, _steady(readings, machine, evidence), values, names)
-    lost += tangled
+    governed = follows_speed(evidence, values[DELAY])
+    free, lost = _tellable(model, values, found, governed)
+    smooth = tuple(name for name in free if name not in EVENTS)
+    steady = None if governed else _steady(readings, machine, evidence)
+    clean = clean_tracks(model.with_spread(_WIDEST_RAD), steady, values, smooth)
     for each in lost:
         values[each.name] = told[each.name]
     values, events, fit, moved = _solve(model, clean, values, free, begin)
     begin("weighing", 1.0)
-    smooth = tuple(name for name in free if name not in EVENTS)
     turn = model.turn(values)[fit.good]
     known = uncertainty_by_turns(fit.slopes, fit.residual, turn, fit.instruments).wider(moved)
     fitted = {name: _bounded(name, known.estimate(k, values[name])) for k, name in enumerate(smooth)}
@@ -175,8 +176,8 @@ def _near(angle: float, other: float) -> float:
 
 
 def _tellable(
-    model: TorqueModel, values: Mapping[str, float], found: Explanation
-) -> tuple[list[str], list[NotIdentifiable]]:
+    model: TorqueModel, values: Mapping[str, float], found: Explanation, governed: bool
+) -> tuple[tuple[str, ...], list[NotIdentifiable]]:
     """What the record can tell, judged by the effects before anything is solved."""
     names = list(model.names)
     lost = []
@@ -188,22 +189,11 @@ def _tellable(
     wide = model.with_spread(_WIDEST_RAD)
     effects = wide.jacobian(values, tuple(names))[wide.parts(values).good]
     free, more = identifiable(effects, names, GIVEN_UP_FIRST)
-    return free, [*lost, *more]
-
-
-def _untangled(
-    model: TorqueModel, steady: ShaftTrack, values: Mapping[str, float], names: list[str]
-) -> tuple[tuple[ShaftTrack, ...], tuple[str, ...], list[NotIdentifiable]]:
-    """Tracks for instruments, and what can be told there: an inertia that errors alone tell from others is given up."""
-    wide, start = model.with_spread(_WIDEST_RAD), dict(values)
-    smooth = tuple(name for name in names if name not in EVENTS)
-    clean = clean_tracks(wide, steady, start, smooth)
-    tangled = entangled(wide, clean[0], start, smooth)
-    if INERTIA not in tangled or len(tangled) == 1:
-        return clean, tuple(names), []
-    partners = " and ".join(name for name in tangled if name != INERTIA)
-    text = f"{INERTIA} cannot be told from {partners} where the torque follows the speed; it stays as configured"
-    return clean, tuple(name for name in names if name != INERTIA), [NotIdentifiable(INERTIA, text)]
+    if governed and {INERTIA, DELAY} <= set(free):
+        free.remove(INERTIA)
+        text = f"{INERTIA} cannot be told from {DELAY} where the torque follows the speed; it stays as configured"
+        more = [*more, NotIdentifiable(INERTIA, text)]
+    return tuple(free), [*lost, *more]
 
 
 def _steady(readings: Readings, machine: Machine, evidence: Evidence) -> ShaftTrack:

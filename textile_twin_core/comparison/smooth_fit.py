@@ -18,8 +18,6 @@ _MOST_LOSS = 2.0
 """Standard deviations beside those of least squares, beyond which these live on errors of the track."""
 _ORDERS = (3.0, 5.0, 8.0)
 """Of the turn, that limit the slow part of the motion."""
-_TANGLED = 0.3
-"""Share that a parameter has at least in the direction that instruments tell worst."""
 _ROUNDS, _STILL, _RUN_AWAY = 8, 1e-4, 2.0
 
 
@@ -69,35 +67,19 @@ def least_squares_fit(
 
 
 def clean_tracks(
-    model: TorqueModel, steady: ShaftTrack, values: dict[str, float], free: tuple[str, ...]
+    model: TorqueModel, steady: ShaftTrack | None, values: dict[str, float], free: tuple[str, ...]
 ) -> tuple[ShaftTrack, ...]:
     """Tracks without the errors of the model's track, to take instruments on: the best first, then others as good.
 
-    `steady`, the motion that repeats, where its instruments cost little beside least squares. Elsewhere these may take
-    errors of the acceleration for information, and the slow part of the motion serves, by several limits; the track
-    itself, by which least squares stay, only where that tells nothing.
+    `steady`, the motion that repeats, where it is given and its instruments cost little beside least squares. Elsewhere
+    these may take errors of the acceleration for information, and the slow part of the motion serves, by several
+    limits; the track itself, by which least squares stay, only where that tells nothing.
     """
     evidence = model.evidence
-    if _loss(_on(model, steady, values, free)) <= _MOST_LOSS:
+    if steady is not None and _loss(_on(model, steady, values, free)) <= _MOST_LOSS:
         return (steady,)
     slow = tuple(slow_motion(evidence.track, order, evidence.rest_rad_s) for order in _ORDERS)
     return slow if np.isfinite(_loss(_on(model, slow[0], values, free))) else (evidence.track,)
-
-
-def entangled(
-    model: TorqueModel, clean: ShaftTrack, values: dict[str, float], free: tuple[str, ...]
-) -> tuple[str, ...]:
-    """Parameters that only the errors of the model's track tell apart; none where instruments cost little.
-
-    Under a proportional controller the torque falls as the speed rises: a delay then acts as an inertia does. Slopes on
-    the track differ all the same, by the errors of its acceleration, and least squares take these for information.
-    """
-    fit = _on(model, clean, values, free)
-    if _loss(fit) <= _MOST_LOSS:
-        return ()
-    size = np.sqrt(np.mean(fit.slopes**2, axis=0)) + 1e-300
-    weakest = np.linalg.svd((fit.instruments / size).T @ (fit.slopes / size))[2][-1]
-    return tuple(name for name, share in zip(free, weakest.tolist(), strict=True) if abs(share) > _TANGLED)
 
 
 def instrumented_fit(
