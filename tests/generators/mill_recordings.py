@@ -210,6 +210,10 @@ def _force(case: Case, rng: np.random.Generator) -> Case:
     return replace(case, backing=replace(case.backing, force_N=1000.0 * (1.0 + _either(rng, 0.1, 0.3))))
 
 
+def _flywheel(case: Case, rng: np.random.Generator) -> Case:
+    return replace(case, added_inertia_kgm2=float(rng.uniform(0.02, 0.2)))
+
+
 MISTAKES: dict[str, tuple[Mistake, tuple[str, ...]]] = {
     "zero": (_zero, ("encoder_zero",)),
     "sign": (_sign, ("torque_sign",)),
@@ -225,6 +229,7 @@ MISTAKES: dict[str, tuple[Mistake, tuple[str, ...]]] = {
     "other_machine": (_other, ("other_machine",)),
     "half_turn": (_half_turn, ("encoder_zero",)),
     "friction": (_friction, ("unmodelled_friction",)),
+    "flywheel": (_flywheel, ("unmodelled_inertia",)),
     "load_force": (_force, ("load_force",)),
 }
 """How to make each mistake, and the causes that are right to name first."""

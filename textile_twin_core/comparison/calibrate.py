@@ -321,7 +321,7 @@ def _whole_turns(value: float, near: float, turn: float) -> float:
 
 def _sensors_alone(settings: Settings, configured: Settings) -> Settings:
     """What a machine file gets of settings: those of the sensors; friction, loads and drift stay as configured."""
-    beside = ("drift", "load", "constant_Nm", "viscous_Nms")
+    beside = ("drift", "load", "constant_Nm", "viscous_Nms", "inertia_kgm2")
     return settings.changed({name: getattr(configured, name) for name in beside})
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
 
 _MOST_SAMPLES = 8000
@@ -19,6 +19,8 @@ REST_SHARE = 0.05
 _ONE_SPEED = 0.08
 _JUMP_GUARD_S = 0.001
 """Samples this near to a jump of the load cannot tell its side."""
+_LEAP_INTERVALS = 10.0
+"""Intervals of the track about a jump of the load in which an acceleration that leaps there is not followed."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class Settings:
         zero_rad: in shaft angle.
         gain, offset_Nm, delay_s: of the torque sensor. drift: seconds by which the delay grows each second.
         load: factor on the declared loads. constant_Nm, viscous_Nms: friction beside the declared one.
+        inertia_kgm2: of the shaft beside the declared one.
     """
 
     direction: int = 1
@@ -45,6 +48,7 @@ class Settings:
     load: float = 1.0
     constant_Nm: float = 0.0
     viscous_Nms: float = 0.0
+    inertia_kgm2: float = 0.0
 
     def changed(self, values: Mapping[str, float]) -> Settings:
         """The same with other values for some of the continuous settings."""
@@ -68,6 +72,7 @@ class Evidence:
 
     leaps: time [s] and size [rad] of leaps of the angle, of which the track ends or begins at one.
     at_ends_Nm: measured torques at an end of their sensor's range, which are not among the others.
+    jump_guard_s: so near to a jump of the load no sample counts.
     """
 
     time_s: FloatArray
@@ -77,6 +82,7 @@ class Evidence:
     middle_s: float
     leaps: tuple[tuple[float, float], ...] = ()
     at_ends_Nm: FloatArray = field(default_factory=lambda: np.empty(0))
+    jump_guard_s: float = _JUMP_GUARD_S
     rest_rad_s: float = field(init=False)
     _seen: dict[tuple[float, float], tuple[FloatArray, FloatArray, FloatArray, BoolArray]] = field(
         init=False, repr=False, compare=False, default_factory=dict
@@ -87,14 +93,20 @@ class Evidence:
 
     def thinned(self, most: int = _MOST_SAMPLES, at_one_speed: bool = False) -> Evidence:
         """The same with at most that many samples while the shaft turns, or turns at working speed, evenly taken."""
-        _, omega, _, good = self.track.at(self.time_s)
+        theta, omega, _, good = self.track.at(self.time_s)
         wanted = np.abs(omega) > self.rest_rad_s
-        if at_one_speed:
-            wanted = np.abs(omega - self.working_speed()) < _ONE_SPEED * abs(self.working_speed())
         turning = np.flatnonzero(good & wanted)
+        if at_one_speed:
+            away = _mean_of_turn(theta[turning], omega[turning]) - self.working_speed()
+            turning = turning[np.abs(away) < _ONE_SPEED * abs(self.working_speed())]
         if turning.size > most:
             turning = turning[np.linspace(0, turning.size - 1, most).astype(np.int64)]
         return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
+
+    def beside_leaps(self) -> Evidence:
+        """The same without the samples beside jumps of the load, where the acceleration leaps as well."""
+        interval = float(np.median(np.diff(self.track.time_s)))
+        return replace(self, jump_guard_s=max(_JUMP_GUARD_S, _LEAP_INTERVALS * interval))
 
     def states(self, settings: Settings) -> States:
         """The shaft and the parts of its torque at the instants of which the measured samples speak."""
@@ -105,7 +117,7 @@ class Evidence:
         rest = 0.5 * settings.ratio * self.rest_rad_s
         terms = self.terms.at(theta, omega, alpha, rest)
         usable = good & (np.abs(omega) > 1.2 * rest) & np.isfinite(terms.total)
-        usable &= ~self.terms.near_jump(theta, omega, _JUMP_GUARD_S)
+        usable &= ~self.terms.near_jump(theta, omega, self.jump_guard_s)
         return States(theta, omega, alpha, terms, usable)
 
     def _at(self, delay_s: float, drift: float) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
@@ -120,13 +132,15 @@ class Evidence:
         parts = states.terms
         torque = parts.mechanism + settings.load * parts.load + parts.friction
         torque = torque + settings.constant_Nm * parts.direction + settings.viscous_Nms * states.omega
+        torque = torque + settings.inertia_kgm2 * states.alpha
         return settings.gain * torque + settings.offset_Nm
 
     def working_speed(self) -> float:
-        """The speed at which the shaft mostly turns, with its sign: the fast mode of its speeds [rad/s]."""
-        omega = self.track.omega_rad_s[np.abs(self.track.omega_rad_s) > self.rest_rad_s]
-        if omega.size == 0:
+        """The speed at which the shaft mostly turns, with its sign: the fast mode of its turns' speeds [rad/s]."""
+        turning = np.abs(self.track.omega_rad_s) > self.rest_rad_s
+        if not turning.any():
             return math.nan
+        omega = _mean_of_turn(self.track.theta_rad[turning], self.track.omega_rad_s[turning])
         count, edges = np.histogram(omega, bins=20)
         place = int(np.argmax(count))
         inside = (omega >= edges[place]) & (omega <= edges[place + 1])
@@ -137,3 +151,10 @@ class Evidence:
         omega = self.track.omega_rad_s[np.abs(self.track.omega_rad_s) > self.rest_rad_s]
         share = float(np.mean(omega > 0.0)) if omega.size else 0.0
         return 0.05 < share < 0.95
+
+
+def _mean_of_turn(theta: FloatArray, omega: FloatArray) -> FloatArray:
+    """The mean speed (n,) of each sample's turn: within one the speed may swing with the torque."""
+    turn = np.floor(theta / TURN).astype(np.int64)
+    turn -= turn.min(initial=0)
+    return np.asarray((np.bincount(turn, omega) / np.maximum(np.bincount(turn), 1))[turn])

@@ -9,13 +9,16 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.by_turn import scores_by_turn
 from textile_twin_core.comparison.evidence import Evidence, Settings
+from textile_twin_core.comparison.governed import torque_by_speed
 from textile_twin_core.comparison.rest import rest_reading
 from textile_twin_core.comparison.robust import huber_weights
 from textile_twin_core.comparison.search import (
+    AS_GOOD,
     RATIOS,
     BestFit,
     as_delay,
     search,
+    what_can_vary,
     zero_beside,
     zero_departure,
 )
@@ -31,6 +34,7 @@ _LEAST = {"zero_rad": np.radians(0.3), "delay_s": 3e-4, "drift": 2e-5, "gain": 0
 ALL_SAMPLES = 60_000
 """Samples of which the last fit takes all; of longer records it takes so many."""
 _FRICTION = ("constant_Nm", "viscous_Nms")
+INERTIA = "inertia_kgm2"
 _LEAST_TORQUE = 0.015  # of the measured torque's size, as torque
 
 
@@ -46,6 +50,7 @@ class Explanation:
         one_speed: the shaft turns at one speed, so zero and delay are one.
         rest_tells: the record holds the shaft at rest, so that friction and the torque sensor's offset are two.
         apart: by setting, the factor by which the mean square rises when it alone is put back.
+        governed_Nms: by how much the torque falls as the speed rises; not 0, delay and inertia are one.
         offset_at_rest: the torque sensor's offset where the shaft at rest tells it and friction apart from it.
     """
 
@@ -62,10 +67,24 @@ class Explanation:
     evidence: Evidence
     encoder_turn_rad: float
     offset_at_rest: Estimate | None
+    governed_Nms: float = 0.0
 
     def departure(self, name: str) -> float:
         """By how much a setting departs from the configured one; a gain and a load as factor less one."""
         return departure(name, self.settings, self.configured, self.encoder_turn_rad)
+
+    def is_simpler_than(self, other: Explanation) -> bool:
+        """Whether it leaves less, or no more with fewer departures, and none in it is idle."""
+        both = self.fit.good & other.fit.good
+        own, others = (float(np.mean(each.fit.residual[both] ** 2)) for each in (self, other))
+        worse = own / max(others, 1e-300)
+        simpler = worse < 1.0 / AS_GOOD or (worse < AS_GOOD and self._departures() < other._departures())
+        return INERTIA in self.departing and simpler
+
+    def _departures(self) -> int:
+        s, told = self.settings, self.configured
+        turned = (s.direction != told.direction, s.ratio != told.ratio)
+        return len(self.departing) + sum(turned) + (nearest_gain(s.gain, told.gain).gain != told.gain)
 
 
 def explain(
@@ -79,7 +98,32 @@ def explain(
         encoder_turn_rad: shaft angle after which a wrapped encoder shows the same again, under the configured ratio.
         ratios: gear ratios to try, beside the configured one.
     """
-    found = search(evidence, configured, encoder_turn_rad, ratios)
+    free = what_can_vary(evidence)
+    found = _explained(evidence, configured, encoder_turn_rad, ratios, free)
+    if found is None:
+        return None
+    turning, delays = evidence.thinned(ALL_SAMPLES), (found.settings.delay_s, configured.delay_s)
+    rates = (torque_by_speed(turning, delay) for delay in delays)
+    found = replace(found, governed_Nms=next((rate for rate in rates if rate), 0.0))
+    if found.settings == configured:
+        return found
+    # A motor's rotor or a flywheel that the file does not have looks like a wrong sensor.
+    names = tuple(name for name in (*free, INERTIA) if not (found.governed_Nms and name == "delay_s"))
+    heavier = _explained(evidence.beside_leaps(), configured, encoder_turn_rad, ratios, names)
+    if heavier is None or not heavier.is_simpler_than(found):
+        return found
+    return replace(heavier, governed_Nms=found.governed_Nms, evidence=evidence)
+
+
+def _explained(
+    evidence: Evidence,
+    configured: Settings,
+    encoder_turn_rad: float,
+    ratios: tuple[float, ...],
+    free: tuple[str, ...],
+) -> Explanation | None:
+    """The explanation by the continuous settings named in `free`."""
+    found = search(evidence, configured, encoder_turn_rad, ratios, free)
     if not found:
         return None
     fine = evidence.thinned()
@@ -87,7 +131,7 @@ def explain(
     fit = _spare(fine, found[0].fit, configured, encoder_turn_rad)
     if one_speed and "zero_rad" in fit.free:
         # At one speed a delay may be meant: what explains better what little tells them apart is taken for the rest.
-        late = _spare(fine, as_delay(fine, found[0].fit, configured), configured, encoder_turn_rad)
+        late = _spare(fine, as_delay(fine, found[0].fit, configured, free), configured, encoder_turn_rad)
         if late.rms < fit.rms:
             fit = late
     at_rest = rest_reading(evidence, fit.settings)
@@ -111,7 +155,7 @@ def explain(
     alternatives = tuple(
         each
         for each in found[1:]
-        if each.square < 1.15 * found[0].square
+        if each.square < AS_GOOD * found[0].square
         and (each.fit.settings.direction, each.fit.settings.ratio, np.sign(each.fit.settings.gain))
         != (fit.settings.direction, fit.settings.ratio, np.sign(fit.settings.gain))
     )
@@ -215,6 +259,8 @@ def _is_small(name: str, settings: Settings, configured: Settings, encoder_turn_
     away = abs(departure(name, settings, configured, encoder_turn_rad))
     if name in _LEAST:
         return bool(away < _LEAST[name])
+    if name == INERTIA:  # less than declared is what errors of the acceleration look like
+        return settings.inertia_kgm2 < configured.inertia_kgm2
     if name != "offset_Nm":
         constant, viscous = (departure(each, settings, configured, encoder_turn_rad) for each in _FRICTION)
         viscous *= abs(settings.ratio * evidence.working_speed())

@@ -14,8 +14,8 @@ from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.assess import assess
 from textile_twin_core.comparison.event_angle import BesideEvent, EventAngle, event_angle
 from textile_twin_core.comparison.evidence import Evidence
+from textile_twin_core.comparison.explain import INERTIA as BESIDE
 from textile_twin_core.comparison.explain import Explanation
-from textile_twin_core.comparison.governed import follows_speed
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable
 from textile_twin_core.comparison.identified_machine import identified_machine
 from textile_twin_core.comparison.left_over import repeating_note
@@ -117,10 +117,9 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     told = model.start()
     values = told | {DELAY: found.settings.delay_s, ZERO: _near(found.settings.zero_rad, told[ZERO])}
     values[GAIN] = found.settings.gain
-    governed = follows_speed(evidence, values[DELAY])
-    free, lost = _tellable(model, values, found, governed)
+    free, lost = _tellable(model, values, found)
     smooth = tuple(name for name in free if name not in EVENTS)
-    steady = None if governed else _steady(readings, machine, evidence)
+    steady = None if found.governed_Nms else _steady(readings, machine, evidence)
     clean = clean_tracks(model.with_spread(_WIDEST_RAD), steady, values, smooth)
     for each in lost:
         values[each.name] = told[each.name]
@@ -176,7 +175,7 @@ def _near(angle: float, other: float) -> float:
 
 
 def _tellable(
-    model: TorqueModel, values: Mapping[str, float], found: Explanation, governed: bool
+    model: TorqueModel, values: Mapping[str, float], found: Explanation
 ) -> tuple[tuple[str, ...], list[NotIdentifiable]]:
     """What the record can tell, judged by the effects before anything is solved."""
     names = list(model.names)
@@ -189,10 +188,11 @@ def _tellable(
     wide = model.with_spread(_WIDEST_RAD)
     effects = wide.jacobian(values, tuple(names))[wide.parts(values).good]
     free, more = identifiable(effects, names, GIVEN_UP_FIRST)
-    if governed and {INERTIA, DELAY} <= set(free):
-        free.remove(INERTIA)
-        text = f"{INERTIA} cannot be told from {DELAY} where the torque follows the speed; it stays as configured"
-        more = [*more, NotIdentifiable(INERTIA, text)]
+    if found.governed_Nms and {INERTIA, DELAY} <= set(free):
+        gone, partner = (DELAY, INERTIA) if BESIDE in found.departing else (INERTIA, DELAY)
+        free.remove(gone)
+        text = f"{gone} cannot be told from {partner} where the torque follows the speed; it stays as configured"
+        more = [*more, NotIdentifiable(gone, text)]
     return tuple(free), [*lost, *more]
 
 

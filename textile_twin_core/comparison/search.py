@@ -17,10 +17,13 @@ _DELAYS = 48
 _COARSE_SAMPLES = 2000
 _KEPT_ZEROS = 3
 LONGEST_DELAY_S = 1.0
-_AS_GOOD = 1.15
+AS_GOOD = 1.15
 """Discrete hypotheses whose mean square lies within this factor cannot be told apart by the record."""
 _HOPEFUL = 25.0
-_PHASE = ("zero_rad", "gain", "constant_Nm")
+_SOLVED = ("gain", "constant_Nm", "load", "inertia_kgm2")
+"""Settings that are solved for at each zero that is tried,"""
+_PHASE = ("zero_rad", "gain", "constant_Nm", "inertia_kgm2")
+"""and with the zero of the few that are kept."""
 _MOST_STARTS = 8
 
 
@@ -53,28 +56,31 @@ def what_can_vary(evidence: Evidence) -> tuple[str, ...]:
 
 
 def search(
-    evidence: Evidence, configured: Settings, encoder_turn_rad: float, ratios: tuple[float, ...] = RATIOS
+    evidence: Evidence, configured: Settings, encoder_turn_rad: float, ratios: tuple[float, ...], free: tuple[str, ...]
 ) -> list[BestFit]:
     """Hypotheses of direction and ratio with their likeliest settings, those first that explain the record best.
 
-    Of hypotheses that are equally good, within `_AS_GOOD`, the one with the fewest departures comes first.
+    `free` are the continuous settings that may vary (see `what_can_vary`).
+
+    Of hypotheses that are equally good, within `AS_GOOD`, the one with the fewest departures comes first.
     """
-    free = what_can_vary(evidence)
     coarse = evidence.thinned(_COARSE_SAMPLES)
     varied = not evidence.track.at_one_speed
     # At one speed a delay is a zero: so the zeros are scanned there, and then told from delays by the whole record.
     fast = evidence.thinned(_COARSE_SAMPLES, at_one_speed=True) if varied else coarse
     starts: list[tuple[float, Settings]] = []
+    solved = tuple(name for name in free if name in _SOLVED)
     for ratio in ratios:
         for direction in (1, -1):
             base = replace(
                 configured, direction=direction * configured.direction, ratio=ratio * configured.ratio, zero_rad=0.0
             )
-            starts += _zeros(fast, base, zero_beside(configured, base))
+            starts += _zeros(fast, base, zero_beside(configured, base), solved)
     hopeful = _hopeful(starts)
-    hopeful = [fit_settings(fast, settings, _PHASE, iterations=5).settings for settings in hopeful]
-    if varied:
-        hopeful = _hopeful([_with_delay(coarse, settings) for settings in hopeful])
+    phase = [name for name in free if name in _PHASE]
+    hopeful = [fit_settings(fast, settings, phase, iterations=5).settings for settings in hopeful]
+    if "delay_s" in free:
+        hopeful = _hopeful([_with_delay(coarse, settings, solved) for settings in hopeful])
     found = [BestFit(fit_settings(coarse, settings, free, iterations=12)) for settings in hopeful]
     found = sorted((each for each in found if np.isfinite(each.square)), key=lambda each: each.square)
     if not found:
@@ -82,23 +88,22 @@ def search(
     fine = evidence.thinned()
     best = [BestFit(fit_settings(fine, each.fit.settings, free)) for each in _distinct(found)[:4]]
     if not varied:
-        best = [replace(each, late=as_delay(fine, each.fit, configured)) for each in best]
+        best = [replace(each, late=as_delay(fine, each.fit, configured, free)) for each in best]
     least = min(each.square for each in best)
     return sorted(
         best,
-        key=lambda each: (each.square > _AS_GOOD * least, _departures(each, configured, encoder_turn_rad), each.square),
+        key=lambda each: (each.square > AS_GOOD * least, _departures(each, configured, encoder_turn_rad), each.square),
     )
 
 
-def as_delay(evidence: Evidence, fit: SettingsFit, configured: Settings) -> SettingsFit:
+def as_delay(evidence: Evidence, fit: SettingsFit, configured: Settings, free: tuple[str, ...]) -> SettingsFit:
     """The same phase as a delay instead of a zero."""
     settings = fit.settings
     zero = zero_beside(configured, settings)
     away = np.remainder(settings.zero_rad - zero + np.pi, TURN) - np.pi
     speed = settings.direction * settings.ratio * evidence.working_speed()
     start = replace(settings, zero_rad=zero, delay_s=configured.delay_s + float(away) / speed)
-    free = ["delay_s" if name == "zero_rad" else name for name in what_can_vary(evidence)]
-    return fit_settings(evidence, start, free)
+    return fit_settings(evidence, start, ["delay_s" if name == "zero_rad" else name for name in free])
 
 
 def _hopeful(starts: list[tuple[float, Settings]]) -> list[Settings]:
@@ -107,10 +112,13 @@ def _hopeful(starts: list[tuple[float, Settings]]) -> list[Settings]:
     return [settings for square, settings in ranked[:_MOST_STARTS] if square <= _HOPEFUL * ranked[0][0] + 1e-300]
 
 
-def _zeros(coarse: Evidence, base: Settings, configured_zero: float) -> list[tuple[float, Settings]]:
+def _zeros(
+    coarse: Evidence, base: Settings, configured_zero: float, solved: tuple[str, ...]
+) -> list[tuple[float, Settings]]:
     """The best zeros of a hypothesis, and their mean squares."""
     zeros = np.append(TURN * np.arange(_ZEROS) / _ZEROS, configured_zero)
-    tried = sorted((_square(coarse, replace(base, zero_rad=float(zero))) for zero in zeros), key=lambda each: each[0])
+    found = (_square(coarse, replace(base, zero_rad=float(zero)), solved) for zero in zeros)
+    tried = sorted(found, key=lambda each: each[0])
     kept: list[tuple[float, Settings]] = []
     for square, settings in tried:
         apart = [abs(np.remainder(settings.zero_rad - k.zero_rad + np.pi, TURN) - np.pi) for _, k in kept]
@@ -121,7 +129,7 @@ def _zeros(coarse: Evidence, base: Settings, configured_zero: float) -> list[tup
     return kept
 
 
-def _with_delay(coarse: Evidence, settings: Settings) -> tuple[float, Settings]:
+def _with_delay(coarse: Evidence, settings: Settings, solved: tuple[str, ...]) -> tuple[float, Settings]:
     """The best of delays within half a turn, the zero going along so that the phase at working speed stays."""
     speed = settings.direction * settings.ratio * coarse.working_speed()
     longest = min(LONGEST_DELAY_S, 0.5 * TURN / abs(speed))
@@ -129,19 +137,18 @@ def _with_delay(coarse: Evidence, settings: Settings) -> tuple[float, Settings]:
     for late in np.linspace(-longest, longest, 2 * _DELAYS + 1):
         delay = settings.delay_s + float(late)
         trial = replace(settings, delay_s=delay, zero_rad=settings.zero_rad - speed * float(late))
-        best = min(best, _square(coarse, trial), key=lambda each: each[0])
+        best = min(best, _square(coarse, trial, solved), key=lambda each: each[0])
     return best
 
 
-def _square(coarse: Evidence, settings: Settings) -> tuple[float, Settings]:
-    """Mean square left when gain, loads and a constant are solved for, and the settings with them."""
-    names = ("gain", "constant_Nm", *(("load",) if coarse.terms.has_load else ()))
-    solved = linear_start(coarse, settings, names)
-    states = coarse.states(solved)
+def _square(coarse: Evidence, settings: Settings, solved: tuple[str, ...]) -> tuple[float, Settings]:
+    """Mean square left when the settings named are solved for, and all settings with them."""
+    start = linear_start(coarse, settings, solved)
+    states = coarse.states(start)
     if np.count_nonzero(states.good) < 0.3 * states.good.size:
         return np.inf, settings
-    residual = (coarse.torque_Nm - coarse.expected(solved, states))[states.good]
-    return float(np.mean(residual**2)), solved
+    residual = (coarse.torque_Nm - coarse.expected(start, states))[states.good]
+    return float(np.mean(residual**2)), start
 
 
 def _distinct(found: list[BestFit]) -> list[BestFit]:

@@ -18,7 +18,7 @@ _LONGEST = {"zero_rad": 0.15, "delay_s": 0.01, "drift": 1e-4}
 NONLINEAR = tuple(_STEPS)
 _FEWEST_SAMPLES = 16
 """Samples below which nothing is fitted."""
-LINEAR = ("gain", "load", "constant_Nm", "viscous_Nms", "offset_Nm")
+LINEAR = ("gain", "load", "constant_Nm", "viscous_Nms", "inertia_kgm2", "offset_Nm")
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,8 @@ def slopes(evidence: Evidence, settings: Settings, states: States, names: tuple[
 
 def _parts(states: States) -> dict[str, FloatArray]:
     """Torque (m,) in the shaft per unit of the settings that add to it [N m]."""
-    return {"load": states.terms.load, "constant_Nm": states.terms.direction, "viscous_Nms": states.omega}
+    friction = {"constant_Nm": states.terms.direction, "viscous_Nms": states.omega}
+    return {"load": states.terms.load, **friction, "inertia_kgm2": states.alpha}
 
 
 def _loss(residual: FloatArray, scale: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from textile_twin_core.comparison.explain import Explanation
+from textile_twin_core.comparison.explain import INERTIA, Explanation
 from textile_twin_core.comparison.readings import AngleUnit, shown_turn
 from textile_twin_core.comparison.torque_units import nearest_gain
 
@@ -151,6 +151,9 @@ def _is_turn_of_encoder(e: Explanation, zero_rad: float) -> bool:
 def _delay(e: Explanation) -> Cause:
     away, sigma = e.departure("delay_s"), e.sigma["delay_s"]
     text = f"the torque lags by {away * 1e3:.2f} +- {sigma * 1e3:.2f} ms more than the machine file says"
+    if e.governed_Nms:
+        inertia = e.governed_Nms * away / e.settings.gain
+        text += f", or {inertia:.2g} kg m2 that turn with it are not in the model: the torque follows the speed here"
     return Cause("delay", text, away, sigma)
 
 
@@ -193,12 +196,22 @@ def _load(e: Explanation) -> Cause:
     return Cause("load_force", text, factor, sigma)
 
 
+def _inertia(e: Explanation) -> Cause:
+    away, sigma = e.departure(INERTIA), e.sigma[INERTIA]
+    text = (
+        f"{away:.3g} +- {sigma:.2g} kg m2 turn with the shaft that are not in the model, as a motor's rotor or a"
+        " flywheel: add them under main_shaft of bodies in the machine file"
+    )
+    return Cause("unmodelled_inertia", text, away, sigma)
+
+
 _ONE = {
     "zero_rad": _zero,
     "delay_s": _delay,
     "drift": _drift,
     "offset_Nm": _offset,
     "load": _load,
+    INERTIA: _inertia,
 }
 
 
