@@ -71,6 +71,8 @@ def test_what_is_too_small_to_be_named_is_no_torque_that_repeats() -> None:
         ("tufting", ("other_machine",), True),
         ("loom", ("slow_angle",), True),
         ("loom", ("half_turn",), False),
+        ("loom", ("flywheel",), True),
+        ("tufting", ("flywheel",), True),
     ],
 )
 def test_a_mistake_is_named_first(machine: str, names: tuple[str, ...], run_up: bool) -> None:

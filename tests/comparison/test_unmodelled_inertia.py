@@ -1,0 +1,81 @@
+"""What turns with the shaft and is not in the machine file: named as such, and no sensor is accused of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.generators.governed_motion import governed_motion
+from tests.generators.mill_recordings import Case, healthy, record
+from tests.generators.told_machine import told_machine
+from textile_twin_core.comparison import Assessment, Readings, assess, calibrate, identify
+
+ADDED_KGM2 = 0.05
+"""Eight times the tufting machine's own inertia, three times the loom's largest."""
+
+
+def heavier(machine: str, **changes: object) -> Case:
+    return healthy(machine, 1, duration_s=24.0, added_inertia_kgm2=ADDED_KGM2, **changes)
+
+
+def planned(case: Case) -> Readings:
+    made = record(case)
+    return Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+
+
+def governed(case: Case, gain_Nms: float, late_s: float = 0.0) -> Readings:
+    """13 bits and torque at 1 kHz; noise of 0.05 N m, stamps wrong by 30 us."""
+    fine, angle, _, torque = governed_motion(case, gain_Nms, (9.0, 14.0))
+    rng = np.random.default_rng([1, 13])
+    time, step = np.arange(0.1, 23.9, 0.001), 2.0 * np.pi / 2**13
+    true = time + 3e-5 * rng.standard_normal(time.size)
+    stamps = np.rint(time * 1e9).astype(np.int64)
+    read = np.rint(np.interp(true, fine, angle) / step) * step
+    shown = np.interp(true - late_s, fine, torque) + 0.05 * rng.standard_normal(time.size)
+    return Readings(stamps, read, stamps, shown)
+
+
+def inertia(found: Assessment) -> float:
+    cause = found.verdict[0]
+    assert cause.cause == "unmodelled_inertia" and isinstance(cause.value, float)
+    return cause.value
+
+
+@pytest.mark.parametrize("machine", ["tufting", "loom"])
+def test_in_a_run_up_it_is_told_with_its_number_and_nothing_else(machine: str) -> None:
+    found = assess(planned(heavier(machine)), told_machine(heavier(machine)))
+    assert inertia(found) == pytest.approx(ADDED_KGM2, rel=0.02)
+    assert len(found.verdict) == 1 and found.explained > 0.998
+
+
+def test_the_torque_sensor_gets_no_gain_of_it() -> None:
+    found = calibrate(planned(heavier("tufting")), told_machine(heavier("tufting")))
+    assert found.gain.value == pytest.approx(1.0, abs=4.0 * found.gain.sigma) and found.gain.sigma < 0.01
+    assert abs(found.delay_s.value) < 2e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", ["tufting", "loom"])
+def test_under_a_controller_of_the_speed_it_is_no_delay(machine: str) -> None:
+    """The torque is then 25 ms late by the looks of it, and a tufting machine's sign was found reversed."""
+    case = heavier(machine)
+    readings = governed(case, 2.0)
+    found = assess(readings, told_machine(case))
+    assert inertia(found) == pytest.approx(ADDED_KGM2, rel=0.04)
+    assert {each.cause for each in found.verdict} <= {"unmodelled_inertia", "clocks_drift"}
+    identified = identify(readings, told_machine(case))
+    assert identified.parameters["added_inertia_kgm2"].value == pytest.approx(ADDED_KGM2, rel=0.04)
+    lost = {each.name: each.text for each in identified.not_identifiable}
+    assert "follows the speed" in lost["torque_sensor_delay_s"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("added_kgm2", "late_s"), [(0.005, 0.0), (0.0, 0.0025)])
+def test_a_little_of_it_and_a_delay_are_told_as_one(added_kgm2: float, late_s: float) -> None:
+    """Under a controller of 2 N m s an inertia of 0.005 kg m2 acts as a delay of 2.5 ms."""
+    case = replace(heavier("loom"), added_inertia_kgm2=added_kgm2)
+    (cause,) = assess(governed(case, 2.0, late_s), told_machine(case)).verdict
+    assert cause.cause == "delay" and cause.value == pytest.approx(0.0025, abs=1e-4)
+    assert "0.005" in cause.text and "kg m2" in cause.text
