@@ -65,6 +65,9 @@ def test_under_a_controller_of_the_speed_it_is_no_delay(machine: str) -> None:
     found = assess(readings, told_machine(case))
     assert inertia(found) == pytest.approx(ADDED_KGM2, rel=0.04)
     assert {each.cause for each in found.verdict} <= {"unmodelled_inertia", "clocks_drift"}
+    settled = calibrate(readings, told_machine(case))
+    assert settled.delay_s.value == 0.0 and settled.gain.value == pytest.approx(1.0, abs=0.05)
+    assert any("inertia" in each.between for each in settled.ambiguous)
     identified = identify(readings, told_machine(case))
     assert identified.parameters["added_inertia_kgm2"].value == pytest.approx(ADDED_KGM2, rel=0.04)
     lost = {each.name: each.text for each in identified.not_identifiable}

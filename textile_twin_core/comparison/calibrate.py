@@ -11,7 +11,7 @@ import numpy as np
 
 from textile_twin_core.comparison.assess import Assessment, assess
 from textile_twin_core.comparison.evidence import Settings
-from textile_twin_core.comparison.explain import ALL_SAMPLES, Explanation
+from textile_twin_core.comparison.explain import ALL_SAMPLES, INERTIA, Explanation
 from textile_twin_core.comparison.identifiable import identifiable
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.rest import rest_reading
@@ -170,7 +170,7 @@ def _final_fit(found: Explanation) -> SettingsFit:
     free = {*found.departing, "zero_rad", "gain"}
     if found.one_speed:
         free -= {"zero_rad"} if "delay_s" in found.departing else {"delay_s"}
-    else:
+    elif not (found.governed_Nms and INERTIA in free):
         free |= {"delay_s"}
     if found.offset_at_rest is not None:
         free = (free | {"constant_Nm"}) - {"offset_Nm"}
@@ -258,6 +258,16 @@ def _ambiguous(
                 "a run-up, a coast-down or two speeds that differ by a fifth",
             )
         )
+    if found.governed_Nms:
+        kept = "inertia" if INERTIA in fit.free else "delay"
+        ambiguous.append(
+            Ambiguity(
+                ("torque.delay_s", "inertia"),
+                "where the torque follows the speed, a delay looks like a rotor or a flywheel that the file does not"
+                f" have; all of it was taken as {kept}",
+                "none under this controller; one that holds the speed more stiffly tells them apart better",
+            )
+        )
     if not found.rest_tells and not found.evidence.turns_both_ways():
         ambiguous.append(
             Ambiguity(
@@ -321,7 +331,7 @@ def _whole_turns(value: float, near: float, turn: float) -> float:
 
 def _sensors_alone(settings: Settings, configured: Settings) -> Settings:
     """What a machine file gets of settings: those of the sensors; friction, loads and drift stay as configured."""
-    beside = ("drift", "load", "constant_Nm", "viscous_Nms", "inertia_kgm2")
+    beside = ("drift", "load", "constant_Nm", "viscous_Nms", INERTIA)
     return settings.changed({name: getattr(configured, name) for name in beside})
 
 

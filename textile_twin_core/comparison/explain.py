@@ -84,7 +84,8 @@ class Explanation:
     def _departures(self) -> int:
         s, told = self.settings, self.configured
         turned = (s.direction != told.direction, s.ratio != told.ratio)
-        return len({*self.fit.free, *self.departing}) + sum(turned) + (nearest_gain(s.gain, told.gain).gain != told.gain)
+        others = (*turned, nearest_gain(s.gain, told.gain).gain != told.gain)
+        return len({*self.fit.free, *self.departing}) + sum(others)
 
 
 def explain(
