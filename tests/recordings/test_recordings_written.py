@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from tests.full_disk import full_disk
 from textile_twin_core.errors import OutputError, RecordingError
 from textile_twin_core.recordings import LATCHED, BagWriter, open_bag
 from textile_twin_core.recordings.cdr_encode import encode_string
@@ -392,6 +394,20 @@ def test_a_recording_splits_by_time_and_forgets_its_oldest_file(tmp_path: Path) 
     bag = open_bag(tmp_path / "b")
     assert (bag.message_count, bag.start_ns) == (15, EPOCH + 2_000_000_000)
     assert sorted(path.name for path in (tmp_path / "b").iterdir()) == ["b_2.mcap", "b_3.mcap", "metadata.yaml"]
+
+
+def test_a_disk_that_is_full_at_the_end_leaves_no_half_metadata(tmp_path: Path) -> None:
+    """Each file finds room, the list of them does not: the recording is read without it."""
+    path, count = tmp_path / "bag", 60
+    with ExitStack() as stack, pytest.raises(OutputError), BagWriter(path, live=True, split_bytes=1) as out:
+        out.add_topic("words", "std_msgs/msg/String")
+        for number in range(count):
+            out.write("words", EPOCH + number, encode_string("so"))
+            out.flush()
+        room = max(file.stat().st_size for file in path.iterdir()) + 1000
+        stack.enter_context(full_disk(room))
+    assert not [file for file in path.iterdir() if file.suffix != ".mcap"]
+    assert open_bag(path).topics["/words"].count == count
 
 
 def test_a_single_file_cannot_be_split(tmp_path: Path) -> None:

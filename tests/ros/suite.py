@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from launch_scripts.this_computer import this_computer_alone
-from textile_twin_core.recordings import BagWriter
+from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_ros.spinning import create_executor
 
 PATIENCE_S = 60.0
@@ -189,3 +189,11 @@ def write_bag(path: Path, stamps: Any, angles: Any, torques: Any | None = None) 
         if torques is not None:
             bag.write_wrenches("balancing_torque/measured", stamps + 1_000_000, torques)
     return path
+
+
+def recorded(path: Path) -> int:
+    """Messages of a recording that is being written, 0 while nothing of it is on the disk."""
+    try:
+        return open_bag(path).message_count
+    except Exception:  # none yet, or half a file
+        return 0

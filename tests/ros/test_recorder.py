@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite, shaft_angles, write_bag
+from tests.ros.suite import RELIABLE, SECOND_NS, Suite, recorded, shaft_angles, write_bag
 from tests.ros.test_live_topics import joint_state, stamp_of
 from textile_twin_core.recordings import open_bag
 from textile_twin_ros.endpoints import latched_qos
@@ -33,52 +32,11 @@ def test_a_kill_loses_a_second_at_most(suite: Suite) -> None:
     for stamp, angle in zip(*shaft_angles(2000), strict=True):
         publisher.publish(joint_state(stamp, angle))
     # Flushed from a timer, although nothing more comes.
-    suite.spin_until(lambda: _recorded(recording) == 2000, "flush of the recording")
+    suite.spin_until(lambda: recorded(recording) == 2000, "flush of the recording")
     assert recorder.end(signal.SIGKILL) == -signal.SIGKILL
     bag = open_bag(recording)
     assert bag.truncated
     np.testing.assert_array_equal(bag.read_angles().stamps, shaft_angles(2000)[0])
-
-
-def recorder_on_a_full_disk(suite: Suite, blocks: int, topics: str) -> Program:
-    """The shell's limit on the size of files, in blocks of 1024 bytes, stands for a disk without room."""
-    command = [str(Path(sys.executable).parent / "record_node"), "--ros-args", "-p", f"bag:={suite.folder / 'full'}"]
-    limited = ["bash", "-c", f'ulimit -f {blocks}; exec "$@"', "-", *command, "-p", f"topics:=[{topics}]"]
-    recorder = Program(limited, suite.folder / "full.log", suite.environment)
-    suite.processes.append(recorder)
-    return recorder
-
-
-def ends_with_a_line(suite: Suite, recorder: Program) -> None:
-    suite.spin_until(lambda: recorder.process.poll() is not None, "end of the recorder")
-    assert recorder.wait() == 2
-    assert recorder.words().splitlines()[-1].startswith(f"record_node: {suite.folder / 'full'}: File too large")
-    assert "Traceback" not in recorder.words()
-
-
-def test_a_full_disk_is_one_line(suite: Suite) -> None:
-    recorder = recorder_on_a_full_disk(suite, 64, "main_shaft/angle")
-    publisher = suite.node().create_publisher(JointState, "main_shaft/angle", RELIABLE)
-    suite.spin_until(publisher.get_subscription_count, "recorder")
-    for stamp, angle in zip(*shaft_angles(3000), strict=True):
-        publisher.publish(joint_state(stamp, angle))
-    ends_with_a_line(suite, recorder)
-
-
-def test_a_disk_that_is_full_as_topics_come_is_one_line(suite: Suite) -> None:
-    """Their declarations alone, all at once, are more than is held back until the next flush."""
-    node = suite.node()
-    topics = [f"words_{number}" for number in range(40)]
-    for topic in topics:
-        node.create_publisher(String, topic, RELIABLE)
-    ends_with_a_line(suite, recorder_on_a_full_disk(suite, 8, ",".join(topics)))
-
-
-def _recorded(recording: Path) -> int:
-    try:
-        return open_bag(recording).message_count
-    except Exception:  # nothing is on the disk yet
-        return 0
 
 
 @pytest.mark.slow
@@ -180,7 +138,7 @@ def test_a_recorder_that_another_overwrites_ends(suite: Suite) -> None:
     publisher = suite.node().create_publisher(String, "words", RELIABLE)
     suite.spin_until(publisher.get_subscription_count, "the second recorder")
     publisher.publish(String(data="of the second"))
-    suite.spin_until(lambda: _recorded(recording) == 1, "flush of the recording")
+    suite.spin_until(lambda: recorded(recording) == 1, "flush of the recording")
     assert second.end() == 0
     assert open_bag(recording).message_count == 1
 

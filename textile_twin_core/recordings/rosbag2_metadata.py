@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import Any
 import yaml
 
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.files.atomic import partial_path
 from textile_twin_core.recordings.schemas import MessageSchema
 
 _KEY = "rosbag2_bagfile_information"
@@ -144,8 +146,20 @@ def information(
 
 
 def write(folder: Path, info: dict[str, Any]) -> None:
-    """Write metadata.yaml into the folder."""
-    (folder / "metadata.yaml").write_text(dump({_KEY: info}), encoding="utf-8")
+    """Write metadata.yaml into the folder: whole and on the disk, also before a power loss, or not at all.
+
+    Raises OSError when the disk takes no more.
+    """
+    file = folder / "metadata.yaml"
+    partial = partial_path(file)
+    try:
+        with partial.open("w", encoding="utf-8") as stream:
+            stream.write(dump({_KEY: info}))
+            stream.flush()
+            os.fsync(stream.fileno())
+        partial.replace(file)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def read(folder: Path) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from textile_twin_core.errors import RecordingError, SceneError, TwinError
+from textile_twin_core.errors import OutputError, RecordingError, SceneError, TwinError
 from textile_twin_core.files import remove
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
@@ -103,17 +103,32 @@ class RecordNode(Node):
         self._discover()
 
     def close(self) -> None:
-        """Complete the recording and say what is in it."""
+        """Complete the recording and say what is in it.
+
+        Raises:
+            RecordingError: the disk takes no more, or the file has gone.
+        """
         if self._writer is None:
             return
         path, self._writer = self._writer.path, None
         self._inlets.write_to(None)
-        self._open_files.close()
-        if self._place.by_time and not self._progress.anything:
-            remove(path)
+        try:
+            self._open_files.close()
+        except OutputError as error:
+            self._drop_if_empty(path)
+            assert isinstance(error.__cause__, OSError)  # which is what the writer makes it of
+            raise self._cut_short(path, error.__cause__) from error
+        if self._drop_if_empty(path):
             print("nothing came: no recording is kept", flush=True)
             return
         print(f"recorded {self._progress.counts.total()} messages in {path}: {self._progress}", flush=True)
+
+    def _drop_if_empty(self, path: Path) -> bool:
+        """Remove a recording of this node's own naming in which there is nothing; whether it was one."""
+        empty = self._place.by_time and not self._progress.anything
+        if empty:
+            remove(path)
+        return empty
 
     def _parse_count(self, text: str) -> tuple[str, int]:
         topic, _, count = text.partition("=")
@@ -199,15 +214,25 @@ class RecordNode(Node):
 
     def _give_up(self, path: Path, error: OSError) -> None:
         """The disk takes no more, or the file has gone: what is on it stays, the node ends."""
-        self._writer = None
+        self._let_go()
+        if not self.finished.done():
+            self.finished.set_exception(self._cut_short(path, error))
+
+    def _let_go(self) -> None:
+        """Leave the recording as it is on the disk; one without a message goes where its name is ours."""
+        writer, self._writer = self._writer, None
         self._inlets.write_to(None)
         with suppress(TwinError, OSError):
             self._open_files.close()
+        if writer is not None:
+            self._drop_if_empty(writer.path)
+
+    def _cut_short(self, path: Path, error: OSError) -> RecordingError:
+        """What to tell of a recording that ends so."""
         reason = f"{path}: {error.strerror or error}: the recording ends after {self._progress.counts.total()} messages"
-        if not isinstance(error, FileNotFoundError):
+        if self._progress.anything and not isinstance(error, FileNotFoundError):
             reason += "; make room, and keep it with textile-twin recover"
-        if not self.finished.done():
-            self.finished.set_exception(RecordingError(reason))
+        return RecordingError(reason)
 
     def _silence(self) -> str:
         wanted = self._inlets.wanted
@@ -232,7 +257,10 @@ class RecordNode(Node):
             return response
         try:
             self._open()
+            if self._writer is not None:
+                self._writer.flush()  # a full disk is told now
         except (TwinError, OSError) as error:
+            self._let_go()
             response.success, response.message = False, str(error)
             return response
         if self._writer is None:
@@ -246,7 +274,12 @@ class RecordNode(Node):
             response.success, response.message = False, "not recording: call ~/start first"
             return response
         path, total = self._writer.path, self._progress.counts.total()
-        self.close()
+        try:
+            self.close()
+        except RecordingError as error:
+            self.get_logger().error(str(error))
+            response.success, response.message = False, str(error)
+            return response
         response.success, response.message = True, f"{total} messages in {path}"
         return response
 
