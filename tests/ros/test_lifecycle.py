@@ -100,6 +100,36 @@ def test_ten_cycles_under_load(suite: Suite, executor: str) -> None:
     assert not re.search("Traceback|Exception|FATAL", twin.words()), twin.words()
 
 
+@pytest.mark.parametrize("executor", EXECUTORS)
+def test_transitions_that_a_state_does_not_have_are_refused(suite: Suite, executor: str) -> None:
+    twin = suite.start("twin_node", f"executor:={executor}")
+    node = suite.node()
+
+    def change(transition: int) -> bool:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return bool(suite.call(node, ChangeState, "twin_node/change_state", request).success)
+
+    twin.wait_for_words("predicting from")
+    nothing = 200
+    assert not any(map(change, (Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_CONFIGURE, nothing)))
+    assert change(Transition.TRANSITION_DEACTIVATE)
+    assert not any(map(change, (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CONFIGURE)))
+    assert change(Transition.TRANSITION_ACTIVATE)
+    assert twin.end() == 0
+    assert not re.search("Traceback|Exception|FATAL", twin.words()), twin.words()
+
+
+def test_configuring_that_fails_leaves_no_topics(suite: Suite) -> None:
+    twin = suite.start("twin_node", "autostart:=false", "wait_for:=[needle]")
+    node = suite.node()
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
+    assert not suite.call(node, ChangeState, "twin_node/change_state", request).success
+    assert "no output 'needle'" in twin.words()
+    suite.spin_for(0.5)
+    assert not node.count_publishers("balancing_torque/predicted")
+    assert twin.end() == 0
+
+
 @pytest.mark.slow
 def test_activated_by_hand_while_it_waits_for_subscribers(suite: Suite) -> None:
     twin = suite.start("twin_node", "wait_for:=[balancing_torque/predicted]")

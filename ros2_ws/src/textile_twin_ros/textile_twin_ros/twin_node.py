@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
 
+from lifecycle_msgs.srv import ChangeState
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.task import Future
 from std_srvs.srv import Trigger
@@ -23,6 +25,7 @@ from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
 from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
 from textile_twin_ros.spinning import EXECUTORS, call_every, is_refusal, run
+from textile_twin_ros.twin_outputs import topics_of
 from textile_twin_ros.twin_stream import TwinStream
 
 _LOOK_S = 0.1
@@ -91,11 +94,26 @@ class TwinNode(LifecycleNode):
         self._measured = MeasuredTorque()
         self._active = False
         self._starting = self.settings.autostart
+        self._refuse_what_does_not_fit()
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._diagnostics = DiagnosticsPublisher(self, lambda: self.settings.machine, self._statuses)
         if self._starting and self.trigger_configure() is not _SUCCESS:
             self.finished.result()  # raises what was wrong
         call_every(self, _LOOK_S, self._look)
+
+    def _refuse_what_does_not_fit(self) -> None:
+        """Answer a transition that this state does not have; rclpy's own service ends the node with it."""
+        service = next(service for service in self.services if service.srv_type is ChangeState)
+        change = service.callback
+
+        def answer(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
+            try:
+                return change(request, response)
+            except rclpy_implementation.RCLError:  # which the middleware has told in the log
+                response.success = False
+                return response
+
+        service.callback = answer
 
     def close(self) -> None:
         """Nothing is left open: what was published is with the middleware."""
@@ -107,16 +125,15 @@ class TwinNode(LifecycleNode):
         try:
             machine = self._machine = load_machine(settings.machine, settings.encoder())
             reference_of(machine.sensors.encoder, settings.angle_type == "edges", settings.index)
+            outputs = topics_of(machine)
+            unknown = [topic for topic in settings.wait_for if topic not in outputs]
+            if unknown:
+                raise TwinError(f"parameter 'wait_for': no output '{unknown[0]}'; there are {', '.join(outputs)}")
             depth = settings.qos_depth or depth_for(settings.rate_hz)
             estimator = {"shaft_lag_s": settings.shaft_lag_s} if settings.shaft == "lag" else {}
             self._stream = TwinStream(
                 self, machine, settings.shaft, estimator, depth, lambda: settings.joint_states_rate_hz
             )
-            unknown = [topic for topic in settings.wait_for if topic not in self._stream.publishers]
-            if unknown:
-                raise TwinError(
-                    f"parameter 'wait_for': no output '{unknown[0]}'; there are {', '.join(self._stream.publishers)}"
-                )
         except TwinError as error:
             if self._starting:
                 raise
