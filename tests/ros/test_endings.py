@@ -6,6 +6,7 @@ import dataclasses
 import importlib
 import re
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from pathlib import Path
 import pytest
 from rcl_interfaces.srv import GetParameters
 
-from tests.ros.suite import Suite, node_environment, shaft_angles, write_bag
+from tests.ros.suite import PATIENCE_S, Suite, node_environment, shaft_angles, write_bag
 from textile_twin_core.recordings import open_bag
 from textile_twin_ros.commands import ENDING_SIGNALS, twin_node
 
@@ -39,6 +40,23 @@ def test_nodes_end_on_signals(suite: Suite, number: signal.Signals, executor: st
         assert program.end(number) == 0, program.words()
         assert not ALARM.search(program.words()), program.words()
     assert open_bag(suite.folder / "recorded").message_count > 0
+
+
+def test_a_recorder_whose_reader_has_gone_ends_well(suite: Suite) -> None:
+    suite.node()
+    command = [str(Path(sys.executable).parent / "record_node"), "--ros-args", "-p", f"bag:={suite.folder / 'run'}"]
+    with (suite.folder / "errors").open("w+") as errors:
+        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, env=suite.environment)
+        assert running.stdout is not None
+        running.stdout.close()
+        try:
+            suite.spin_until(lambda: "recording to" in (suite.folder / "errors").read_text(), "recorder")
+            running.terminate()
+            assert running.wait(PATIENCE_S) == 0
+        finally:
+            running.kill()
+        assert not ALARM.search((suite.folder / "errors").read_text())
+    assert open_bag(suite.folder / "run").message_count == 0
 
 
 @contextmanager

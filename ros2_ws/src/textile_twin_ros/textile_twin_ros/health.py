@@ -18,6 +18,7 @@ WINDOW_S = 5.0
 WARN_SHARE = 0.01
 """Share of samples that do not serve above which there is a warning."""
 ERROR_SHARE = 0.5
+_LATE_S = 1.0
 _STATE_LEVELS: dict[str, bytes] = {"waiting": WARN, "settling": WARN, "starting": WARN, "lost": ERROR}
 # What leaves a sample out, and what bridges one, in the counts of the shaft's report.
 _UNFIT = ("unreadable", "rejected_", "outliers", "older")
@@ -127,6 +128,14 @@ def publisher_findings(publishers: Iterable[str], what: str) -> list[Finding]:
     if len(names) < 2:
         return []
     return [Finding("publishers", WARN, f"{len(names)} publishers give {what}: {', '.join(names)}; stop all but one")]
+
+
+def late_findings(late_s: float) -> list[Finding]:
+    """A node that comes to its messages so long [s] after they came in: its queues overflow before long."""
+    if late_s < _LATE_S:
+        return []
+    text = f"this node comes {late_s:.1f} s late to its messages: the computer has too little processor time for it"
+    return [Finding("late", WARN, text)]
 
 
 def stamp_findings(newest_ns: int | None, stamped: bool) -> list[Finding]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
-from time import monotonic, perf_counter_ns
+from time import monotonic, perf_counter_ns, time_ns
 from typing import Any, TypeAlias
 
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
@@ -16,8 +16,17 @@ from rclpy.subscription import Subscription
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, WRENCH
 from textile_twin_ros.diagnostics import InputWatch, Status
 from textile_twin_ros.endpoints import NAMELESS, describe_publishers, publisher_name, samples_qos
-from textile_twin_ros.health import Finding, Recent, judged, publisher_findings, sample_findings, stamp_findings
+from textile_twin_ros.health import (
+    Finding,
+    Recent,
+    judged,
+    late_findings,
+    publisher_findings,
+    sample_findings,
+    stamp_findings,
+)
 from textile_twin_ros.messages import HeaderReader, JointReader, MessageError, TorqueReader, message_class, read_float64
+from textile_twin_ros.spinning import catch_up
 
 #: Stamp [ns], that of arrival where the message has none; value; its rate where the message has it, otherwise NaN.
 Sample: TypeAlias = tuple[int, float, float]
@@ -29,6 +38,7 @@ Kind: TypeAlias = tuple[str, Callable[[str], Reader]]
 _OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH))
 _BLOCK = 64
 _PAUSE_NS = 100_000
+_CATCH_UP_NS = 200_000_000
 _NAN = float("nan")
 _NAME_S = 2.0
 """Publishers may be without a name so long."""
@@ -130,7 +140,8 @@ class SampleInput:
         self._recent = Recent()
         self._stamped = self.msgtype != FLOAT64
         self._newest_ns: int | None = None
-        self._ready_ns = 0
+        self._ready_ns = self._catch_up_ns = 0
+        self._late_s = 0.0
         self._all_named = monotonic()
         self.name = node.resolve_topic_name(topic)
         self.watch = InputWatch(node, self.name, silence_s, lambda: describe_publishers(node, topic, self.msgtype))
@@ -148,6 +159,7 @@ class SampleInput:
         status = self.watch.status(self._topic, counts, refusing=growth["unreadable"] > 0)
         findings = [
             *seen,
+            *late_findings(self._late_s),
             *stamp_findings(self._newest_ns, self._stamped),
             *sample_findings(growth, "messages"),
             *publisher_findings(self._publishers(), self.name),
@@ -210,7 +222,9 @@ class SampleInput:
     def _on_message(self, raw: bytes) -> None:
         """Read this message and, where the node comes late, all that wait behind it."""
         # Asking in vain costs a tenth of a sample's work: nothing waits where there was time since the last one.
-        late = perf_counter_ns() - self._ready_ns < _PAUSE_NS
+        now_ns = perf_counter_ns()
+        due = now_ns > self._catch_up_ns
+        late = due or now_ns - self._ready_ns < _PAUSE_NS
         block: list[Sample] = []
         waiting: bytes | None = None if self._ended else raw
         received = 0
@@ -230,9 +244,13 @@ class SampleInput:
             self._take(block)
         self.watch.took(received)
         self._ready_ns = perf_counter_ns()
+        if due:
+            self._catch_up_ns = self._ready_ns + _CATCH_UP_NS
+            catch_up(self._node)
 
     def _next(self) -> bytes | None:
         handle = self._subscription.handle
         with handle:
             taken: Any = handle.take_message(self._message_class, True)
+        self._late_s = 0.0 if taken is None else (time_ns() - taken[1]["received_timestamp"]) * 1e-9
         return None if taken is None else taken[0]

@@ -7,10 +7,12 @@ import os
 import signal
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Protocol, cast
+from weakref import WeakKeyDictionary
 
 import rclpy
 from rclpy.clock import Clock, ClockType
@@ -33,6 +35,7 @@ _LOOK_S = 0.2
 # Each spin of the events executor leaves 32 bytes behind, and each callback of the other one adds to the future of the
 # spin: spins are not short, and each has a future of its own. A node that has fallen behind looks between two of them.
 _SPIN_S = 1.0
+_OVERDUE_S = 0.5
 
 
 class SuiteNode(Protocol):
@@ -48,9 +51,41 @@ class SuiteNode(Protocol):
         """Destroy the rclpy node."""
 
 
+class _Regular:
+    """What a node does every so often."""
+
+    def __init__(self, period_s: float, callback: Callable[[], None]) -> None:
+        self._period_s, self._callback = period_s, callback
+        self._done_s = time.monotonic()
+
+    def do(self) -> None:
+        """Do it now."""
+        self._done_s = time.monotonic()
+        self._callback()
+
+    def catch_up(self) -> None:
+        """Do it where it is long overdue."""
+        if time.monotonic() - self._done_s > self._period_s + _OVERDUE_S:
+            self.do()
+
+
+_REGULAR: WeakKeyDictionary[Node, list[_Regular]] = WeakKeyDictionary()
+
+
 def call_every(node: Node, period_s: float, callback: Callable[[], None]) -> None:
-    """Call a function every so often in real time, also where the node's time is that of a recording."""
-    node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    """Call a function every so often in real time, also where the node's time is that of a recording.
+
+    The events executor comes to a timer when it has been through all that came before: inputs call `catch_up`.
+    """
+    regular = _Regular(period_s, callback)
+    _REGULAR.setdefault(node, []).append(regular)
+    node.create_timer(period_s, regular.do, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def catch_up(node: Node) -> None:
+    """Do what is long overdue, where more messages come than the node is through with."""
+    for regular in _REGULAR.get(node, ()):
+        regular.catch_up()
 
 
 def create_executor(name: str, context: Context | None = None) -> Executor:
@@ -98,7 +133,7 @@ def run(command: str, create: Callable[[], SuiteNode], declaration: type, argume
             return 0
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except BrokenPipeError:  # who reads the help has enough, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _say_no_more()
         return 0
     except rclpy_implementation.UnknownROSArgsError as error:
         return _tell(command, f"not known after --ros-args: {error}; a parameter is written as -p NAME:=VALUE")
@@ -182,9 +217,16 @@ def _end(command: str, nodes: list[SuiteNode]) -> int:
             node.destroy_node()
     except TwinError as error:
         return _tell(command, error)
+    except BrokenPipeError:  # who reads what it says has gone; its work is done
+        _say_no_more()
     finally:
         rclpy.try_shutdown()
     return 0
+
+
+def _say_no_more() -> None:
+    """Let Python write to nowhere as it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _tell(command: str, error: Exception | str) -> int:
