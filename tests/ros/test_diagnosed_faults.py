@@ -170,3 +170,30 @@ def test_torques_that_do_not_serve_are_told(suite: Suite, name: str) -> None:
             )
     finally:
         feeder.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hours", "words"), [(1, "3600.0 s ahead of the angle's"), (-1, "3600.0 s behind the angle's")]
+)
+def test_clocks_that_differ_are_told_where_residuals_stay_away(suite: Suite, hours: int, words: str) -> None:
+    suite.start("twin_node")
+    node = suite.node()
+    heard: list[DiagnosticStatus] = []
+    node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: heard.extend(s for s in message.status if s.name == "twin_node: balancing_torque/residual"),
+        RELIABLE,
+    )
+    torques = Feeder(node.create_publisher(WrenchStamped, "balancing_torque/measured", RELIABLE), torque)
+    angles = Feeder(node.create_publisher(JointState, "main_shaft/angle", RELIABLE))
+    angles.number = torques.number = int(7200 * RATE_HZ)
+    try:
+        suite.spin_until(lambda: heard and "rms" in heard[-1].message, "residuals")
+        torques.number += int(hours * 3600 * RATE_HZ)
+        suite.spin_until(lambda: words in heard[-1].message, "diagnostics of the clocks")
+        assert heard[-1].level == DiagnosticStatus.WARN
+    finally:
+        angles.close()
+        torques.close()

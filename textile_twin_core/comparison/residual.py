@@ -75,6 +75,13 @@ class ResidualStream:
             return math.nan
         return math.sqrt(math.fsum(value * value for value in self._recent) / len(self._recent))
 
+    @property
+    def apart_s(self) -> float:
+        """How far the newest measured torque is ahead of the newest prediction, nan without both."""
+        if self._last_measured_ns is None or not self._stamps:
+            return math.nan
+        return (self._last_measured_ns - self._delay_ns - self._stamps[-1]) * 1e-9
+
     def predicted(
         self, stamps_ns: Iterable[int], torques_Nm: Iterable[float], thetas_rad: Iterable[float]
     ) -> list[Residual]:

@@ -19,6 +19,7 @@ WARN_SHARE = 0.01
 """Share of samples that do not serve above which there is a warning."""
 ERROR_SHARE = 0.5
 _LATE_S = 1.0
+_APART_S = 1.0
 _STATE_LEVELS: dict[str, bytes] = {"waiting": WARN, "settling": WARN, "starting": WARN, "lost": ERROR}
 # What leaves a sample out, and what bridges one, in the counts of the shaft's report.
 _UNFIT = ("unreadable", "rejected_", "outliers", "older")
@@ -181,16 +182,26 @@ def residual_findings(rms_Nm: float, measured_rms_Nm: float, limit_Nm: float) ->
     return [Finding("residual", WARN, text)] if over else []
 
 
-def stalled_findings(growth: Mapping[str, float]) -> list[Finding]:
+def apart_text(apart_s: float) -> str:
+    """What to do where the torque's stamps are so far [s] from the angle's; empty where they are not, or it is nan."""
+    if not abs(apart_s) > _APART_S:
+        return ""
+    side = "ahead of" if apart_s > 0.0 else "behind"
+    return f"the torque's stamps are {abs(apart_s):.1f} s {side} the angle's; set both clocks alike"
+
+
+def stalled_findings(growth: Mapping[str, float], apart_s: float) -> list[Finding]:
     """Measured torques come, and none of them gets a residual.
 
     Args:
         growth: counts of the last seconds: `given`, and those skipped by cause.
+        apart_s: how far the torque's stamps are ahead of the angle's; nan where one of them does not come.
     """
     causes = ", ".join(f"{count:.0f} {cause}" for cause, count in growth.items() if cause != "given" and count > 0)
-    if growth["given"] or not causes:
+    reasons = [reason for reason in (apart_text(apart_s), causes) if reason]
+    if growth["given"] or not reasons:
         return []
-    return [Finding("stalled", WARN, f"no residual in the last {WINDOW_S:g} s: {causes}")]
+    return [Finding("stalled", WARN, f"no residual in the last {WINDOW_S:g} s: {'; '.join(reasons)}")]
 
 
 def state_level(state: str) -> bytes:

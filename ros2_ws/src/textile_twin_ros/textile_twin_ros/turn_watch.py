@@ -9,11 +9,10 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN
 from textile_twin_ros.diagnostics import WARN
-from textile_twin_ros.health import WINDOW_S, Finding
+from textile_twin_ros.health import WINDOW_S, Finding, apart_text
 
 _TURNS = 5.0
 """So many turns, for as long as a level looks back, may pass unseen: the torque of some may be late."""
-_APART_S = 1.0
 
 
 class TurnWatch:
@@ -60,9 +59,8 @@ class TurnWatch:
         too_few = self._finite < FEWEST_TORQUES_PER_TURN * turns
         if too_few and self._finite < 0.5 * self._torques:
             return f": {self._torques - self._finite} of {self._torques} torques are not finite"
-        if abs(self._apart_s) > _APART_S:
-            side = "ahead of" if self._apart_s > 0.0 else "behind"
-            return f": the torque's stamps are {abs(self._apart_s):.1f} s {side} the angle's; set both clocks alike"
+        if apart := apart_text(self._apart_s):
+            return f": {apart}"
         if too_few:
             return f": {self._finite / turns:.1f} torques a turn, and at least {FEWEST_TORQUES_PER_TURN} are needed"
         return ""

@@ -228,7 +228,9 @@ class TwinNode(LifecycleNode):
         statuses = [*angle.statuses(stream.sample_counts(report)), stream.estimator_status(self.settings.shaft, report)]
         if torque.watch.received or torque.has_publishers():
             statuses.append(torque.status())
-            statuses.append(stream.residual_status(self._measured.rms_Nm(), self.settings.residual_limit_Nm))
+            both_come = max(angle.watch.silent_s, torque.watch.silent_s) < _ENDED_S
+            limit_Nm = self.settings.residual_limit_Nm
+            statuses.append(stream.residual_status(self._measured.rms_Nm(), limit_Nm, both_come))
         outputs = ", ".join(stream.wanted_topics()) or "nothing: nobody listens"
         status = Status("outputs", OK, f"computing {outputs}")
         return [*statuses, judged(status, self._rivals())]

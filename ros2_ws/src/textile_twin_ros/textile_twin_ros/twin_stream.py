@@ -183,8 +183,11 @@ class TwinStream:
         values = {key: value for key, value in report.to_json().items() if not isinstance(value, dict | list)}
         return Status("shaft estimator", level, f"{shaft}: {report.text()}", values)
 
-    def residual_status(self, measured_rms_Nm: float, limit_Nm: float) -> Status:
-        """How far measured and predicted torque are apart; `health.residual_findings` tells when that is too far."""
+    def residual_status(self, measured_rms_Nm: float, limit_Nm: float, both_come: bool) -> Status:
+        """How far measured and predicted torque are apart; `health.residual_findings` tells when that is too far.
+
+        both_come: whether neither angles nor torques are silent.
+        """
         residuals = self._residuals
         values: dict[str, object] = {"rms_Nm": residuals.rms_Nm, "given": residuals.given}
         values |= {f"skipped_{cause.replace(' ', '_')}": count for cause, count in residuals.skipped.items()}
@@ -192,7 +195,8 @@ class TwinStream:
         status = Status(RESIDUAL_TOPIC, OK if residuals.given else WARN, text, values)
         growth = self._recent_residuals.growth({"given": residuals.given, **residuals.skipped})
         findings = residual_findings(residuals.rms_Nm, measured_rms_Nm, limit_Nm)
-        return judged(status, [*stalled_findings(growth), *findings])
+        apart_s = residuals.apart_s if both_come else math.nan
+        return judged(status, [*stalled_findings(growth, apart_s), *findings])
 
     def _sender(self, topic: str) -> Send:
         """What sends a message of a topic: rclpy's own call, without the layers that ask for its type each time."""
