@@ -118,6 +118,13 @@ MISTAKES = [
     ("record_node", ["bag:={bag}"], ["is there already"]),
     ("record_node", ["bag:=/proc/bag"], ["/proc/bag"]),
     ("record_node", ["bag:={bag}2", "types:=[angle]"], ["types", "angle", "package/msg/Type"]),
+    (
+        "record_node",
+        ["bag:={bag}2", "types:=[angle=sensor_msgs/JointState]"],
+        ["types", "sensor_msgs/JointState", "/msg/"],
+    ),
+    ("record_node", ["bag:={bag}2", "topics:=[main-shaft]"], ["topics", "'main-shaft'", "alphanumerics"]),
+    ("record_node", ["bag:={bag}2", "stop_after:=[1st=3]"], ["stop_after", "'1st'", "number"]),
     ("plc_node", ["host:=10.0.0.5", "sequence:=4:float32"], ["sequence", "4:float32", "whole"]),
     ("shaft_node", ["machine:=loom"], ["no machine 'loom'"]),
     ("shaft_node", ["encoder_bits:=2.5"], ["encoder_bits", "whole number"]),
@@ -155,6 +162,24 @@ def test_a_parameter_without_its_option_is_told(capfd: pytest.CaptureFixture[str
         assert twin.main(["twin_node", "--ros-args", "machine:=tufting"]) == 2
     (line,) = capfd.readouterr().err.splitlines()
     assert "machine:=tufting" in line and "-p NAME:=VALUE" in line
+
+
+@pytest.mark.parametrize(
+    ("remap", "words"),
+    [
+        ("__ns:=machine_2", "a namespace begins with /"),
+        ("__ns:=/machine-2", "letters, digits and _ alone"),
+        ("__node:=a/b", "a node's name has letters"),
+        ("main_shaft/angle:=drive-1/angle", "write -r FROM:=TO"),
+        ("main_shaft/angle", "write -r FROM:=TO"),
+    ],
+)
+def test_a_name_that_cannot_be_is_told_with_what_can(remap: str, words: str, capfd: pytest.CaptureFixture[str]) -> None:
+    with keep_signals():
+        twin = importlib.import_module("textile_twin_ros.twin_node")
+        assert twin.main(["twin_node", "--ros-args", "-r", remap]) == 2
+    last = capfd.readouterr().err.splitlines()[-1]  # rcl itself has said something before
+    assert last.startswith(f"twin_node: -r {remap}: ") and words in last and "/project/" not in last
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import time
 
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from textile_twin_core.errors import SceneError
 from textile_twin_core.recordings import OfferedQos
 
 _STARTED = time.monotonic()
@@ -26,6 +28,19 @@ RELIABILITY = {"reliable": ReliabilityPolicy.RELIABLE, "best_effort": Reliabilit
 
 QUEUE_S = 5.0
 """Seconds of samples that queues hold, at both ends: a process that a busy computer lets wait so long loses nothing."""
+
+
+def topic_name(node: Node, topic: str, parameter: str) -> str:
+    """The full name of a topic that a parameter names.
+
+    Raises:
+        SceneError: it cannot be one.
+    """
+    try:
+        return str(node.resolve_topic_name(topic))
+    except rclpy_implementation.RCLError as error:
+        rule = str(error).removeprefix("failed to resolve name: ").partition(", at /")[0]
+        raise SceneError(f"parameter '{parameter}': '{topic}' is no topic: {rule}") from error
 
 
 def depth_for(rate_hz: float, seconds: float = QUEUE_S) -> int:

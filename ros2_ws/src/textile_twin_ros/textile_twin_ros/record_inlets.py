@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from textile_twin_core.errors import SceneError
-from textile_twin_ros.endpoints import describe_publishers, offered_qos, recording_qos
+from textile_twin_ros.endpoints import describe_publishers, offered_qos, recording_qos, topic_name
 from textile_twin_ros.messages import message_class
 from textile_twin_ros.own_topics import OwnTopics
 
@@ -38,7 +38,7 @@ class Inlets:
         take: called with a topic and a message of it.
 
     Raises:
-        SceneError: a type that is not written so.
+        SceneError: a type that is not written so or not installed, a name that no topic has.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Inlets:
     ) -> None:
         self._node, self._depth, self._take = node, depth, take
         self._types = dict(self._parsed(text) for text in types)
-        self.wanted = {node.resolve_topic_name(topic) for topic in wanted}
+        self.wanted = {topic_name(node, topic, "topics") for topic in wanted}
         self._open: dict[str, Subscription] = {}
         self._last: dict[str, bytes] = {}
         """The last message of each topic."""
@@ -112,7 +112,11 @@ class Inlets:
         topic, _, msgtype = text.partition("=")
         if not topic or not msgtype:
             raise SceneError(f"parameter 'types': '{text}' is not written as topic=package/msg/Type")
-        return self._node.resolve_topic_name(topic), msgtype
+        try:
+            message_class(msgtype)
+        except LookupError as error:
+            raise SceneError(f"parameter 'types': {error}; it is written as topic=package/msg/Type") from error
+        return topic_name(self._node, topic, "types"), msgtype
 
     def _subscribe(self, topic: str, msgtype: str) -> None:
         try:

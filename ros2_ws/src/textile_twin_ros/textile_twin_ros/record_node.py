@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from textile_twin_core.errors import OutputError, RecordingError, SceneError, TwinError
 from textile_twin_core.files import remove
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
-from textile_twin_ros.endpoints import depth_for
+from textile_twin_ros.endpoints import depth_for, topic_name
 from textile_twin_ros.health import WINDOW_S
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.record_inlets import Inlets
@@ -134,7 +134,7 @@ class RecordNode(Node):
         topic, _, count = text.partition("=")
         if not topic or not count.isdigit():
             raise SceneError(f"parameter 'stop_after': '{text}' is not written as topic=number")
-        return self.resolve_topic_name(topic), int(count)
+        return topic_name(self, topic, "stop_after"), int(count)
 
     def _open(self) -> None:
         # Optional packages are imported where they are used, so that a missing one is told in one line.

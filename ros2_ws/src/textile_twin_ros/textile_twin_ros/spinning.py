@@ -26,7 +26,7 @@ from rclpy.task import Future
 
 from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_ros.commands import ENDING_SIGNALS
-from textile_twin_ros.usage import read_words
+from textile_twin_ros.usage import explain, read_words
 
 EXECUTORS = ("events", "single")
 _REFUSALS = (InvalidParameterTypeException, InvalidParameterValueException, rclpy_implementation.RCLError)
@@ -138,7 +138,7 @@ def run(command: str, create: Callable[[], SuiteNode], declaration: type, argume
     except rclpy_implementation.UnknownROSArgsError as error:
         return _tell(command, f"not known after --ros-args: {error}; a parameter is written as -p NAME:=VALUE")
     except Exception as error:  # rclpy's argument errors have no common base
-        return _tell(command, error)
+        return _tell(command, explain(error))
     nodes: list[SuiteNode] = []
     code = 0
     try:

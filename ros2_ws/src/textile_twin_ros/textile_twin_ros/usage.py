@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import sys
 import textwrap
 from itertools import takewhile
 
 from textile_twin_core.errors import SceneError
+
+_SOURCE_PLACE = re.compile(r", at \S+:\d+")
+_REMAP_RULES = {
+    "__ns:=": "a namespace begins with / and has letters, digits and _ alone, as in -r __ns:=/machine_2",
+    "__node:=": "a node's name has letters, digits and _ alone, no digit first",
+    "": "write -r FROM:=TO, topics of letters, digits, _ and /, no digit first",
+}
 
 
 def read_words(command: str, summary: str, declaration: type, arguments: list[str] | None) -> str | None:
@@ -35,6 +43,15 @@ def read_words(command: str, summary: str, declaration: type, arguments: list[st
         raise SceneError(f"'{first}' stands before --ros-args; write: {command} --ros-args {option}{' '.join(words)}")
     meant = next((name for name in ("machine", "bag") if name in fields), next(iter(fields)))
     raise SceneError(f"'{first}' is no option; write: {command} --ros-args -p {meant}:={first} (--help lists all)")
+
+
+def explain(error: Exception) -> str:
+    """What rcl says against words after --ros-args, without the places in its source and with what to write instead."""
+    text = _SOURCE_PLACE.sub("", str(error))
+    wrong = re.search(r"remap rule: '(?:-r|--remap) (.*?)'", text)
+    if wrong is None:
+        return text
+    return f"-r {wrong[1]}: {next(rule for beginning, rule in _REMAP_RULES.items() if beginning in wrong[1])}"
 
 
 def help_text(command: str, summary: str, declaration: type) -> str:
