@@ -153,6 +153,11 @@ class RecordNode(Node):
         self._progress.begin()
         self._inlets.write_to(writer)
         self.get_logger().info(f"recording to {path}")
+        if settings.keep_GB and (room_GB := self._place.room_bytes(path) * 1e-9) < settings.keep_GB:
+            self.get_logger().warning(
+                f"keep_GB: {settings.keep_GB:g} are more than the {room_GB:.3g} that the disk of {path} has room for:"
+                " the recording ends when it is full; set less"
+            )
         for topic, raw in self._inlets.latched():  # said once, perhaps before this recording
             self._take(topic, raw)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import time
 from contextlib import suppress
 from itertools import count
@@ -69,8 +70,7 @@ class RecordingPlace:
         kept, stuck = writer.bytes_kept, []
         for path in self._earlier(writer.path) if self.by_time else []:
             try:
-                size = sum(entry.lstat().st_size for entry in path.iterdir())
-                kept += size
+                kept += _size(path)
                 if kept > most_bytes:
                     _remove_recording(path)
             except OSError as error:
@@ -78,6 +78,14 @@ class RecordingPlace:
         while writer.bytes_kept > most_bytes and writer.drop_oldest_file():
             pass
         return stuck
+
+    def room_bytes(self, current: Path) -> int:
+        """What recordings may take on this disk: what is free on it, and what this machine's earlier ones take."""
+        room = shutil.disk_usage(current.parent).free
+        for path in self._earlier(current) if self.by_time else []:
+            with suppress(OSError):  # what cannot be looked into cannot be removed either
+                room += _size(path)
+        return room
 
     def _earlier(self, current: Path) -> list[Path]:
         """Complete recordings of this machine in the folder, the newest first."""
@@ -88,6 +96,10 @@ class RecordingPlace:
     def _named_by_time(self) -> Path:
         name = time.strftime("%Y-%m-%d_%H-%M-%S")
         return self._folder / (f"{name}_{self._machine}" if self._machine else name)
+
+
+def _size(path: Path) -> int:
+    return sum(entry.lstat().st_size for entry in path.iterdir())
 
 
 def _remove_recording(path: Path) -> None:
