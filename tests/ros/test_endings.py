@@ -97,6 +97,17 @@ def test_a_node_ends_while_it_starts(suite: Suite, delay_s: float) -> None:
     assert not ALARM.search(program.words()), program.words()
 
 
+@pytest.mark.slow
+def test_a_twin_ends_while_it_compiles(suite: Suite) -> None:
+    suite.environment["TEXTILE_TWIN_CACHE_DIR"] = str(suite.folder / "nothing_compiled")
+    twin = suite.start("twin_node", "shaft:=lag")
+    twin.wait_for_words("warming up")
+    began = time.monotonic()
+    assert twin.end() == 0
+    assert time.monotonic() - began < 5.0  # launch waits so long before it goes on to SIGTERM
+    assert "predicting from" not in twin.words() and not ALARM.search(twin.words()), twin.words()
+
+
 MISTAKES = [
     ("twin_node", ["machine:=tuffting"], ["no machine 'tuffting'", "tufting"]),
     ("twin_node", ["machine:=nowhere.yaml"], ["nowhere.yaml"]),

@@ -3,6 +3,8 @@
 ros2 launch textile_twin_ros mill.launch.py machines:="m1 m2 m3" params_file:=mill.yaml record:=out/recordings
 """
 
+from pathlib import Path
+
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
@@ -13,7 +15,12 @@ from launch_ros.substitutions import FindPackageShare
 def nodes(context: LaunchContext) -> list[Node]:
     """The nodes of all machines named."""
     mill, machines, recordings = (LaunchConfiguration(name).perform(context) for name in ("mill", "machines", "record"))
-    parameters = {"twin_node": LaunchConfiguration("params_file")}
+    file = LaunchConfiguration("params_file").perform(context)
+    if not Path(file).is_file():  # the nodes would run with their defaults
+        raise FileNotFoundError(f"params_file:={file}: there is no such file")
+    if not machines.split():
+        raise ValueError('machines:=: name at least one, as in machines:="m1 m2"')
+    parameters: dict[str, object] = {"twin_node": file}
     if recordings:
         parameters["record_node"] = {"folder": recordings}
     return [

@@ -4,8 +4,10 @@ ros2 launch textile_twin_ros twin.launch.py machine:=tufting namespace:=/mill/m1
 ros2 launch textile_twin_ros twin.launch.py machine:=tufting shaft:=simulated
 """
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import (
     EqualsSubstitution,
@@ -15,6 +17,13 @@ from launch.substitutions import (
 )
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
+
+
+def check(context: LaunchContext) -> None:
+    """Refuse a parameter file that is not there: without it the nodes would run with their defaults."""
+    file = LaunchConfiguration("params_file").perform(context)
+    if not Path(file).is_file():
+        raise FileNotFoundError(f"params_file:={file}: there is no such file")
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -29,7 +38,13 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("params_file", default_value=config, description="parameters of the nodes"),
             DeclareLaunchArgument("view", default_value="false", description="serve rerun viewers"),
             DeclareLaunchArgument("record", default_value="", description="folder of recordings; empty records none"),
-            DeclareLaunchArgument("shaft", default_value="machine", description="simulated: a dry run by shaft_node"),
+            DeclareLaunchArgument(
+                "shaft",
+                default_value="machine",
+                choices=["machine", "simulated"],
+                description="simulated: a dry run by shaft_node",
+            ),
+            OpaqueFunction(function=check),
             Node(
                 package="textile_twin_ros",
                 executable="twin_node",

@@ -8,7 +8,8 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Protocol, cast
@@ -107,6 +108,17 @@ class _Ending:
 
     def _tell(self, _number: int, _frame: FrameType | None) -> None:
         self.told = True
+
+
+@contextmanager
+def ends_at_once() -> Iterator[None]:
+    """A signal ends the process amid this block of the main thread, which takes long and has nothing to be closed."""
+    before = {number: signal.signal(number, lambda *_: os._exit(0)) for number in ENDING_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def run(command: str, create: Callable[[], SuiteNode], declaration: type, arguments: list[str] | None = None) -> int:

@@ -24,7 +24,7 @@ from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
 from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
-from textile_twin_ros.spinning import EXECUTORS, call_every, is_refusal, run
+from textile_twin_ros.spinning import EXECUTORS, call_every, ends_at_once, is_refusal, run
 from textile_twin_ros.twin_outputs import topics_of
 from textile_twin_ros.twin_stream import TwinStream
 
@@ -131,9 +131,10 @@ class TwinNode(LifecycleNode):
                 raise TwinError(f"parameter 'wait_for': no output '{unknown[0]}'; there are {', '.join(outputs)}")
             depth = settings.qos_depth or depth_for(settings.rate_hz)
             estimator = {"shaft_lag_s": settings.shaft_lag_s} if settings.shaft == "lag" else {}
-            self._stream = TwinStream(
-                self, machine, settings.shaft, estimator, depth, lambda: settings.joint_states_rate_hz
-            )
+            with ends_at_once():  # it may compile for a minute
+                self._stream = TwinStream(
+                    self, machine, settings.shaft, estimator, depth, lambda: settings.joint_states_rate_hz
+                )
         except TwinError as error:
             if self._starting:
                 raise
