@@ -13,8 +13,8 @@ from textile_twin_core.recordings.log_dialect import EMPTY
 from textile_twin_core.recordings.log_thousands import DOUBT, may_have_thousands, without_thousands
 
 _DAY_S = 86400.0
-_MOST_BAD = 0.01
-"""A column with a larger share of cells that are no numbers is text."""
+_MOST_WORDS, _MOST_BAD = 0.5, 0.01
+"""A column with a larger share of words, or of other cells that are no numbers, is text."""
 _NUMBER = r"^[+-]?([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][+-]?[0-9]+)?$"
 _CLOCK = r"^(?P<h>[0-9]{1,2}):(?P<m>[0-9]{2}):(?P<s>[0-9]{2}(?:[.][0-9]+)?)$"
 _DATE_ALONE = r"^([0-9]{2})\.([0-9]{2})\.([0-9]{4})$"
@@ -110,7 +110,7 @@ def _text(
     days: dict[str, FloatArray],
     clocks: dict[str, FloatArray],
 ) -> None:
-    """A column of text as dates, times of day or numbers, whichever all its cells are (numbers: nearly all)."""
+    """A column of text as dates, times of day or numbers, whichever all its cells are (numbers: most, beside words)."""
     import pyarrow
     from pyarrow import compute
 
@@ -143,7 +143,8 @@ def _text(
         return
     if bad:
         out.bad[name] = (compute.filter(cells, compute.invert(good))[0].as_py(), bad)
-    if bad > _MOST_BAD * filled:
+    spoilt = bad - _matches(compute.filter(cells, compute.invert(good)), "^[^0-9]*$") if bad else 0
+    if spoilt > _MOST_BAD * filled or bad > _MOST_WORDS * filled:
         out.left_out[name] = text_held(out.bad[name][0])
         return
     out[name] = _float(compute.if_else(good, plain, None).cast("float64"))

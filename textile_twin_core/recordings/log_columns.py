@@ -97,7 +97,7 @@ def is_unit(text: str) -> bool:
 
 
 def choose(kind: str, names: Iterable[str], unit_told: bool = False) -> list[str]:
-    """Columns whose names speak of a kind: time, angle, torque or speed.
+    """Columns whose names speak of a kind: time, angle, torque or speed; where none does, angle and torque by unit.
 
     One in a unit of something else is none where another is left. Where none is, the end of a name may be no unit
     (theta_m), brackets (Position [mm]) are one: then none is left, unless the unit is told, or the kind is torque,
@@ -105,7 +105,10 @@ def choose(kind: str, names: Iterable[str], unit_told: bool = False) -> list[str
     """
     own = {"time": TIME_UNITS, "angle": ANGLE_TURNS, "torque": TORQUE_UNITS, "speed": SPEED_UNITS}[kind]
     others = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS} - {*own}
+    names = list(names)
     spoken = [name for name in names if re.search(_WORDS[kind], _plain(name))]
+    if not spoken and kind in ("angle", "torque"):
+        return [name for name in names if unit_in_name(name) in own and unit_in_name(name) != "rev"]
     fitting = [name for name in spoken if unit_in_name(name) not in others]
     unsure = [name for name in spoken if name in fitting or not re.search(_BRACKETS, name)]
     if unit_told:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,6 +26,9 @@ _DATE = re.compile(
 """Date and time, either alone."""
 _OTHER_DATE = re.compile(r"\d{1,4}/\d{1,2}/\d{1,4}|\d{1,2}:\d\d(:\d\d([.,]\d+)?)? ?[AaPp]\.?[Mm]")
 """Dates that are read in two ways, and times of day in twelve hours."""
+_COMMENT = re.compile(r"\s*(#+|%+|//+)\s*(?=\S)")
+"""Marks of a line that the logger meant for people: the names of the columns often stand in one."""
+_NUMERAL, _OTHER_SIGN, _MOMENT, _NOTHING, _WORD = "number", "number of the other sign", "date", "nothing", "word"
 _LOOKED_AT = 40
 _CHINESE = re.compile("时间|时刻|角度|转角|扭矩|转矩|力矩|转速|速度")
 
@@ -108,20 +112,39 @@ def _refuse_mixed_signs(path: Path, lines: list[str]) -> None:
 
 
 def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dialect] | None:
-    """Rows and columns that a dialect finds, and the dialect with the header that goes with it."""
+    """Numbers and columns that a dialect finds, and the dialect with the header that goes with it."""
     rows = [cells_of(line, separator) for line in lines]
-    width = max((len(row) for row in rows[-_LOOKED_AT:] if _is_data(row, decimal)), default=0)
-    data = [k for k, row in enumerate(rows) if len(row) == width and _is_data(row, decimal)]
-    if width == 0 or not data:
+    cells = [[_kind(cell, decimal) for cell in row] for row in rows]
+    width = max((len(row) for row in cells[-_LOOKED_AT:] if _is_data(row, range(len(row)))), default=0)
+    near_end = [row for row in cells[-_LOOKED_AT:] if len(row) == width]
+    counted = [k for k in range(width) if sum(row[k] == _WORD for row in near_end) <= len(near_end) // 2]
+    data = [k for k, row in enumerate(cells) if len(row) == width and _is_data(row, counted)]
+    if not data:
         return None
+    # What stands above names, or the first row without a word, may be a line of keys and values.
+    clean = next((k for k in data if all(cells[k][each] != _WORD for each in counted)), data[0])
+    names_at = [k for k, row in enumerate(cells[:clean]) if len(row) == width and _is_words(row, counted)]
+    data = [k for k in data if not names_at or k > names_at[-1]]
     first = data[0]
-    above = [row for row in rows[:first] if len(row) == width and any(cell for cell in row)]
+    above = [_uncommented(line, separator) for line in lines[:first]]
+    above = [row for row in above if len(row) == width and any(row)]
     names = [f"column_{k + 1}" for k in range(width)]
     if above:
         names = [cell or name for cell, name in zip(above[-1], names, strict=True)]
         if len(above) > 1 and _are_units(above[-1]):
-            names = [f"{name} [{unit}]" if unit else name for name, unit in zip(above[-2], above[-1], strict=True)]
-    return len(data), width, Dialect(separator, decimal, first, tuple(_distinct(names)))
+            names = [_with_unit(name, unit) for name, unit in zip(above[-2], above[-1], strict=True)]
+    found = sum(cells[k].count(_NUMERAL) for k in data)
+    return found, width, Dialect(separator, decimal, first, tuple(_distinct(names)))
+
+
+def _uncommented(line: str, separator: str) -> list[str]:
+    """The cells of a line above the data, which may be one of a comment."""
+    return cells_of(_COMMENT.sub("", line, count=1), separator)
+
+
+def _with_unit(name: str, unit: str) -> str:
+    """A column's name with the unit below it, which may stand in brackets already."""
+    return name if not unit else f"{name} {unit}" if unit[0] in "[(" else f"{name} [{unit}]"
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -135,12 +158,34 @@ def cells_of(line: str, separator: str) -> list[str]:
     return [part.strip().strip('"').strip() for part in parts]
 
 
-def _is_data(row: list[str], decimal: str) -> bool:
-    """Whether every cell is a number of this decimal sign, a date or empty, and at least one is a number."""
+def _kind(cell: str, decimal: str) -> str:
+    """What a cell holds: a number of this decimal sign or the other, a date, nothing, or a word."""
     other = "," if decimal == "." else "."
-    numbers = [c for c in row if (_NUMBER.match(c) and other not in c) or has_thousands(c, decimal)]
-    rest = [cell for cell in row if cell not in EMPTY and not _DATE.match(cell)]
-    return bool(numbers) and len(numbers) == len(rest)
+    if cell in EMPTY:
+        return _NOTHING
+    if (_NUMBER.match(cell) and other not in cell) or has_thousands(cell, decimal):
+        return _NUMERAL
+    if _NUMBER.match(cell):
+        return _OTHER_SIGN
+    return _MOMENT if _DATE.match(cell) else _WORD
+
+
+def _is_data(row: list[str], counted: Sequence[int]) -> bool:
+    """Whether of the cells that count some are numbers, and with dates more than words, and none has the other sign.
+
+    As many will do where the first is no word: a reading that is missing, and no key beside its value.
+    """
+    kinds = [row[k] for k in counted]
+    if _OTHER_SIGN in kinds:
+        return False
+    words = kinds.count(_WORD)
+    known = kinds.count(_NUMERAL) + kinds.count(_MOMENT)
+    return _NUMERAL in kinds and (known > words or (known == words and kinds[0] != _WORD))
+
+
+def _is_words(row: list[str], counted: Sequence[int]) -> bool:
+    """Whether of the cells that count none is a number or a date, and some are words."""
+    return {row[k] for k in counted} - {_NOTHING} == {_WORD}
 
 
 def _are_units(row: list[str]) -> bool:

@@ -1,0 +1,86 @@
+"""Names of columns, units and words of a log, wherever its logger puts them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from textile_twin_core.cli.main import main
+from textile_twin_core.recordings import open_bag
+
+N = 2000
+TIME = np.arange(N) * 0.002
+ANGLE = np.mod(16.0 * TIME + 0.3, 2.0 * math.pi)
+TORQUE = 3.0 * np.sin(2.0 * ANGLE) + 1.0
+ROWS = [f"{t:.3f},{math.degrees(a):.7f},{m:.7f}" for t, a, m in zip(TIME, ANGLE, TORQUE, strict=True)]
+
+
+def bag_of(tmp_path: Path, lines: list[str], separator: str = ",") -> Path:
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join(lines).replace(",", separator) + "\n", encoding="utf-8")
+    assert main(["import", str(log), "--out", str(tmp_path / "bag")]) == 0
+    return tmp_path / "bag"
+
+
+def check(bag: Path, torque_from: int = 0) -> None:
+    """The recording is what was logged, its first `torque_from` torques aside."""
+    angles, torques = open_bag(bag).read_angles(), open_bag(bag).read_torques()
+    np.testing.assert_allclose(angles.angles_rad, ANGLE, atol=2e-8)
+    np.testing.assert_allclose((angles.stamps - angles.stamps[0]) * 1e-9, TIME, atol=2e-6)
+    np.testing.assert_allclose(torques.torque_Nm, TORQUE[torque_from:], atol=2e-7)
+
+
+@pytest.mark.parametrize("word", ["#N/A", "n/a", "overflow"])
+@pytest.mark.parametrize("rows", [1, 3, 300])
+def test_words_in_the_first_rows_are_neither_names_nor_units(
+    rows: int, word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    begin = [f"{row.rpartition(',')[0]},{word}" for row in ROWS[:rows]]
+    check(bag_of(tmp_path, ["time [s],angle [deg],torque [Nm]", *begin, *ROWS[rows:]]), torque_from=rows)
+    assert f"line 2: column 'torque [Nm]' has '{word}', no number" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("place", [0, 1, 3])
+def test_a_column_of_words_is_left_out(place: int, tmp_path: Path) -> None:
+    lines = ["time [s],angle [deg],torque [Nm]", *ROWS]
+    words = ["state", *("ON" if k % 7 else "OFF" for k in range(N))]
+    cells = [line.split(",") for line in lines]
+    for row, word in zip(cells, words, strict=True):
+        row.insert(place, word)
+    check(bag_of(tmp_path, [",".join(row) for row in cells]))
+
+
+@pytest.mark.parametrize("separator", [",", "\t", " "])
+@pytest.mark.parametrize("mark", ["# ", "#", "% ", "// "])
+def test_names_in_a_comment(mark: str, separator: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    check(bag_of(tmp_path, [f"{mark}logger 7", f"{mark}time_s,angle_deg,torque_Nm", *ROWS], separator))
+    assert "column 'time_s', s\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        ["t [s],phi [deg],[Nm]"],
+        ["t_s,phi_deg,M_Nm"],
+        ["t,phi,M", "s,deg,Nm"],
+        ["t,phi,M", "[s],[deg],[Nm]"],
+        ["t,phi,M", "(s),(deg),(Nm)"],
+        ["Time (s),Ch1 (deg),Ch2 (Nm)"],
+        ["Range,0,360", "Time (s),Ch1 (deg),Ch2 (Nm)"],
+    ],
+)
+def test_angle_and_torque_are_known_by_their_unit_alone(
+    head: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    check(bag_of(tmp_path, [*head, *ROWS]))
+    assert "taken for granted" not in capsys.readouterr().out
+
+
+def test_two_columns_in_newton_metres_are_asked_about(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [f"{row},{k}" for k, row in enumerate(ROWS)]
+    (tmp_path / "log.csv").write_text("\n".join(["t [s],phi [deg],a [Nm],b [Nm]", *lines]) + "\n", encoding="utf-8")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 2
+    assert "which column is the torque? tell it with --torque" in capsys.readouterr().err
