@@ -84,3 +84,19 @@ def test_two_columns_in_newton_metres_are_asked_about(tmp_path: Path, capsys: py
     (tmp_path / "log.csv").write_text("\n".join(["t [s],phi [deg],a [Nm],b [Nm]", *lines]) + "\n", encoding="utf-8")
     assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 2
     assert "which column is the torque? tell it with --torque" in capsys.readouterr().err
+
+
+def test_columns_parted_by_spaces_may_hold_words_dates_and_comments(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"2026-11-22   10:00:0{row.replace(',', '  ')}" for row in ROWS]
+    rows[7] = rows[7].rpartition("  ")[0] + "  fault"
+    (tmp_path / "log.txt").write_text("\n".join(["# date time angle_deg torque_Nm", *rows, "# end"]), encoding="utf-8")
+    assert main(["import", str(tmp_path / "log.txt"), "--out", str(tmp_path / "bag")]) == 0
+    said = capsys.readouterr().out
+    assert "line 9: column 'torque_Nm' has 'fault', no number; it counts as empty" in said
+    assert "1 of 2001 rows have other than 4 cells and are left out" in said
+    angles, torques = open_bag(tmp_path / "bag").read_angles(), open_bag(tmp_path / "bag").read_torques()
+    np.testing.assert_allclose(angles.angles_rad, ANGLE, atol=2e-8)
+    np.testing.assert_allclose((angles.stamps - angles.stamps[0]) * 1e-9, TIME, atol=2e-6)
+    np.testing.assert_allclose(torques.torque_Nm, np.delete(TORQUE, 7), atol=2e-7)

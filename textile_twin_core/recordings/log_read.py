@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from itertools import islice
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +61,6 @@ def _text(path: Path, separator: str | None, decimal: str | None, note: Callable
     dialect = sniff(path, separator, decimal)
     from pyarrow import ArrowInvalid, csv, string
 
-    if dialect.separator == " ":
-        return _spaced(path, dialect)
     torn = 0
 
     def leave_out(_: object) -> str:
@@ -74,14 +72,14 @@ def _text(path: Path, separator: str | None, decimal: str | None, note: Callable
         nonlocal torn
         torn = 0
         return csv.read_csv(
-            path,
+            _tabbed(path, dialect) if dialect.separator == " " else path,
             read_options=csv.ReadOptions(
                 skip_rows=dialect.skipped,
                 autogenerate_column_names=True,
-                encoding=dialect.encoding,
+                encoding="utf-8" if dialect.separator == " " else dialect.encoding,
                 block_size=1 << 24,
             ),
-            parse_options=csv.ParseOptions(delimiter=dialect.separator, invalid_row_handler=leave_out),
+            parse_options=csv.ParseOptions(delimiter=dialect.separator.replace(" ", "\t"), invalid_row_handler=leave_out),
             convert_options=csv.ConvertOptions(
                 column_types=kinds,
                 decimal_point=dialect.decimal,
@@ -147,20 +145,11 @@ def _line_of(path: Path, dialect: Dialect, place: int, cell: str) -> str:
     return "a line"
 
 
-def _spaced(path: Path, dialect: Dialect) -> LogTable:
-    """Columns parted by any number of spaces."""
+def _tabbed(path: Path, dialect: Dialect) -> BytesIO:
+    """A log whose columns are parted by any number of spaces, with a tab for them."""
     encoding = "utf-8-sig" if dialect.encoding == "utf-8" else dialect.encoding
     with path.open(encoding=encoding, errors="replace") as lines:
-        rows = (
-            line.replace(",", ".") if dialect.decimal == "," else line for line in islice(lines, dialect.skipped, None)
-        )
-        try:
-            values = np.loadtxt(rows, dtype=np.float64, ndmin=2)
-        except ValueError as error:
-            raise RecordingError(f"{path}: {error}") from error
-    log = LogTable()
-    log.update({name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(dialect.names)})
-    return log
+        return BytesIO("".join("\t".join(line.split()) + "\n" for line in lines).encode())
 
 
 def _parquet(path: Path) -> LogTable:
