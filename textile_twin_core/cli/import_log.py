@@ -67,7 +67,7 @@ def parser() -> Parser:
     parser.add_argument("--torque-scale", type=factor, metavar="X", help="N m per unit of the torque, as for volts")
     parser.add_argument("--separator", metavar="C", help="of a text table, where it is not found out; 'tab' for tabs")
     parser.add_argument("--decimal", choices=[".", ","], help="of a text table, where it is not found out")
-    parser.add_argument("--table", metavar="NAME", help="variable of a .mat file that holds the matrix")
+    parser.add_argument("--table", metavar="NAME", help="variable of a .mat file that holds the log")
     parser.add_argument("--force", action="store_true", help="replace the output when it is there")
     return parser
 

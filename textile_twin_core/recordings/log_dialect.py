@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import csv
 import re
 from collections.abc import Sequence
@@ -12,6 +11,7 @@ from pathlib import Path
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_columns import is_unit
 from textile_twin_core.recordings.log_makers import known_head
+from textile_twin_core.recordings.log_text import decoded
 from textile_twin_core.recordings.log_thousands import DOUBT, has_thousands, may_have_thousands
 
 EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
@@ -30,7 +30,6 @@ _COMMENT = re.compile(r"\s*(#+|%+|//+)\s*(?=\S)")
 """Marks of a line that the logger meant for people: the names of the columns often stand in one."""
 _NUMERAL, _OTHER_SIGN, _MOMENT, _NOTHING, _WORD = "number", "number of the other sign", "date", "nothing", "word"
 _LOOKED_AT = 40
-_CHINESE = re.compile("时间|时刻|角度|转角|扭矩|转矩|力矩|转速|速度")
 
 
 @dataclass(frozen=True)
@@ -54,10 +53,7 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
     """The dialect under which most of the file's beginning is rows of as many numbers. Raises RecordingError."""
     with path.open("rb") as file:
         begin = file.read(_HEAD_BYTES)
-    encoding = "utf-16" if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8"
-    text = begin.decode("utf-8-sig" if encoding == "utf-8" else encoding, errors="replace")
-    if "\ufffd" in text.rstrip("\ufffd"):  # the last character may be cut
-        text = _of_code_page(begin)
+    text, encoding = decoded(path, begin)
     lines = text.splitlines()
     if len(begin) == _HEAD_BYTES:
         lines = lines[:-1]  # it may be cut
@@ -80,12 +76,6 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
             f"{path}: no table of numbers found at its beginning; tell --separator and --decimal, or convert it to CSV"
         )
     return replace(best[2], encoding=encoding)
-
-
-def _of_code_page(begin: bytes) -> str:
-    """Text that is no UTF-8: Chinese where its words are there, else of Western Europe."""
-    chinese = begin.decode("gb18030", errors="replace")
-    return chinese if _CHINESE.search(chinese) else begin.decode("cp1252", errors="replace")
 
 
 def _refuse_dates(path: Path, lines: list[str]) -> None:

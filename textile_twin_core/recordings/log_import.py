@@ -266,6 +266,9 @@ def _column(kind: str, columns: LogTable, wishes: Wishes, ask: Ask | None, neede
         raise RecordingError(
             f"--{kind}-unit, but which column is the {kind}? tell it with --{kind}: {describe(columns)}"
         )
+    held = choose(kind, columns.left_out) if needed and not found else []
+    if held:
+        _refuse_unknown(held[0], columns)
     if found or needed:
         raise RecordingError(f"which column is the {kind}? tell it with --{kind}. Columns: {describe(columns)}")
     return None

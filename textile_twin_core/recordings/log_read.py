@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.io import loadmat
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_cells import LogTable, numeric, text_held
 from textile_twin_core.recordings.log_dialect import EMPTY, Dialect, cells_of, sniff
 from textile_twin_core.recordings.log_makers import FILETIME, TIMES, UNTIMED
+from textile_twin_core.recordings.log_matlab import read_matlab
 
 _EPOCH_OF_1601_S = 11_644_473_600.0
 """Seconds from the first day of 1601 to that of 1970."""
@@ -33,11 +32,14 @@ def read_log(
     Args:
         path: .parquet, .mat, or text of any other name.
         separator, decimal: of a text table, where they are not to be found out.
-        table: variable of a .mat file that holds the matrix, when it has several.
+        table: variable of a .mat file that holds the log, when it has several.
         note: is told what of a text table was left out.
 
     Raises RecordingError, one line, for a file that is missing, empty, or no table.
     """
+    if path.is_dir():
+        what = "a recording already" if any(path.glob("*.mcap")) or any(path.glob("*.db3")) else "a folder"
+        raise RecordingError(f"{path}: is {what}; give the file that the logger wrote")
     if not path.is_file():
         raise RecordingError(f"{path}: no such file")
     if path.stat().st_size == 0:
@@ -45,8 +47,7 @@ def read_log(
     if path.suffix.lower() == ".parquet":
         columns = _parquet(path)
     elif path.suffix.lower() == ".mat":
-        columns = LogTable()
-        columns.update(_matlab(path, table))
+        columns = read_matlab(path, table)
     else:
         columns = _text(path, separator, decimal, note)
     if not columns:
@@ -79,7 +80,9 @@ def _text(path: Path, separator: str | None, decimal: str | None, note: Callable
                 encoding="utf-8" if dialect.separator == " " else dialect.encoding,
                 block_size=1 << 24,
             ),
-            parse_options=csv.ParseOptions(delimiter=dialect.separator.replace(" ", "\t"), invalid_row_handler=leave_out),
+            parse_options=csv.ParseOptions(
+                delimiter=dialect.separator.replace(" ", "\t"), invalid_row_handler=leave_out
+            ),
             convert_options=csv.ConvertOptions(
                 column_types=kinds,
                 decimal_point=dialect.decimal,
@@ -160,29 +163,3 @@ def _parquet(path: Path) -> LogTable:
     except (ArrowInvalid, OSError) as error:
         raise RecordingError(f"{path}: not a Parquet file ({str(error).splitlines()[0]})") from error
     return numeric(dict(zip(table.column_names, table.columns, strict=True)))
-
-
-def _matlab(path: Path, table: str | None) -> dict[str, FloatArray]:
-    """Vectors by name, or the columns of the one matrix."""
-    try:
-        content = loadmat(path, squeeze_me=True)
-    except NotImplementedError as error:
-        raise RecordingError(f"{path}: a MATLAB file of version 7.3; save it with -v7") from error
-    except (ValueError, OSError) as error:
-        raise RecordingError(f"{path}: not a MATLAB file ({error})") from error
-    arrays = {k: v for k, v in content.items() if isinstance(v, np.ndarray) and np.issubdtype(v.dtype, np.number)}
-    if table is not None:
-        if table not in arrays:
-            raise RecordingError(f"{path}: no variable '{table}'; there are: {', '.join(arrays) or 'none'}")
-        arrays = {table: arrays[table]}
-    vectors = {k: np.asarray(v, dtype=np.float64) for k, v in arrays.items() if v.ndim == 1 and v.size > 1}
-    if vectors:
-        longest = max(v.size for v in vectors.values())
-        return {k: v for k, v in vectors.items() if v.size == longest}
-    matrices = {k: v for k, v in arrays.items() if v.ndim == 2 and min(v.shape) > 1}
-    if len(matrices) != 1:
-        names = ", ".join(matrices) or "none"
-        raise RecordingError(f"{path}: which matrix holds the log? there are: {names}; name one with --table")
-    matrix = np.asarray(next(iter(matrices.values())), dtype=np.float64)
-    matrix = matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T
-    return {f"column_{k + 1}": np.ascontiguousarray(matrix[:, k]) for k in range(matrix.shape[1])}

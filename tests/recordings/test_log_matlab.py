@@ -1,0 +1,64 @@
+"""MATLAB files whose log is in structures, as Simulink and measuring programs save it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from textile_twin_core.cli.main import main
+from textile_twin_core.recordings import open_bag
+
+N = 2000
+TIME = np.arange(N) * 0.002
+ANGLE = np.mod(16.0 * TIME + 0.3, 2.0 * math.pi)
+DEG = np.degrees(ANGLE)
+TORQUE = 3.0 * np.sin(2.0 * ANGLE) + 1.0
+PLAIN = {"time": TIME, "angle_deg": DEG, "torque_Nm": TORQUE}
+SIGNALS = np.array([(DEG, "angle [deg]"), (TORQUE, "torque [Nm]")], dtype=[("values", object), ("label", object)])
+
+
+def imported(tmp_path: Path, content: dict[str, Any], *options: str) -> int:
+    savemat(tmp_path / "log.mat", content)
+    return main(["import", str(tmp_path / "log.mat"), "--out", str(tmp_path / "bag"), *options])
+
+
+@pytest.mark.parametrize(
+    ("content", "options"),
+    [
+        ({"log": PLAIN}, []),
+        ({"log": {"about": "loom 3", "signals": PLAIN}}, []),
+        ({"log": PLAIN, "other": {"angle": DEG[:9], "torque": TORQUE[:9]}}, ["--table", "log"]),
+        ({"scope": {"time": TIME, "signals": SIGNALS}}, []),
+        ({"scope": {"time": TIME, "signals": {"values": np.c_[DEG, TORQUE], "label": "ch"}}},
+         ["--angle", "ch_1", "--angle-unit", "deg", "--torque", "ch_2"]),
+        ({"log": {"time": TIME, "values": np.c_[DEG, TORQUE]}},
+         ["--angle", "values_1", "--angle-unit", "deg", "--torque", "values_2"]),
+        ({"angle": {"time": TIME, "data": DEG, "unit": "deg"}, "torque": {"time": TIME, "data": TORQUE, "unit": "Nm"}},
+         []),
+    ],
+)  # fmt: skip
+def test_structures(content: dict[str, Any], options: list[str], tmp_path: Path) -> None:
+    assert imported(tmp_path, content, *options) == 0
+    angles, torques = open_bag(tmp_path / "bag").read_angles(), open_bag(tmp_path / "bag").read_torques()
+    np.testing.assert_allclose(angles.angles_rad, ANGLE, atol=1e-12)
+    np.testing.assert_allclose((angles.stamps - angles.stamps[0]) * 1e-9, TIME, atol=2e-9)
+    np.testing.assert_allclose(torques.torque_Nm, TORQUE, atol=1e-12)
+
+
+def test_values_at_other_times_are_not_put_beside_the_angle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    late = {"time": TIME + 0.001, "data": TORQUE, "unit": "Nm"}
+    assert imported(tmp_path, {"angle": {"time": TIME, "data": DEG}, "torque": late}, "--time", "time") == 0
+    said = capsys.readouterr().out
+    assert "'torque [Nm]', which holds values at 'time_2', other times" in said and "torque  none in this log" in said
+
+
+@pytest.mark.parametrize(("short", "code"), [("torque_Nm", 0), ("angle_deg", 2)])
+def test_a_shorter_vector_is_told(short: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert imported(tmp_path, {"log": {**PLAIN, short: PLAIN[short][::2]}}) == code
+    said = capsys.readouterr()
+    assert f"column '{short}' holds 1000 values, where others have 2000" in said.out + said.err

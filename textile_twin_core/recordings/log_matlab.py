@@ -1,0 +1,127 @@
+"""MATLAB files as columns: vectors, a matrix, structures as Simulink and measuring programs save them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.io import loadmat
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings.log_cells import LogTable
+
+_TIME = ("time", "t", "zeit")
+_VALUES = ("values", "value", "data", "signals", "y")
+"""Fields that say nothing of what they hold: the structure's name or label does."""
+_LABELS, _UNITS = ("label", "name"), ("unit", "units")
+_KINDS = "iuf"
+
+
+def read_matlab(path: Path, table: str | None) -> LogTable:
+    """Columns by name, float64 (n,): vectors of the file and of its structures, or the columns of the one matrix.
+
+    Names of fields are joined by points; times that a structure brings with its values are kept as theirs.
+
+    Args:
+        path: of the file. table: the variable to read, when there are several.
+
+    Raises RecordingError, one line.
+    """
+    try:
+        content = loadmat(path, simplify_cells=True)
+    except NotImplementedError as error:
+        raise RecordingError(f"{path}: a MATLAB file of version 7.3; save it with -v7") from error
+    except (ValueError, OSError, TypeError) as error:
+        raise RecordingError(f"{path}: not a MATLAB file ({error})") from error
+    content = {name: value for name, value in content.items() if not name.startswith("__")}
+    if table is not None:
+        if table not in content:
+            raise RecordingError(f"{path}: no variable '{table}'; there are: {', '.join(content) or 'none'}")
+        content = {table: content[table]}
+    fields = _VALUES if len(content) == 1 and isinstance(next(iter(content.values())), dict) else ()
+    if fields:
+        (content,) = content.values()
+    log = LogTable()
+    _take(content, "", "", log, fields)
+    if log:
+        return _as_long(log)
+    matrices = {name: value for name, value in content.items() if _is_matrix(value)}
+    if len(matrices) != 1:
+        names = (
+            ", ".join(matrices) or "none (a timetable or timeseries is read when it is saved as vectors or structure)"
+        )
+        raise RecordingError(f"{path}: which matrix holds the log? there are: {names}; name one with --table")
+    (matrix,) = matrices.values()
+    log.update(_columns("column", matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T))
+    return log
+
+
+def _take(content: Mapping[str, Any], above: str, time: str, log: LogTable, fields: tuple[str, ...] = _VALUES) -> None:
+    """Put the vectors of a structure into the log, under names that begin with that of the structure.
+
+    fields: those that say nothing of what they hold; none among a file's variables.
+    """
+    own = next((key for key in content if key.lower() in _TIME and _is_vector(content[key])), None)
+    if own is not None:
+        time = _distinct(own, log)
+        _put(time, content[own], time, log)
+    told = next((str(content[key]) for key in _LABELS if isinstance(content.get(key), str) and content[key]), "")
+    unit = next((f" [{content[key]}]" for key in _UNITS if isinstance(content.get(key), str) and content[key]), "")
+    for key, value in content.items():
+        plain = key.lower() in fields
+        name = (told or above or key) if plain else f"{above}.{key}" if above else key
+        for each, part in _parts(name, value):
+            if isinstance(part, dict):
+                _take(part, each, time, log)
+            elif key != own and _is_vector(part):
+                _put(_distinct(f"{each}{unit}" if plain else each, log), part, time, log)
+            elif plain and _is_matrix(part):
+                for column, values in _columns(each, part).items():
+                    _put(_distinct(column, log), values, time, log)
+
+
+def _parts(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """A value; of an array of structures each by itself, by its number where there are several."""
+    if isinstance(value, (list, np.ndarray)) and len(value) and all(isinstance(part, dict) for part in value):
+        yield from ((name if len(value) == 1 else f"{name}_{k}", part) for k, part in enumerate(value, 1))
+    else:
+        yield name, value
+
+
+def _put(name: str, values: Any, time: str, log: LogTable) -> None:
+    log[name] = np.asarray(values, dtype=np.float64)
+    if time:
+        log.times_of[name] = time
+
+
+def _as_long(log: LogTable) -> LogTable:
+    """The columns as long as the longest, and with the same times in one column."""
+    longest = max(values.size for values in log.values())
+    short = {name: values.size for name, values in log.items() if values.size < longest}
+    times = dict.fromkeys(log.times_of.values())
+    first = next(iter(times), "")
+    same = [time for time in times if time != first and np.array_equal(log[time], log[first])]
+    kept = log.with_columns({name: values for name, values in log.items() if name not in {*short, *same}})
+    kept.left_out = {name: f"{size} values, where others have {longest}" for name, size in short.items()}
+    kept.times_of = {name: first if its in same else its for name, its in log.times_of.items() if name in kept}
+    return kept
+
+
+def _columns(name: str, matrix: FloatArray) -> dict[str, FloatArray]:
+    return {f"{name}_{k + 1}": np.ascontiguousarray(matrix[:, k], dtype=np.float64) for k in range(matrix.shape[1])}
+
+
+def _distinct(name: str, log: LogTable) -> str:
+    number = next(k for k in range(1, len(log) + 2) if (name if k == 1 else f"{name}_{k}") not in log)
+    return name if number == 1 else f"{name}_{number}"
+
+
+def _is_vector(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.kind in _KINDS and value.ndim == 1 and value.size > 1
+
+
+def _is_matrix(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.kind in _KINDS and value.ndim == 2 and min(value.shape) > 1

@@ -1,0 +1,58 @@
+"""What kind of file a log is by its first bytes: text in some encoding, or something else that is told by its name."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from pathlib import Path
+
+from textile_twin_core.errors import RecordingError
+
+_TO_CSV = "save its table as CSV"
+_SIGNATURES = (
+    (b"PK\x03\x04", "a ZIP archive, as Excel's workbooks are (.xlsx)", _TO_CSV),
+    (b"\xd0\xcf\x11\xe0", "a workbook of an old Excel (.xls)", _TO_CSV),
+    (b"\x1f\x8b", "compressed by gzip", "unpack it first"),
+    (b"PAR1", "a Parquet file", "let its name end in .parquet"),
+    (b"MATLAB 5.0 MAT-file", "a MATLAB file", "let its name end in .mat"),
+    (b"\x89HDF", "an HDF5 file", _TO_CSV),
+    (b"TDSm", "a TDMS file of LabVIEW", "export it as text (.lvm) or CSV"),
+    (b"MDF ", "a measurement file (MDF)", "export it as CSV"),
+    (b"\x89MCAP0", "a recording already", "give it to compare, calibrate or the other commands as it is"),
+    (b"SQLite format 3", "a database, as a recording's .db3 is", "give the recording's folder to the other commands"),
+)
+"""First bytes, what such a file is, and what to do."""
+_CHINESE = re.compile("时间|时刻|角度|转角|扭矩|转矩|力矩|转速|速度")
+_MANY = 0.3
+"""Share of zeros among the bytes of one half of each character from which text is UTF-16."""
+
+
+def decoded(path: Path, begin: bytes) -> tuple[str, str]:
+    """The text that a file begins with, and the encoding in which Python reads all of it.
+
+    Args:
+        path: of the file, for messages. begin: its first bytes.
+
+    Raises RecordingError for a file that is no text.
+    """
+    for signature, what, then in _SIGNATURES:
+        if begin.startswith(signature):
+            raise RecordingError(f"{path}: is no text but {what}; {then}")
+    encoding = _encoding(begin)
+    text = begin.decode("cp1252" if encoding == "latin-1" else encoding, errors="replace").removeprefix("\ufeff")
+    if "\0" in text:
+        raise RecordingError(f"{path}: is no text (it has zero bytes); export the log as CSV, Parquet or MATLAB file")
+    return text, encoding
+
+
+def _encoding(begin: bytes) -> str:
+    """UTF-16 by its mark or its zeros; else UTF-8 where it is that; else Chinese where its words are there."""
+    if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
+        zeros, others = begin[first::2].count(0), begin[1 - first :: 2].count(0)
+        if zeros > _MANY * len(begin) / 2 and not others:
+            return encoding
+    if "\ufffd" not in begin.decode("utf-8", errors="replace").rstrip("\ufffd"):  # the last character may be cut
+        return "utf-8"
+    return "gb18030" if _CHINESE.search(begin.decode("gb18030", errors="replace")) else "latin-1"
