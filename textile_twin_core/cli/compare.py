@@ -13,7 +13,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, 
 from textile_twin_core.cli.mistakes import BeyondLimitError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import print_rows
-from textile_twin_core.cli.places import check_ending
+from textile_twin_core.cli.places import check_output
 from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> None:
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     for form in _FORMS:
-        check_ending(f"--{form}", getattr(arguments, form), f".{form}")
+        check_output(f"--{form}", getattr(arguments, form), f".{form}")
     if arguments.quantity is not None:
         compare_quantity.run(arguments, machine, _LIMITS)
         return

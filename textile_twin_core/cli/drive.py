@@ -11,10 +11,10 @@ import numpy as np
 from textile_twin_core.cli.arguments import MOST_RPM, Parser, add_machine, count, number, positive, shaft_speed
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.places import check_ending, keep_input
+from textile_twin_core.cli.places import check_output, keep_input
 from textile_twin_core.cli.progress import shares
 from textile_twin_core.dynamics.drive_torque import DriveTorque, TorqueOverAngle, TorqueOverTime
-from textile_twin_core.files import check_folder, write_table
+from textile_twin_core.files import write_table
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.drive import drive
 from textile_twin_core.recordings.log_read import read_log
@@ -52,13 +52,12 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, write the motion, tell what happened on the way."""
-    check_ending("--out", arguments.out, *_SUFFIXES)
+    check_output("--out", arguments.out, *_SUFFIXES)
     keep_input(arguments.out, Path(arguments.torque))
     if arguments.samples < 2:
         raise UsageError("--samples: a motion has two or more")
     machine = load_linkage(arguments.machine, arguments.set)
 
-    check_folder(arguments.out)
     times = np.linspace(0.0, arguments.time, arguments.samples)
     omega = arguments.rpm * 2.0 * math.pi / 60.0
     torque = _torque(arguments.torque)

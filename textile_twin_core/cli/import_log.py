@@ -88,10 +88,11 @@ def run(arguments: argparse.Namespace) -> None:
     ask = _ask if sys.stdin.isatty() and sys.stdout.isatty() else None
     with stages(_size(arguments.log) // _LIKE_A_SAMPLE) as stage:
         stage("reading", _READ, 1)
-        columns = read_log(arguments.log, separator, arguments.decimal, arguments.table, _note)
-        rows = len(next(iter(columns.values())))
-        done = stage("writing", 1.0, rows * (2 + len(quantities)))
+        # Opened first: a place that cannot be written is told before the work.
         with BagWriter(arguments.out, {"imported_from": arguments.log.name}, overwrite=arguments.force) as out:
+            columns = read_log(arguments.log, separator, arguments.decimal, arguments.table, _note)
+            rows = len(next(iter(columns.values())))
+            done = stage("writing", 1.0, rows * (2 + len(quantities)))
             taken = import_log(columns, out, wishes, ask, done or _uncounted)
             counts = out.counts
     for kind, text in taken.items():

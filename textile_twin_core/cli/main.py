@@ -113,3 +113,7 @@ def _run(given: list[str]) -> int:
 def _say(text: str, code: int) -> int:
     tell(text)
     return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

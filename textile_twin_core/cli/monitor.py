@@ -11,7 +11,7 @@ from pathlib import Path
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording_topics, count
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.places import check_ending
+from textile_twin_core.cli.places import check_output
 from textile_twin_core.cli.progress import on_terminal, stages
 from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
 from textile_twin_core.comparison.fault_watch import WatchSettings
@@ -53,8 +53,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Watch, tell, write."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
-    check_ending("--parquet", arguments.parquet, ".parquet")
-    check_ending("--json", arguments.json, ".json")
+    check_output("--parquet", arguments.parquet, ".parquet")
+    check_output("--json", arguments.json, ".json")
     bags = _recordings(arguments.bags)
     settings = WatchSettings(learn_turns=arguments.learn)
     topics = topics_of(arguments)

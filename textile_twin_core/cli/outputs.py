@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from textile_twin_core.cli.mistakes import UsageError
-from textile_twin_core.cli.places import check_ending
+from textile_twin_core.cli.places import check_output
 from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine
 
@@ -28,8 +28,8 @@ def check_out(arguments: argparse.Namespace) -> None:
 
     Raises UsageError.
     """
-    check_ending("--json", arguments.json, ".json")
-    check_ending("--out", arguments.out, ".yaml", ".yml")
+    check_output("--json", arguments.json, ".json")
+    check_output("--out", arguments.out, ".yaml", ".yml")
     if arguments.out is None:
         return
     if arguments.out.exists() and not arguments.force:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser
 from textile_twin_core.cli.outputs import save_json
-from textile_twin_core.cli.places import check_ending
+from textile_twin_core.cli.places import check_output
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.published_table import as_json, as_markdown, as_text
 from textile_twin_core.errors import OutputError
@@ -30,7 +30,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the rows, write and draw what was asked for."""
-    check_ending("--json", arguments.json, ".json")
+    check_output("--json", arguments.json, ".json")
     if arguments.plots is not None:
         _make_folder(arguments.plots)
     if arguments.json is not None:

@@ -7,9 +7,11 @@ from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser
 from textile_twin_core.cli.mistakes import tell
+from textile_twin_core.cli.places import keep_input
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import BagWriter, open_bag
+from textile_twin_core.recordings.output_place import check_place
 
 
 def parser() -> Parser:
@@ -28,6 +30,8 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Copy what is there."""
+    keep_input(arguments.out, arguments.bag)
+    check_place(arguments.out, arguments.force)
     bag = open_bag(arguments.bag, salvage=True)
     tell(*bag.notices)
     if bag.message_count == 0:

@@ -9,7 +9,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, 
 from textile_twin_core.cli.drawn import write_drawn
 from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_machine
-from textile_twin_core.cli.places import check_ending
+from textile_twin_core.cli.places import check_output, keep_input
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
 from textile_twin_core.files import staged
@@ -40,6 +40,8 @@ def run(arguments: argparse.Namespace) -> None:
     machine = with_sensors(load_machine(arguments.machine, arguments.set), arguments)
     if arguments.out is None and arguments.rrd is None:
         raise UsageError("--out or --rrd is missing: where the predictions go")
+    keep_input(arguments.out, arguments.bag)
+    check_output("--rrd", arguments.rrd, ".rrd")
     if arguments.out is not None:
         _write_bag(arguments, machine)
     if arguments.rrd is not None:
@@ -47,7 +49,6 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _write_view(arguments: argparse.Namespace, machine: AnyMachine) -> None:
-    check_ending("--rrd", arguments.rrd, ".rrd")
     with staged(arguments.rrd) as partial:
         write_drawn(partial, arguments, machine)
 

@@ -13,11 +13,11 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.cli.arguments import Parser, add_machine, count, positive, shaft_speed
 from textile_twin_core.cli.mistakes import UsageError, nearest, tell
 from textile_twin_core.cli.named_machine import load_machine
-from textile_twin_core.cli.places import check_ending, keep_input
+from textile_twin_core.cli.places import check_output, keep_input
 from textile_twin_core.cli.progress import progress, stages
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import SceneError
-from textile_twin_core.files import MotionTable, check_folder, read_motion_table, staged, write_table
+from textile_twin_core.files import MotionTable, read_motion_table, staged, write_table
 from textile_twin_core.files.motion_table import looks_like_degrees
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin import compile_machine
@@ -70,8 +70,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Simulate and write the table or recording, or the picture, or both."""
     if arguments.out is None and arguments.png is None:
         raise UsageError("nothing to write: give --out for a table or recording, or --png for a picture")
-    check_ending("--png", arguments.png, ".png")
-    check_ending("--out", arguments.out, *_SUFFIXES)
+    check_output("--png", arguments.png, ".png")
+    check_output("--out", arguments.out, *_SUFFIXES)
     keep_input(arguments.out, arguments.input)
     machine = load_machine(arguments.machine, arguments.set)
     if arguments.png is not None:
@@ -80,7 +80,6 @@ def run(arguments: argparse.Namespace) -> None:
         return
     names = _outputs(machine, arguments.outputs)
 
-    check_folder(arguments.out)
     motion = _motion(arguments)
     with stages(len(motion)) as stage:
         stage("computing", _COMPUTED, 1)

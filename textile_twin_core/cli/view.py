@@ -10,7 +10,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, 
 from textile_twin_core.cli.drawn import write_drawn
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import is_machine, load_machine
-from textile_twin_core.cli.places import check_ending
+from textile_twin_core.cli.places import check_output
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.errors import TwinError
 from textile_twin_core.files import staged
@@ -36,7 +36,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Open the viewer, or for a machine its picture, and wait until it is closed; or draw without a screen."""
-    check_ending("--png", arguments.png, ".png")
+    check_output("--png", arguments.png, ".png")
     if is_machine(str(arguments.bag)):
         _show_machine(arguments)
         return

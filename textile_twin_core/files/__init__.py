@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from textile_twin_core.errors import OutputError
-from textile_twin_core.files.atomic import check_folder, remove, staged
+from textile_twin_core.files.atomic import check_file, check_folder, remove, staged
 from textile_twin_core.lazy import names_of
 
 if TYPE_CHECKING:
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 __all__ = [
     "MotionTable",
     "OutputError",
+    "check_file",
     "check_folder",
     "load_machine_file",
     "machine_document",

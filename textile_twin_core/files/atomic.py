@@ -47,6 +47,13 @@ def check_folder(path: Path) -> None:
         ) from error
 
 
+def check_file(path: Path) -> None:
+    """Raise OutputError unless a file of this name could be written now, as `check_folder` tries it."""
+    if path.is_dir():
+        raise OutputError(f"output {path}: a folder of that name exists; give the name of a file")
+    check_folder(path)
+
+
 def remove(path: Path) -> None:
     """Remove a file or a folder tree, if it is there."""
     if path.is_dir() and not path.is_symlink():
@@ -73,9 +80,7 @@ def staged(path: str | Path) -> Iterator[Path]:
     Raises OutputError at once when the folder cannot be written, so before the work and not after it.
     """
     path = Path(path)
-    if path.is_dir():
-        raise OutputError(f"output {path}: a folder of that name exists; give the name of a file")
-    check_folder(path)
+    check_file(path)
     partial = partial_path(path)
     try:
         yield partial

@@ -13,13 +13,13 @@ import numpy as np
 
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import OutputError, RecordingError
-from textile_twin_core.files.atomic import check_folder, partial_path, put_in_place, remove
+from textile_twin_core.files.atomic import partial_path, put_in_place, remove
 from textile_twin_core.recordings import rosbag2_metadata
 from textile_twin_core.recordings.bag_arrays import ArrayWriter
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
 from textile_twin_core.recordings.complete_files import CompleteFiles
 from textile_twin_core.recordings.mcap_write import McapFileWriter
-from textile_twin_core.recordings.output_place import check_replaceable, is_empty_folder
+from textile_twin_core.recordings.output_place import check_place, is_empty_folder
 from textile_twin_core.recordings.recording import Progress, Recording
 from textile_twin_core.recordings.rosbag2_metadata import FileInfo, OfferedQos, TopicInfo
 from textile_twin_core.recordings.schemas import MessageSchema, message_schema
@@ -55,9 +55,7 @@ class BagWriter(ArrayWriter):
         self._custom_data = {key: str(value) for key, value in (custom_data or {}).items()}
         self._live = live
         self._single = self.path.suffix == ".mcap"
-        if self.path.exists():
-            check_replaceable(self.path, overwrite)
-        check_folder(self.path)
+        check_place(self.path, overwrite)
         self._place = self.path if live else partial_path(self.path)
         if not live or not is_empty_folder(self.path):
             remove(self._place)

@@ -5,8 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from textile_twin_core.errors import OutputError
+from textile_twin_core.files.atomic import check_folder
 
 _OF_A_RECORDING = (".yaml", ".mcap", ".db3", ".zstd")
+
+
+def check_place(path: Path, overwrite: bool) -> None:
+    """Raises OutputError unless a recording could be written there now."""
+    if path.exists():
+        check_replaceable(path, overwrite)
+    check_folder(path)
 
 
 def check_replaceable(path: Path, overwrite: bool) -> None:
