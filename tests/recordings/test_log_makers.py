@@ -66,6 +66,21 @@ def test_twincat_scope(times: list[np.ndarray], decimal: str, separator: str, en
     check(imported(tmp_path, scope(times, decimal, separator, end)))
 
 
+@pytest.mark.parametrize("separator", ["\t", ","])
+@pytest.mark.parametrize("times", [1, 2])
+@pytest.mark.parametrize("kept", [("Starttime", "Name"), ("Starttime", "Name", "Unit"), ("Name",)])
+def test_twincat_scope_with_few_lines_in_its_head(
+    kept: tuple[str, ...], times: int, separator: str, tmp_path: Path
+) -> None:
+    if kept == ("Name",) and times == 1:
+        return  # nothing tells it from another maker's
+    head, _, body = scope([TIME * 1e3] * times, ".", separator).partition("\r\n\r\n")
+    channels, _, body = body.partition("\r\n\r\n")
+    lines = [line for line in (*head.splitlines()[2:], *channels.splitlines()) if line.startswith(kept)]
+    text = "\r\n".join([*lines, body])
+    check(imported(tmp_path, text, *([] if "Unit" in kept else ["--angle-unit", "deg"])))
+
+
 def test_full_time_stamps_of_twincat_scope(tmp_path: Path) -> None:
     ticks = [str(132_959_733_843_760_000 + 20_000 * k) for k in range(N)]
     text = scope([TIME * 1e3], ".")

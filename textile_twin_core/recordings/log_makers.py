@@ -96,9 +96,13 @@ def _twincat(lines: Sequence[str], decimal: str | None) -> KnownHead | None:
     for separator in ("\t", ";", ","):
         rows = [[cell.strip() for cell in line.split(separator)] for line in lines[:_LONGEST_HEAD]]
         labels = {row[0]: k for k, row in enumerate(rows) if row}
-        if "SampleTime[ms]" not in labels or "Name" not in labels:
+        if "Name" not in labels:
             continue
         named, last = rows[labels["Name"]], max(k for label, k in labels.items() if _is_label(label))
+        started = next((k for label, k in labels.items() if label.lower().startswith("starttime")), labels["Name"])
+        # Newer ones have fewer lines: when the export starts, and names; or names alone, once for each column of times.
+        if "SampleTime[ms]" not in labels and started >= labels["Name"] and named.count("Name") < 2:
+            continue
         first = next((k for k in range(last + 1, len(rows)) if any(rows[k])), None)
         if first is None:
             return None
