@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -100,3 +101,31 @@ def test_columns_parted_by_spaces_may_hold_words_dates_and_comments(
     np.testing.assert_allclose(angles.angles_rad, ANGLE, atol=2e-8)
     np.testing.assert_allclose((angles.stamps - angles.stamps[0]) * 1e-9, TIME, atol=2e-6)
     np.testing.assert_allclose(torques.torque_Nm, np.delete(TORQUE, 7), atol=2e-7)
+
+
+@pytest.mark.parametrize(("form", "pause_s"), [("%Y-%m-%d %H:%M:%S.%f", 60), ("%Y/%m/%d %H:%M:%S.%f", 0)])
+def test_a_column_of_dates_is_the_time_whatever_it_is_called(form: str, pause_s: int, tmp_path: Path) -> None:
+    begin = datetime(2026, 11, 22, 23, 59, 58)
+    since = [t + pause_s * (k > N // 2) for k, t in enumerate(TIME.tolist())]
+    dates = [(begin + timedelta(seconds=each)).strftime(form) for each in since]
+    lines = [f"{date},{k},{row.partition(',')[2]}" for k, (date, row) in enumerate(zip(dates, ROWS, strict=True))]
+    angles = open_bag(bag_of(tmp_path, ["logged,count,angle [deg],torque [Nm]", *lines])).read_angles()
+    np.testing.assert_allclose((angles.stamps - angles.stamps[0]) * 1e-9, since, atol=2e-6)
+    assert angles.stamps[0] == 1_795_391_998_000_000_000
+
+
+def test_an_angle_that_rises_evenly_is_no_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [f"{16.0 * t:.6f},{m:.6f}" for t, m in zip(TIME, TORQUE, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["theta,torque", *lines]) + "\n", encoding="utf-8")
+    options = ["--angle", "theta", "--angle-unit", "rad", "--out", str(tmp_path / "bag")]
+    assert main(["import", str(tmp_path / "log.csv"), *options]) == 2
+    assert "no column of times; give --time or --rate" in capsys.readouterr().err
+
+
+def test_a_column_that_may_hold_times_is_told_when_there_are_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = [f"{row.partition(',')[2]},2.1.2026 10:00:00" for row in ROWS]
+    (tmp_path / "log.csv").write_text("\n".join(["angle [deg],torque [Nm],Datum", *lines]) + "\n", encoding="utf-8")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 2
+    assert "'Datum' holds text (line 2: '2.1.2026 10:00:00')" in capsys.readouterr().err

@@ -17,7 +17,7 @@ _MOST_WORDS, _MOST_BAD = 0.5, 0.01
 """A column with a larger share of words, or of other cells that are no numbers, is text."""
 _NUMBER = r"^[+-]?([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][+-]?[0-9]+)?$"
 _CLOCK = r"^(?P<h>[0-9]{1,2}):(?P<m>[0-9]{2}):(?P<s>[0-9]{2}(?:[.][0-9]+)?)$"
-_DATE_ALONE = r"^([0-9]{2})\.([0-9]{2})\.([0-9]{4})$"
+_DATE_ALONE = r"^([0-9]{2}\.[0-9]{2}\.[0-9]{4}|[0-9]{4}/[0-9]{2}/[0-9]{2})$"
 
 
 @dataclass(eq=False, repr=False)
@@ -122,6 +122,7 @@ def _text(
         clocks[name] = _clock(pointed)
         return
     iso = compute.replace_substring_regex(cells, r"^(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1")
+    iso = compute.replace_substring_regex(iso, r"^(\d{4})/(\d\d)/(\d\d)", r"\1-\2-\3")
     try:
         if filled and _matches(cells, _DATE_ALONE) == filled:
             days[name] = _float(iso.cast("date32").cast("timestamp[ns]").cast("int64")) * 1e-9

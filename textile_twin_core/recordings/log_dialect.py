@@ -20,7 +20,7 @@ _HEAD_BYTES = 65536
 _SEPARATORS = (";", "\t", ",", "|")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
 _DATE = re.compile(
-    r"((\d{4}-\d\d-\d\d|\d\d\.\d\d\.\d{4})([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?"
+    r"((\d{4}([-/])\d\d\3\d\d|\d\d\.\d\d\.\d{4})([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?"
     r"|\d{1,2}:\d\d:\d\d([.,]\d+)?)$"
 )
 """Date and time, either alone."""

@@ -174,7 +174,7 @@ def _stamps(columns: LogTable, wishes: Wishes, ask: Ask | None, taken: dict[str,
         return np.asarray(_FIRST_NS + np.rint(np.arange(rows) * (1e9 / wishes.rate_hz)), dtype=np.int64), columns
     column = _column("time", columns, wishes, ask, needed=False)
     if column is None:
-        column = _rising(columns)
+        column = _rising(columns, wishes)
     given, columns = columns, columns.at_times(column.name)
     apart = [name for name in given if name in columns.left_out]
     if apart:
@@ -195,9 +195,14 @@ def _stamps(columns: LogTable, wishes: Wishes, ask: Ask | None, taken: dict[str,
     return np.asarray(first + since_first, dtype=np.int64), columns
 
 
-def _rising(columns: LogTable) -> Column:
-    """The one column that rises evenly, where no name speaks of time."""
-    rising = [name for name, values in columns.items() if looks_like_time(values)]
+def _rising(columns: LogTable, wishes: Wishes) -> Column:
+    """The one column of dates, or that rises evenly and is nothing else, where no name speaks of time."""
+    others = {*wishes.columns.values(), *wishes.quantities.values()}
+    others |= {name for kind in ("angle", "torque", "speed") for name in choose(kind, columns)}
+    dated = [name for name in columns if name in columns.dated]
+    if len(dated) == 1:
+        return Column(dated[0], DATED)
+    rising = [name for name, values in columns.items() if name not in others and looks_like_time(values)]
     left_out = [name for name in choose("time", columns.left_out) if name not in columns]
     if left_out and columns.left_out[left_out[0]] == UNTIMED:
         raise RecordingError(f"column '{left_out[0]}' holds {UNTIMED}; give --rate HZ")
@@ -207,7 +212,8 @@ def _rising(columns: LogTable) -> Column:
             " 2026-10-25 23:59:50.5 or give --rate"
         )
     if len(rising) != 1:
-        raise RecordingError(f"no column of times; give --time or --rate. Columns: {describe(columns)}")
+        without = "".join(f"; '{name}' holds {what}" for name, what in columns.left_out.items())
+        raise RecordingError(f"no column of times; give --time or --rate. Columns: {describe(columns)}{without}")
     (name,) = rising
     if not unit_in_name(name) and counts_rows(name, columns[name]):
         raise RecordingError(
