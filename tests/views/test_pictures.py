@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ctypes.util
+import socket
+import subprocess
+import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -14,8 +17,9 @@ from PIL import Image
 
 from tests.views.conftest import Run
 from tests.views.test_live import feed, free_port
-from textile_twin_core.errors import RecordingError
+from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.views import LiveView, open_viewer, palette, screenshot, screenshots, write_comparison_recording
+from textile_twin_core.views.viewer import _patiently
 
 Pixels = npt.NDArray[np.int64]
 
@@ -102,6 +106,24 @@ def started_by(mark: Path) -> list[bytes]:
             if f"STARTED_BY={mark}".encode() in (process / "environ").read_bytes():
                 found.append((process / "cmdline").read_bytes())
     return found
+
+
+def test_a_viewer_that_ends_is_one_line(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
+        monkeypatch.setenv(name, str(tmp_path / "none.json"))
+    recording = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine, title="a test")
+    with pytest.raises(TwinError, match=r"the viewer ended with code \d+; it needs a graphics driver \(Vulkan\)"):
+        screenshot(recording, tmp_path / "run.png")
+
+
+def test_a_viewer_whose_transport_fails_for_a_moment_is_asked_again() -> None:
+    port = free_port()
+    server = "import socket, sys, time; time.sleep(1.5); socket.create_server(('127.0.0.1', int(sys.argv[1]))).accept()"
+    with subprocess.Popen([sys.executable, "-c", server, str(port)]) as process:
+        _patiently(process, "answer", 30.0, lambda: socket.create_connection(("127.0.0.1", port), 1.0).close())
+        assert process.wait(timeout=10.0) == 0
+        with pytest.raises(TwinError, match="the viewer ended with code 0"):
+            _patiently(process, "answer", 30.0, lambda: socket.create_connection(("127.0.0.1", port), 1.0))
 
 
 def test_a_missing_recording_is_named(tmp_path: Path) -> None:

@@ -9,15 +9,18 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TypeVar
 
 from rerun.experimental import ViewerClient
 
 from textile_twin_core.errors import TwinError
 from textile_twin_core.views.rrd_file import check_whole
 
+_NEEDS = "it needs a graphics driver (Vulkan), such as the package mesa-vulkan-drivers"
+_T = TypeVar("_T")
 _START_S = 60.0
 _LOAD_S = 120.0
 _PICTURE_S = 180.0
@@ -88,11 +91,12 @@ def screenshots(
         viewer = subprocess.Popen(command, env=place, stdout=log, stderr=log, start_new_session=True)
         try:
             client = _connect(viewer, port)
-            _load(client, address)
-            images = [_picture(client, time_s) for time_s, _ in pictures]
+            _load(viewer, client, address)
+            images = [_picture(viewer, client, time_s) for time_s, _ in pictures]
         except TwinError as error:
             log.seek(0)
-            last = log.read().decode(errors="replace").strip().splitlines()[-1:]
+            said = log.read().decode(errors="replace").strip().splitlines()
+            last = [line.strip() for line in said if line.strip() and "http" not in line][-1:]
             raise TwinError(f"{source}: {error}{f' ({last[0]})' if last else ''}") from error
         finally:
             _end(viewer)
@@ -111,11 +115,28 @@ def _end(viewer: subprocess.Popen[bytes]) -> None:
             viewer.wait(timeout=5.0)
 
 
-def _load(client: ViewerClient, address: str) -> None:
-    client.open(address)
+def _patiently(viewer: subprocess.Popen[bytes], what: str, seconds: float, ask: Callable[[], _T]) -> _T:
+    """What the viewer answers; asked again while its transport fails, as on a busy machine.
+
+    Raises TwinError when the viewer has ended, or has not answered in time.
+    """
+    end = time.monotonic() + seconds
+    while True:
+        try:
+            return ask()
+        except Exception as error:  # the client raises what its transport raises
+            if viewer.poll() is not None:
+                raise TwinError(f"the viewer ended with code {viewer.returncode}; {_NEEDS}") from error
+            if time.monotonic() > end:
+                raise TwinError(f"the viewer did not {what} in {seconds:g} s: {error}") from error
+        time.sleep(0.2)
+
+
+def _load(viewer: subprocess.Popen[bytes], client: ViewerClient, address: str) -> None:
+    _patiently(viewer, "open it", _LOAD_S, lambda: client.open(address))
     end = time.monotonic() + _LOAD_S
     while True:
-        state = client.get_state()
+        state = _patiently(viewer, "load it", _LOAD_S, client.get_state)
         if state.active_recording is not None and not state.loading:
             return
         if time.monotonic() > end:
@@ -123,9 +144,11 @@ def _load(client: ViewerClient, address: str) -> None:
         time.sleep(0.1)
 
 
-def _picture(client: ViewerClient, time_s: float | None) -> bytes:
+def _picture(viewer: subprocess.Popen[bytes], client: ViewerClient, time_s: float | None) -> bytes:
     if time_s is not None:
-        _set_time(client, time_s)
+        # Refused, too, as long as no data have arrived.
+        what = f"show it at {time_s:g} s"
+        _patiently(viewer, what, _LOAD_S, lambda: client.set_time("time", duration=time_s, play_state="paused"))
     time.sleep(1.0)
     # The first pictures are of empty plots: wait until three in a row are the same.
     last: list[bytes] = []
@@ -133,41 +156,20 @@ def _picture(client: ViewerClient, time_s: float | None) -> bytes:
     while len(last) < 3 or len(set(last)) > 1:
         if time.monotonic() > end:
             raise TwinError(f"the viewer did not draw it in {_PICTURE_S:g} s")
-        try:
-            last = [*last, client.take_screenshot()][-3:]
-        except TimeoutError:  # a busy machine: the viewer draws by software
-            continue
+        last = [*last, _patiently(viewer, "draw it", _PICTURE_S, client.take_screenshot)][-3:]
         time.sleep(0.3)
     return last[-1]
 
 
-def _set_time(client: ViewerClient, time_s: float) -> None:
-    end = time.monotonic() + _LOAD_S
-    while True:
-        try:
-            client.set_time("time", duration=time_s, play_state="paused")
-            return
-        except ConnectionError as error:  # so the client says that no data have arrived yet
-            if time.monotonic() > end:
-                raise TwinError(f"the viewer had nothing to show at {time_s:g} s: {error}") from error
-            time.sleep(0.2)
-
-
 def _connect(viewer: subprocess.Popen[bytes], port: int) -> ViewerClient:
-    end = time.monotonic() + _START_S
-    while True:
-        if viewer.poll() is not None:
-            raise TwinError(f"the viewer ended at once with code {viewer.returncode}")
-        try:
-            with socket.create_connection(("127.0.0.1", port), timeout=1.0):
-                pass
-            client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-            client.get_state()
-            return client
-        except Exception as error:  # the client raises what its transport raises
-            if time.monotonic() > end:
-                raise TwinError(f"the viewer did not answer in {_START_S:g} s: {error}") from error
-            time.sleep(0.2)
+    def connected() -> ViewerClient:
+        with socket.create_connection(("127.0.0.1", port), timeout=1.0):
+            pass
+        client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+        client.get_state()
+        return client
+
+    return _patiently(viewer, "answer", _START_S, connected)
 
 
 def _free_port() -> int:
