@@ -96,7 +96,7 @@ def screenshots(
         except TwinError as error:
             log.seek(0)
             said = log.read().decode(errors="replace").strip().splitlines()
-            last = [line.strip() for line in said if line.strip() and "http" not in line][-1:]
+            last = [line for line in said if "panicked" in line] or said[-1:]
             raise TwinError(f"{source}: {error}{f' ({last[0]})' if last else ''}") from error
         finally:
             _end(viewer)
