@@ -196,3 +196,12 @@ def test_a_method_that_is_none_is_told_with_its_file(tmp_path: Path) -> None:
     path.write_text("machine: tufting\nscene: {method: exakt}\n")
     with pytest.raises(MachineError, match=r"mine.yaml: scene.method: .*exact"):
         load_machine_file(path)
+
+
+def test_a_file_that_is_no_machine_file_is_not_told_whole(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time,angle,torque\n" + "0.1,0.2,0.3\n" * 5000, encoding="utf-8")
+    with pytest.raises(
+        MachineError, match=r"log.csv: the file: must be a mapping .*'time,angle,torque.* \.\.$"
+    ) as error:
+        load_machine_file(tmp_path / "log.csv")
+    assert len(str(error.value)) < 200 + len(str(tmp_path))

@@ -80,6 +80,11 @@ def test_angle_and_torque_are_known_by_their_unit_alone(
     assert "taken for granted" not in capsys.readouterr().out
 
 
+def test_decimal_commas_within_quotation_marks(tmp_path: Path) -> None:
+    rows = [",".join(f'"{cell.replace(".", ",")}"' for cell in row.split(",")) for row in ROWS]
+    check(bag_of(tmp_path, ['"Zeit [s]","Winkel [deg]","Drehmoment [Nm]"', *rows]))
+
+
 def test_two_columns_in_newton_metres_are_asked_about(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lines = [f"{row},{k}" for k, row in enumerate(ROWS)]
     (tmp_path / "log.csv").write_text("\n".join(["t [s],phi [deg],a [Nm],b [Nm]", *lines]) + "\n", encoding="utf-8")

@@ -15,6 +15,7 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.machine.sizes import check_size
 
 _DIGITS = re.compile(r"[0-9]+([.][0-9]*)?([eE][+-]?[0-9]+)?$")
+_SHOWN = 60
 _KEY_OF_FIELD = {"from_point": "from", "to_point": "to"}
 
 
@@ -32,17 +33,23 @@ def unknown(what: str, given: str, known: list[str]) -> str:
     return f"unknown {what} '{given}'; {hint}"
 
 
+def shown(value: Any) -> str:
+    """A value as a message has room for it: a whole file that is no machine file may be one."""
+    text = repr(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} .."
+
+
 def mapping_at(value: Any, place: str) -> dict[str, Any]:
     """The value as a mapping of words."""
     if not isinstance(value, dict):
-        raise MachineError(f"{place}: must be a mapping (key: value), not {value!r}")
+        raise MachineError(f"{place}: must be a mapping (key: value), not {shown(value)}")
     return {str(key): entry for key, entry in value.items()}
 
 
 def list_at(value: Any, place: str) -> list[Any]:
     """The value as a list."""
     if not isinstance(value, list):
-        raise MachineError(f"{place}: must be a list, not {value!r}")
+        raise MachineError(f"{place}: must be a list, not {shown(value)}")
     return value
 
 
@@ -84,7 +91,7 @@ def convert(value: Any, hint: Any, place: str) -> Any:
         return value
     if hint is str:
         if isinstance(value, (dict, list)) or value is None:
-            raise MachineError(f"{place}: must be a word, not {value!r}")
+            raise MachineError(f"{place}: must be a word, not {shown(value)}")
         return str(value)
     if origin is Literal:
         if value not in parts:
@@ -106,7 +113,7 @@ def convert(value: Any, hint: Any, place: str) -> Any:
 
 def _number(value: Any, place: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise MachineError(f"{place}: must be a number, not {value!r}")
+        raise MachineError(f"{place}: must be a number, not {shown(value)}")
     check_size(value, place)
     return float(value)
 

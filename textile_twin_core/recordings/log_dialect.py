@@ -64,7 +64,7 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
     best: tuple[int, int, Dialect] | None = None
     for point in (decimal,) if decimal else (".", ","):
         for mark in (separator,) if separator else (*_SEPARATORS, " "):
-            if mark == point:
+            if mark == point and '"' not in text:
                 continue
             found = _try(lines, mark, point)
             if found is not None and (best is None or found[:2] > best[:2]):
