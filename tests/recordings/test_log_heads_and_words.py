@@ -85,6 +85,26 @@ def test_decimal_commas_within_quotation_marks(tmp_path: Path) -> None:
     check(bag_of(tmp_path, ['"Zeit [s]","Winkel [deg]","Drehmoment [Nm]"', *rows]))
 
 
+@pytest.mark.parametrize(
+    ("unit", "newton_metres"),
+    [("in-lbs", 0.112984829), ("lb-ft", 1.355817948), ("ft·lbf", 1.355817948), ("oz-in", 0.00706155183), ("N·m", 1.0)],
+)
+def test_units_as_they_are_written_in_other_countries(unit: str, newton_metres: float, tmp_path: Path) -> None:
+    bag = bag_of(tmp_path, [f"Time (sec),Angle (Deg),Torque ({unit})", *ROWS])
+    np.testing.assert_allclose(open_bag(bag).read_torques().torque_Nm, newton_metres * TORQUE, rtol=1e-6, atol=1e-7)
+
+
+def test_a_unit_of_something_else_gives_way(tmp_path: Path) -> None:
+    rows = [f"{row},22.5,80" for row in ROWS]
+    check(bag_of(tmp_path, ["time [s],phi [°],torque [Nm],T [°C],torque [%]", *rows]))
+
+
+def test_a_torque_in_per_cent_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "log.csv").write_text("\n".join(["t [s],phi [deg],torque [%]", *ROWS]) + "\n", encoding="utf-8")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 2
+    assert "torque in '%'? there are: N m," in capsys.readouterr().err
+
+
 def test_two_columns_in_newton_metres_are_asked_about(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lines = [f"{row},{k}" for k, row in enumerate(ROWS)]
     (tmp_path / "log.csv").write_text("\n".join(["t [s],phi [deg],a [Nm],b [Nm]", *lines]) + "\n", encoding="utf-8")

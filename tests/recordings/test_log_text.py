@@ -34,6 +34,21 @@ def test_encodings(encoding: str, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert open_bag(tmp_path / "bag").read_torques().torque_Nm.size == N - 1
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+@pytest.mark.parametrize("place", [2, 3])
+def test_a_word_far_below_that_is_no_utf_8(
+    place: int, encoding: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{0.002 * k:.3f},{(2.0 * k) % 360:.6f},{k % 7}.123456789,ok".split(",") for k in range(8000)]
+    rows[7900][place] = "gestört"
+    lines = ["time [s],angle [deg],torque [Nm],state", *map(",".join, rows)]
+    (tmp_path / "log.csv").write_bytes("\n".join(lines).encode(encoding))
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
+    told = "line 7902: column 'torque [Nm]' has 'gestört', no number; it counts as empty" in capsys.readouterr().out
+    assert told == (place == 2)
+    assert open_bag(tmp_path / "bag").read_torques().torque_Nm.size == 8000 - told
+
+
 def _workbook(path: Path) -> None:
     with zipfile.ZipFile(path, "w") as out:
         out.writestr("xl/workbook.xml", "<workbook/>")

@@ -48,7 +48,8 @@ _LETTER_OF_TYPE = r"\b[a-z]{1,2}(?=[A-Z][a-z])"
 """That stands before a variable's name in a controller: fAngle, lrActPos."""
 _SPELLINGS = {
     "nm": "N m", "n*m": "N m", "n·m": "N m", "n.m": "N m", "ncm": "N cm", "nmm": "N mm", "knm": "kN m",
-    "danm": "daN m", "lbft": "lbf ft", "ft-lb": "lbf ft", "ftlb": "lbf ft", "lbin": "lbf in", "in-lb": "lbf in",
+    "danm": "daN m", "lbft": "lbf ft", "ftlb": "lbf ft", "ftlbf": "lbf ft", "lbin": "lbf in", "inlb": "lbf in",
+    "lbfft": "lbf ft", "lbfin": "lbf in", "inlbf": "lbf in", "ozin": "ozf in", "inoz": "ozf in", "ozfin": "ozf in",
     "kgfcm": "kgf cm", "kgcm": "kgf cm", "kgfm": "kgf m",
     "mnm": "mN m", "kgm": "kgf m", "degree": "deg", "degrees": "deg",
     "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad", "revolutions": "rev", "u": "rev", "turns": "rev",
@@ -76,7 +77,8 @@ def spelled(unit: str) -> str:
     known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
     squeezed = {name.replace(" ", "").lower(): name for name in known}
     lower = plain.lower()
-    return _SPELLINGS.get(lower) or squeezed.get(lower.replace(" ", "")) or plain
+    bare = re.sub(r"[\s.*·∙⋅-]|(?<=lb)s", "", lower)
+    return _SPELLINGS.get(lower) or squeezed.get(lower.replace(" ", "")) or _SPELLINGS.get(bare) or plain
 
 
 def unit_in_name(name: str) -> str:
@@ -110,6 +112,8 @@ def choose(kind: str, names: Iterable[str], unit_told: bool = False) -> list[str
     if not spoken and kind in ("angle", "torque"):
         return [name for name in names if unit_in_name(name) in own and unit_in_name(name) != "rev"]
     fitting = [name for name in spoken if unit_in_name(name) not in others]
+    own_unit = [name for name in fitting if unit_in_name(name) in own or not re.search(_BRACKETS, name)]
+    fitting = own_unit or fitting  # T [°C] beside t [s]
     unsure = [name for name in spoken if name in fitting or not re.search(_BRACKETS, name)]
     if unit_told:
         return unsure or spoken

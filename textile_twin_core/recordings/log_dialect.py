@@ -26,7 +26,7 @@ _DATE = re.compile(
 """Date and time, either alone."""
 _OTHER_DATE = re.compile(r"\d{1,4}/\d{1,2}/\d{1,4}|\d{1,2}:\d\d(:\d\d([.,]\d+)?)? ?[AaPp]\.?[Mm]")
 """Dates that are read in two ways, and times of day in twelve hours."""
-_COMMENT = re.compile(r"\s*(#+|%+|//+)\s*(?=\S)")
+_COMMENT = re.compile(r"^\s*(#+|%+|//+)\s*(?=\S)")
 """Marks of a line that the logger meant for people: the names of the columns often stand in one."""
 _NUMERAL, _OTHER_SIGN, _MOMENT, _NOTHING, _WORD = "number", "number of the other sign", "date", "nothing", "word"
 _LOOKED_AT = 40

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -60,9 +61,10 @@ def read_log(
 
 def _text(path: Path, separator: str | None, decimal: str | None, note: Callable[[str], object] | None) -> LogTable:
     dialect = sniff(path, separator, decimal)
-    from pyarrow import ArrowInvalid, csv, string
+    from pyarrow import ArrowInvalid, csv, string, types
 
     torn = 0
+    encoding = "utf-8" if dialect.separator == " " else dialect.encoding
 
     def leave_out(_: object) -> str:
         nonlocal torn
@@ -77,7 +79,7 @@ def _text(path: Path, separator: str | None, decimal: str | None, note: Callable
             read_options=csv.ReadOptions(
                 skip_rows=dialect.skipped,
                 autogenerate_column_names=True,
-                encoding="utf-8" if dialect.separator == " " else dialect.encoding,
+                encoding=encoding,
                 block_size=1 << 24,
             ),
             parse_options=csv.ParseOptions(
@@ -91,14 +93,21 @@ def _text(path: Path, separator: str | None, decimal: str | None, note: Callable
             ),
         )
 
-    try:
+    # Far below the lines by which kinds and encoding were seen, a cell may be no number, or no UTF-8.
+    strings = {f"f{k}": string() for k in range(len(dialect.names))}
+    last = ("latin-1" if encoding == "utf-8" else encoding, strings)
+    for code, kinds in ((encoding, None), (encoding, strings), last):
+        encoding = code
         try:
-            table = read()
-        except ArrowInvalid:
-            # A cell that is no number, far below those by which the column's kind was seen.
-            table = read({f"f{k}": string() for k in range(len(dialect.names))})
-    except (ArrowInvalid, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: {str(error).splitlines()[0]}") from error
+            table = read(kinds)
+        except (ArrowInvalid, UnicodeDecodeError) as error:
+            if (code, kinds) == last:
+                raise RecordingError(f"{path}: {str(error).splitlines()[0]}") from error
+            continue
+        if not any(types.is_binary(kind) for kind in table.schema.types):
+            break
+    if dialect.separator != " ":
+        dialect = replace(dialect, encoding=encoding)
     if torn and note is not None:
         width = table.num_columns
         note(f"{torn} of {torn + table.num_rows} rows have other than {width} cells and are left out")
