@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -116,3 +118,18 @@ def test_a_machine_made_in_python_is_refused_alike() -> None:
 )
 def test_options_that_would_mislead(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert says in _refused(words, capsys)
+
+
+@pytest.mark.parametrize("command", ["drive tufting --torque 0 --time 1", "simulate tufting --rpm 160"])
+def test_more_samples_than_memory_holds_are_refused(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [*command.split(), "--samples", "10000001", "--out", str(tmp_path / "out.csv")]
+    assert "--samples: must be at most 10000000, not '10000001'" in _refused(words, capsys)
+
+
+def test_the_module_of_the_command_runs_it() -> None:
+    ran = subprocess.run(
+        [sys.executable, "-m", "textile_twin_core.cli.main", "machines"], capture_output=True, text=True, check=True
+    )
+    assert "tufting" in ran.stdout

@@ -124,3 +124,10 @@ def test_few_turns_to_learn_from_are_enough_to_be_alarmed(tmp_path: Path, capsys
     assert f"{tmp_path}/new/bag: " in out and out.count("turns, ") == 2
     assert "drive side: friction changed" in out and "RuntimeWarning" not in err
     assert set(parquet.read_table(table)["bag"].to_pylist()) == {f"{tmp_path}/{place}/bag" for place in ("old", "new")}
+
+
+def test_a_recording_of_another_machine_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
+    bags = Path(__file__).parents[2] / "bags"
+    for machine, noted in (("tufting", False), ("handloom_beatup", True)):
+        main(["monitor", str(bags / "tufting_160rpm_synthetic"), "--machine", machine, "--learn", "20"])
+        assert ("faults are named by chance" in capsys.readouterr().out) == noted

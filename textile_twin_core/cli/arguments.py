@@ -13,6 +13,10 @@ MOST_RPM = 1e5
 """No shaft of a textile machine turns faster; who asks for more has mistaken the unit."""
 
 
+MOST_SAMPLES = 10_000_000
+"""So many samples of a dozen outputs still fit into the memory of a small computer."""
+
+
 class Parser(argparse.ArgumentParser):
     """ArgumentParser of one command: an example in its help, mistakes as UsageError."""
 
@@ -129,6 +133,14 @@ def count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number from 1 on, not '{text}'")
     return int(text)
+
+
+def samples(text: str) -> int:
+    """How many samples to compute at once, as a type of an argument."""
+    value = count(text)
+    if value > MOST_SAMPLES:
+        raise argparse.ArgumentTypeError(f"must be at most {MOST_SAMPLES}, not '{text}': memory holds all of them")
+    return value
 
 
 def seed(text: str) -> int:

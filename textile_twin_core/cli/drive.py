@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from textile_twin_core.cli.arguments import MOST_RPM, Parser, add_machine, count, number, positive, shaft_speed
+from textile_twin_core.cli.arguments import MOST_RPM, Parser, add_machine, number, positive, samples, shaft_speed
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.places import check_output, keep_input
@@ -43,7 +43,9 @@ def parser() -> Parser:
         "--rpm", type=shaft_speed, default=0.0, metavar="R", help="speed at the start (default %(default)s)"
     )
     parser.add_argument("--start", type=number, default=0.0, metavar="DEG", help="angle at the start (default 0)")
-    parser.add_argument("--samples", type=count, default=1001, metavar="N", help="rows, evenly in time (default 1001)")
+    parser.add_argument(
+        "--samples", type=samples, default=1001, metavar="N", help="rows, evenly in time (default 1001)"
+    )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help=".csv or .parquet; is replaced when it is there"
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.cli.arguments import Parser, add_machine, count, positive, shaft_speed
+from textile_twin_core.cli.arguments import Parser, add_machine, positive, samples, shaft_speed
 from textile_twin_core.cli.mistakes import UsageError, nearest, tell
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.places import check_output, keep_input
@@ -38,7 +38,7 @@ def parser() -> Parser:
     )
     add_machine(parser, option=False)
     parser.add_argument("--rpm", type=shaft_speed, metavar="R", help="one revolution at this constant speed")
-    parser.add_argument("--samples", type=count, metavar="N", help="samples of the revolution, at theta = 2 pi k/N")
+    parser.add_argument("--samples", type=samples, metavar="N", help="samples of the revolution, at theta = 2 pi k/N")
     parser.add_argument(
         "--input",
         type=Path,

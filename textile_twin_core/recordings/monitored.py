@@ -32,6 +32,10 @@ class Job:
     topics: MachineTopics
 
 
+_MOST_LEFT = 0.5
+"""Share of the measured torque (rms) that the machine may leave unexplained without a word."""
+
+
 @dataclass(frozen=True)
 class Watched:
     """What was seen of a recording: trends by column, (turns,) each, and alarms; error: why it was not watched.
@@ -65,6 +69,7 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
         found = monitor_recording(readings, job.machine, job.settings, progress=progress)
     except TwinError as error:
         return Watched(job.bag, {}, (), str(error))
+    notes += _foreign(found.columns, torque.torque_Nm)
     turns, learnt = len(found.columns.get("turn", ())), job.settings.learn_turns
     if turns > learnt:
         return Watched(job.bag, found.columns, found.alarms, notes=notes)
@@ -73,6 +78,19 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
         " from: nothing is watched; record longer, or learn from fewer (--learn)"
     )
     return Watched(job.bag, found.columns, (), "; ".join([why, *notes]))
+
+
+def _foreign(columns: Mapping[str, FloatArray | IntArray], torque_Nm: FloatArray) -> tuple[str, ...]:
+    """A note where the machine explains little of the torque: faults would be named by chance."""
+    if not columns:
+        return ()
+    left, measured = float(np.median(columns["rms_Nm"])), float(np.sqrt(np.mean(np.square(torque_Nm))))
+    if left <= _MOST_LEFT * measured:
+        return ()
+    return (
+        f"the residual is {left:.3g} N m rms beside a measured torque of {measured:.3g} N m rms: faults are named by"
+        " chance where it is another machine, or its sensors are not settled; textile-twin compare tells why",
+    )
 
 
 def watch_bags(
