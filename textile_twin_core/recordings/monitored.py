@@ -69,10 +69,9 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
         found = monitor_recording(readings, job.machine, job.settings, progress=progress)
     except TwinError as error:
         return Watched(job.bag, {}, (), str(error))
-    notes += _foreign(found.columns, torque.torque_Nm)
     turns, learnt = len(found.columns.get("turn", ())), job.settings.learn_turns
     if turns > learnt:
-        return Watched(job.bag, found.columns, found.alarms, notes=notes)
+        return Watched(job.bag, found.columns, found.alarms, notes=(*notes, *_foreign(found.columns, torque.torque_Nm)))
     why = (
         f"{job.bag}: the shaft makes {turns} whole turns beside measured torque, and the first {learnt} are learnt"
         " from: nothing is watched; record longer, or learn from fewer (--learn)"
@@ -82,8 +81,6 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
 
 def _foreign(columns: Mapping[str, FloatArray | IntArray], torque_Nm: FloatArray) -> tuple[str, ...]:
     """A note where the machine explains little of the torque: faults would be named by chance."""
-    if not columns:
-        return ()
     left, measured = float(np.median(columns["rms_Nm"])), float(np.sqrt(np.mean(np.square(torque_Nm))))
     if left <= _MOST_LEFT * measured:
         return ()
