@@ -62,3 +62,13 @@ def test_a_shorter_vector_is_told(short: str, code: int, tmp_path: Path, capsys:
     assert imported(tmp_path, {"log": {**PLAIN, short: PLAIN[short][::2]}}) == code
     said = capsys.readouterr()
     assert f"column '{short}' holds 1000 values, where others have 2000" in said.out + said.err
+
+
+def test_a_damaged_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    savemat(tmp_path / "log.mat", {"log": PLAIN}, do_compression=True)
+    whole = bytearray((tmp_path / "log.mat").read_bytes())
+    whole[len(whole) // 2] ^= 0xFF
+    (tmp_path / "log.mat").write_bytes(whole)
+    assert main(["import", str(tmp_path / "log.mat"), "--out", str(tmp_path / "bag")]) == 2
+    told = capsys.readouterr().err
+    assert "log.mat: not a MATLAB file, or a damaged one" in told and told.count("\n") == 1

@@ -34,8 +34,8 @@ def read_matlab(path: Path, table: str | None) -> LogTable:
         content = loadmat(path, simplify_cells=True)
     except NotImplementedError as error:
         raise RecordingError(f"{path}: a MATLAB file of version 7.3; save it with -v7") from error
-    except (ValueError, OSError, TypeError) as error:
-        raise RecordingError(f"{path}: not a MATLAB file ({error})") from error
+    except Exception as error:  # of a damaged file the reader raises anything
+        raise RecordingError(f"{path}: not a MATLAB file, or a damaged one ({error})") from error
     content = {name: value for name, value in content.items() if not name.startswith("__")}
     if table is not None:
         if table not in content:
