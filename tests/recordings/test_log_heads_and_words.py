@@ -44,6 +44,20 @@ def test_words_in_the_first_rows_are_neither_names_nor_units(
     assert f"line 2: column 'torque [Nm]' has '{word}', no number" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("empty", ["", '""'])
+def test_a_first_row_that_ends_in_an_empty_cell_is_one(empty: str, tmp_path: Path) -> None:
+    begin = [f"{row.rpartition(',')[0]},{empty}" for row in ROWS[:2]]
+    check(bag_of(tmp_path, ["time [s],angle [deg],torque [Nm]", *begin, *ROWS[2:]]), torque_from=2)
+
+
+def test_short_names_below_a_line_as_wide_are_no_units(tmp_path: Path) -> None:
+    check(bag_of(tmp_path, ["Start,2026-11-22,10:00:00", "t(s),w(deg),Md(Nm)", *ROWS]))
+
+
+def test_a_line_of_keys_and_values_as_wide_as_the_table_is_no_row(tmp_path: Path) -> None:
+    check(bag_of(tmp_path, ["Rate,500,,", "state,t [s],phi [deg],M [Nm]", *(f"ON,{row}" for row in ROWS)]))
+
+
 @pytest.mark.parametrize("place", [0, 1, 3])
 def test_a_column_of_words_is_left_out(place: int, tmp_path: Path) -> None:
     lines = ["time [s],angle [deg],torque [Nm]", *ROWS]

@@ -6,10 +6,11 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.recordings.log_columns import is_unit
+from textile_twin_core.recordings.log_columns import choose, is_unit
 from textile_twin_core.recordings.log_makers import known_head
 from textile_twin_core.recordings.log_text import decoded
 from textile_twin_core.recordings.log_thousands import DOUBT, has_thousands, may_have_thousands
@@ -103,20 +104,22 @@ def _refuse_mixed_signs(path: Path, lines: list[str]) -> None:
 
 def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dialect] | None:
     """Numbers and columns that a dialect finds, and the dialect with the header that goes with it."""
-    rows = [cells_of(line, separator) for line in lines]
-    cells = [[_kind(cell, decimal) for cell in row] for row in rows]
-    width = max((len(row) for row in cells[-_LOOKED_AT:] if _is_data(row, range(len(row)))), default=0)
+    near_end = [[_kind(cell, decimal) for cell in cells_of(line, separator)] for line in lines[-_LOOKED_AT:]]
+    width = max((len(row) for row in near_end if _is_data(row, range(len(row)))), default=0)
+    cells = [[_kind(cell, decimal) for cell in cells_of(line, separator, width)] for line in lines]
     near_end = [row for row in cells[-_LOOKED_AT:] if len(row) == width]
     counted = [k for k in range(width) if sum(row[k] == _WORD for row in near_end) <= len(near_end) // 2]
     data = [k for k, row in enumerate(cells) if len(row) == width and _is_data(row, counted)]
     if not data:
         return None
-    # What stands above names, or the first row without a word, may be a line of keys and values.
-    clean = next((k for k in data if all(cells[k][each] != _WORD for each in counted)), data[0])
+    # What stands above names may be a line of keys and values; names stand above two rows of which one has no word.
+    pairs = [k for k, after in pairwise(data) if after == k + 1]
+    clean = next((k for k in pairs if all(cells[k][each] != _WORD for each in counted)), data[0])
     names_at = [k for k, row in enumerate(cells[:clean]) if len(row) == width and _is_words(row, counted)]
     data = [k for k in data if not names_at or k > names_at[-1]]
     first = data[0]
-    above = [_uncommented(line, separator) for line in lines[:first]]
+    # Names often stand in a comment.
+    above = [cells_of(_COMMENT.sub("", line, count=1), separator, width) for line in lines[:first]]
     above = [row for row in above if len(row) == width and any(row)]
     names = [f"column_{k + 1}" for k in range(width)]
     if above:
@@ -127,24 +130,22 @@ def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dial
     return found, width, Dialect(separator, decimal, first, tuple(_distinct(names)))
 
 
-def _uncommented(line: str, separator: str) -> list[str]:
-    """The cells of a line above the data, which may be one of a comment."""
-    return cells_of(_COMMENT.sub("", line, count=1), separator)
-
-
 def _with_unit(name: str, unit: str) -> str:
     """A column's name with the unit below it, which may stand in brackets already."""
     return name if not unit else f"{name} {unit}" if unit[0] in "[(" else f"{name} [{unit}]"
 
 
-def cells_of(line: str, separator: str) -> list[str]:
-    """The cells of a line, without spaces and quotation marks about them; within marks a separator is none."""
+def cells_of(line: str, separator: str, width: int = 0) -> list[str]:
+    """The cells of a line, without spaces and quotation marks about them; within marks a separator is none.
+
+    The last of several, where it is empty, is only a separator at the line's end, unless it is number `width`.
+    """
     if '"' in line and separator != " ":
         parts = next(csv.reader([line.rstrip("\r\n")], delimiter=separator))
     else:
         parts = line.split() if separator == " " else line.split(separator)
-    if separator != " " and parts and not parts[-1].strip() and len(parts) > 1:
-        parts = parts[:-1]  # a separator at the line's end
+    if separator != " " and 1 < len(parts) != width and not parts[-1].strip():
+        parts = parts[:-1]
     return [part.strip().strip('"').strip() for part in parts]
 
 
@@ -179,9 +180,14 @@ def _is_words(row: list[str], counted: Sequence[int]) -> bool:
 
 
 def _are_units(row: list[str]) -> bool:
-    """Whether cells are short as units are, or half of those that are not empty are units that are known."""
+    """Whether cells are short as units are and no names, or half of those that are not empty are known units."""
     told = [cell for cell in row if cell]
-    return all(len(cell) <= 8 for cell in told) or 2 * sum(map(is_unit, told)) >= len(told)
+    unknown = [cell for cell in told if not is_unit(cell)]
+    if 2 * len(unknown) <= len(told):
+        return True
+    return all(len(cell) <= 8 for cell in told) and not any(
+        choose(kind, unknown) for kind in ("time", "angle", "torque", "speed")
+    )
 
 
 def _distinct(names: list[str]) -> list[str]:
