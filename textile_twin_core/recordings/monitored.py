@@ -22,6 +22,10 @@ from textile_twin_core.recordings.recorded_clock import clock_notes
 from textile_twin_core.recordings.recording import Progress
 
 
+_MOST_LEFT = 0.5
+"""Share of the measured torque (rms) that the machine may leave unexplained without a word."""
+
+
 @dataclass(frozen=True)
 class Job:
     """One recording to watch, and how."""
@@ -30,10 +34,6 @@ class Job:
     machine: Machine
     settings: WatchSettings
     topics: MachineTopics
-
-
-_MOST_LEFT = 0.5
-"""Share of the measured torque (rms) that the machine may leave unexplained without a word."""
 
 
 @dataclass(frozen=True)
