@@ -21,7 +21,6 @@ from textile_twin_core.recordings.machine_topics import MachineTopics, unit_note
 from textile_twin_core.recordings.recorded_clock import clock_notes
 from textile_twin_core.recordings.recording import Progress
 
-
 _MOST_LEFT = 0.5
 """Share of the measured torque (rms) that the machine may leave unexplained without a word."""
 
