@@ -73,6 +73,20 @@ def test_encoder_is_undone() -> None:
     assert np.allclose(a["balancing_torque_Nm"], b["balancing_torque_Nm"], atol=1e-9)
 
 
+@pytest.mark.parametrize(("turned", "wraps"), [(14.25, True), (-14.25, True), (14.25, False)])
+def test_an_encoder_zero_of_many_turns_keeps_a_wrapped_angle_wrapped(turned: float, wraps: bool) -> None:
+    """As that of an encoder that counts its turns is; with one of 90 rad each turn of a wrapped angle was a leap."""
+    plain = ttc.machines.tufting()
+    zeroed = replace(plain, sensors=Sensors(Encoder(zero_rad=turned * TURN)))
+    stamps, theta = motion()
+    measured = theta + turned * TURN
+    shown = np.mod(measured, TURN) if wraps else measured
+    samples = ttc.compile(zeroed, OUTPUTS, "exact").session().step(stamps, shown)
+    truth = ttc.compile(plain, OUTPUTS, "exact").evaluate(theta[samples.index], 16.755, 0.0)
+    assert np.abs(samples["needle_position_m"] - truth["needle_position_m"])[500:].max() < 1e-8
+    assert samples.settled[500:].all()
+
+
 def test_winding_angles_go_on_while_the_phase_stays_exact() -> None:
     twin = ttc.compile(ttc.machines.tufting(), OUTPUTS, method="exact")
     stamps, theta = motion()

@@ -20,7 +20,7 @@ LARGEST = 1e12  # angle [rad] and stamp [s]: larger ones tell no motion, and squ
 # [1/rad], the gate: density of outliers without the constant 0.38 of Student's t, one sample in 130 within a radian
 OUTLIER_DENSITY = 0.02
 GAP_SAMPLES = 50.0  # intervals without a sample that make a gap
-FAR_ROUND = 2.0  # periods from 0 from which a first reading is not wrapped, whatever zero was taken off it
+FAR_ROUND = 2.0  # periods from the encoder's 0 from which a first reading is not wrapped
 MAX_SPREAD = 1.0 / 6.0  # deviation of a predicted angle, in periods, from which the turn of a wrapped one is not known
 MAX_SPEED_SIGMA, LEAST_SPEED = 0.25, 0.3  # a settled state's, relative to the speed; that at least, part of full speed
 ROUNDED_APART = 1.3  # encoder steps beyond the predicted move from which two rounding errors are uncorrelated
@@ -77,7 +77,7 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
         status.origin, status.time = turns, 0.0
         status.angle = status.low = status.high = phase
         row.reading, row.angle, row.origin = phase, phase, turns
-        if status.auto > 0.0 and abs(angle) > FAR_ROUND * status.period:
+        if status.auto > 0.0 and abs(angle - status.encoder_zero) > FAR_ROUND * status.period:
             status.period = 0.0
         put_angle(row, phase)
     else:

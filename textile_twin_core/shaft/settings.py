@@ -25,7 +25,7 @@ class ShaftSettings:
         resolution_rad: or its step, as an angle of the shaft; None: found.
         stamp_jitter_s: standard deviation of the stamps; None: learnt.
         teeth: number of teeth in a turn, missing ones counted, where samples are edges of a wheel; 0: sampled angles.
-        tooth_zero_rad: angle of tooth 0.
+        tooth_zero_rad: angle of tooth 0, or at which an encoder that gives angles reads 0.
         pitch_errors_rad: (teeth,) pitch errors, true less nominal angle of each edge; None: `smooth` learns them.
         cycle_turns: turns after which the motion repeats, for ripple of half orders and lower.
         wrapping: "auto", "wrapped" or "unwrapped".

@@ -41,6 +41,7 @@ _NUMBERS = (
     "origin",  # whole turns of the first reading
     "period", "slips",  # angle at which readings wrap, 0 if they do not; what unwrapping adds [rad]
     "auto", "low", "high",  # 1 if wrapping is found from the readings, and their range [rad]
+    "encoder_zero",  # angle at which the encoder reads 0 [rad]
     "edges", "resolution", "guessed",  # 1 for edges of teeth; encoder's step [rad], 1 if it is not known yet
     "lone",  # last move if it ended a rest, else 0 [rad]
     "correlated",  # readings that count as one, as their rounding errors are correlated
@@ -138,7 +139,7 @@ def new_status(settings: ShaftSettings, count: int = 1) -> Records:
     record["auto"] = settings.wrapping == "auto"
     record["resolution"] = UNKNOWN_STEP_RAD if settings.step_rad is None else settings.step_rad
     record["guessed"] = settings.step_rad is None
-    record["edges"] = settings.teeth > 0
+    record["edges"], record["encoder_zero"] = settings.teeth > 0, settings.tooth_zero_rad
     record["lowest"] = 1.0 / settings.cycle_turns
     record["logarithm"], record["jerk_strength"] = np.log(lanes.MEMORIES), lanes.MEMORIES**-3.0
     if settings.stamp_jitter_s is not None:
