@@ -99,8 +99,8 @@ def test_import_tells_how_far_it_is_and_asks_beside_its_bar(tmp_path: Path) -> N
     log = tmp_path / "log.csv"
     time = 0.002 * np.arange(200_000)
     table = np.stack([time, 16.755 * time % 6.2831853, np.sin(16.755 * time)], axis=1)
-    np.savetxt(log, table, delimiter=",", header="time [s],a [rad],b [Nm]", comments="", fmt="%.9f")
-    options = ["--angle", "a [rad]", "--torque", "b [Nm]"]
+    np.savetxt(log, table, delimiter=",", header="time [s],a,b [Nm]", comments="", fmt="%.9f")
+    options = ["--angle", "a", "--torque", "b [Nm]"]
     said, bar = shown("import", str(log), "--out", str(tmp_path / "told"), *options)
     assert list(dict.fromkeys(re.findall(r"([a-z]+): +\d+%\|", bar))) == ["reading", "writing"]
     assert re.findall(r"(\d+)%\|", bar)[-1] == "100"
