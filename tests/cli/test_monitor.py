@@ -107,8 +107,11 @@ def test_of_a_recording_that_was_cut_off_is_told_that_it_was(
     write(tmp_path / "whole.mcap", "", 0.0, 991)
     written = (tmp_path / "whole.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(written[: len(written) - 3000])
-    assert main(["monitor", str(tmp_path / "cut.mcap"), "--machine", "tufting", "--learn", "40"]) == 0
+    given = ["monitor", str(tmp_path / "cut.mcap"), "--machine", "tufting", "--json", str(tmp_path / "told.json")]
+    assert main([*given, "--learn", "40"]) == 0
     assert "cut.mcap: the recording was cut off" in capsys.readouterr().out
+    (told,) = json.loads((tmp_path / "told.json").read_text())
+    assert ["cut.mcap: the recording was cut off" in note for note in told["notes"]] == [True] and not told["error"]
 
 
 def test_few_turns_to_learn_from_are_enough_to_be_alarmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

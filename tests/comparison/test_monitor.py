@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -51,6 +51,31 @@ def test_a_fault_is_found_and_named(kind: str) -> None:
     assert [alarm.kind for alarm in trend.alarms] == [EXPECTED[kind]]
     turn_ns = 2.0 * np.pi / 16.755 * 1e9
     assert 0.0 <= (trend.alarms[0].stamp_ns - onset) / turn_ns < 20.0
+
+
+@pytest.mark.parametrize(("kind", "size", "largest_Nm"), [("sensor_gain", 0.12, 17.0), ("needle_force", 0.2, 12.0)])
+@pytest.mark.parametrize("live", [False, True])
+def test_a_fault_of_a_torque_that_is_cut_off_is_named_with_its_size(
+    kind: str, size: float, largest_Nm: float, live: bool
+) -> None:
+    made = faulty(kind, size, 981, duration_s=38.0, onset_s=28.0, rate=500.0)
+    r = replace(made.recording, torque=np.minimum(made.recording.torque, largest_Nm))
+    monitor = Monitor(told_machine(made.case), _SETTINGS)
+    found = [each for _, each in in_blocks(monitor, r, 1.0)] if live else []
+    found = found or [monitor_recording(readings_of(r), told_machine(made.case), _SETTINGS)]
+    alarms = [alarm for trend in found for alarm in trend.alarms]
+    assert [(alarm.kind, alarm.size) for alarm in alarms] == [(EXPECTED[kind], pytest.approx(size, rel=0.03))]
+    assert f"are exactly {largest_Nm:g} N m, as at the end of the range" in found[-1].notes[0]
+
+
+@pytest.mark.parametrize("end", [np.min, np.max])
+def test_a_sensor_that_stands_still_at_its_largest_or_smallest_torque_stands_still(end: Callable[..., float]) -> None:
+    made = faulty("", 0.0, 981, duration_s=38.0, rate=500.0)
+    r = made.recording
+    since = (r.torque_stamps_ns - r.torque_stamps_ns[0]) * 1e-9 > 28.0
+    r = replace(r, torque=np.where(since, end(r.torque), r.torque))
+    trend = monitor_recording(readings_of(r), told_machine(made.case), _SETTINGS)
+    assert [alarm.kind for alarm in trend.alarms] == ["stuck"]
 
 
 def onset_turns(trend: Trend, recording: MillRecording, *onsets_s: float) -> list[float]:

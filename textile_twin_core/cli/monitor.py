@@ -139,6 +139,7 @@ def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
                 "bag": name,
                 "turns": len(each.columns.get("turn", ())),
                 "alarms": [dataclasses.asdict(alarm) for alarm in each.alarms],
+                "notes": each.notes,
                 "error": each.error,
             }
             for name, each in zip(names_of(watched), watched, strict=True)

@@ -12,7 +12,7 @@ from textile_twin_core.comparison.explain import Explanation, explain
 from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
 from textile_twin_core.comparison.left_over import repeating_note, repeating_torque
 from textile_twin_core.comparison.periodic import best_periodic
-from textile_twin_core.comparison.range_ends import at_range_ends
+from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
 from textile_twin_core.comparison.search import LONGEST_DELAY_S
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
@@ -256,11 +256,8 @@ def _other_unit(
 def _notes(evidence: Evidence, found: Explanation) -> tuple[str, ...]:
     notes = []
     if evidence.at_ends_Nm.size:
-        ends = " and ".join(f"{end:g}" for end in np.unique(evidence.at_ends_Nm))
-        notes.append(
-            f"{evidence.at_ends_Nm.size} samples of torque are exactly {ends} N m, as at the end of the range of a"
-            " sensor or drive: the verdict is without them"
-        )
+        ends = np.unique(evidence.at_ends_Nm)
+        notes.append(range_end_note(evidence.at_ends_Nm.size, ends, "the verdict is"))
     step = np.diff(evidence.track.time_s)
     gaps = step > evidence.track.longest_s
     if gaps.any():

@@ -48,7 +48,7 @@ class Band:
 
     def rows(self, turns: TurnFeatures) -> FloatArray:
         """The watched series of turns, (t, series)."""
-        away = (np.nan_to_num(turns.profile_Nm) - self.profile_Nm) / self.profile_sigma_Nm
+        away = np.nan_to_num(turns.profile_Nm - self.profile_Nm) / self.profile_sigma_Nm
         # Samples come by time, so a slower turn holds more of them.
         full = turns.count * np.abs(turns.speed_rad_s) / max(self.usual_count, 1.0)
         return np.column_stack(

@@ -66,7 +66,7 @@ def named(turns: TurnFeatures, band: Band, worth: FloatArray) -> tuple[str, floa
     size = float(right[best] / max(normal[best, best], 1e-300))
     if taken[best] > _MOST * excess and abs(size) > worth[best]:
         return KINDS[best], size
-    profiles = np.nan_to_num(turns.profile_Nm) - band.profile_Nm
+    profiles = np.nan_to_num(turns.profile_Nm - band.profile_Nm)
     lasting, each = float(np.mean(np.mean(profiles, axis=0) ** 2)), float(np.mean(profiles**2))
     if lasting > _MOST * each:
         return "profile", float(np.sqrt(lasting))
@@ -78,7 +78,7 @@ def told(kind: str, size: float, turns: TurnFeatures, band: Band, speed_known: b
     speed = float(np.mean(turns.speed_rad_s))
     against = kind == "constant_torque" and size * math.copysign(1.0, speed) < 0.0
     name = "sensor_offset" if against else kind
-    away = np.mean(np.nan_to_num(turns.profile_Nm), axis=0) - band.profile_Nm
+    away = np.mean(np.nan_to_num(turns.profile_Nm - band.profile_Nm), axis=0)
     angle = (float(np.argmax(np.abs(away))) + 0.5) * 360.0 / BINS
     text = {
         "load_force": f"needle side: the loads changed by {size:+.1%}",

@@ -11,6 +11,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.by_turn import normals_by_turn, scores_by_turn
 from textile_twin_core.comparison.evidence import Settings
+from textile_twin_core.comparison.range_ends import RangeEnds
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 
@@ -31,6 +32,7 @@ class TurnFeatures:
 
     Attributes:
         number: the turn. start_ns: stamp of its first sample. count: samples in it. speed_rad_s: its mean speed.
+        cut_off: how many of them lie at an end of the sensor's range, and tell nothing else.
         sizes: (t, 4) size of each signature of `KINDS`, as share of the load, N m, share of the torque, rad.
         noise_Nm: (t,) scatter of what no signature takes. profile_Nm: (t, BINS) its mean by shaft angle, nan if none.
         rms_Nm: of the whole residual. stuck: share of the torque samples equal to the one before.
@@ -40,6 +42,7 @@ class TurnFeatures:
     number: IntArray
     start_ns: IntArray
     count: IntArray
+    cut_off: IntArray
     speed_rad_s: FloatArray
     sizes: FloatArray
     noise_Nm: FloatArray
@@ -66,6 +69,7 @@ def turn_features(
     stamps_ns: IntArray,
     torque_Nm: FloatArray,
     states: tuple[FloatArray, FloatArray, FloatArray],
+    ends: RangeEnds,
 ) -> TurnFeatures:
     """Features of every turn that measured samples (n,) belong to.
 
@@ -74,6 +78,7 @@ def turn_features(
         settings: sensors as the machine declares them.
         stamps_ns, torque_Nm: measured torque.
         states: the shaft's angle, speed and acceleration, direction and zero applied, where each sample speaks of.
+        ends: finds the torques at an end of their sensor's range.
     """
     theta, omega, alpha = states
     rest = 0.05 * fast_speed(omega)
@@ -84,13 +89,18 @@ def turn_features(
     # Where the load leaps, a side cannot be told and a slope means nothing.
     good = np.isfinite(torque) & np.isfinite(torque_Nm) & ~terms.near_jump(theta, omega, 0.002, _JUMP_GUARD_RAD)
     good &= np.abs(omega) > rest
+    whole = np.floor(theta / TURN).astype(np.int64)
+    cut = np.zeros(good.size, np.bool_)
+    cut[good] = ends.find(torque_Nm[good])
+    cut &= ~_mostly(cut, good, whole)
+    good &= ~cut
     columns = settings.gain * np.stack([parts.load, parts.direction, torque, slope], axis=1)
     residual = torque_Nm - settings.gain * torque - settings.offset_Nm
-    turns, first, place = np.unique(
-        np.floor(theta[good] / TURN).astype(np.int64), return_index=True, return_inverse=True
-    )
+    turns, first, place = np.unique(whole[good], return_index=True, return_inverse=True)
+    cut_off = np.bincount(np.searchsorted(turns, whole[cut]), minlength=turns.size)
     in_time = np.argsort(first)  # a shaft that turns backwards counts its turns down
     turns, first, place = turns[in_time], first[in_time], np.argsort(in_time)[place]
+    cut_off = cut_off[in_time].astype(np.int64)
     columns, left = columns[good], residual[good]
     count = np.bincount(place)
     normal = normals_by_turn(columns, place) / count[:, None, None]
@@ -105,7 +115,8 @@ def turn_features(
     return TurnFeatures(
         number=turns,
         start_ns=stamps_ns[good][first],
-        count=count.astype(np.int64),
+        count=count.astype(np.int64) + cut_off,
+        cut_off=cut_off,
         speed_rad_s=np.bincount(place, weights=omega[good]) / count,
         sizes=sizes,
         noise_Nm=np.sqrt(np.bincount(place, weights=rest_of**2) / count),
@@ -115,6 +126,12 @@ def turn_features(
         normal=normal,
         right=right,
     )
+
+
+def _mostly(cut: BoolArray, good: BoolArray, turn: IntArray) -> BoolArray:
+    """Samples (n,) of turns that lie at an end for the most part, as a sensor's that stands still."""
+    of_turn = np.unique(turn, return_inverse=True)[1]
+    return np.asarray((np.bincount(of_turn, cut) > 0.5 * np.bincount(of_turn, good))[of_turn])
 
 
 def _solved(normal: FloatArray, right: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ from textile_twin_core.comparison.assess import configured_settings
 from textile_twin_core.comparison.fault_band import SERIES
 from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN, KINDS, TurnFeatures, turn_features
 from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch, WatchSettings
+from textile_twin_core.comparison.range_ends import RangeEnds, range_end_note
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import TorqueTerms
@@ -29,10 +30,11 @@ _BLOCK = 8192
 
 @dataclass(frozen=True)
 class Trend:
-    """Turns that were watched, by column, (t,) each, and the alarms they raised."""
+    """Turns that were watched, by column, (t,) each, the alarms they raised, and what a person should know of them."""
 
     columns: Mapping[str, FloatArray | IntArray]
     alarms: tuple[Alarm, ...]
+    notes: tuple[str, ...] = ()
 
 
 class Monitor:
@@ -53,6 +55,7 @@ class Monitor:
         self.watch = FaultWatch(self._torque_size(machine), settings or WatchSettings())
         self._states: list[FloatArray] = []
         self._torque: list[tuple[IntArray, FloatArray]] = []
+        self._ends = RangeEnds()
         self._origin_ns: int | None = None
         self.turns = 0
 
@@ -119,14 +122,15 @@ class Monitor:
             ready = good & (sense * np.floor(states[0] / TURN) < sense * present)
         if np.count_nonzero(ready) < FEWEST_TORQUES_PER_TURN:
             return Trend({}, ())
-        found = turn_features(
-            self._terms, s, stamps[ready], torque[ready], (states[0][ready], states[1][ready], states[2][ready])
-        )
+        at = states[0][ready], states[1][ready], states[2][ready]
+        found = turn_features(self._terms, s, stamps[ready], torque[ready], at, self._ends)
         kept = _whole(found)
         alarms, away = self.watch.take(kept)
         self.turns += kept.number.size
         self._forget(float(time[ready].max()), stamps, torque)
-        return _trend(kept, away, alarms)
+        cut_off = int(kept.cut_off.sum())
+        notes = (range_end_note(cut_off, self._ends.values_Nm, "turns are watched"),) if cut_off else ()
+        return _trend(kept, away, alarms, notes)
 
     def _take_states(self, states: Any) -> None:
         if not len(states):
@@ -204,15 +208,16 @@ def _whole(found: TurnFeatures) -> TurnFeatures:
     return found.where(kept)
 
 
-def _trend(turns: TurnFeatures, away: FloatArray, alarms: list[Alarm]) -> Trend:
+def _trend(turns: TurnFeatures, away: FloatArray, alarms: list[Alarm], notes: tuple[str, ...]) -> Trend:
     columns: dict[str, FloatArray | IntArray] = {
         "turn": turns.number,
         "stamp_ns": turns.start_ns,
         "samples": turns.count,
+        "cut_off": turns.cut_off,
         "speed_rad_s": turns.speed_rad_s,
         "rms_Nm": turns.rms_Nm,
         "noise_Nm": turns.noise_Nm,
     }
     columns |= {f"{kind}_size": turns.sizes[:, k] for k, kind in enumerate(KINDS)}
     columns |= {f"{name}_sigmas": away[:, k] for k, name in enumerate(SERIES)}
-    return Trend(columns, tuple(alarms))
+    return Trend(columns, tuple(alarms), notes)

@@ -68,6 +68,7 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
         found = monitor_recording(readings, job.machine, job.settings, progress=progress)
     except TwinError as error:
         return Watched(job.bag, {}, (), str(error))
+    notes += found.notes
     turns, learnt = len(found.columns.get("turn", ())), job.settings.learn_turns
     if turns > learnt:
         return Watched(job.bag, found.columns, found.alarms, notes=(*notes, *_foreign(found.columns, torque.torque_Nm)))

@@ -15,7 +15,7 @@ from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
-from textile_twin_ros.health import judged, sample_counts
+from textile_twin_ros.health import Finding, judged, sample_counts
 from textile_twin_ros.machine import load_linkage
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Sample
@@ -84,6 +84,7 @@ class MonitorNode(Node):
         watch = WatchSettings(s.learn_turns, raise_sigmas=s.raise_sigmas, clear_sigmas=s.clear_sigmas)
         self._monitor = Monitor(self._machine, watch, s.shaft)
         self._turns = TurnWatch()
+        self._notes: tuple[str, ...] = ()
 
     def _learn_again(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Forget the band, as after a repair."""
@@ -117,6 +118,8 @@ class MonitorNode(Node):
         trend = self._monitor.advance()
         watched = len(trend.columns.get("turn", ())) > 0
         self._turns.look(self._monitor.newest, watched, torques and torques[:2])
+        if watched:
+            self._notes = trend.notes
         if watched and self._trends is not None:
             self._trends.take(trend)
         for alarm in trend.alarms:
@@ -125,7 +128,8 @@ class MonitorNode(Node):
     def _statuses(self) -> list[Status]:
         counts = sample_counts(self._monitor.report, self._restarts.count)
         inputs = [*self._angle.statuses(counts), self._torque.status()]
-        return [*inputs, judged(self._faults(), self._turns.findings())]
+        notes = [Finding("torques at an end of their range", WARN, note) for note in self._notes]
+        return [*inputs, judged(self._faults(), [*self._turns.findings(), *notes])]
 
     def _faults(self) -> Status:
         """What stands of the machine."""
