@@ -119,6 +119,10 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
         lambda: four_bar(2.0, 2.0, 1.5, 3.0),
         rf"'l2-l3' cannot close: it opens at a shaft angle of {opening(2.0, 2.0, 1.5, 3.0):.4f} deg",
     ),
+    "opens between two samples": (
+        lambda: four_bar(1.0, 3.0, 3.0, 5.0 + 1e-9, angle=0.5),
+        rf"it opens at a shaft angle of {opening(1.0, 3.0, 3.0, 5.0 + 1e-9) + math.degrees(0.5):.4f} deg",
+    ),
     "never closes": (lambda: four_bar(0.1, 0.2, 0.2, 3.0), "cannot close at any shaft angle: .* too short"),
     "folded": (lambda: four_bar(0.1, 3.0, 0.5, 1.0), "folded and differ too much"),
     "slider too far": (

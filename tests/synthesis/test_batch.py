@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -159,6 +160,28 @@ def test_every_slot_can_be_written_and_read() -> None:
         value = before[slot.name] * 1.0001 + 1e-6
         after = read(write(machine, {slot.name: value}))
         assert after == before | {slot.name: value}
+
+
+@pytest.mark.parametrize("law", ["simple_harmonic", "modified_sine", "cycloidal", "polynomial_345"])
+def test_the_acceleration_of_a_cam_that_starts_at_once_is_no_more_than_it_is(law: str, tmp_path: Path) -> None:
+    """From the dwell on: a simple harmonic's acceleration begins with its largest, lift (pi w/turn)^2/2."""
+    (tmp_path / "cam.yaml").write_text(f"""
+      points: {{O: [0, 0]}}
+      groups:
+        - {{type: cam_follower, cam: cam, follower: f, at: O, mark: M, end: B, guide_direction: [0, 1], tip: T,
+           length_m: 0.1, base_radius_m: 0.1, roller_radius_m: 0.01,
+           strokes: [{{start_rad: 0.3, turn_rad: 1.5, to: 0.02, law: {law}}},
+                     {{start_rad: 2.5, turn_rad: 2, to: 0, law: {law}}}]}}
+      measures: [{{type: travel, name: tool, point: T, origin: O, direction: [0, 1]}}]""")
+    factor = {"simple_harmonic": math.pi**2 / 2, "modified_sine": 5.52796, "cycloidal": 2 * math.pi}
+    largest_m_s2 = factor.get(law, 10.0 / math.sqrt(3.0)) * 0.02 * (10.0 / 1.5) ** 2
+    machine = ttc.load_machine(tmp_path / "cam.yaml")
+    assert isinstance(machine, Machine)
+    theta = shaft_angles(720)
+    names = [f"tool_{what}" for what in ("position_m", "velocity_m_s", "acceleration_m_s2")]
+    curves = over_turn([machine.model.output(name) for name in names], theta, 10.0)
+    assert motion_number("largest_acceleration_m_s2", *curves) == pytest.approx(largest_m_s2, rel=3e-4)
+    assert motion_number("front_acceleration_m_s2", *curves) == 0.0  # it dwells there
 
 
 def test_dwell_and_peaks_of_known_curves() -> None:

@@ -59,9 +59,9 @@ def check_assembly(linkage: Linkage) -> tuple[Closeness, ...]:
         if not found:
             continue
         minima = [smallest_value(closure.value, range_rad) for closure in found]
-        for closure, (_, value) in zip(found, minima, strict=True):
+        for closure, (lowest_rad, value) in zip(found, minima, strict=True):
             if not value >= -_ROUNDING * closure.scale:
-                where = _opens_at(closure, range_rad)
+                where = _opens_at(closure, range_rad, lowest_rad)
                 raise MachineError(f"group '{group.name}' {closure.fails}{where} {closure.how}; {closure.remedy}")
         margin, theta = min((v / c.scale, t) for c, (t, v) in zip(found, minima, strict=True))
         passed = group.transmission(motion, [value for _, value in minima])
@@ -70,10 +70,10 @@ def check_assembly(linkage: Linkage) -> tuple[Closeness, ...]:
     return tuple(reports)
 
 
-def _opens_at(closure: Closure, range_rad: tuple[float, float]) -> str:
-    """Where a chain opens as the shaft turns forward, in words."""
+def _opens_at(closure: Closure, range_rad: tuple[float, float], lowest_rad: float) -> str:
+    """Where a chain opens as the shaft turns forward, in words; it is open at `lowest_rad`, if nowhere else."""
     value = closure.value
-    thetas = np.linspace(*range_rad, _SAMPLES)
+    thetas = np.sort(np.append(np.linspace(*range_rad, _SAMPLES), lowest_rad))
     closed = values_over(value, thetas) >= 0.0
     opening = np.flatnonzero(closed[:-1] & ~closed[1:])
     if opening.size == 0:

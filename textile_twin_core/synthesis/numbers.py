@@ -13,6 +13,9 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.machine.events import DWELL_SHARE
 
+_BENDS = 0.25
+"""Where a curve bends beside its largest sample by less than this part of the bend there, it has a step or a kink."""
+
 
 def smallest(values: FloatArray) -> FloatArray:
     """The smallest value over the turn of a smooth curve, by a parabola through three samples."""
@@ -20,25 +23,21 @@ def smallest(values: FloatArray) -> FloatArray:
 
 
 def largest(values: FloatArray) -> FloatArray:
-    """The largest value over the turn of a smooth curve, by a parabola through three samples."""
-    k = np.argmax(values, axis=-1)[..., None]
-    here = np.take_along_axis(values, k, -1)[..., 0]
-    before, after = (np.take_along_axis(values, (k + d) % values.shape[-1], -1)[..., 0] for d in (-1, 1))
-    bend = before - 2.0 * here + after
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rise = np.where(bend < 0.0, -((after - before) ** 2) / (8.0 * bend), 0.0)
-    return np.asarray(here + rise)
+    """The largest value over the turn, by a parabola through three samples where the curve is smooth."""
+    return at_largest(values, values)
 
 
 def at_largest(values: FloatArray, guide: FloatArray) -> FloatArray:
-    """The values where `guide` is largest over the turn, between samples."""
+    """The values where `guide` is largest over the turn, between samples where it is smooth there."""
     k = np.argmax(guide, axis=-1)[..., None]
     count = values.shape[-1]
-    b, here, a = (np.take_along_axis(guide, (k + d) % count, -1)[..., 0] for d in (-1, 0, 1))
+    around = np.take_along_axis(guide, (k + np.arange(-2, 3)) % count, -1)
     vb, vh, va = (np.take_along_axis(values, (k + d) % count, -1)[..., 0] for d in (-1, 0, 1))
-    bend = b - 2.0 * here + a
+    bends = np.diff(around, 2, axis=-1)
+    bend = bends[..., 1]
     with np.errstate(invalid="ignore", divide="ignore"):
-        x = np.where(bend < 0.0, 0.5 * (b - a) / bend, 0.0)
+        smooth = bends.max(axis=-1) < _BENDS * bend
+        x = np.where(smooth, 0.5 * (around[..., 1] - around[..., 3]) / bend, 0.0)
     return np.asarray(vh + 0.5 * x * (va - vb) + 0.5 * x * x * (va - 2.0 * vh + vb))
 
 
