@@ -200,12 +200,30 @@ def test_a_part_of_the_turn_is_balanced_over_that_part() -> None:
     assert sprung.rms_share < 0.5 and np.isfinite(sprung.after_Nm).all()
 
 
+@pytest.mark.parametrize("count", [2, 3])
+def test_what_linkages_on_one_shaft_undo_needs_no_weight(count: int) -> None:
+    """Evenly apart, cranks balance each other: not 1e14 kg for what rounding leaves of a weight's effect."""
+    places = tuple(ShaftPlace(2.0 * math.pi * k / count) for k in range(count))
+    machine = replace(machines.handloom_beatup(), linkages=places)
+    for against in ("gravity_torque", "shaking_force"):
+        with pytest.raises(MachineError, match="changes nothing"):
+            counterweights(machine, against=against)  # type: ignore[arg-type]
+        found = counterweights(machine, ["l1", "l3"], against)  # type: ignore[arg-type]
+        assert found.weights[0].mass_kg < 1e-9 < found.weights[1].mass_kg < 10.0
+        assert found.rms[1] < found.rms[0]
+    with pytest.raises(MachineError, match="no spring between these points"):
+        balancing_spring(machine, ends=[("C", "A")])
+
+
 def test_what_cannot_be_balanced_is_said() -> None:
     with pytest.raises(MachineError, match="lacks masses"):
         counterweights(machines.elliptic_gear_beatup())
     for link in ("l2", "l6", "l9"):
         with pytest.raises(MachineError, match="fixed point"):
             counterweights(machines.tufting(), [link])
+    lying = replace(machines.tufting(), gravity_m_s2=(0.0, 0.0))
+    with pytest.raises(MachineError, match="l1 changes nothing of the gravity torque"):
+        counterweights(lying)
     with pytest.raises(SceneError, match="between 0 and 1"):
         flywheel(machines.tufting(), 0.0)
     for ripple, speed in ((1e-12, 16.76), (0.02, 1e-4)):

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.expression import Expr, interpret
 from textile_twin_core.expression.loop import Numpy
 
 SAMPLES = 720
+_ROUNDING = 1e-9
 
 
 def shaft_angles(samples: int = SAMPLES) -> FloatArray:
@@ -25,3 +26,8 @@ def over_turn(expressions: Sequence[Expr], theta: FloatArray, speed_rad_s: float
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         found = interpret(expressions, inputs, Numpy)
     return [np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), theta.shape)) for value in found]
+
+
+def without_effect(columns: FloatArray, single: FloatArray) -> BoolArray:
+    """(k,) of columns (n, k) those that are but rounding: what single linkages do, (n, k), and all of them undo."""
+    return np.asarray(np.linalg.norm(columns, axis=0) <= _ROUNDING * np.linalg.norm(single, axis=0))

@@ -16,7 +16,7 @@ from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.mechanism import Crank, LinkMotion
 from textile_twin_core.synthesis.balancing.shaking import shaking
-from textile_twin_core.synthesis.turn import SAMPLES, over_turn
+from textile_twin_core.synthesis.turn import SAMPLES, over_turn, without_effect
 
 Against = Literal["gravity_torque", "shaking_force"]
 
@@ -64,7 +64,7 @@ def counterweights(
     the best is a linear least-squares problem. On the crank alone (the default) that takes away the first harmonic
     exactly. On every grounded link of a four-bar it takes away the whole shaking force (Berkof and Lowen 1969).
     `radius_m` is where the masses sit, by default as far out as the link's own end. Raises MachineError for a link that
-    does not turn about a fixed point, or a machine without masses; SceneError for another aim.
+    does not turn about a fixed point, a machine without masses, or weights without effect; SceneError for another aim.
     """
     if against not in get_args(Against):
         raise SceneError(f"counterweights work against {' or '.join(get_args(Against))}, not '{against}'")
@@ -74,10 +74,15 @@ def counterweights(
     speed = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
     theta = machine.shaft_angles(SAMPLES)
     before = _felt(machine, against, theta, speed)
-    moments = [
-        _felt(_with(machine, name, 1.0, turn), against, theta, speed) - before for name in names for turn in (1.0, 1.0j)
-    ]
-    effect = np.stack([m.reshape(-1) for m in moments], axis=1)
+    effect = _effect(machine, names, against, theta, speed)
+    single = _effect(replace(machine, linkages=machine.linkages[:1]), names, against, theta, speed)
+    effect[:, without_effect(effect, single)] = 0.0
+    if not effect.any():
+        raise MachineError(
+            f"machine '{machine.name}': a counterweight on {' and '.join(names)} changes nothing of the"
+            f" {against.replace('_', ' ')}, as its linkages balance each other so far or there is no gravity;"
+            " name other links"
+        )
     solution = np.linalg.lstsq(effect, -before.reshape(-1), rcond=1e-12)[0]
     weights, balanced = [], machine
     for k, name in enumerate(names):
@@ -88,6 +93,13 @@ def counterweights(
         weights.append(Counterweight(name, abs(moment) / radius, radius, cmath.phase(moment)))
         balanced = _with(balanced, name, abs(moment) / radius, radius * cmath.exp(1j * cmath.phase(moment)))
     return Counterweighted(balanced, tuple(weights), theta, before, _felt(balanced, against, theta, speed))
+
+
+def _effect(machine: Machine, names: Sequence[str], against: Against, theta: FloatArray, speed: float) -> FloatArray:
+    """(m, 2 k) what 1 kg m on each of k links adds, along the link and across it."""
+    before = _felt(machine, against, theta, speed)
+    changed = [_felt(_with(machine, name, 1.0, turn), against, theta, speed) for name in names for turn in (1.0, 1.0j)]
+    return np.stack([(felt - before).reshape(-1) for felt in changed], axis=1)
 
 
 def _grounded(machine: Machine, links: Sequence[str] | None) -> list[str]:

@@ -12,7 +12,7 @@ from textile_twin_core.dynamics.loads import Spring
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.expression import sqrt
 from textile_twin_core.machine.machine import Machine
-from textile_twin_core.synthesis.turn import SAMPLES, over_turn
+from textile_twin_core.synthesis.turn import SAMPLES, over_turn, without_effect
 
 _SHORTEST = 0.02
 """Points that come nearer than this share of their largest distance leave no room for a spring."""
@@ -80,7 +80,10 @@ def _fit(machine: Machine, start: str, end: str, theta: FloatArray, before: Floa
         d, d_slope = over_turn([length, slope], theta)
         if not d.min() > _SHORTEST * d.max() or not np.ptp(d) > 1e-9 * d.max():
             return None, np.inf
-        effect += np.stack([d * d_slope, -d_slope], axis=1)
+        single = np.stack([d * d_slope, -d_slope], axis=1)
+        effect += single
+    if without_effect(effect, single).any():
+        return None, np.inf
     stiffness, pull = np.linalg.lstsq(effect, -before, rcond=1e-12)[0].tolist()
     if not stiffness > 0.0:
         return None, np.inf
