@@ -19,7 +19,7 @@ from textile_twin_core.dynamics.loads import (
     TorqueTable,
     TorsionSpring,
 )
-from textile_twin_core.errors import SceneError
+from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.machine import Machine
 from textile_twin_core.synthesis import Batch, family_of, offset_slider
 from textile_twin_core.synthesis.balancing import shaking
@@ -107,6 +107,21 @@ def test_designs_that_cannot_close_are_nan() -> None:
     found = batch.evaluate({"l3.length_m": np.array([0.23082, 0.02, 0.9])}, ["beater_stroke_m", "peak_torque_Nm"])
     assert np.isfinite(found["beater_stroke_m"]).tolist() == [True, False, False]
     assert np.isfinite(found["peak_torque_Nm"]).tolist() == [True, False, False]
+
+
+def test_a_design_that_opens_far_from_the_front_has_no_number_either() -> None:
+    """The second dyad of the loom opens over part of the turn, in which the sley is not at its front."""
+    machine = ttc.load_machine("examples/six_bar_loom.yaml")
+    assert isinstance(machine, Machine)
+    lengths = np.linspace(0.1, 0.2, 21)
+    batch = Batch(machine)
+    found = batch.evaluate({"l5.length_m": lengths}, batch.names)
+    for k, length in enumerate(lengths.tolist()):
+        try:
+            closes = bool(write(machine, {"l5.length_m": length}))
+        except MachineError:
+            closes = False
+        assert {name for name in batch.names if np.isfinite(found[name][k])} == (set(batch.names) if closes else set())
 
 
 def test_blocks_do_not_show() -> None:

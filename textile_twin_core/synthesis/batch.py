@@ -21,6 +21,8 @@ from textile_twin_core.synthesis.turn import shaft_angles
 SAMPLES = 180
 _AT_ONCE = 11520
 """Designs times angles that are evaluated together, so that the arrays stay in the processor's cache."""
+_ROUNDING = 1e-9
+"""The cosine of a transmission angle is larger than 1 by no more where two links come into line and pass."""
 TORQUE = ("peak_torque_Nm", "rms_torque_Nm", "torque_ripple_Nm")
 SHAKING = ("largest_shaking_force_N", "rms_shaking_force_N")
 TRANSMISSION = "smallest_transmission_angle_rad"
@@ -96,8 +98,8 @@ class Batch:
         worst = np.ones(1)
         for cosine in first.cosines:
             worst = np.minimum(worst, 1.0 - np.maximum(largest(cosine), largest(-cosine)))
-        found[TRANSMISSION] = np.arccos(1.0 - worst)
-        closes = np.isfinite(worst)
+        closes = worst >= -_ROUNDING
+        found[TRANSMISSION] = np.arccos(1.0 - np.maximum(worst, 0.0))
         if self._has_masses and any(name in TORQUE or name in SHAKING for name in names):
             torque, shaking = self._forces(columns, first)
             found |= torque_numbers(np.broadcast_to(torque, shape))
