@@ -25,6 +25,7 @@ from textile_twin_core.explore.first_look import first_look
 from textile_twin_core.explore.overlay import overlay
 from textile_twin_core.explore.session import PageSession
 from textile_twin_core.recordings import BagWriter
+from textile_twin_core.recordings.machine_topics import MachineTopics
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -279,6 +280,43 @@ def test_recording_lies_over_the_torque() -> None:
         measured.theta_rad, np.full(360, machine.nominal_speed_rad_s), np.zeros(360)
     )["balancing_torque_Nm"]
     assert np.corrcoef(torque[known], measured.torque_Nm[known])[0, 1] > 0.95
+
+
+def written(path: Path, set_back_s: float = 0.0, degrees: bool = False, most_Nm: float = math.inf) -> Path:
+    """Twelve seconds of the tufting machine; the torque's clock is set back at eight."""
+    time = np.arange(6000) / 500.0
+    stamps, theta = 10**18 + np.rint(time * 1e9).astype(np.int64), np.mod(16.0 * time, 2.0 * np.pi)
+    torque = ttc.compile(machines.tufting(), ["balancing_torque_Nm"]).evaluate(theta, 16.0, 0.0)["balancing_torque_Nm"]
+    torque = np.minimum(torque + 0.02 * np.random.default_rng(3).normal(size=time.size), most_Nm)
+    with BagWriter(path) as bag:
+        bag.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], np.degrees(theta) if degrees else theta)
+        late = np.where(time > 8.0, round(set_back_s * 1e9), 0)
+        bag.write_wrenches("balancing_torque/measured", stamps - late, torque)
+    return path
+
+
+def test_what_a_person_should_know_of_a_recording_is_told_with_it(tmp_path: Path) -> None:
+    machine = machines.tufting()
+    right = overlay(written(tmp_path / "right"), machine)
+    assert right.notes == ()
+    known = np.isfinite(right.torque_Nm)
+    back = overlay(written(tmp_path / "back", set_back_s=3600.0), machine)
+    assert "balancing_torque/measured: a clock was set back" in back.notes[0]
+    assert np.quantile(np.abs(back.torque_Nm - right.torque_Nm)[known], 0.98) < 0.1  # but where the load leaps
+    bag = written(tmp_path / "degrees", degrees=True)
+    assert "tell it with --angle-unit deg" in overlay(bag, machine).notes[0]
+    mended = overlay(bag, machine, MachineTopics(angle_unit_rad=math.radians(1.0)))
+    assert np.quantile(np.abs(mended.torque_Nm - right.torque_Nm)[known], 0.98) < 0.1
+    cut = overlay(written(tmp_path / "cut", most_Nm=12.0), machine)
+    assert "are exactly 12 N m" in cut.notes[0] and np.nanmax(cut.torque_Nm) < 12.0 < np.nanmax(right.torque_Nm)
+    head = state(PageSession(Design.of(machine), cut), type="hello")
+    assert any(note.startswith("Recording: ") and "12 N m" in note for note in head["analysis"]["notes"])
+
+
+def test_round_gears_are_drawn() -> None:
+    session = PageSession(Design.of(machines.elliptic_gear_beatup(axis_ratio=1.0)))
+    drawing = ezdxf.read(io.StringIO(session.file("dxf", 0.0).content.decode()))
+    assert [gear.dxf.ratio for gear in drawing.modelspace().query("ELLIPSE[layer=='LINKS']")] == [1.0, 1.0]
 
 
 def test_an_angle_or_a_ripple_that_is_none_is_told() -> None:

@@ -6,9 +6,10 @@ import argparse
 import webbrowser
 from pathlib import Path
 
-from textile_twin_core.cli.arguments import Parser
-from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.arguments import Parser, add_recording_topics
+from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_machine
+from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
 from textile_twin_core.explore.design import Design
 from textile_twin_core.machine import Machine
 
@@ -29,6 +30,8 @@ def parser() -> Parser:
     parser.add_argument(
         "--recording", type=Path, metavar="BAG", help="a recording of this machine, laid over the curve of the torque"
     )
+    add_recording_topics(parser)
+    add_sensors(parser)
     return parser
 
 
@@ -46,7 +49,8 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.recording:
         if not isinstance(machine, Machine):
             raise UsageError(f"--recording: machine '{machine.name}' has no torque to lay a recording over")
-        recording = overlay(arguments.recording, machine)
+        recording = overlay(arguments.recording, with_sensors(machine, arguments), topics_of(arguments))
+        tell(*recording.notes)
     design = Design.of(machine)
 
     def started(address: str) -> None:

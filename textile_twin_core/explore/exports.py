@@ -93,7 +93,7 @@ def as_dxf(analysis: Analysis, angle_rad: float) -> str:
             space.add_line((a.real, a.imag), (b.real, b.imag), dxfattribs={"layer": "LINKS"})
         else:
             middle, (major, minor) = (a + b) / 2.0, bar.half_axes_m
-            along = _MILLI * major * (b - a) / abs(b - a)
+            along = cmath.rect(_MILLI * major, cmath.phase(b - a))  # of a round gear both foci are one point
             ends = (middle.real, middle.imag), (along.real, along.imag)
             space.add_ellipse(*ends, ratio=minor / major, dxfattribs={"layer": "LINKS"})
     for name, place in places.items():

@@ -9,11 +9,14 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.alignment import fast_speed
+from textile_twin_core.comparison.inputs import usable_measurements
+from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings import open_bag
-from textile_twin_core.recordings.machine_topics import MachineTopics
+from textile_twin_core.recordings.machine_topics import MachineTopics, unit_notes
 from textile_twin_core.recordings.prediction import recompute
+from textile_twin_core.recordings.recorded_clock import clock_notes
 
 _BINS = 360
 _TURNING_SHARE = 0.1
@@ -22,37 +25,49 @@ _TURNING_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Overlay:
-    """Measured torque over one turn: middle of each bin [rad] and the mean torque in it [N m]; NaN where none fell."""
+    """Measured torque over one turn: middle of each bin [rad] and the mean torque in it [N m]; NaN where none fell.
+
+    notes: what a person should know of the recording.
+    """
 
     name: str
     theta_rad: FloatArray
     torque_Nm: FloatArray
+    notes: tuple[str, ...] = ()
 
 
-def overlay(path: str | Path, machine: Machine) -> Overlay:
+def overlay(path: str | Path, machine: Machine, topics: MachineTopics | None = None) -> Overlay:
     """The measured torque of a recording by the angle that the machine's encoder gives, sensor delay, gain, offset out.
 
-    Raises RecordingError where the recording cannot be read or holds no torque while the shaft moves.
+    Without torques at an end of their sensor's range. Raises RecordingError where the recording cannot be read or
+    holds no torque while the shaft moves.
     """
     bag = open_bag(Path(path))
-    topics = MachineTopics(skip_bad=True)
+    topics = topics or MachineTopics()
     angles, measured = topics.read_angles(bag, machine.sensors.encoder), topics.read_torques(bag)
     shaft = recompute(angles, machine, "smooth", None)
     sensor = machine.sensors.torque
     begin = shaft.stamps_ns[0]
-    at = (measured.stamps - begin) * 1e-9 - sensor.delay_s
+    stamps, measured_Nm, _ = usable_measurements(measured.stamps, measured.torque_Nm)
+    at = (stamps - begin) * 1e-9 - sensor.delay_s
     known = (shaft.stamps_ns - begin) * 1e-9
     speed = np.abs(np.diff(shaft.theta_rad) / np.diff(known))
     turning = (speed > 0.0) & (speed >= _TURNING_SHARE * fast_speed(speed))
-    inside = (at >= known[0]) & (at < known[-1]) & np.isfinite(measured.torque_Nm)
+    inside = (at >= known[0]) & (at < known[-1])
     inside[inside] = turning[np.searchsorted(known, at[inside], side="right") - 1]
+    cut = at_range_ends(measured_Nm[inside])
+    ends_Nm = np.unique(measured_Nm[inside][cut])
+    inside[inside] = ~cut
     if not inside.any():
         raise RecordingError(f"{path}: no torque was measured while the shaft turns and its angle is known")
     theta = np.mod(np.interp(at[inside], known, shaft.theta_rad), 2.0 * np.pi)
-    torque = (measured.torque_Nm[inside] - sensor.offset_Nm) / sensor.gain
+    torque = (measured_Nm[inside] - sensor.offset_Nm) / sensor.gain
     bins = np.minimum((theta * (_BINS / (2.0 * np.pi))).astype(int), _BINS - 1)
     count = np.bincount(bins, minlength=_BINS)
     with np.errstate(invalid="ignore"):
         mean = np.bincount(bins, torque, minlength=_BINS) / count
     centres = (np.arange(_BINS, dtype=np.float64) + 0.5) * (2.0 * np.pi / _BINS)
-    return Overlay(Path(path).name, centres, mean)
+    notes = [*bag.notices, *unit_notes(angles), *clock_notes(angles), *clock_notes(measured)]
+    if ends_Nm.size:
+        notes.append(range_end_note(int(np.count_nonzero(cut)), ends_Nm, "the curve is"))
+    return Overlay(Path(path).name, centres, mean, tuple(notes))

@@ -97,6 +97,8 @@ class PageSession:
             head["pinned"] = analysis_head(analyse(self._pinned), arrays, {})
         if self._recording is not None:
             r = self._recording
+            if head["analysis"]:
+                head["analysis"]["notes"] += [f"Recording: {note}." for note in r.notes]
             head["recording"] = {"name": r.name, "theta": arrays.add(r.theta_rad), "torque": arrays.add(r.torque_Nm)}
         head["took_ms"] = 1e3 * (time.perf_counter() - begin)
         return arrays.packed(head)

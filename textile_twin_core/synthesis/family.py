@@ -184,10 +184,10 @@ def _elliptic_gear_beatup(p: Mapping[str, Any]) -> dict[str, Any]:
     foot = axis + p["ground_m"] * np.exp(1j * p["ground_angle_rad"])
     phase = math.pi + p["past_largest_ratio_rad"]
     k = p["axis_ratio"]
-    e = np.sqrt((1.0 - k) * (1.0 + k))
-    turn = phase - 2.0 * np.arctan2(e * np.sin(phase), 1.0 + e * np.cos(phase))
     reach = p["crank_m"] + p["coupler_m"]
     with np.errstate(invalid="ignore"):
+        e = np.sqrt((1.0 - k) * (1.0 + k))
+        turn = phase - 2.0 * np.arctan2(e * np.sin(phase), 1.0 + e * np.cos(phase))
         stretched = np.arccos((reach**2 + p["ground_m"] ** 2 - p["rocker_m"] ** 2) / (2.0 * reach * p["ground_m"]))
     return {
         "A.x_m": axis.real,
