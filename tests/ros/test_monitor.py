@@ -204,6 +204,21 @@ def test_turns_that_are_not_watched_are_told_with_the_reason(
         assert node._statuses()[-1].level == OK
 
 
+def test_a_torque_that_grows_beyond_its_sensors_range_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sensor ends at 17.6 N m, which a healthy machine does not reach; from the twelfth second on it is used."""
+    whole = faulty("needle_force", 0.2, 981, duration_s=20.0, onset_s=12.0, rate=500.0).recording
+    whole = replace(whole, torque=np.minimum(whole.torque, 17.6))
+    told = []
+    with monitor_in_here(tmp_path, monkeypatch) as node:
+        for second in range(20):
+            give(node, a_second_of(whole, second))
+            node._look()
+            told.append(next(status for status in node._statuses() if status.name == "faults"))
+    assert (told[11].level, told[11].message) == (OK, "as learnt")
+    assert "are exactly 17.6 N m, as at the end of the range" in told[-1].message
+    assert "needle side: the loads changed by +19.9" in told[-1].message and told[-1].level == ERROR
+
+
 def a_second_of(whole: MillRecording, second: int) -> MillRecording:
     begin = int(whole.angle_stamps_ns[0]) + second * SECOND_NS
     angle = (whole.angle_stamps_ns >= begin) & (whole.angle_stamps_ns < begin + SECOND_NS)
