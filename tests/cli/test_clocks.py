@@ -15,10 +15,10 @@ from textile_twin_core.cli.main import main
 MADE = record(healthy("tufting", 931, duration_s=24.0))
 
 
-def set_back(stamps: Stamps, after_s: float) -> Stamps:
+def set_back(stamps: Stamps, after_s: float, by_s: int = 3600) -> Stamps:
     """By an hour, as in the night in which summer ends."""
     late = (stamps - MADE.angle_stamps_ns[0]) * 1e-9 > after_s
-    return stamps - late * 3_600_000_000_000
+    return stamps - late * by_s * 1_000_000_000
 
 
 def both(after_s: float) -> MillRecording:
@@ -58,6 +58,25 @@ def test_a_torque_whose_clock_was_set_back_alone(
     assert main([command[0], str(bag), "--machine", "tufting", *command[1:]]) == 0
     told = capsys.readouterr()
     assert "topic /balancing_torque/measured: a clock was set back" in told.err + told.out
+
+
+@pytest.mark.parametrize("which", ["torque", "angle", "both"])
+def test_a_clock_that_was_set_back_by_some_seconds_accuses_nobody(
+    which: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As by a time server; the recording goes on beyond the time at which it was set back."""
+    made = MADE
+    if which != "angle":
+        made = replace(made, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 10.0, 3))
+    if which != "torque":
+        made = replace(made, angle_stamps_ns=set_back(MADE.angle_stamps_ns, 10.0, 3))
+    bag = write(tmp_path / "bag", made)
+    assert main(["compare", str(bag), "--machine", "tufting"]) == 0
+    told = capsys.readouterr()
+    assert "as the machine file says" in told.out and "a clock was set back" in told.err
+    assert ("torque from there on is not used" in told.err) == (which != "both")
+    assert main(["monitor", str(bag), "--machine", "tufting", "--learn", "12"]) == 0
+    assert "a clock was set back" in capsys.readouterr().out
 
 
 def test_a_replay_leaves_out_torque_as_the_other_commands_do(

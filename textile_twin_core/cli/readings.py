@@ -11,7 +11,7 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.machine_topics import unit_notes
-from textile_twin_core.recordings.recorded_clock import clock_notes
+from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 
@@ -20,11 +20,15 @@ def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag
 
     Raises RecordingError, and SceneError for edges that this machine's encoder cannot count.
     """
-    bag = open_bag(arguments.bag)
-    tell(*bag.notices)
-    angles = topics_of(arguments).read_angles(bag, machine.sensors.encoder)
+    bag, angles = _opened(arguments, machine)
     tell(*clock_notes(angles))
     return bag, angles
+
+
+def _opened(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples]:
+    bag = open_bag(arguments.bag)
+    tell(*bag.notices)
+    return bag, topics_of(arguments).read_angles(bag, machine.sensors.encoder)
 
 
 def tell_unit(angles: AngleSamples) -> None:
@@ -34,9 +38,9 @@ def tell_unit(angles: AngleSamples) -> None:
 
 def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:
     """The same with the measured torque. Raises as read_angles does."""
-    bag, angles = read_angles(arguments, machine)
-    measured = topics_of(arguments).read_torques(bag)
-    tell(*clock_notes(measured))
+    bag, angles = _opened(arguments, machine)
+    measured, notes = on_one_clock(angles, topics_of(arguments).read_torques(bag))
+    tell(*notes)
     return bag, angles, measured
 
 

@@ -164,7 +164,7 @@ def evidence_of(
     """
     stamps = readings.torque_stamps_ns
     good = np.isfinite(readings.torque)
-    good[1:] &= np.diff(stamps) > 0
+    good[1:] &= stamps[1:] > np.maximum.accumulate(stamps)[:-1]
     time: np.ndarray = (stamps[good] - origin_ns) * 1e-9
     fast = track.fast_rad_s
     beside = min(LONGEST_DELAY_S, 0.5 * TURN / fast) if fast > 0.0 else LONGEST_DELAY_S  # for what delays are tried

@@ -15,6 +15,7 @@ from textile_twin_core.comparison.assess import configured_settings
 from textile_twin_core.comparison.fault_band import SERIES
 from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN, KINDS, TurnFeatures, turn_features
 from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch, WatchSettings
+from textile_twin_core.comparison.inputs import usable_measurements
 from textile_twin_core.comparison.range_ends import RangeEnds, range_end_note
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
@@ -183,7 +184,7 @@ def monitor_recording(
     `progress` is called with numbers of angles as they are taken, and again when all of them have been watched.
     """
     monitor = Monitor(machine, settings, "smooth")
-    monitor.add_torques(readings.torque_stamps_ns, readings.torque)
+    monitor.add_torques(*usable_measurements(readings.torque_stamps_ns, readings.torque)[:2])
     for start in range(0, len(readings.angle), _BLOCK):
         part = slice(start, start + _BLOCK)
         speeds = None if readings.velocities is None else readings.velocities[part]

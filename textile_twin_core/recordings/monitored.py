@@ -18,7 +18,7 @@ from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag import open_bag
 from textile_twin_core.recordings.machine_topics import MachineTopics, unit_notes
-from textile_twin_core.recordings.recorded_clock import clock_notes
+from textile_twin_core.recordings.recorded_clock import on_one_clock
 from textile_twin_core.recordings.recording import Progress
 
 _MOST_LEFT = 0.5
@@ -62,8 +62,8 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
     try:
         bag = open_bag(job.bag)
         angles = job.topics.read_angles(bag, job.machine.sensors.encoder)
-        torque = job.topics.read_torques(bag)
-        notes = (*bag.notices, *unit_notes(angles), *clock_notes(angles), *clock_notes(torque))
+        torque, clocks = on_one_clock(angles, job.topics.read_torques(bag))
+        notes = (*bag.notices, *unit_notes(angles), *clocks)
         readings = Readings(angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, angles.velocities)
         found = monitor_recording(readings, job.machine, job.settings, progress=progress)
     except TwinError as error:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from textile_twin_core.arrays import IntArray
@@ -24,15 +26,50 @@ def clock_notes(samples: AngleSamples | TorqueSamples) -> list[str]:
     return [f"topic {topic}: {what}; {late} of {len(stamps)} are not used until it is as late again"] if what else []
 
 
+def on_one_clock(angles: AngleSamples, measured: TorqueSamples) -> tuple[TorqueSamples, list[str]]:
+    """The torques whose stamps are of the angles' clock, and what a person should know of both clocks.
+
+    Where one clock was set back and not the other, nothing tells from there on which torque is of which angle.
+    """
+    notes = [*clock_notes(angles), *clock_notes(measured)]
+    known = np.isfinite(angles.angles_rad)
+    of_angles, of_torques = _set_back_at(angles.stamps[known]), _set_back_at(measured.stamps)
+    if of_angles and of_torques and abs(of_angles[1] - of_torques[1]) <= _SET_BACK_S:
+        return measured, notes
+    if of_torques:
+        which, other, stamps = measured.topic, angles.topic, measured.stamps
+        kept = np.arange(stamps.size) < of_torques[0]
+    elif of_angles:
+        which, other, stamps = angles.topic, measured.topic, angles.stamps[known]
+        kept = measured.stamps <= stamps[of_angles[0] - 1]
+    else:
+        return measured, notes
+    notes = [note for note in notes if not note.startswith(f"topic {which}: ")]
+    notes.append(f"topic {which}: {set_back(stamps)}, and those of {other} do not: torque from there on is not used")
+    return replace(measured, stamps=measured.stamps[kept], torque_Nm=measured.torque_Nm[kept]), notes
+
+
 def set_back(stamps: IntArray) -> str:
     """In words where stamps (n,) go back by more than a second and go on from there; empty where they do not."""
+    found = _set_back_at(stamps)
+    if found is None:
+        return ""
+    at, by_s = found
+    after_s = (int(stamps[at - 1]) - int(stamps[0])) * 1e-9
+    return f"a clock was set back: the stamps go back by {by_s:.3f} s at sample {at}, {after_s:.3f} s after the first"
+
+
+def _set_back_at(stamps: IntArray) -> tuple[int, float] | None:
+    """The first sample after stamps (n,) went back, and by how much [s]; None where they did not."""
+    if stamps.size < 2 * _FEW:
+        return None
     step = np.diff(stamps)
     at = int(np.argmin(step)) + 1
-    by_s, after_s = -int(step[at - 1]) * 1e-9, (int(stamps[at - 1]) - int(stamps[0])) * 1e-9
+    by_s = -int(step[at - 1]) * 1e-9
     # A single stamp that was ahead comes back at once.
     if by_s <= _SET_BACK_S or at < _FEW or len(stamps) - at < _FEW or int(stamps[at - _FEW]) < int(stamps[at]):
-        return ""
-    return f"a clock was set back: the stamps go back by {by_s:.3f} s at sample {at}, {after_s:.3f} s after the first"
+        return None
+    return at, by_s
 
 
 def stamps_ahead(stamps: IntArray) -> IntArray:

@@ -15,7 +15,7 @@ from textile_twin_core.recordings.cdr_encode import encode_string
 from textile_twin_core.recordings.machine_topics import MachineTopics, namespace_of, unit_notes
 from textile_twin_core.recordings.predicted_topics import TORQUE, PredictedTopics, predicted_topics
 from textile_twin_core.recordings.prediction import predictions
-from textile_twin_core.recordings.recorded_clock import clock_notes
+from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
 from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.recordings.rosbag2_metadata import LATCHED
 from textile_twin_core.recordings.samples import TorqueSamples
@@ -66,19 +66,18 @@ def replay_bag(
     out.add_topic(description, "std_msgs/msg/String", LATCHED)
     out.write(description, bag.start_ns, encode_string(machine.urdf()))
     residual = None
-    notes = [*unit_notes(angles), *clock_notes(angles)]
+    clocks = clock_notes(angles)
     if topics.has_torque and bag.has_topic(recorded.torque_in(bag)):
         jumps = load_jumps(compile_machine(machine, [TORQUE]))
         stream = ResidualStream(machine.sensors.torque, jumps)
-        measured = recorded.read_torques(bag)
-        notes += clock_notes(measured)
+        measured, clocks = on_one_clock(angles, recorded.read_torques(bag))
         residual = _Residual(stream, measured, out, writer.residual)
     session = compile_machine(machine, topics.outputs).session(shaft, **shaft_settings)
     for samples in predictions(session, angles, progress):
         writer.write(samples)
         if residual is not None:
             residual.write(samples)
-    return Replay(session.report, out.counts, notes)
+    return Replay(session.report, out.counts, [*unit_notes(angles), *clocks])
 
 
 class _Predictions:
