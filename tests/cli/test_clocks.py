@@ -67,9 +67,9 @@ def test_a_clock_that_was_set_back_by_some_seconds_accuses_nobody(
     """As by a time server; the recording goes on beyond the time at which it was set back."""
     made = MADE
     if which != "angle":
-        made = replace(made, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 10.0, 3))
+        made = replace(made, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 12.0, 3))
     if which != "torque":
-        made = replace(made, angle_stamps_ns=set_back(MADE.angle_stamps_ns, 10.0, 3))
+        made = replace(made, angle_stamps_ns=set_back(MADE.angle_stamps_ns, 12.0, 3))
     bag = write(tmp_path / "bag", made)
     assert main(["compare", str(bag), "--machine", "tufting"]) == 0
     told = capsys.readouterr()

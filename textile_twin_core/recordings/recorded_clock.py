@@ -12,6 +12,8 @@ from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 _SET_BACK_S = 1.0
 """Stamps that go back by more, and go on from there, are of a clock that was set back."""
 _FEW = 10
+_FEWER = 0.9
+"""A clock that was set back by some seconds makes as many stamps that leap ahead as late ones, but for chance."""
 _MANY_LATE = 0.01  # part of the samples, from which it matters that they come after a stamp that leapt ahead
 
 
@@ -79,4 +81,4 @@ def stamps_ahead(stamps: IntArray) -> IntArray:
     """
     late = np.count_nonzero(stamps < np.maximum.accumulate(stamps))
     ahead = np.flatnonzero(stamps > np.minimum.accumulate(stamps[::-1])[::-1])
-    return ahead if len(ahead) < late and late > _MANY_LATE * len(stamps) else ahead[:0]
+    return ahead if len(ahead) < _FEWER * late and late > _MANY_LATE * len(stamps) else ahead[:0]
