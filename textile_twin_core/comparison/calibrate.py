@@ -180,7 +180,7 @@ def _final_fit(found: Explanation) -> SettingsFit:
         free |= {"constant_Nm"}  # friction, then: at rest the sensor shows none of it
     elif "constant_Nm" not in free:
         free |= {"offset_Nm"}
-    return fit_settings(found.evidence.thinned(ALL_SAMPLES), found.settings, free)
+    return fit_settings(found.weighed.thinned(ALL_SAMPLES), found.settings, free)
 
 
 def _with_rest(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, Estimate | None]:
@@ -206,7 +206,7 @@ def _with_rest(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, Estim
     if friction < -found.evidence.terms.coulomb_Nm - _SIGMAS * sigma:
         return fit, None
     start = replace(settings, constant_Nm=friction, offset_Nm=settings.offset_Nm + shown.value)
-    fit = fit_settings(found.evidence.thinned(ALL_SAMPLES), start, fit.free)
+    fit = fit_settings(found.weighed.thinned(ALL_SAMPLES), start, fit.free)
     return fit, shown.scaled(1.0, settings.offset_Nm)
 
 
@@ -234,8 +234,8 @@ def _beside_loads(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, bo
             return fit, True
         # What the verdict took for loads is all of the gain, once that is free.
         free = [name for name in fit.free if name != "load"]
-        return fit_settings(found.evidence.thinned(ALL_SAMPLES), replace(fit.settings, load=told), free), True
-    beside = fit_settings(found.evidence.thinned(ALL_SAMPLES), fit.settings, {*fit.free, "load"})
+        return fit_settings(found.weighed.thinned(ALL_SAMPLES), replace(fit.settings, load=told), free), True
+    beside = fit_settings(found.weighed.thinned(ALL_SAMPLES), fit.settings, {*fit.free, "load"})
     kept, _ = identifiable(beside.jacobian[beside.good], beside.free, ("load",))
     known = estimates(beside)
     gain, load = known["gain"], known["load"]
@@ -337,7 +337,6 @@ def _sensors_alone(settings: Settings, configured: Settings) -> Settings:
 
 def _rms(found: Explanation, settings: Settings) -> float:
     """RMS of the residual with some settings, over samples of the turning shaft [N m]."""
-    evidence = found.evidence.thinned()
-    states = evidence.states(settings)
-    left = (evidence.torque_Nm - evidence.expected(settings, states))[states.good]
-    return float(np.sqrt(np.mean(left**2))) if left.size else math.nan
+    evidence = found.weighed.thinned()
+    left, good = evidence.left(settings, evidence.states(settings))
+    return float(np.sqrt(np.mean(left[good] ** 2))) if good.any() else math.nan

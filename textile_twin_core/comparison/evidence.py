@@ -19,8 +19,11 @@ REST_SHARE = 0.05
 _ONE_SPEED = 0.08
 _JUMP_GUARD_S = 0.001
 """Samples this near to a jump of the load cannot tell its side."""
-_LEAP_INTERVALS = 10.0
-"""Intervals of the track about a jump of the load in which an acceleration that leaps there is not followed."""
+_BLOCKS_A_TURN, _SAMPLES_A_BLOCK = 12.0, 8.0
+_WHOLE = 0.8
+"""Of the usual weight of a block's samples, below which some are missing and the block does not count."""
+_RUN = 240
+"""Samples that follow each other, of a record of which not all are taken in blocks."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class Evidence:
 
     leaps: time [s] and size [rad] of leaps of the angle, of which the track ends or begins at one.
     at_ends_Nm: measured torques at an end of their sensor's range, which are not among the others.
-    jump_guard_s: so near to a jump of the load no sample counts.
+    jump_guard_s: so near to a jump of the load no sample counts. block_s: width of blocks (see `in_blocks`), or 0.
     """
 
     time_s: FloatArray
@@ -83,6 +86,7 @@ class Evidence:
     leaps: tuple[tuple[float, float], ...] = ()
     at_ends_Nm: FloatArray = field(default_factory=lambda: np.empty(0))
     jump_guard_s: float = _JUMP_GUARD_S
+    block_s: float = 0.0
     rest_rad_s: float = field(init=False)
     _seen: dict[tuple[float, float], tuple[FloatArray, FloatArray, FloatArray, BoolArray]] = field(
         init=False, repr=False, compare=False, default_factory=dict
@@ -99,14 +103,42 @@ class Evidence:
         if at_one_speed:
             away = _mean_of_turn(theta[turning], omega[turning]) - self.working_speed()
             turning = turning[np.abs(away) < _ONE_SPEED * abs(self.working_speed())]
-        if turning.size > most:
+        if self.block_s and turning.size:
+            turning = turning[:: max(int(self.block_s / _SAMPLES_A_BLOCK / np.median(np.diff(self.time_s))), 1)]
+            runs = np.linspace(0, max(turning.size // _RUN - 1, 0), max(most // _RUN, 1)).astype(np.int64)
+            if turning.size > most:
+                turning = turning[(_RUN * np.unique(runs)[:, None] + np.arange(_RUN)).ravel()]
+        elif turning.size > most:
             turning = turning[np.linspace(0, turning.size - 1, most).astype(np.int64)]
         return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
 
-    def beside_leaps(self) -> Evidence:
-        """The same without the samples beside jumps of the load, where the acceleration leaps as well."""
-        interval = float(np.median(np.diff(self.track.time_s)))
-        return replace(self, jump_guard_s=max(_JUMP_GUARD_S, _LEAP_INTERVALS * interval))
+    def in_blocks(self) -> Evidence:
+        """The same to be weighed by means over a twelfth of a turn at working speed instead of by samples.
+
+        An acceleration is estimated with errors that grow with the square of the frequency and are largest where it
+        leaps with the load. A mean weighed by a triangle holds it as a second difference of the angle at the
+        triangle's ends, with none of them.
+        """
+        return replace(self, jump_guard_s=0.0, block_s=TURN / _BLOCKS_A_TURN / abs(self.working_speed()))
+
+    def weighed(self, values: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
+        """What the fits weigh of values (m, k) at the samples, and where that counts: themselves, or means of blocks."""
+        if not self.block_s:
+            return values, good
+        place = (self.time_s - self.time_s[0]) / self.block_s
+        before = np.floor(place)
+        nodes, inverse = np.unique(np.concatenate([before, before + 1.0]), return_inverse=True)
+        share = np.concatenate([1.0 - (place - before), place - before]) * np.tile(good, 2)
+        weight = np.bincount(inverse, share, nodes.size)
+        columns = np.tile(np.where(good[:, None], values, 0.0), (2, 1)) * share[:, None]
+        sums = np.stack([np.bincount(inverse, column, nodes.size) for column in columns.T], axis=1)
+        whole = weight > _WHOLE * float(np.median(weight))
+        return sums / np.maximum(weight, 1e-300)[:, None], whole
+
+    def left(self, settings: Settings, states: States) -> tuple[FloatArray, BoolArray]:
+        """Measured less expected torque as the fits weigh it [N m], and where it counts."""
+        residual, good = self.weighed((self.torque_Nm - self.expected(settings, states))[:, None], states.good)
+        return residual[:, 0], good
 
     def states(self, settings: Settings) -> States:
         """The shaft and the parts of its torque at the instants of which the measured samples speak."""

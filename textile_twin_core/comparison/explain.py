@@ -73,10 +73,15 @@ class Explanation:
         """By how much a setting departs from the configured one; a gain and a load as factor less one."""
         return departure(name, self.settings, self.configured, self.encoder_turn_rad)
 
+    @property
+    def weighed(self) -> Evidence:
+        """The evidence by which it was settled: in blocks with an inertia, which the acceleration's errors hide."""
+        return self.evidence.in_blocks() if INERTIA in self.fit.free else self.evidence
+
     def is_simpler_than(self, other: Explanation) -> bool:
         """Whether it leaves less, or no more with fewer departures, and none in it is idle."""
-        both = self.fit.good & other.fit.good
-        own, others = (float(np.mean(each.fit.residual[both] ** 2)) for each in (self, other))
+        fine = self.weighed.thinned(ALL_SAMPLES)
+        own, others = self.fit.rms**2, fit_settings(fine, other.fit.settings, other.fit.free).rms ** 2
         worse = own / max(others, 1e-300)
         simpler = worse < 1.0 / AS_GOOD or (worse < AS_GOOD and self._departures() < other._departures())
         return INERTIA in self.departing and simpler
@@ -110,7 +115,7 @@ def explain(
         return found
     # A motor's rotor or a flywheel that the file does not have looks like a wrong sensor.
     names = tuple(name for name in (*free, INERTIA) if not (found.governed_Nms and name == "delay_s"))
-    heavier = _explained(evidence.beside_leaps(), configured, encoder_turn_rad, ratios, names)
+    heavier = _explained(evidence.in_blocks(), configured, encoder_turn_rad, ratios, names)
     if heavier is None or not heavier.is_simpler_than(found):
         return found
     return replace(heavier, governed_Nms=found.governed_Nms, evidence=evidence)
@@ -144,7 +149,7 @@ def _explained(
     # What departs is settled by every sample: what tells zero from delay are the few of run-ups and coast-downs.
     fine = evidence.thinned(ALL_SAMPLES)
     fit = fit_settings(fine, fit.settings, fit.free)
-    torque = fine.torque_Nm[fit.good]
+    torque = fit.measured[fit.good]
     unnamed = {name for name in fit.free if _is_small(name, fit.settings, configured, encoder_turn_rad, fine)}
     settings = fit.settings.changed(
         {name: _configured(name, fit.settings, configured, encoder_turn_rad) for name in unnamed}
@@ -309,7 +314,6 @@ def _apart(evidence: Evidence, fit: SettingsFit, configured: Settings, departing
         if told == getattr(fit.settings, name):
             continue
         back = fit.settings.changed({name: told})
-        states = evidence.states(back)
-        left = (evidence.torque_Nm - evidence.expected(back, states))[states.good]
-        rise[name] = float(np.mean(left**2)) / max(fit.rms**2, 1e-300) if left.size else np.inf
+        left, good = evidence.left(back, evidence.states(back))
+        rise[name] = float(np.mean(left[good] ** 2)) / max(fit.rms**2, 1e-300) if good.any() else np.inf
     return rise

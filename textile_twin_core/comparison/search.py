@@ -145,10 +145,10 @@ def _square(coarse: Evidence, settings: Settings, solved: tuple[str, ...]) -> tu
     """Mean square left when the settings named are solved for, and all settings with them."""
     start = linear_start(coarse, settings, solved)
     states = coarse.states(start)
-    if np.count_nonzero(states.good) < 0.3 * states.good.size:
+    residual, good = coarse.left(start, states)
+    if np.count_nonzero(good) < 0.3 * good.size:
         return np.inf, settings
-    residual = (coarse.torque_Nm - coarse.expected(start, states))[states.good]
-    return float(np.mean(residual**2)), start
+    return float(np.mean(residual[good] ** 2)), start
 
 
 def _distinct(found: list[BestFit]) -> list[BestFit]:

@@ -25,7 +25,8 @@ LINEAR = ("gain", "load", "constant_Nm", "viscous_Nms", "inertia_kgm2", "offset_
 class SettingsFit:
     """Settings, and what is left with them: residual (m,) [N m], which samples count, their turns of the shaft.
 
-    jacobian: (m, k) slopes of the expected torque by the freed settings, in the order of `free`.
+    jacobian: (m, k) slopes of the expected torque by the freed settings, in the order of `free`. measured: (m,) torque
+    [N m]. Where the evidence is weighed in blocks, m is that of the blocks.
     """
 
     settings: Settings
@@ -34,6 +35,7 @@ class SettingsFit:
     good: BoolArray
     turn: IntArray
     jacobian: FloatArray
+    measured: FloatArray
 
     @property
     def scale(self) -> float:
@@ -54,18 +56,16 @@ def fit_settings(evidence: Evidence, start: Settings, free: Iterable[str], itera
     states = evidence.states(settings)
     damping = 0.0
     for _ in range(iterations if names else 0):
-        residual = evidence.torque_Nm - evidence.expected(settings, states)
-        jacobian = slopes(evidence, settings, states, names)
-        good = states.good & np.isfinite(jacobian).all(axis=1)
+        residual, good, jacobian, *_ = _weighed(evidence, settings, states, names)
         if np.count_nonzero(good) < _FEWEST_SAMPLES:
             break
         scale = robust_scale(residual[good])
-        loss = _loss(residual[states.good], scale)
+        loss = _loss(evidence.left(settings, states), scale)
         step = _step(jacobian[good], residual[good], damping)
         limited = _limited(names, step)
         trial = _moved(settings, names, limited)
         trial_states = evidence.states(trial)
-        trial_loss = _loss((evidence.torque_Nm - evidence.expected(trial, trial_states))[trial_states.good], scale)
+        trial_loss = _loss(evidence.left(trial, trial_states), scale)
         if trial_loss < loss:
             settings, states, damping = trial, trial_states, 0.1 * damping
             if loss - trial_loss < 1e-7 * loss and np.array_equal(limited, step):
@@ -74,11 +74,20 @@ def fit_settings(evidence: Evidence, start: Settings, free: Iterable[str], itera
             break
         else:
             damping = max(10.0 * damping, 1e-3)
-    residual = evidence.torque_Nm - evidence.expected(settings, states)
-    jacobian = slopes(evidence, settings, states, names)
+    residual, good, jacobian, turn, measured = _weighed(evidence, settings, states, names)
+    return SettingsFit(settings, names, residual, good, turn, jacobian, measured)
+
+
+def _weighed(
+    evidence: Evidence, settings: Settings, states: States, names: tuple[str, ...]
+) -> tuple[FloatArray, BoolArray, FloatArray, IntArray, FloatArray]:
+    """Residual, where it counts, slopes, turns of the shaft and measured torque, as the evidence weighs them."""
+    measured, jacobian = evidence.torque_Nm, slopes(evidence, settings, states, names)
+    residual = measured - evidence.expected(settings, states)
     good = states.good & np.isfinite(jacobian).all(axis=1)
-    turn = np.floor(states.theta / TURN).astype(np.int64)
-    return SettingsFit(settings, names, residual, good, turn, jacobian)
+    told = np.column_stack([residual, np.floor(states.theta / TURN), measured, jacobian])
+    told, good = evidence.weighed(told, good)
+    return told[:, 0], good, told[:, 3:], np.floor(told[:, 1]).astype(np.int64), told[:, 2]
 
 
 def linear_start(evidence: Evidence, start: Settings, names: tuple[str, ...]) -> Settings:
@@ -98,7 +107,8 @@ def linear_start(evidence: Evidence, start: Settings, names: tuple[str, ...]) ->
     target = evidence.torque_Nm - (0.0 if "offset_Nm" in linear else start.offset_Nm)
     if not free_gain:
         target = target - start.gain * torque
-    found = np.linalg.lstsq(np.stack(matrix, axis=1)[good], target[good], rcond=1e-10)[0].tolist()
+    told, good = evidence.weighed(np.stack([*matrix, target], axis=1), good)
+    found = np.linalg.lstsq(told[good, :-1], told[good, -1], rcond=1e-10)[0].tolist()
     gain = found.pop(0) if free_gain else start.gain
     if gain == 0.0:
         return start
@@ -131,8 +141,9 @@ def _parts(states: States) -> dict[str, FloatArray]:
     return {"load": states.terms.load, **friction, "inertia_kgm2": states.alpha}
 
 
-def _loss(residual: FloatArray, scale: float) -> float:
-    """Mean of Huber's loss, infinite with too few samples."""
+def _loss(left: tuple[FloatArray, BoolArray], scale: float) -> float:
+    """Mean of Huber's loss of a residual where it counts, infinite with too few samples."""
+    residual = left[0][left[1]]
     if residual.size < _FEWEST_SAMPLES:
         return np.inf
     return float(np.mean(huber_loss(residual, scale)))
