@@ -168,9 +168,10 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
 def _final_fit(found: Explanation) -> SettingsFit:
     """All sensor settings that the record can tell, fitted to all of its samples."""
     free = {*found.departing, "zero_rad", "gain"}
+    is_one = bool(found.governed_Nms) and INERTIA in free
     if found.one_speed:
-        free -= {"zero_rad"} if "delay_s" in found.departing else {"delay_s"}
-    elif not (found.governed_Nms and INERTIA in free):
+        free -= {"zero_rad"} if is_one or "delay_s" in found.departing else {"delay_s"}
+    elif not is_one:
         free |= {"delay_s"}
     if found.offset_at_rest is not None:
         free = (free | {"constant_Nm"}) - {"offset_Nm"}

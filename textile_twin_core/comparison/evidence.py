@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
 
@@ -17,10 +17,10 @@ _MOST_SAMPLES = 8000
 REST_SHARE = 0.05
 """Of the fast end of the speeds: below it the shaft counts as at rest."""
 _ONE_SPEED = 0.08
-_JUMP_GUARD_S = 0.001
-"""Samples this near to a jump of the load cannot tell its side."""
-_BLOCKS_A_TURN, _SAMPLES_A_BLOCK = 12.0, 8.0
-_WHOLE = 0.8
+_JUMP_GUARD_S, _BLOCK_GUARD_S = 0.001, 0.00025
+"""Samples this near to a jump of the load cannot tell its side; in blocks what a jump sets going counts as well."""
+_BLOCKS_A_TURN, _SAMPLES_A_BLOCK = 10.0, 10.0
+_WHOLE = 0.7
 """Of the usual weight of a block's samples, below which some are missing and the block does not count."""
 _RUN = 240
 """Samples that follow each other, of a record of which not all are taken in blocks."""
@@ -75,7 +75,7 @@ class Evidence:
 
     leaps: time [s] and size [rad] of leaps of the angle, of which the track ends or begins at one.
     at_ends_Nm: measured torques at an end of their sensor's range, which are not among the others.
-    jump_guard_s: so near to a jump of the load no sample counts. block_s: width of blocks (see `in_blocks`), or 0.
+    block_s: width of blocks (see `in_blocks`), or 0.
     """
 
     time_s: FloatArray
@@ -85,7 +85,6 @@ class Evidence:
     middle_s: float
     leaps: tuple[tuple[float, float], ...] = ()
     at_ends_Nm: FloatArray = field(default_factory=lambda: np.empty(0))
-    jump_guard_s: float = _JUMP_GUARD_S
     block_s: float = 0.0
     rest_rad_s: float = field(init=False)
     _seen: dict[tuple[float, float], tuple[FloatArray, FloatArray, FloatArray, BoolArray]] = field(
@@ -113,13 +112,13 @@ class Evidence:
         return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
 
     def in_blocks(self) -> Evidence:
-        """The same to be weighed by means over a twelfth of a turn at working speed instead of by samples.
+        """The same to be weighed by means over a tenth of a turn at working speed instead of by samples.
 
         An acceleration is estimated with errors that grow with the square of the frequency and are largest where it
         leaps with the load. A mean weighed by a triangle holds it as a second difference of the angle at the
         triangle's ends, with none of them.
         """
-        return replace(self, jump_guard_s=0.0, block_s=TURN / _BLOCKS_A_TURN / abs(self.working_speed()))
+        return replace(self, block_s=TURN / _BLOCKS_A_TURN / abs(self.working_speed()))
 
     def weighed(self, values: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
         """What the fits weigh of values (m, k) at the samples, and where that counts: themselves, or means of blocks."""
@@ -149,7 +148,7 @@ class Evidence:
         rest = 0.5 * settings.ratio * self.rest_rad_s
         terms = self.terms.at(theta, omega, alpha, rest)
         usable = good & (np.abs(omega) > 1.2 * rest) & np.isfinite(terms.total)
-        usable &= ~self.terms.near_jump(theta, omega, self.jump_guard_s)
+        usable &= ~self.terms.near_jump(theta, omega, _BLOCK_GUARD_S if self.block_s else _JUMP_GUARD_S)
         return States(theta, omega, alpha, terms, usable)
 
     def _at(self, delay_s: float, drift: float) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
@@ -185,8 +184,13 @@ class Evidence:
         return 0.05 < share < 0.95
 
 
+def turns_gone(theta: FloatArray) -> IntArray:
+    """Each sample's turn (n,) from 0 on, counted along the way that the shaft went, back and forth alike."""
+    gone = np.cumsum(np.abs(np.diff(theta, prepend=theta[:1])))
+    return np.asarray(np.floor((np.mod(theta[:1], TURN) + gone) / TURN), np.int64)
+
+
 def _mean_of_turn(theta: FloatArray, omega: FloatArray) -> FloatArray:
     """The mean speed (n,) of each sample's turn: within one the speed may swing with the torque."""
-    turn = np.floor(theta / TURN).astype(np.int64)
-    turn -= turn.min(initial=0)
+    turn = turns_gone(theta)
     return np.asarray((np.bincount(turn, omega) / np.maximum(np.bincount(turn), 1))[turn])

@@ -79,12 +79,12 @@ class Explanation:
         return self.evidence.in_blocks() if INERTIA in self.fit.free else self.evidence
 
     def is_simpler_than(self, other: Explanation) -> bool:
-        """Whether it leaves less, or no more with fewer departures, and none in it is idle."""
+        """Whether it leaves less, or no more with fewer departures, and names an inertia or nothing."""
         fine = self.weighed.thinned(ALL_SAMPLES)
         own, others = self.fit.rms**2, fit_settings(fine, other.fit.settings, other.fit.free).rms ** 2
         worse = own / max(others, 1e-300)
         simpler = worse < 1.0 / AS_GOOD or (worse < AS_GOOD and self._departures() < other._departures())
-        return INERTIA in self.departing and simpler
+        return (INERTIA in self.departing or not self.departing) and simpler
 
     def _departures(self) -> int:
         s, told = self.settings, self.configured
@@ -108,14 +108,16 @@ def explain(
     found = _explained(evidence, configured, encoder_turn_rad, ratios, free)
     if found is None:
         return None
-    turning, delays = evidence.thinned(ALL_SAMPLES), (found.settings.delay_s, configured.delay_s)
+    blocks = evidence.in_blocks()
+    turning, delays = blocks.thinned(ALL_SAMPLES), (found.settings.delay_s, configured.delay_s)
     rates = (torque_by_speed(turning, delay) for delay in delays)
     found = replace(found, governed_Nms=next((rate for rate in rates if rate), 0.0))
     if found.settings == configured:
         return found
     # A motor's rotor or a flywheel that the file does not have looks like a wrong sensor.
-    names = tuple(name for name in (*free, INERTIA) if not (found.governed_Nms and name == "delay_s"))
-    heavier = _explained(evidence.in_blocks(), configured, encoder_turn_rad, ratios, names)
+    same = "zero_rad" if found.one_speed else "delay_s"
+    names = tuple(name for name in (*free, INERTIA) if not (found.governed_Nms and name == same))
+    heavier = _explained(blocks, configured, encoder_turn_rad, ratios, names)
     if heavier is None or not heavier.is_simpler_than(found):
         return found
     return replace(heavier, governed_Nms=found.governed_Nms, evidence=evidence)
@@ -140,6 +142,10 @@ def _explained(
         late = _spare(fine, as_delay(fine, found[0].fit, configured, free), configured, encoder_turn_rad)
         if late.rms < fit.rms:
             fit = late
+    if INERTIA in free:
+        alone = _spare(fine, fit_settings(fine, configured, (INERTIA,)), configured, encoder_turn_rad)
+        # What departs beside an inertia must explain something that it does not.
+        fit = alone if alone.rms**2 < AS_GOOD * fit.rms**2 else fit
     at_rest = rest_reading(evidence, fit.settings)
     if at_rest is None and "constant_Nm" in fit.free and fit.settings.constant_Nm < -evidence.terms.coulomb_Nm:
         # What helps the shaft on is no friction.

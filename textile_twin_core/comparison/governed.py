@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.evidence import Evidence
-from textile_twin_core.comparison.shaft_track import TURN
+from textile_twin_core.comparison.evidence import Evidence, turns_gone
 
 _FOLLOWS = 0.95
 """Correlation within turns: 0.975 to 0.999 under proportional controllers, up to 0.84 where the speed is prescribed."""
@@ -20,10 +19,11 @@ def torque_by_speed(evidence: Evidence, delay_s: float) -> float:
     least squares take these for information.
     """
     theta, omega, _, good = evidence.track.at(evidence.time_s - delay_s)
-    turn = np.floor(theta[good] / TURN).astype(np.int64)
-    turn -= turn.min(initial=0)
-    time = _within(turn, evidence.time_s[good])
-    speed, torque = (_without_trend(turn, time, values[good]) for values in (omega, evidence.torque_Nm))
+    told, good = evidence.weighed(np.column_stack([theta, evidence.time_s, omega, evidence.torque_Nm]), good)
+    theta, time, omega, torque = told[good].T
+    turn = turns_gone(theta)
+    time = _within(turn, time)
+    speed, torque = (_without_trend(turn, time, values) for values in (omega, torque))
     both, size = float(np.sum(speed * torque)), float(np.sqrt(np.sum(speed**2) * np.sum(torque**2)))
     return -both / float(np.sum(speed**2)) if abs(both) > _FOLLOWS * size > 0.0 else 0.0
 

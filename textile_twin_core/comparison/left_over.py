@@ -15,14 +15,13 @@ _LEAST = 0.005
 
 def repeating_torque(found: Explanation) -> float:
     """The largest torque that is left and repeats with the shaft's angle [N m]; 0 where none is significant."""
-    evidence = found.evidence.thinned(ALL_SAMPLES)
+    evidence = found.weighed.thinned(ALL_SAMPLES)
     # What is too small to be named repeats as well, as long as it is not taken off.
     fit = fit_settings(evidence, found.settings, {*found.fit.free, *what_can_vary(evidence)})
     good, gain = fit.good, fit.settings.gain
-    theta = evidence.states(fit.settings).theta[good]
-    left = unmodelled_torque(theta, fit.residual[good] / gain, fit.turn[good])
+    left = unmodelled_torque(fit.theta[good], fit.residual[good] / gain, fit.turn[good])
     largest = float(np.max(np.abs(left.torque_Nm)))
-    size = float(np.percentile(np.abs(evidence.torque_Nm[good] / gain), 95.0))
+    size = float(np.percentile(np.abs(fit.measured[good] / gain), 95.0))
     return largest if left.significant and largest > _LEAST * size else 0.0
 
 

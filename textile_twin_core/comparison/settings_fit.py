@@ -23,7 +23,7 @@ LINEAR = ("gain", "load", "constant_Nm", "viscous_Nms", "inertia_kgm2", "offset_
 
 @dataclass(frozen=True)
 class SettingsFit:
-    """Settings, and what is left with them: residual (m,) [N m], which samples count, their turns of the shaft.
+    """Settings, and what is left with them: residual (m,) [N m], which samples count, their angles of the shaft.
 
     jacobian: (m, k) slopes of the expected torque by the freed settings, in the order of `free`. measured: (m,) torque
     [N m]. Where the evidence is weighed in blocks, m is that of the blocks.
@@ -33,9 +33,14 @@ class SettingsFit:
     free: tuple[str, ...]
     residual: FloatArray
     good: BoolArray
-    turn: IntArray
+    theta: FloatArray
     jacobian: FloatArray
     measured: FloatArray
+
+    @property
+    def turn(self) -> IntArray:
+        """Turns of the shaft (m,)."""
+        return np.floor(self.theta / TURN).astype(np.int64)
 
     @property
     def scale(self) -> float:
@@ -56,7 +61,7 @@ def fit_settings(evidence: Evidence, start: Settings, free: Iterable[str], itera
     states = evidence.states(settings)
     damping = 0.0
     for _ in range(iterations if names else 0):
-        residual, good, jacobian, *_ = _weighed(evidence, settings, states, names)
+        residual, good, _, jacobian, _ = _weighed(evidence, settings, states, names)
         if np.count_nonzero(good) < _FEWEST_SAMPLES:
             break
         scale = robust_scale(residual[good])
@@ -74,20 +79,18 @@ def fit_settings(evidence: Evidence, start: Settings, free: Iterable[str], itera
             break
         else:
             damping = max(10.0 * damping, 1e-3)
-    residual, good, jacobian, turn, measured = _weighed(evidence, settings, states, names)
-    return SettingsFit(settings, names, residual, good, turn, jacobian, measured)
+    return SettingsFit(settings, names, *_weighed(evidence, settings, states, names))
 
 
 def _weighed(
     evidence: Evidence, settings: Settings, states: States, names: tuple[str, ...]
-) -> tuple[FloatArray, BoolArray, FloatArray, IntArray, FloatArray]:
-    """Residual, where it counts, slopes, turns of the shaft and measured torque, as the evidence weighs them."""
+) -> tuple[FloatArray, BoolArray, FloatArray, FloatArray, FloatArray]:
+    """Residual, where it counts, angle of the shaft, slopes and measured torque, as the evidence weighs them."""
     measured, jacobian = evidence.torque_Nm, slopes(evidence, settings, states, names)
     residual = measured - evidence.expected(settings, states)
     good = states.good & np.isfinite(jacobian).all(axis=1)
-    told = np.column_stack([residual, np.floor(states.theta / TURN), measured, jacobian])
-    told, good = evidence.weighed(told, good)
-    return told[:, 0], good, told[:, 3:], np.floor(told[:, 1]).astype(np.int64), told[:, 2]
+    told, good = evidence.weighed(np.column_stack([residual, states.theta, measured, jacobian]), good)
+    return told[:, 0], good, told[:, 1], told[:, 3:], told[:, 2]
 
 
 def linear_start(evidence: Evidence, start: Settings, names: tuple[str, ...]) -> Settings:

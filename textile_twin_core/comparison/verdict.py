@@ -151,10 +151,16 @@ def _is_turn_of_encoder(e: Explanation, zero_rad: float) -> bool:
 def _delay(e: Explanation) -> Cause:
     away, sigma = e.departure("delay_s"), e.sigma["delay_s"]
     text = f"the torque lags by {away * 1e3:.2f} +- {sigma * 1e3:.2f} ms more than the machine file says"
-    if e.governed_Nms:
-        inertia = e.governed_Nms * away / e.settings.gain
-        text += f", or {inertia:.2g} kg m2 that turn with it are not in the model: the torque follows the speed here"
+    text += _or_inertia(e, away)
     return Cause("delay", text, away, sigma)
+
+
+def _or_inertia(e: Explanation, delay_s: float) -> str:
+    """What a delay may be instead under a controller of the speed; nothing where it is none."""
+    inertia = e.governed_Nms * delay_s / e.settings.gain
+    if not inertia > 0.0:
+        return ""
+    return f", or {inertia:.2g} kg m2 that turn with it are not in the model: the torque follows the speed here"
 
 
 def _zero_or_delay(e: Explanation) -> Cause:
@@ -167,6 +173,7 @@ def _zero_or_delay(e: Explanation) -> Cause:
         f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms; the shaft turns at one speed here,"
         " a recording with a run-up would tell"
     )
+    text += _or_inertia(e, delay)
     return Cause("zero_or_delay", text, {"zero_rad": zero, "delay_s": delay}, sigma)
 
 
