@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.robust import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
 
@@ -17,11 +18,13 @@ _MOST_SAMPLES = 8000
 REST_SHARE = 0.05
 """Of the fast end of the speeds: below it the shaft counts as at rest."""
 _ONE_SPEED = 0.08
-_JUMP_GUARD_S, _BLOCK_GUARD_S = 0.001, 0.00025
-"""Samples this near to a jump of the load cannot tell its side; in blocks what a jump sets going counts as well."""
+_JUMP_GUARD_S = 0.001
+"""Samples this near to a jump of the load cannot tell its side."""
 _BLOCKS_A_TURN, _SAMPLES_A_BLOCK = 10.0, 10.0
 _WHOLE = 0.7
 """Of the usual weight of a block's samples, below which some are missing and the block does not count."""
+_WILD = 3.0
+"""Root mean squares that count as a block's scale: only what lies beyond some of these is wild."""
 _RUN = 240
 """Samples that follow each other, of a record of which not all are taken in blocks."""
 
@@ -60,13 +63,17 @@ class Settings:
 
 @dataclass(frozen=True)
 class States:
-    """The shaft's states at the measured samples under some settings, (m,) each; `good` where they can be used."""
+    """The shaft's states at the measured samples under some settings, (m,) each.
+
+    good: where they can be used. near_jump: where a jump of the load is too near to tell its side.
+    """
 
     theta: FloatArray
     omega: FloatArray
     alpha: FloatArray
     terms: Terms
     good: BoolArray
+    near_jump: BoolArray
 
 
 @dataclass(frozen=True)
@@ -134,6 +141,12 @@ class Evidence:
         whole = weight > _WHOLE * float(np.median(weight))
         return sums / np.maximum(weight, 1e-300)[:, None], whole
 
+    def scale(self, residual: FloatArray) -> float:
+        """Scale of Huber's loss for a residual (m,) as weighed: blocks with a jump scatter more and tell as much."""
+        if self.block_s:
+            return _WILD * float(np.sqrt(np.mean(residual**2))) + 1e-300
+        return robust_scale(residual)
+
     def left(self, settings: Settings, states: States) -> tuple[FloatArray, BoolArray]:
         """Measured less expected torque as the fits weigh it [N m], and where it counts."""
         residual, good = self.weighed((self.torque_Nm - self.expected(settings, states))[:, None], states.good)
@@ -148,8 +161,9 @@ class Evidence:
         rest = 0.5 * settings.ratio * self.rest_rad_s
         terms = self.terms.at(theta, omega, alpha, rest)
         usable = good & (np.abs(omega) > 1.2 * rest) & np.isfinite(terms.total)
-        usable &= ~self.terms.near_jump(theta, omega, _BLOCK_GUARD_S if self.block_s else _JUMP_GUARD_S)
-        return States(theta, omega, alpha, terms, usable)
+        near = self.terms.near_jump(theta, omega, _JUMP_GUARD_S)
+        # In a block both sides even out, and what a jump sets going must be there.
+        return States(theta, omega, alpha, terms, usable if self.block_s else usable & ~near, near)
 
     def _at(self, delay_s: float, drift: float) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
         """The track at the instants of which the samples speak; kept once, since zeros are tried by dozens."""

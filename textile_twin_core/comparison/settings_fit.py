@@ -9,7 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.evidence import Evidence, Settings, States
-from textile_twin_core.comparison.robust import huber_loss, huber_weights, robust_scale
+from textile_twin_core.comparison.robust import huber_loss, huber_weights
 from textile_twin_core.comparison.shaft_track import TURN
 
 _STEPS = {"zero_rad": 1e-4, "delay_s": 1e-5, "drift": 1e-7}
@@ -26,7 +26,7 @@ class SettingsFit:
     """Settings, and what is left with them: residual (m,) [N m], which samples count, their angles of the shaft.
 
     jacobian: (m, k) slopes of the expected torque by the freed settings, in the order of `free`. measured: (m,) torque
-    [N m]. Where the evidence is weighed in blocks, m is that of the blocks.
+    [N m]. scale: of Huber's loss [N m]. Where the evidence is weighed in blocks, m is that of the blocks.
     """
 
     settings: Settings
@@ -36,16 +36,12 @@ class SettingsFit:
     theta: FloatArray
     jacobian: FloatArray
     measured: FloatArray
+    scale: float
 
     @property
     def turn(self) -> IntArray:
         """Turns of the shaft (m,)."""
         return np.floor(self.theta / TURN).astype(np.int64)
-
-    @property
-    def scale(self) -> float:
-        """Robust standard deviation of the residual [N m]."""
-        return robust_scale(self.residual[self.good])
 
     @property
     def rms(self) -> float:
@@ -64,9 +60,9 @@ def fit_settings(evidence: Evidence, start: Settings, free: Iterable[str], itera
         residual, good, _, jacobian, _ = _weighed(evidence, settings, states, names)
         if np.count_nonzero(good) < _FEWEST_SAMPLES:
             break
-        scale = robust_scale(residual[good])
+        scale = evidence.scale(residual[good])
         loss = _loss(evidence.left(settings, states), scale)
-        step = _step(jacobian[good], residual[good], damping)
+        step = _step(jacobian[good], residual[good], scale, damping)
         limited = _limited(names, step)
         trial = _moved(settings, names, limited)
         trial_states = evidence.states(trial)
@@ -79,7 +75,8 @@ def fit_settings(evidence: Evidence, start: Settings, free: Iterable[str], itera
             break
         else:
             damping = max(10.0 * damping, 1e-3)
-    return SettingsFit(settings, names, *_weighed(evidence, settings, states, names))
+    residual, good, *told = _weighed(evidence, settings, states, names)
+    return SettingsFit(settings, names, residual, good, *told, evidence.scale(residual[good]))
 
 
 def _weighed(
@@ -128,7 +125,7 @@ def slopes(evidence: Evidence, settings: Settings, states: States, names: tuple[
             step = _STEPS[name]
             ends = [settings.changed({name: getattr(settings, name) + side * step}) for side in (-1.0, 1.0)]
             low, high = (evidence.expected(end, evidence.states(end)) for end in ends)
-            columns.append((high - low) / (2.0 * step))
+            columns.append(np.where(states.near_jump, 0.0, (high - low) / (2.0 * step)))
         elif name == "gain":
             columns.append((evidence.expected(settings, states) - settings.offset_Nm) / settings.gain)
         elif name == "offset_Nm":
@@ -152,8 +149,8 @@ def _loss(left: tuple[FloatArray, BoolArray], scale: float) -> float:
     return float(np.mean(huber_loss(residual, scale)))
 
 
-def _step(jacobian: FloatArray, residual: FloatArray, damping: float) -> FloatArray:
-    weight = huber_weights(residual, robust_scale(residual))
+def _step(jacobian: FloatArray, residual: FloatArray, scale: float, damping: float) -> FloatArray:
+    weight = huber_weights(residual, scale)
     sizes = np.sqrt(np.mean(jacobian**2, axis=0)) + 1e-300
     scaled = jacobian / sizes
     normal = (scaled * weight[:, None]).T @ scaled
