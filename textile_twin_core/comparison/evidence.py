@@ -25,6 +25,7 @@ _WHOLE = 0.7
 """Of the usual weight of a block's samples, below which some are missing and the block does not count."""
 _WILD = 3.0
 """Root mean squares that count as a block's scale: only what lies beyond some of these is wild."""
+_PARTS = 16
 _RUN = 240
 """Samples that follow each other, of a record of which not all are taken in blocks."""
 
@@ -83,6 +84,7 @@ class Evidence:
     leaps: time [s] and size [rad] of leaps of the angle, of which the track ends or begins at one.
     at_ends_Nm: measured torques at an end of their sensor's range, which are not among the others.
     block_s: width of blocks (see `in_blocks`), or 0.
+    governed: the torque follows the speed, so that it makes no jump with the load.
     """
 
     time_s: FloatArray
@@ -93,6 +95,7 @@ class Evidence:
     leaps: tuple[tuple[float, float], ...] = ()
     at_ends_Nm: FloatArray = field(default_factory=lambda: np.empty(0))
     block_s: float = 0.0
+    governed: bool = False
     rest_rad_s: float = field(init=False)
     _seen: dict[tuple[float, float], tuple[FloatArray, FloatArray, FloatArray, BoolArray]] = field(
         init=False, repr=False, compare=False, default_factory=dict
@@ -118,14 +121,15 @@ class Evidence:
             turning = turning[np.linspace(0, turning.size - 1, most).astype(np.int64)]
         return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
 
-    def in_blocks(self) -> Evidence:
+    def in_blocks(self, governed: bool = False) -> Evidence:
         """The same to be weighed by means over a tenth of a turn at working speed instead of by samples.
 
         An acceleration is estimated with errors that grow with the square of the frequency and are largest where it
         leaps with the load. A mean weighed by a triangle holds it as a second difference of the angle at the
         triangle's ends, with none of them.
         """
-        return replace(self, block_s=TURN / _BLOCKS_A_TURN / abs(self.working_speed()))
+        width = TURN / _BLOCKS_A_TURN / abs(self.working_speed())
+        return replace(self, block_s=width, governed=governed)
 
     def weighed(self, values: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
         """What the fits weigh of values (m, k) at the samples, and where that counts: themselves, or means of blocks."""
@@ -162,8 +166,21 @@ class Evidence:
         terms = self.terms.at(theta, omega, alpha, rest)
         usable = good & (np.abs(omega) > 1.2 * rest) & np.isfinite(terms.total)
         near = self.terms.near_jump(theta, omega, _JUMP_GUARD_S)
+        if self.governed:
+            terms = self._with_mean_load(terms, theta, omega, alpha)
         # In a block both sides even out, and what a jump sets going must be there.
         return States(theta, omega, alpha, terms, usable if self.block_s else usable & ~near, near)
+
+    def _with_mean_load(self, terms: Terms, theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> Terms:
+        """Terms whose load is the mean over each sample's interval: a torque that follows the speed makes no jump."""
+        interval = float(np.median(np.diff(self.time_s)))
+        beside = np.flatnonzero(self.terms.near_jump(theta, omega, 0.5 * interval))
+        shift = interval * ((np.arange(_PARTS) + 0.5) / _PARTS - 0.5)
+        angles = (theta[beside, None] + omega[beside, None] * shift).ravel()
+        speeds, rates = np.repeat(omega[beside], _PARTS), np.repeat(alpha[beside], _PARTS)
+        load = terms.load.copy()
+        load[beside] = self.terms.at(angles, speeds, rates, 0.0).load.reshape(-1, _PARTS).mean(axis=1)
+        return replace(terms, load=load)
 
     def _at(self, delay_s: float, drift: float) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
         """The track at the instants of which the samples speak; kept once, since zeros are tried by dozens."""

@@ -76,7 +76,8 @@ class Explanation:
     @property
     def weighed(self) -> Evidence:
         """The evidence by which it was settled: in blocks with an inertia, which the acceleration's errors hide."""
-        return self.evidence.in_blocks() if INERTIA in self.fit.free else self.evidence
+        governed = self.governed_Nms != 0.0
+        return self.evidence.in_blocks(governed) if INERTIA in self.fit.free else self.evidence
 
     def is_simpler_than(self, other: Explanation) -> bool:
         """Whether it leaves less, or no more with fewer departures, and names an inertia or nothing."""
@@ -108,8 +109,7 @@ def explain(
     found = _explained(evidence, configured, encoder_turn_rad, ratios, free)
     if found is None:
         return None
-    blocks = evidence.in_blocks()
-    turning, delays = blocks.thinned(ALL_SAMPLES), (found.settings.delay_s, configured.delay_s)
+    turning, delays = evidence.in_blocks().thinned(ALL_SAMPLES), (found.settings.delay_s, configured.delay_s)
     rates = (torque_by_speed(turning, delay) for delay in delays)
     found = replace(found, governed_Nms=next((rate for rate in rates if rate), 0.0))
     if found.settings == configured:
@@ -117,10 +117,11 @@ def explain(
     # A motor's rotor or a flywheel that the file does not have looks like a wrong sensor.
     same = "zero_rad" if found.one_speed else "delay_s"
     names = tuple(name for name in (*free, INERTIA) if not (found.governed_Nms and name == same))
-    heavier = _explained(blocks, configured, encoder_turn_rad, ratios, names)
-    if heavier is None or not heavier.is_simpler_than(found):
+    heavier = _explained(evidence.in_blocks(found.governed_Nms != 0.0), configured, encoder_turn_rad, ratios, names)
+    if heavier is None:
         return found
-    return replace(heavier, governed_Nms=found.governed_Nms, evidence=evidence)
+    heavier = replace(heavier, governed_Nms=found.governed_Nms, evidence=evidence)
+    return heavier if heavier.is_simpler_than(found) else found
 
 
 def _explained(
