@@ -25,7 +25,8 @@ _WHOLE = 0.7
 """Of the usual weight of a block's samples, below which some are missing and the block does not count."""
 _WILD = 3.0
 """Root mean squares that count as a block's scale: only what lies beyond some of these is wild."""
-_PARTS = 16
+_PARTS = 32
+"""Of a sample's interval, over which the load is averaged."""
 _RUN = 240
 """Samples that follow each other, of a record of which not all are taken in blocks."""
 
@@ -66,7 +67,7 @@ class Settings:
 class States:
     """The shaft's states at the measured samples under some settings, (m,) each.
 
-    good: where they can be used. near_jump: where a jump of the load is too near to tell its side.
+    good: where they can be used. sudden: where a jump of the load is too near to tell its side.
     """
 
     theta: FloatArray
@@ -74,7 +75,7 @@ class States:
     alpha: FloatArray
     terms: Terms
     good: BoolArray
-    near_jump: BoolArray
+    sudden: BoolArray
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ class Evidence:
         return replace(self, block_s=width, governed=governed)
 
     def weighed(self, values: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
-        """What the fits weigh of values (m, k) at the samples, and where that counts: themselves, or means of blocks."""
+        """What the fits weigh of values (m, k) at the samples, and where it counts: themselves, or means of blocks."""
         if not self.block_s:
             return values, good
         place = (self.time_s - self.time_s[0]) / self.block_s
@@ -165,11 +166,12 @@ class Evidence:
         rest = 0.5 * settings.ratio * self.rest_rad_s
         terms = self.terms.at(theta, omega, alpha, rest)
         usable = good & (np.abs(omega) > 1.2 * rest) & np.isfinite(terms.total)
-        near = self.terms.near_jump(theta, omega, _JUMP_GUARD_S)
         if self.governed:
             terms = self._with_mean_load(terms, theta, omega, alpha)
+            return States(theta, omega, alpha, terms, usable, np.zeros_like(usable))
+        sudden = self.terms.near_jump(theta, omega, _JUMP_GUARD_S)
         # In a block both sides even out, and what a jump sets going must be there.
-        return States(theta, omega, alpha, terms, usable if self.block_s else usable & ~near, near)
+        return States(theta, omega, alpha, terms, usable if self.block_s else usable & ~sudden, sudden)
 
     def _with_mean_load(self, terms: Terms, theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> Terms:
         """Terms whose load is the mean over each sample's interval: a torque that follows the speed makes no jump."""

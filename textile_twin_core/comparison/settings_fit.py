@@ -13,6 +13,8 @@ from textile_twin_core.comparison.robust import huber_loss, huber_weights
 from textile_twin_core.comparison.shaft_track import TURN
 
 _STEPS = {"zero_rad": 1e-4, "delay_s": 1e-5, "drift": 1e-7}
+_WIDER = 20.0
+"""Steps of slopes are so much longer where the load is a mean over each sample's interval, which goes by parts."""
 _LONGEST = {"zero_rad": 0.15, "delay_s": 0.01, "drift": 1e-4}
 """Longest step of one iteration."""
 NONLINEAR = tuple(_STEPS)
@@ -75,8 +77,9 @@ def fit_settings(evidence: Evidence, start: Settings, free: Iterable[str], itera
             break
         else:
             damping = max(10.0 * damping, 1e-3)
-    residual, good, *told = _weighed(evidence, settings, states, names)
-    return SettingsFit(settings, names, residual, good, *told, evidence.scale(residual[good]))
+    residual, good, theta, jacobian, measured = _weighed(evidence, settings, states, names)
+    scale = evidence.scale(residual[good])
+    return SettingsFit(settings, names, residual, good, theta, jacobian, measured, scale)
 
 
 def _weighed(
@@ -122,10 +125,10 @@ def slopes(evidence: Evidence, settings: Settings, states: States, names: tuple[
     columns = []
     for name in names:
         if name in _STEPS:
-            step = _STEPS[name]
+            step = _STEPS[name] * (_WIDER if evidence.governed else 1.0)
             ends = [settings.changed({name: getattr(settings, name) + side * step}) for side in (-1.0, 1.0)]
             low, high = (evidence.expected(end, evidence.states(end)) for end in ends)
-            columns.append(np.where(states.near_jump, 0.0, (high - low) / (2.0 * step)))
+            columns.append(np.where(states.sudden, 0.0, (high - low) / (2.0 * step)))
         elif name == "gain":
             columns.append((evidence.expected(settings, states) - settings.offset_Nm) / settings.gain)
         elif name == "offset_Nm":

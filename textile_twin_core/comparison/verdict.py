@@ -209,6 +209,9 @@ def _inertia(e: Explanation) -> Cause:
         f"{away:.3g} +- {sigma:.2g} kg m2 turn with the shaft that are not in the model, as a motor's rotor or a"
         " flywheel: add them under main_shaft of bodies in the machine file"
     )
+    if e.governed_Nms:
+        each = 1e-3 * e.governed_Nms / e.settings.gain
+        text += f"; the torque follows the speed here, and {each:.2g} kg m2 less for each ms that it is late look alike"
     return Cause("unmodelled_inertia", text, away, sigma)
 
 
