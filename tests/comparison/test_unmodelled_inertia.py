@@ -11,6 +11,9 @@ from tests.generators.governed_motion import governed_motion
 from tests.generators.mill_recordings import Case, healthy, record
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Assessment, Readings, assess, calibrate, identify
+from textile_twin_core.comparison.evidence import Evidence
+from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.comparison.torque_terms import TorqueTerms
 
 ADDED_KGM2 = 0.05
 """Eight times the tufting machine's own inertia, three times the loom's largest."""
@@ -25,9 +28,11 @@ def planned(case: Case) -> Readings:
     return Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
 
 
-def governed(case: Case, gain_Nms: float, late_s: float = 0.0) -> Readings:
+def governed(
+    case: Case, gain_Nms: float, late_s: float = 0.0, speeds: tuple[float, float] = (9.0, 14.0)
+) -> Readings:
     """13 bits and torque at 1 kHz; noise of 0.05 N m, stamps wrong by 30 us."""
-    fine, angle, _, torque = governed_motion(case, gain_Nms, (9.0, 14.0))
+    fine, angle, _, torque = governed_motion(case, gain_Nms, speeds)
     rng = np.random.default_rng([1, 13])
     time, step = np.arange(0.1, 23.9, 0.001), 2.0 * np.pi / 2**13
     true = time + 3e-5 * rng.standard_normal(time.size)
@@ -72,6 +77,35 @@ def test_under_a_controller_of_the_speed_it_is_no_delay(machine: str) -> None:
     assert identified.parameters["added_inertia_kgm2"].value == pytest.approx(ADDED_KGM2, rel=0.04)
     lost = {each.name: each.text for each in identified.not_identifiable}
     assert "follows the speed" in lost["torque_sensor_delay_s"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gain_Nms", [2.0, 40.0])
+def test_thirty_times_the_own_inertia_is_told_where_the_acceleration_leaps_with_the_load(gain_Nms: float) -> None:
+    """Errors of the estimated acceleration, as torque, were larger than all that the machine's torque varies."""
+    case = replace(heavier("tufting"), added_inertia_kgm2=0.2)
+    found = assess(governed(case, gain_Nms), told_machine(case))
+    assert inertia(found) == pytest.approx(0.2, rel=0.02)
+    assert len(found.verdict) == 1
+    assert found.verdict[0].sigma < 0.005 and "for each ms" in found.verdict[0].text
+
+
+@pytest.mark.slow
+def test_at_one_speed_it_is_told_beside_zero_and_delay() -> None:
+    """A stiff controller's torque is late by as much as the inertia over its gain: 1.25 ms."""
+    case = heavier("loom")
+    (cause,) = assess(governed(case, 40.0, speeds=(14.0, 14.0)), told_machine(case)).verdict
+    assert cause.cause == "zero_or_delay" and "0.05 kg m2" in cause.text
+
+
+def test_a_shaft_that_turns_back_has_the_speed_of_its_way() -> None:
+    """Forth and back its angle goes through the same turns, whose mean speed is none."""
+    time = np.arange(0.0, 20.0, 0.002)
+    omega = np.where(time < 10.0, 14.0, -14.0)
+    theta = 14.0 * np.minimum(time, 20.0 - time)
+    track = ShaftTrack(time, theta, omega, np.zeros_like(time), 0.01)
+    terms = TorqueTerms(told_machine(heavier("loom")))
+    assert abs(Evidence(time, np.zeros_like(time), track, terms, 10.0).working_speed()) == pytest.approx(14.0, rel=0.01)
 
 
 @pytest.mark.slow
