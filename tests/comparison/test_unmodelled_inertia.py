@@ -28,9 +28,7 @@ def planned(case: Case) -> Readings:
     return Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
 
 
-def governed(
-    case: Case, gain_Nms: float, late_s: float = 0.0, speeds: tuple[float, float] = (9.0, 14.0)
-) -> Readings:
+def governed(case: Case, gain_Nms: float, late_s: float = 0.0, speeds: tuple[float, float] = (9.0, 14.0)) -> Readings:
     """13 bits and torque at 1 kHz; noise of 0.05 N m, stamps wrong by 30 us."""
     fine, angle, _, torque = governed_motion(case, gain_Nms, speeds)
     rng = np.random.default_rng([1, 13])
@@ -95,7 +93,7 @@ def test_at_one_speed_it_is_told_beside_zero_and_delay() -> None:
     """A stiff controller's torque is late by as much as the inertia over its gain: 1.25 ms."""
     case = heavier("loom")
     (cause,) = assess(governed(case, 40.0, speeds=(14.0, 14.0)), told_machine(case)).verdict
-    assert cause.cause == "zero_or_delay" and "0.05 kg m2" in cause.text
+    assert cause.cause == "zero_or_delay" and "0.05" in cause.text and "kg m2" in cause.text
 
 
 def test_a_shaft_that_turns_back_has_the_speed_of_its_way() -> None:

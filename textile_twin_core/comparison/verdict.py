@@ -160,7 +160,7 @@ def _or_inertia(e: Explanation, delay_s: float) -> str:
     inertia = e.governed_Nms * delay_s / e.settings.gain
     if not inertia > 0.0:
         return ""
-    return f", or {inertia:.2g} kg m2 that turn with it are not in the model: the torque follows the speed here"
+    return f", or {inertia:.2g} kg m2 that turn with it are not in the model, since the torque follows the speed here"
 
 
 def _zero_or_delay(e: Explanation) -> Cause:
@@ -170,10 +170,9 @@ def _zero_or_delay(e: Explanation) -> Cause:
         return _zero(e)
     delay = e.departure("delay_s") if "delay_s" in e.departing else zero / speed
     text = (
-        f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms; the shaft turns at one speed here,"
-        " a recording with a run-up would tell"
+        f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms{_or_inertia(e, delay)}; the shaft turns at one speed"
+        " here, a recording with a run-up would tell"
     )
-    text += _or_inertia(e, delay)
     return Cause("zero_or_delay", text, {"zero_rad": zero, "delay_s": delay}, sigma)
 
 
