@@ -171,8 +171,7 @@ def _zero_or_delay(e: Explanation) -> Cause:
     delay = e.departure("delay_s") if "delay_s" in e.departing else zero / speed
     text = (
         f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms{_or_inertia(e, delay)};"
-        " the shaft turns at one speed"
-        " here, a recording with a run-up would tell"
+        " the shaft turns at one speed here, a recording with a run-up would tell"
     )
     return Cause("zero_or_delay", text, {"zero_rad": zero, "delay_s": delay}, sigma)
 
