@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison import blocks
 from textile_twin_core.comparison.robust import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
@@ -20,15 +21,9 @@ REST_SHARE = 0.05
 _ONE_SPEED = 0.08
 _JUMP_GUARD_S = 0.001
 """Samples this near to a jump of the load cannot tell its side."""
-_BLOCKS_A_TURN, _SAMPLES_A_BLOCK = 10.0, 10.0
-_WHOLE = 0.7
-"""Of the usual weight of a block's samples, below which some are missing and the block does not count."""
-_WILD = 3.0
-"""Root mean squares that count as a block's scale: only what lies beyond some of these is wild."""
+_BLOCKS_A_TURN = 10.0
 _PARTS = 32
 """Of a sample's interval, over which the load is averaged."""
-_RUN = 240
-"""Samples that follow each other, of a record of which not all are taken in blocks."""
 
 
 @dataclass(frozen=True)
@@ -114,21 +109,13 @@ class Evidence:
             away = _mean_of_turn(theta[turning], omega[turning]) - self.working_speed()
             turning = turning[np.abs(away) < _ONE_SPEED * abs(self.working_speed())]
         if self.block_s and turning.size:
-            turning = turning[:: max(int(self.block_s / _SAMPLES_A_BLOCK / np.median(np.diff(self.time_s))), 1)]
-            runs = np.linspace(0, max(turning.size // _RUN - 1, 0), max(most // _RUN, 1)).astype(np.int64)
-            if turning.size > most:
-                turning = turning[(_RUN * np.unique(runs)[:, None] + np.arange(_RUN)).ravel()]
+            turning = turning[blocks.fewer(turning.size, self.block_s / float(np.median(np.diff(self.time_s))), most)]
         elif turning.size > most:
             turning = turning[np.linspace(0, turning.size - 1, most).astype(np.int64)]
         return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
 
     def in_blocks(self, governed: bool = False) -> Evidence:
-        """The same to be weighed by means over a tenth of a turn at working speed instead of by samples.
-
-        An acceleration is estimated with errors that grow with the square of the frequency and are largest where it
-        leaps with the load. A mean weighed by a triangle holds it as a second difference of the angle at the
-        triangle's ends, with none of them.
-        """
+        """The same to be weighed by means over a tenth of a turn at working speed instead of by samples."""
         width = TURN / _BLOCKS_A_TURN / abs(self.working_speed())
         return replace(self, block_s=width, governed=governed)
 
@@ -136,21 +123,11 @@ class Evidence:
         """What the fits weigh of values (m, k) at the samples, and where it counts: themselves, or means of blocks."""
         if not self.block_s:
             return values, good
-        place = (self.time_s - self.time_s[0]) / self.block_s
-        before = np.floor(place)
-        nodes, inverse = np.unique(np.concatenate([before, before + 1.0]), return_inverse=True)
-        share = np.concatenate([1.0 - (place - before), place - before]) * np.tile(good, 2)
-        weight = np.bincount(inverse, share, nodes.size)
-        columns = np.tile(np.where(good[:, None], values, 0.0), (2, 1)) * share[:, None]
-        sums = np.stack([np.bincount(inverse, column, nodes.size) for column in columns.T], axis=1)
-        whole = weight > _WHOLE * float(np.median(weight))
-        return sums / np.maximum(weight, 1e-300)[:, None], whole
+        return blocks.means((self.time_s - self.time_s[0]) / self.block_s, values, good)
 
     def scale(self, residual: FloatArray) -> float:
-        """Scale of Huber's loss for a residual (m,) as weighed: blocks with a jump scatter more and tell as much."""
-        if self.block_s:
-            return _WILD * float(np.sqrt(np.mean(residual**2))) + 1e-300
-        return robust_scale(residual)
+        """Scale of Huber's loss for a residual (m,) as weighed."""
+        return blocks.scale(residual) if self.block_s else robust_scale(residual)
 
     def left(self, settings: Settings, states: States) -> tuple[FloatArray, BoolArray]:
         """Measured less expected torque as the fits weigh it [N m], and where it counts."""
