@@ -79,19 +79,12 @@ class Explanation:
         governed = self.governed_Nms != 0.0
         return self.evidence.in_blocks(governed) if INERTIA in self.fit.free else self.evidence
 
-    def is_simpler_than(self, other: Explanation) -> bool:
-        """Whether it leaves less, or no more with fewer departures, and names an inertia or nothing."""
+    def is_better_than(self, other: Explanation) -> bool:
+        """Whether it leaves clearly less, and names an inertia or nothing."""
         fine = self.weighed.thinned(ALL_SAMPLES)
-        own, others = self.fit.rms**2, fit_settings(fine, other.fit.settings, other.fit.free).rms ** 2
-        worse = own / max(others, 1e-300)
-        simpler = worse < 1.0 / AS_GOOD or (worse < AS_GOOD and self._departures() < other._departures())
-        return (INERTIA in self.departing or not self.departing) and simpler
-
-    def _departures(self) -> int:
-        s, told = self.settings, self.configured
-        turned = (s.direction != told.direction, s.ratio != told.ratio)
-        others = (*turned, nearest_gain(s.gain, told.gain).gain != told.gain)
-        return len({*self.fit.free, *self.departing}) + sum(others)
+        others = fit_settings(fine, other.fit.settings, other.fit.free)
+        less = AS_GOOD * self.fit.rms**2 < others.rms**2
+        return less and (INERTIA in self.departing or not self.departing)
 
 
 def explain(
@@ -121,7 +114,7 @@ def explain(
     if heavier is None:
         return found
     heavier = replace(heavier, governed_Nms=found.governed_Nms, evidence=evidence)
-    return heavier if heavier.is_simpler_than(found) else found
+    return heavier if heavier.is_better_than(found) else found
 
 
 def _explained(
@@ -143,10 +136,6 @@ def _explained(
         late = _spare(fine, as_delay(fine, found[0].fit, configured, free), configured, encoder_turn_rad)
         if late.rms < fit.rms:
             fit = late
-    if INERTIA in free:
-        alone = _spare(fine, fit_settings(fine, configured, (INERTIA,)), configured, encoder_turn_rad)
-        # What departs beside an inertia must explain something that it does not.
-        fit = alone if alone.rms**2 < AS_GOOD * fit.rms**2 else fit
     at_rest = rest_reading(evidence, fit.settings)
     if at_rest is None and "constant_Nm" in fit.free and fit.settings.constant_Nm < -evidence.terms.coulomb_Nm:
         # What helps the shaft on is no friction.

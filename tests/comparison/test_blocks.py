@@ -1,0 +1,37 @@
+"""Means weighed by triangles: an acceleration in them is a second difference of the angle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from textile_twin_core.comparison import blocks
+
+WIDTH_S = 0.05
+
+
+def test_the_mean_of_an_acceleration_is_a_second_difference_of_the_angle() -> None:
+    time = np.arange(0.0, 2.0, 1e-4)
+    alpha = -81.0 * np.sin(9.0 * time + 0.3)
+    found, whole = blocks.means(time / WIDTH_S, alpha[:, None], np.ones(time.size, np.bool_))
+    nodes = WIDTH_S * np.arange(found.shape[0])
+    angle = np.sin(9.0 * (nodes[:, None] + WIDTH_S * np.array([-1.0, 0.0, 1.0])) + 0.3)
+    expected = (angle[:, 0] - 2.0 * angle[:, 1] + angle[:, 2]) / WIDTH_S**2
+    assert np.flatnonzero(~whole).tolist() == [0, found.shape[0] - 1]  # half a triangle at either end
+    assert found[whole, 0] == pytest.approx(expected[whole], abs=0.05)
+
+
+def test_a_block_of_which_samples_are_missing_does_not_count() -> None:
+    time = np.arange(0.0, 2.0, 1e-3)
+    good = (time < 0.98) | (time > 1.06)
+    found, whole = blocks.means(time / WIDTH_S, np.where(good, 1.0, np.nan)[:, None], good)
+    assert whole[2:18].all() and not whole[20:22].any() and whole[24:38].all()
+    assert found[whole, 0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("most", [2000, 8000])
+def test_fewer_samples_fill_blocks(most: int) -> None:
+    taken = blocks.fewer(100_000, 40.0, most)
+    assert 0.9 * most - 240 < taken.size <= most and taken[-1] < 100_000
+    assert np.median(np.diff(taken)) == 4.0
+    assert blocks.fewer(100, 5.0, most).tolist() == list(range(100))
