@@ -5,8 +5,8 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -22,44 +22,41 @@ RATE_HZ = 2000.0
 
 
 @contextmanager
-def fed(publisher: Publisher) -> Iterator[None]:
-    """Shaft angles go on meanwhile."""
+def meanwhile(work: Callable[[threading.Event], None]) -> Iterator[None]:
+    """Do something else until it is told to stop."""
     stop = threading.Event()
+    thread = threading.Thread(target=work, args=(stop,))
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
 
-    def feed() -> None:
+
+def fed(publisher: Publisher) -> AbstractContextManager[None]:
+    """Shaft angles go on meanwhile."""
+
+    def feed(stop: threading.Event) -> None:
         pace = Pace(stop)
         for number, (stamp, angle) in enumerate(zip(*shaft_angles(400_000, RATE_HZ), strict=True)):
             if not pace.wait_until(number / RATE_HZ):
                 return
             publisher.publish(joint_state(stamp, angle))
 
-    thread = threading.Thread(target=feed)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
+    return meanwhile(feed)
 
 
-@contextmanager
-def starved(program: Program) -> Iterator[None]:
+def starved(program: Program) -> AbstractContextManager[None]:
     """The program has a tenth of the time."""
-    stop = threading.Event()
 
-    def starve() -> None:
+    def starve(stop: threading.Event) -> None:
         while not stop.wait(0.01):
             program.process.send_signal(signal.SIGSTOP)
             stop.wait(0.09)
             program.process.send_signal(signal.SIGCONT)
 
-    thread = threading.Thread(target=starve)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
+    return meanwhile(starve)
 
 
 @pytest.mark.slow
