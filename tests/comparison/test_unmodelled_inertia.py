@@ -89,6 +89,16 @@ def test_thirty_times_the_own_inertia_is_told_where_the_acceleration_leaps_with_
 
 
 @pytest.mark.slow
+def test_beside_a_sign_that_is_reversed_both_are_told() -> None:
+    """A gain, the loads, friction and a zero of 144 degrees explain nearly as much of such a torque."""
+    case = replace(heavier("tufting"), added_inertia_kgm2=0.2)
+    readings = governed(case, 2.0)
+    sign, added = assess(replace(readings, torque=-readings.torque), told_machine(case)).verdict
+    assert (sign.cause, added.cause) == ("torque_sign", "unmodelled_inertia")
+    assert added.value == pytest.approx(0.2, rel=0.02)
+
+
+@pytest.mark.slow
 def test_at_one_speed_it_is_told_beside_zero_and_delay() -> None:
     """A stiff controller's torque is late by as much as the inertia over its gain: 1.25 ms."""
     case = heavier("loom")
