@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
@@ -63,12 +62,10 @@ def starved(program: Program) -> AbstractContextManager[None]:
 def test_a_twin_that_falls_behind_says_so_and_ends(suite: Suite) -> None:
     twin = suite.start("twin_node", f"rate_hz:={RATE_HZ}")
     node = suite.node()
-    said: list[tuple[float, bytes, str]] = []
+    said: list[tuple[bytes, str]] = []
 
     def hear(array: DiagnosticArray) -> None:
-        said.extend(
-            (time.monotonic(), s.level, s.message) for s in array.status if s.name == "twin_node: main_shaft/angle"
-        )
+        said.extend((s.level, s.message) for s in array.status if s.name == "twin_node: main_shaft/angle")
 
     node.create_subscription(DiagnosticArray, "/diagnostics", hear, RELIABLE)
     node.create_subscription(WrenchStamped, "balancing_torque/predicted_sigma", lambda _: None, RELIABLE)
@@ -76,17 +73,14 @@ def test_a_twin_that_falls_behind_says_so_and_ends(suite: Suite) -> None:
     twin.wait_for_words("predicting from")
     suite.spin_until(publisher.get_subscription_count, "twin")
     with fed(publisher):
-        suite.spin_until(lambda: said and said[-1][1] == DiagnosticStatus.OK, "health")
+        suite.spin_until(lambda: said and said[-1][0] == DiagnosticStatus.OK, "health")
         with starved(twin):
             suite.spin_until(
-                lambda: said[-1][1] == DiagnosticStatus.WARN and "late to its messages" in said[-1][2], "lateness"
+                lambda: said[-1][0] == DiagnosticStatus.WARN and "late to its messages" in said[-1][1], "lateness"
             )
             said.clear()
-            suite.spin_for(8.0)
-            assert len(said) >= 4, said
+            suite.spin_until(lambda: len(said) >= 4, "diagnostics that go on")
             assert twin.process.poll() is None
             twin.process.send_signal(signal.SIGTERM)
-            began = time.monotonic()
-            assert twin.wait() == 0
-            assert time.monotonic() - began < 20.0
+            assert twin.wait() == 0  # though it is fed on
     assert "Traceback" not in twin.words()
