@@ -80,11 +80,11 @@ class Explanation:
         return self.evidence.in_blocks(governed) if INERTIA in self.fit.free else self.evidence
 
     def is_better_than(self, other: Explanation) -> bool:
-        """Whether it leaves clearly less, and names an inertia or nothing."""
+        """Whether it names an inertia and leaves clearly less."""
         fine = self.weighed.thinned(ALL_SAMPLES)
         others = fit_settings(fine, other.fit.settings, other.fit.free)
         less = AS_GOOD * self.fit.rms**2 < others.rms**2
-        return less and (INERTIA in self.departing or not self.departing)
+        return INERTIA in self.departing and less
 
 
 def explain(
