@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import threading
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -176,16 +177,25 @@ def test_a_plc_that_refuses_predictions_and_begins_anew_gives_angles_all_the_sam
     bridge.wait_for_words("reading 127.0.0.1")
     twin = suite.node().create_publisher(WrenchStamped, "balancing_torque/predicted", RELIABLE)
     suite.spin_until(lambda: twin.get_subscription_count() == 2, "the bridge on predictions")
-    for number in [*range(500, 560), *range(1, 60)]:
+    given = 1  # the sample that was there
+    for number in [*range(500, 560), *range(1, 60)]:  # each waits for the one before, once the test hears the bridge
+        before = len(heard.angles)
         plc.set(14, [number])
+        given += 1
         twin.publish(WrenchStamped())
-        suite.spin_for(0.02)
+        if before:
+            suite.spin_until(lambda before=before: len(heard.angles) > before, f"sample {number}")
+        else:
+            suite.spin_for(0.1)
     bridge.wait_for_words("the PLC does not take register 200")
-    suite.spin_until(lambda: heard.told and "does not take" in heard.told[-1].message, "diagnostics")
-    counts = {entry.key: int(entry.value) for entry in heard.told[-1].values}
+
+    def counted() -> dict[str, int]:
+        return {entry.key: int(entry.value) for entry in heard.told[-1].values} if heard.told else Counter()
+
+    suite.spin_until(lambda: counted()["received"] + counted()["missed"] == given, "every sample in the diagnostics")
+    suite.spin_until(lambda: "does not take" in heard.told[-1].message, "the refusal in the diagnostics")
     assert heard.told[-1].level == DiagnosticStatus.WARN
-    assert counts["failures"] == 0
-    assert counts["received"] > 90 and counts["received"] + counts["missed"] <= 121
+    assert counted()["failures"] == 0
     assert len(heard.angles) > 90
     assert bridge.end() == 0
 
