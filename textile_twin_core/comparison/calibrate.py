@@ -167,7 +167,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
 
 def _final_fit(found: Explanation) -> SettingsFit:
     """All sensor settings that the record can tell, fitted to all of its samples."""
-    free = {*found.departing, "zero_rad", "gain"}
+    free = {*found.departing, "gain"} | ({"zero_rad"} if found.evidence.terms.has_zero else set())
     is_one = bool(found.governed_Nms) and INERTIA in free
     if found.one_speed:
         free -= {"zero_rad"} if is_one or "delay_s" in found.departing else {"delay_s"}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.by_turn import scores_by_turn
 from textile_twin_core.comparison.evidence import Evidence, Settings
 from textile_twin_core.comparison.governed import torque_by_speed
@@ -33,6 +34,8 @@ _SIGMAS = 4.0
 _LEAST = {"zero_rad": np.radians(0.3), "delay_s": 3e-4, "drift": 2e-5, "gain": 0.02, "load": 0.04}
 ALL_SAMPLES = 60_000
 """Samples of which the last fit takes all; of longer records it takes so many."""
+_SAME_EFFECT = 1e-9
+"""Share of the mean square of its slopes that others may fail to make up when they can carry all that it carries."""
 _FRICTION = ("constant_Nm", "viscous_Nms")
 INERTIA = "inertia_kgm2"
 _LEAST_TORQUE = 0.015  # of the measured torque's size, as torque
@@ -80,11 +83,23 @@ class Explanation:
         return self.evidence.in_blocks(governed) if INERTIA in self.fit.free else self.evidence
 
     def is_better_than(self, other: Explanation) -> bool:
-        """Whether it names an inertia and leaves clearly less."""
+        """Whether it names an inertia and leaves clearly less, or as little with fewer departures."""
+        if INERTIA not in self.departing:
+            return False
         fine = self.weighed.thinned(ALL_SAMPLES)
         others = fit_settings(fine, other.fit.settings, other.fit.free)
-        less = AS_GOOD * self.fit.rms**2 < others.rms**2
-        return INERTIA in self.departing and less
+        if AS_GOOD * self.fit.rms**2 < others.rms**2:
+            return True
+        return self.fit.rms**2 < AS_GOOD * others.rms**2 and self.departures < other.departures
+
+    @property
+    def departures(self) -> int:
+        """How many settings depart, discrete ones too; friction is one."""
+        s, told = self.settings, self.configured
+        near = nearest_gain(s.gain, told.gain)
+        discrete = (s.direction != told.direction, s.ratio != told.ratio, near.sign < 0, bool(near.unit))
+        friction = not set(_FRICTION).isdisjoint(self.departing)
+        return sum(discrete) + friction + len(set(self.departing).difference(_FRICTION))
 
 
 def explain(
@@ -216,31 +231,71 @@ def sigmas(fit: SettingsFit) -> dict[str, float]:
 def _spare(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_turn_rad: float) -> SettingsFit:
     """Put departures back to the configured values until every one that is left is needed.
 
-    One that is needed stays, however small: without it the others would carry what it carries.
+    One that is needed stays, however small: without it the others would carry what it carries. Of several that can
+    carry the same the one goes without which the fewest are needed.
     """
     while fit.free:
-        good = fit.good
-        jacobian, residual = fit.jacobian[good], fit.residual[good]
-        weight = huber_weights(residual, fit.scale)
-        normal = (jacobian * weight[:, None]).T @ jacobian
-        inverse = np.linalg.pinv(normal, rcond=1e-13, hermitian=True)
+        rise, together = _missed(fit, configured, encoder_turn_rad)
+        delta = _deltas(fit, configured, encoder_turn_rad)
         sigma = np.array(list(sigmas(fit).values()))
-        total = float(weight @ residual**2)
-        delta = np.array(
-            [_to_configured(name, fit.settings, configured, encoder_turn_rad) for name in fit.free], dtype=np.float64
-        )
-        rise = delta**2 / np.maximum(np.diag(inverse) * total, 1e-200)
-        small = np.array([abs(delta[k]) < _SIGMAS * sigma[k] or rise[k] < _WORTH for k, name in enumerate(fit.free)])
+        small = (np.abs(delta) < _SIGMAS * sigma) | (rise < _WORTH)
         if not small.any():
             break
+        idle = np.flatnonzero(rise < 0.1 * _WORTH)
+        if idle.size > 1 and together(idle) > _WORTH:
+            # Some share what is needed between them; the others of them go at once.
+            shared = [int(k) for k in idle if together(idle[idle != k]) < together(idle) - 0.1 * _WORTH]
+            gone = [int(k) for k in idle if int(k) not in shared]
+            if gone:
+                fit = _without(evidence, fit, gone, configured, encoder_turn_rad)
+                continue
+            tried = [_without(evidence, fit, [k], configured, encoder_turn_rad) for k in shared]
+            spared = [_spare(evidence, each, configured, encoder_turn_rad) for each in tried]
+            return min(spared, key=lambda each: (each.rms**2 > (1.0 + _WORTH) * fit.rms**2, len(each.free), each.rms))
         # The least missed goes first; the others may then carry what it carried.
         least = int(np.argmin(np.where(small, rise, np.inf)))
-        together = [int(k) for k in np.flatnonzero(small) if rise[k] < 0.1 * _WORTH] or [least]
-        gone = [fit.free[k] for k in together]
-        back = {name: _configured(name, fit.settings, configured, encoder_turn_rad) for name in gone}
-        start = fit.settings.changed(back)
-        fit = fit_settings(evidence, start, [name for name in fit.free if name not in gone])
+        fit = _without(evidence, fit, idle.tolist() or [least], configured, encoder_turn_rad)
     return fit
+
+
+def _without(
+    evidence: Evidence, fit: SettingsFit, gone: list[int], configured: Settings, encoder_turn_rad: float
+) -> SettingsFit:
+    """The fit with some of its departures, told by their places, put back."""
+    names = [fit.free[k] for k in gone]
+    back = {name: _configured(name, fit.settings, configured, encoder_turn_rad) for name in names}
+    return fit_settings(evidence, fit.settings.changed(back), [name for name in fit.free if name not in names])
+
+
+def _deltas(fit: SettingsFit, configured: Settings, encoder_turn_rad: float) -> FloatArray:
+    """By how much each freed setting departs (k,)."""
+    each = [_to_configured(name, fit.settings, configured, encoder_turn_rad) for name in fit.free]
+    return np.array(each, dtype=np.float64)
+
+
+def _missed(
+    fit: SettingsFit, configured: Settings, encoder_turn_rad: float
+) -> tuple[FloatArray, Callable[[IntArray], float]]:
+    """By which share the mean square rises without each departure (k,) alone, and without several together.
+
+    The others may carry what they can.
+    """
+    good = fit.good
+    jacobian, residual = fit.jacobian[good], fit.residual[good]
+    weight = huber_weights(residual, fit.scale)
+    size = np.sqrt(np.mean(jacobian**2, axis=0)) + 1e-300
+    scaled = jacobian / size
+    normal = (scaled * weight[:, None]).T @ scaled
+    normal[np.diag_indices_from(normal)] += _SAME_EFFECT * weight.sum()
+    inverse = np.linalg.inv(normal)
+    total = max(float(weight @ residual**2), 1e-300)
+    delta = _deltas(fit, configured, encoder_turn_rad) * size
+
+    def without(places: IntArray) -> float:
+        back = delta[places]
+        return float(back @ np.linalg.solve(inverse[np.ix_(places, places)], back)) / total
+
+    return delta**2 / np.diag(inverse) / total, without
 
 
 def _configured(name: str, settings: Settings, configured: Settings, encoder_turn_rad: float) -> float:

@@ -45,7 +45,9 @@ class BestFit:
 
 def what_can_vary(evidence: Evidence) -> tuple[str, ...]:
     """The continuous settings that this record can weigh at all, zero and delay as one where the speed is one."""
-    names = ["zero_rad", "drift", "gain", "constant_Nm"]
+    names = ["drift", "gain", "constant_Nm"]
+    if evidence.terms.has_zero:
+        names.insert(0, "zero_rad")
     if not evidence.track.at_one_speed:
         names += ["delay_s", "viscous_Nms"]
     if evidence.turns_both_ways():
@@ -76,24 +78,21 @@ def search(
                 configured, direction=direction * configured.direction, ratio=ratio * configured.ratio, zero_rad=0.0
             )
             starts += _zeros(fast, base, zero_beside(configured, base), solved)
-    hopeful = _hopeful(starts)
+    hopeful = _hopeful(starts, configured, encoder_turn_rad)
     phase = [name for name in free if name in _PHASE]
     hopeful = [fit_settings(fast, settings, phase, iterations=5).settings for settings in hopeful]
     if "delay_s" in free:
-        hopeful = _hopeful([_with_delay(coarse, settings, solved) for settings in hopeful])
+        late = [_with_delay(coarse, settings, solved) for settings in hopeful]
+        hopeful = _hopeful(late, configured, encoder_turn_rad)
     found = [BestFit(fit_settings(coarse, settings, free, iterations=12)) for settings in hopeful]
-    found = sorted((each for each in found if np.isfinite(each.square)), key=lambda each: each.square)
+    found = _likeliest([each for each in found if np.isfinite(each.square)], configured, encoder_turn_rad)
     if not found:
         return []
     fine = evidence.thinned()
     best = [BestFit(fit_settings(fine, each.fit.settings, free)) for each in _distinct(found)[:4]]
     if not varied:
         best = [replace(each, late=as_delay(fine, each.fit, configured, free)) for each in best]
-    least = min(each.square for each in best)
-    return sorted(
-        best,
-        key=lambda each: (each.square > AS_GOOD * least, _departures(each, configured, encoder_turn_rad), each.square),
-    )
+    return _likeliest(best, configured, encoder_turn_rad)
 
 
 def as_delay(evidence: Evidence, fit: SettingsFit, configured: Settings, free: tuple[str, ...]) -> SettingsFit:
@@ -106,21 +105,39 @@ def as_delay(evidence: Evidence, fit: SettingsFit, configured: Settings, free: t
     return fit_settings(evidence, start, ["delay_s" if name == "zero_rad" else name for name in free])
 
 
-def _hopeful(starts: list[tuple[float, Settings]]) -> list[Settings]:
-    """The settings of the few best starts, those first that leave the least."""
-    ranked = sorted(starts, key=lambda start: start[0])
-    return [settings for square, settings in ranked[:_MOST_STARTS] if square <= _HOPEFUL * ranked[0][0] + 1e-300]
+def _likeliest(found: list[BestFit], configured: Settings, encoder_turn_rad: float) -> list[BestFit]:
+    """Those first that explain the record best, of those that are as good those with the fewest departures."""
+    each = [(one.square, one.fit.settings) for one in found]
+    return [found[k] for k in _order(each, configured, encoder_turn_rad)]
+
+
+def _hopeful(starts: list[tuple[float, Settings]], configured: Settings, encoder_turn_rad: float) -> list[Settings]:
+    """The settings of the few best starts, the likeliest first."""
+    ranked = [starts[k] for k in _order(starts, configured, encoder_turn_rad)]
+    most = _HOPEFUL * min(square for square, _ in starts) + 1e-300
+    return [settings for square, settings in ranked[:_MOST_STARTS] if square <= most]
+
+
+def _order(tried: list[tuple[float, Settings]], configured: Settings, encoder_turn_rad: float) -> list[int]:
+    """Places of mean squares and their settings, the likeliest first: where nothing tells them apart, as configured."""
+    least = min((square for square, _ in tried), default=0.0)
+
+    def rank(place: int) -> tuple[bool, int, float]:
+        square, settings = tried[place]
+        return square > AS_GOOD * least, _departures(settings, configured, encoder_turn_rad), square
+
+    return sorted(range(len(tried)), key=rank)
 
 
 def _zeros(
     coarse: Evidence, base: Settings, configured_zero: float, solved: tuple[str, ...]
 ) -> list[tuple[float, Settings]]:
     """The best zeros of a hypothesis, and their mean squares."""
-    zeros = np.append(TURN * np.arange(_ZEROS) / _ZEROS, configured_zero)
+    others = TURN * np.arange(_ZEROS) / _ZEROS if coarse.terms.has_zero else np.empty(0)
+    zeros = np.append(others, configured_zero)
     found = (_square(coarse, replace(base, zero_rad=float(zero)), solved) for zero in zeros)
-    tried = sorted(found, key=lambda each: each[0])
     kept: list[tuple[float, Settings]] = []
-    for square, settings in tried:
+    for square, settings in sorted(found, key=lambda each: each[0]):
         apart = [abs(np.remainder(settings.zero_rad - k.zero_rad + np.pi, TURN) - np.pi) for _, k in kept]
         if np.isfinite(square) and all(d > 2.5 * TURN / _ZEROS for d in apart):
             kept.append((square, settings))
@@ -136,7 +153,8 @@ def _with_delay(coarse: Evidence, settings: Settings, solved: tuple[str, ...]) -
     best = (np.inf, settings)
     for late in np.linspace(-longest, longest, 2 * _DELAYS + 1):
         delay = settings.delay_s + float(late)
-        trial = replace(settings, delay_s=delay, zero_rad=settings.zero_rad - speed * float(late))
+        zero = settings.zero_rad - speed * float(late) if coarse.terms.has_zero else settings.zero_rad
+        trial = replace(settings, delay_s=delay, zero_rad=zero)
         best = min(best, _square(coarse, trial, solved), key=lambda each: each[0])
     return best
 
@@ -185,7 +203,6 @@ def zero_departure(settings: Settings, configured: Settings, encoder_turn_rad: f
     return float(np.remainder(apart + 0.5 * period, period) - 0.5 * period)
 
 
-def _departures(found: BestFit, configured: Settings, encoder_turn_rad: float) -> int:
-    s = found.fit.settings
+def _departures(s: Settings, configured: Settings, encoder_turn_rad: float) -> int:
     apart = abs(zero_departure(s, configured, encoder_turn_rad))
     return sum((s.direction != configured.direction, s.ratio != configured.ratio, s.gain < 0.0, apart > 0.05))

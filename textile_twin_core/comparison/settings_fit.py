@@ -102,20 +102,25 @@ def linear_start(evidence: Evidence, start: Settings, names: tuple[str, ...]) ->
     good, columns = states.good, {**_parts(states), "offset_Nm": np.ones_like(states.omega)}
     base = start.changed({name: 0.0 for name in linear if name != "gain"})
     torque = evidence.expected(replace(base, gain=1.0, offset_Nm=0.0), states)
-    free_gain = "gain" in linear
-    matrix = [torque] if free_gain else []
+    free_gain, others = "gain" in linear, [name for name in linear if name != "gain"]
     # With the gain fixed the parts are weighed as the sensor shows them.
     weigh = 1.0 if free_gain else start.gain
-    matrix += [columns[name] * (1.0 if name == "offset_Nm" else weigh) for name in linear if name != "gain"]
+    matrix = [torque] if free_gain else []
+    matrix += [columns[name] * (1.0 if name == "offset_Nm" else weigh) for name in others]
     target = evidence.torque_Nm - (0.0 if "offset_Nm" in linear else start.offset_Nm)
     if not free_gain:
         target = target - start.gain * torque
     told, good = evidence.weighed(np.stack([*matrix, target], axis=1), good)
-    found = np.linalg.lstsq(told[good, :-1], told[good, -1], rcond=1e-10)[0].tolist()
-    gain = found.pop(0) if free_gain else start.gain
+    matter, target = told[good, :-1], told[good, -1]
+    within = {name: 1.0 if name == "offset_Nm" or not free_gain else start.gain for name in others}
+    first = np.array([start.gain] * free_gain + [within[name] * getattr(start, name) for name in others])
+    # Where several could carry the same they stay near the start.
+    size = np.sqrt(np.mean(matter**2, axis=0)) + 1e-300 if target.size else np.ones(first.size)
+    found = first + np.linalg.lstsq(matter / size, target - matter @ first, rcond=1e-10)[0] / size
+    gain = float(found[0]) if free_gain else start.gain
     if gain == 0.0:
         return start
-    values = dict(zip([name for name in linear if name != "gain"], found, strict=True))
+    values = dict(zip(others, found[len(found) - len(others) :].tolist(), strict=True))
     scaled = {name: value if name == "offset_Nm" or not free_gain else value / gain for name, value in values.items()}
     return start.changed({**scaled, "gain": gain})
 

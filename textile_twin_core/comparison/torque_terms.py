@@ -39,7 +39,7 @@ class Terms:
 class TorqueTerms:
     """Evaluates the parts for one machine; sensors play no part in it.
 
-    rest_rad_s: below this speed the shaft counts as at rest, where friction is not defined.
+    has_load: a load beside the shaft's friction acts. has_zero: the torque depends on the shaft's angle.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -50,7 +50,9 @@ class TorqueTerms:
         self._twin = compile_machine(
             replace(machine, loads=others), ["torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm"]
         )
-        self.has_load = bool(others) and self._load_acts(machine.shaft_angles(720))
+        angles = machine.shaft_angles(720)
+        self.has_load = bool(others) and self._load_acts(angles)
+        self.has_zero = self._depends_on(angles)
         jumps = load_jumps(compile_machine(machine, ["balancing_torque_Nm"]))
         self._jumps = np.sort(np.mod(np.asarray(jumps, dtype=np.float64), TURN))
 
@@ -60,6 +62,12 @@ class TorqueTerms:
         found = self._twin.evaluate(theta, omega, np.zeros_like(theta))
         load, *own = (np.nanmax(np.abs(found[f"torque_{name}_Nm"])) for name in ("load", "inertial", "gravity"))
         return bool(load > _ROUNDING * max(own))
+
+    def _depends_on(self, angles: FloatArray) -> bool:
+        """Whether the torque depends on the shaft's angle; that of a rotor without a linkage does not."""
+        speed = np.full_like(angles, _SPEED_RAD_S)
+        torque = self.at(angles, speed, speed**2, 0.0).total
+        return bool(np.ptp(torque) > _ROUNDING * np.max(np.abs(torque)))
 
     def at(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray, rest_rad_s: float) -> Terms:
         """The parts at states (n,)."""
