@@ -94,7 +94,7 @@ def _print(found: Calibration) -> None:
     if found.rms_beside_Nm < _MUCH_LESS * found.rms_after_Nm:
         rows += [("  friction, loads fitted", f"{found.rms_beside_Nm:.4g} N m; the file has them as before: identify")]
     rows += [("was wrong", cause.text) for cause in found.assessment.verdict]
-    rows += [("not told", f"{each.text}; it takes {each.recording}") for each in found.ambiguous]
+    rows += [("not told", f"{each.text}; {each.recording}") for each in found.ambiguous]
     rows += [("note", note) for note in found.assessment.notes]
     print_rows(rows)
 

@@ -35,12 +35,12 @@ _MOST_LEFT = 0.5
 """Share of the RMS error that an encoder or a sensor turned round may leave at most: else it explains nothing."""
 _JUDGED = 0.8
 """Share of all work at which the verdict is there."""
-_FREE_REST = "a few seconds with the shaft at rest, the machine unclamped"
+_FREE_REST = "it takes a few seconds with the shaft at rest, the machine unclamped"
 
 
 @dataclass(frozen=True)
 class Ambiguity:
-    """What a recording cannot tell apart: the settings, in words, and the recording that could."""
+    """What a recording cannot tell apart: the settings, in words, and what would tell."""
 
     between: tuple[str, ...]
     text: str
@@ -256,7 +256,7 @@ def _ambiguous(
             Ambiguity(
                 ("zero_rad", "torque.delay_s"),
                 f"at one speed a zero is a delay; all of it was taken as {kept}",
-                "a run-up, a coast-down or two speeds that differ by a fifth",
+                "it takes a run-up, a coast-down or two speeds that differ by a fifth",
             )
         )
     if found.governed_Nms:
@@ -266,7 +266,7 @@ def _ambiguous(
                 ("torque.delay_s", "inertia"),
                 "where the torque follows the speed, a delay looks like a rotor or a flywheel that the file does not"
                 f" have; all of it was taken as {kept}",
-                "none under this controller; one that holds the speed more stiffly tells them apart better",
+                "no recording under this controller tells; one that holds the speed more stiffly tells better",
             )
         )
     if not found.rest_tells and not found.evidence.turns_both_ways():
@@ -291,7 +291,7 @@ def _ambiguous(
             Ambiguity(
                 ("torque.gain", "load"),
                 "a gain of the torque sensor looks like stronger loads; those of the machine file were taken as right",
-                "several speeds up to the highest, or some turns without the load",
+                "it takes several speeds up to the highest, or some turns without the load",
             )
         )
     if assessment.unit.wrapped and ratio < 0.75:
@@ -301,7 +301,7 @@ def _ambiguous(
                 ("zero_rad",),
                 f"the encoder turns {parts} times in a turn of the shaft and begins anew each time: this zero holds"
                 " until it is switched off",
-                "none; use an encoder on the shaft itself, or one that counts its turns",
+                "no recording tells; use an encoder on the shaft itself, or one that counts its turns",
             )
         )
     if assessment.repeating_Nm:
@@ -310,7 +310,15 @@ def _ambiguous(
                 ("zero_rad", "torque.gain", "torque.delay_s", "masses", "joint_friction"),
                 f"up to {assessment.repeating_Nm:.2g} N m that repeat with the shaft's angle are left: wrong masses or"
                 " friction of a joint look like this, and in part like these settings, whose intervals do not hold it",
-                "none; weigh the links, declare friction of joints and every load, then calibrate again",
+                "no recording tells; weigh the links, declare friction of joints and every load, then calibrate again",
+            )
+        )
+    if not found.evidence.terms.has_zero:
+        ambiguous.append(
+            Ambiguity(
+                ("zero_rad",),
+                "the torque of this machine does not depend on the shaft's angle: the zero stays as configured",
+                "no recording tells",
             )
         )
     for other in found.others:
@@ -318,8 +326,8 @@ def _ambiguous(
         ambiguous.append(
             Ambiguity(
                 ("direction", "torque.sign"),
-                f"direction {s.direction:+d} with a torque gain of {s.gain:+.3g} explains the recording as well",
-                "a run-up, whose acceleration has a direction",
+                f"direction {s.direction:+d}, ratio {s.ratio:.4g} and a torque gain of {s.gain:+.3g} do as well",
+                "a recording with another speed, or at rest, would tell",
             )
         )
     return ambiguous

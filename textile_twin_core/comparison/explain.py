@@ -251,7 +251,7 @@ def _spare(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_t
                 continue
             tried = [_without(evidence, fit, [k], configured, encoder_turn_rad) for k in shared]
             spared = [_spare(evidence, each, configured, encoder_turn_rad) for each in tried]
-            return min(spared, key=lambda each: (each.rms**2 > (1.0 + _WORTH) * fit.rms**2, len(each.free), each.rms))
+            return min(spared, key=lambda each: (each.rms**2 > AS_GOOD * fit.rms**2, len(each.free), each.rms))
         # The least missed goes first; the others may then carry what it carried.
         least = int(np.argmin(np.where(small, rise, np.inf)))
         fit = _without(evidence, fit, idle.tolist() or [least], configured, encoder_turn_rad)

@@ -46,7 +46,7 @@ from textile_twin_core.comparison.unmodelled import UnmodelledTorque, unmodelled
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 
-GIVEN_UP_FIRST = (OFFSET, ZERO, "shaft_viscous_Nms", "added_inertia_kgm2", "free_force_N", DELAY)
+GIVEN_UP_FIRST = (OFFSET, ZERO, GAIN, "shaft_viscous_Nms", "added_inertia_kgm2", "free_force_N", DELAY)
 """The order in which parameters are given up whose effects look the same."""
 _WRONG_FIRST = ("encoder_direction", "encoder_ratio", "angle_unit", "angle_rate", "torque_sign", "torque_unit")
 _ALL_SAMPLES = 40_000

@@ -150,7 +150,10 @@ def _is_turn_of_encoder(e: Explanation, zero_rad: float) -> bool:
 
 def _delay(e: Explanation) -> Cause:
     away, sigma = e.departure("delay_s"), e.sigma["delay_s"]
-    text = f"the torque lags by {away * 1e3:.2f} +- {sigma * 1e3:.2f} ms more than the machine file says"
+    size = f"{abs(away) * 1e3:.2f} +- {sigma * 1e3:.2f} ms"
+    text = f"the torque lags by {size} {'more' if away >= 0.0 else 'less'} than the machine file says"
+    if e.settings.delay_s < 0.0:
+        text += ", so it leads: stamped too early, or commanded and not measured"
     text += _or_inertia(e, away)
     return Cause("delay", text, away, sigma)
 

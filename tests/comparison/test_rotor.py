@@ -1,0 +1,94 @@
+"""A rotor without a linkage: gain, inertia and friction carry the same torque, and no angle is told from another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from textile_twin_core.comparison import Readings, assess, calibrate, identify
+from textile_twin_core.machine import Machine
+
+INERTIA_KGM2, VISCOUS_NMS, COULOMB_NM = 9.6e-4, 2e-3, 0.065
+
+
+def machine(folder: Path, inertia: float = 1.0, friction: float = 1.0) -> Machine:
+    """The rotor with shares of its inertia and of its friction."""
+    path = folder / "rotor.yaml"
+    path.write_text(
+        "points: {O: [0, 0]}\n"
+        "groups: [{type: crank, name: rotor, at: O, end: A, length_m: 0.01}]\n"
+        f"bodies: {{rotor: {{mass_kg: 0, inertia_kgm2: {inertia * INERTIA_KGM2:.9e}}}}}\n"
+        f"loads: [{{type: shaft_friction, viscous_Nms: {friction * VISCOUS_NMS:.9e}"
+        f", coulomb_Nm: {friction * COULOMB_NM:.9e}}}]\n"
+        "gravity_m_s2: [0, 0]\n"
+    )
+    return ttc.load_machine(path)
+
+
+def readings(seed: int, gain: float = 1.0) -> Readings:
+    """Twelve strokes of six turns to and fro with constant accelerations and rests, 16 bits and torque at 1 kHz."""
+    top, rise = 60.0, 0.15083
+    rate = top / rise
+    legs = [(rise, rate), (0.48137, 0.0), (rise, -rate), (0.29771, 0.0)]  # leaps at no sample's own time
+    plan = [(length, way * acceleration) for way in 6 * (1.0, -1.0) for length, acceleration in legs]
+    ends = np.cumsum([0.5, *(length for length, _ in plan)])
+    acceleration = np.array([0.0, *(value for _, value in plan)])
+    fine = np.arange(0.0, ends[-1], 1e-5)
+    alpha = acceleration[np.minimum(np.searchsorted(ends, fine, side="right"), acceleration.size - 1)]
+    omega = np.concatenate([[0.0], np.cumsum(alpha[:-1]) * 1e-5])
+    omega[np.abs(omega) < 1e-6 * top] = 0.0
+    theta = np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1])) * 1e-5])
+    torque = INERTIA_KGM2 * alpha + VISCOUS_NMS * omega + COULOMB_NM * np.sign(omega)
+    rng = np.random.default_rng([seed, 51])
+    samples = slice(0, None, 100)
+    stamps = np.rint(fine[samples] * 1e9).astype(np.int64)
+    step = 2.0 * np.pi / 2**16
+    shown = gain * torque[samples] + 0.003 * rng.standard_normal(stamps.size)
+    return Readings(stamps, np.rint(theta[samples] / step) * step, stamps, shown)
+
+
+def test_as_it_is_nothing_is_accused(tmp_path: Path) -> None:
+    found = assess(readings(1), machine(tmp_path))
+    assert not found.verdict and found.explained > 0.99
+
+
+@pytest.mark.parametrize("share", [0.5, 0.2, 0.05])
+def test_an_inertia_that_the_file_lacks_is_no_gain_with_less_friction(tmp_path: Path, share: float) -> None:
+    """Both explain the torque to the last digit; one thing is likelier than three."""
+    (cause,) = assess(readings(2), machine(tmp_path, inertia=share)).verdict
+    assert cause.cause == "unmodelled_inertia" and isinstance(cause.value, float)
+    assert cause.value == pytest.approx((1.0 - share) * INERTIA_KGM2, abs=4.0 * cause.sigma)
+    assert cause.sigma < 0.01 * INERTIA_KGM2
+
+
+def test_a_gain_is_no_inertia_with_more_friction(tmp_path: Path) -> None:
+    (cause,) = assess(readings(3, gain=1.25), machine(tmp_path)).verdict
+    assert cause.cause == "torque_gain" and cause.value == pytest.approx(1.25, abs=4.0 * cause.sigma)
+
+
+def test_friction_that_the_file_lacks_is_no_gear(tmp_path: Path) -> None:
+    """With the friction free a gear is a gain."""
+    (cause,) = assess(readings(4), machine(tmp_path, friction=0.0)).verdict
+    assert cause.cause == "unmodelled_friction"
+    assert cause.value == pytest.approx(COULOMB_NM + 60.0 * VISCOUS_NMS, rel=0.05)
+
+
+def test_no_zero_is_told(tmp_path: Path) -> None:
+    found = calibrate(readings(5), machine(tmp_path))
+    assert found.zero_rad.value == 0.0
+    assert any(each.between == ("zero_rad",) and "does not depend" in each.text for each in found.ambiguous)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.05])
+def test_the_gain_stays_and_inertia_and_friction_are_told(tmp_path: Path, share: float) -> None:
+    found = identify(readings(6), machine(tmp_path, inertia=share, friction=share))
+    assert "torque_sensor_gain" in {each.name for each in found.not_identifiable}
+    true = {"added_inertia_kgm2": (1.0 - share) * INERTIA_KGM2, "shaft_viscous_Nms": VISCOUS_NMS}
+    true["shaft_coulomb_Nm"] = COULOMB_NM
+    for name, value in true.items():
+        told = found.parameters[name]
+        assert told.value == pytest.approx(value, abs=4.0 * told.sigma), name
+        assert told.sigma < 0.03 * max(value, INERTIA_KGM2), name
