@@ -128,6 +128,14 @@ class Suite:
         self._claim.close()
 
 
+def wait_until(condition: Callable[[], object], what: str) -> None:
+    """Wait until something holds; fail after PATIENCE_S."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, f"{what}: not within {PATIENCE_S} s"
+        time.sleep(0.02)
+
+
 class Program:
     """One process, with what it says in a file."""
 
@@ -191,9 +199,10 @@ def write_bag(path: Path, stamps: Any, angles: Any, torques: Any | None = None) 
     return path
 
 
-def recorded(path: Path) -> int:
-    """Messages of a recording that is being written, 0 while nothing of it is on the disk."""
+def recorded(path: Path, topic: str | None = None) -> int:
+    """Messages of a recording that is being written, or of one topic; 0 while nothing of it is on the disk."""
     try:
-        return open_bag(path).message_count
+        bag = open_bag(path)
+        return bag.message_count if topic is None else bag.topics[topic].count
     except Exception:  # none yet, or half a file
         return 0
