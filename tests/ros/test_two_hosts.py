@@ -104,7 +104,8 @@ def test_encoder_and_twin_on_two_computers(
     twin.wait_for_words("predicting from")
     machine = at_machine.start("shaft_node", "rate_hz:=200.0")
     # It turns until enough has come: how soon two computers find each other is their affair.
-    wait_until(lambda: recorded(tmp_path / "bag", "/balancing_torque/predicted") > 400, "predictions")
+    topics = ("/main_shaft/angle", "/balancing_torque/predicted")
+    wait_until(lambda: all(recorded(tmp_path / "bag", topic) > 400 for topic in topics), "angles and predictions")
     assert machine.end() == twin.end() == recorder.end() == 0
     bag = open_bag(tmp_path / "bag")
     angles, predicted = bag.read_angles().stamps, bag.read_torques("balancing_torque/predicted").stamps
