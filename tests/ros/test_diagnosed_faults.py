@@ -70,6 +70,11 @@ FAULTS: dict[str, tuple[Callable[[int], JointState], str]] = {
 }
 
 
+def received(status: DiagnosticStatus) -> int:
+    """How many messages of its topic a status speaks of."""
+    return next(int(entry.value) for entry in status.values if entry.key == "received")
+
+
 class Feeder:
     """Publishes at the pace of a machine from a thread of its own."""
 
@@ -118,7 +123,9 @@ def test_every_fault_is_told(suite: Suite) -> None:
             heard.clear()
             feeder.sample = sample
             suite.spin_until(lambda words=words: fits(words), f"diagnostics of '{name}'")  # type: ignore[misc]
-            assert len(heard) <= 2, (name, [status.message for status in heard])
+            # By the second, or on a busy computer, which comes late to samples, the second that has seen enough of them.
+            silent_over = received(heard[-2]) - received(heard[0]) if len(heard) > 2 else 0
+            assert silent_over < 0.75 * RATE_HZ, (name, [status.message for status in heard])
         feeder.sample = healthy
         second = node.create_publisher(JointState, "main_shaft/angle", RELIABLE)
         suite.spin_until(lambda: fits("2 publishers"), "diagnostics of two publishers")
