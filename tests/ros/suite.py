@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import rclpy
@@ -25,6 +25,7 @@ from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_ros.spinning import create_executor
 
 PATIENCE_S = 60.0
+_T = TypeVar("_T")
 _DOMAINS = itertools.count(os.getpid())
 
 
@@ -128,12 +129,13 @@ class Suite:
         self._claim.close()
 
 
-def wait_until(condition: Callable[[], object], what: str) -> None:
-    """Wait until something holds; fail after PATIENCE_S."""
+def wait_until(condition: Callable[[], _T | None], what: str) -> _T:
+    """Wait until something holds, and return it; fail after PATIENCE_S."""
     deadline = time.monotonic() + PATIENCE_S
-    while not condition():
+    while not (held := condition()):
         assert time.monotonic() < deadline, f"{what}: not within {PATIENCE_S} s"
         time.sleep(0.02)
+    return held
 
 
 class Program:

@@ -123,7 +123,7 @@ def test_every_fault_is_told(suite: Suite) -> None:
             heard.clear()
             feeder.sample = sample
             suite.spin_until(lambda words=words: fits(words), f"diagnostics of '{name}'")  # type: ignore[misc]
-            # By the second, or on a busy computer, which comes late to samples, the second that has seen enough of them.
+            # By the second, or on a busy computer, which comes late to samples, the second that has seen some.
             silent_over = received(heard[-2]) - received(heard[0]) if len(heard) > 2 else 0
             assert silent_over < 0.75 * RATE_HZ, (name, [status.message for status in heard])
         feeder.sample = healthy

@@ -63,6 +63,18 @@ def test_publishers_are_told_by_their_names_which_may_come_late(suite: Suite, mo
     assert "2 publishers give /torque: /drive, /mill/old;" in source.status().message
 
 
+def test_the_rate_is_that_of_the_last_second(suite: Suite, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(diagnostics, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    watch = InputWatch(suite.node(), "/angle", lambda: 2.0, lambda: "nobody publishes there")
+    told = []
+    for look in range(12):
+        now[0] += 0.5
+        watch.took(50 if look < 6 else 100)
+        told.append(watch.status("angle", {}).message)
+    assert told[3:6] == ["100.0 Hz"] * 3 and told[8:] == ["200.0 Hz"] * 4
+
+
 def test_silence_that_lasts_is_told_ever_more_seldom(
     suite: Suite, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
