@@ -301,7 +301,7 @@ with BagWriter(sys.argv[1], live=True) as out:
 
 
 def test_a_killed_live_recording_loses_a_second_at_most(tmp_path: Path) -> None:
-    """By a clock of its own, which goes on by a millisecond with each message: when the second second is over, all of it is there."""
+    """By a clock of its own, a millisecond further with each message; it is killed after the flush of the second second."""
     killed = subprocess.run([sys.executable, "-c", _KILLED, str(tmp_path / "b")], env=os.environ)
     assert killed.returncode == -signal.SIGKILL
     opened = open_bag(tmp_path / "b")
