@@ -301,7 +301,7 @@ with BagWriter(sys.argv[1], live=True) as out:
 
 
 def test_a_killed_live_recording_loses_a_second_at_most(tmp_path: Path) -> None:
-    """By a clock of its own, a millisecond further with each message; it is killed after the flush of the second second."""
+    """By a clock of its own, a millisecond further with each message; killed after the second flush."""
     killed = subprocess.run([sys.executable, "-c", _KILLED, str(tmp_path / "b")], env=os.environ)
     assert killed.returncode == -signal.SIGKILL
     opened = open_bag(tmp_path / "b")
