@@ -129,7 +129,7 @@ def test_configuring_that_fails_leaves_no_topics(suite: Suite) -> None:
     assert not suite.call(node, ChangeState, "twin_node/change_state", request).success
     assert "no output 'needle'" in twin.words()
     suite.spin_for(0.5)
-    assert not node.count_publishers("balancing_torque/predicted")
+    suite.spin_until(lambda: not node.count_publishers("balancing_torque/predicted"), "end of the publisher")
     assert twin.end() == 0
 
 
