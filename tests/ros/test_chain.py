@@ -46,6 +46,7 @@ def play_through(suite: Suite, bag: Path, rate: float, *twin_parameters: str) ->
         "queue_s:=20.0",
     )
     twin = suite.start("twin_node", f"wait_for:={json.dumps(OUTPUTS)}", "qos_depth:=20000", *twin_parameters)
+    twin.wait_for_words("predicting from")
     replay = suite.start(
         "replay_node", f"bag:={bag}", f"rate:={rate}", 'wait_for:=["main_shaft/angle=2", "balancing_torque/measured=2"]'
     )

@@ -49,6 +49,7 @@ def test_live_view_is_written(suite: Suite) -> None:
     outputs = ("predicted", "predicted_sigma", "residual")
     wanted = ", ".join(f'"balancing_torque/{name}"' for name in outputs)
     twin = suite.start("twin_node", f'wait_for:=[{wanted}, "joint_states"]')
+    twin.wait_for_words("predicting from")
     replay = suite.start("replay_node", f"bag:={bag}", 'wait_for:=["main_shaft/angle", "balancing_torque/measured=2"]')
     assert replay.wait() == 0, suite.words()
     # What it still holds when it is told to end is drawn, too.
