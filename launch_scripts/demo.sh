@@ -15,8 +15,8 @@ cd "$root"
 played=bags/tufting_160rpm_synthetic # also in demo.yaml
 rm -rf out/demo
 mkdir -p out/demo
-# Nobody else's nodes join in: this computer only, and a domain of our own.
-export ROS_DOMAIN_ID="$((1 + $$ % 100))" ROS_LOG_DIR="$root/out/demo/log/ros"
+# Nobody else's nodes join in: this computer only, and a domain of our own, beyond those up to 101 that others choose.
+export ROS_DOMAIN_ID="$((215 + $$ % 16))" ROS_LOG_DIR="$root/out/demo/log/ros"
 
 echo "Playing $played at $rate times its speed through replay_node, twin_node and record_node ..."
 echo "(the twin's loops are compiled first, about a minute once on a computer; log: out/demo/log)"

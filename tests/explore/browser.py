@@ -18,6 +18,7 @@ from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.remote.webelement import WebElement
 
+PATIENCE_S = 120.0
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 FLAGS = (
     "--headless",
@@ -84,6 +85,7 @@ class Page:
         if downloads is not None:
             options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})
         self.driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+        self.driver.set_script_timeout(PATIENCE_S)
 
     def close(self) -> None:
         self.driver.quit()
@@ -117,13 +119,13 @@ class Page:
     def text(self, selector: str) -> str:
         return self.find(selector).text
 
-    def until(self, holds: Callable[[], object], seconds: float = 40.0) -> None:
+    def until(self, holds: Callable[[], object], seconds: float = PATIENCE_S) -> None:
         end = time.monotonic() + seconds
         while not holds():
             assert time.monotonic() < end, "the page did not come to what was waited for"
             time.sleep(0.03)
 
-    def answered(self, act: Callable[[], object], seconds: float = 40.0) -> None:
+    def answered(self, act: Callable[[], object], seconds: float = PATIENCE_S) -> None:
         """Act, and wait for the page to show an answer."""
         before = self.states
         act()

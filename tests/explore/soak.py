@@ -61,7 +61,6 @@ class Soak:
     def __init__(self, page: Page, server: int, link: Wire, address: str, names: tuple[str, ...]) -> None:
         self.page, self.server, self.link, self.names = page, server, link, names
         self.moves = 0
-        page.driver.set_script_timeout(120)
         page.open(address)
         self.tabs = [page.driver.current_window_handle]
         page.driver.switch_to.new_window("tab")
@@ -76,7 +75,7 @@ class Soak:
             for name in self.names:
                 if name.replace("_", " ") not in page.driver.title:
                     page.find(f"#machine option[value={name}]").click()
-                    page.until(lambda name=name: name.replace("_", " ") in page.driver.title, 120.0)
+                    page.until(lambda name=name: name.replace("_", " ") in page.driver.title)
                 page.answered(lambda: page.find("#pin").click())
                 self.moves += page.driver.execute_async_script(_MOVES, MACHINES[name], moves)
                 page.answered(lambda: page.find("#undo").click())

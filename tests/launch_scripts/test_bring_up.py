@@ -67,8 +67,8 @@ def test_failure_of_one_ends_all_and_is_told_with_its_last_words(tmp_path: Path)
 
 
 def test_only_the_essential_one_takes_the_others_with_it(tmp_path: Path) -> None:
-    failing = ["bash", "-c", "echo 'view: no port'  >&2; exit 2"]
-    essential = ["sh", "-c", "sleep 0.5; exit 3"]
+    failing = ["bash", "-c", f"echo 'view: no port'  >&2; touch {tmp_path}/told; exit 2"]
+    essential = ["sh", "-c", f"until [ -e {tmp_path}/told ]; do sleep 0.01; done; sleep 0.5; exit 3"]
     command = [sys.executable, str(BRING_UP), "--essential", "sh", "--", *essential, "---", *failing]
     started = time.monotonic()
     done = subprocess.run(command, capture_output=True, text=True)

@@ -199,18 +199,18 @@ class Judge:
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """An alarm after so long."""
+    """An alarm after so long of this process's own time: another's does not make a recording slow."""
 
     def ring(_number: int, _frame: FrameType | None) -> None:
-        raise AssertionError(f"not done within {seconds:g} s")
+        raise AssertionError(f"not done within {seconds:g} s of processor time")
 
-    handler = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    handler = signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, handler)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, handler)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import rclpy
@@ -25,6 +25,7 @@ from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_ros.spinning import create_executor
 
 PATIENCE_S = 60.0
+_T = TypeVar("_T")
 _DOMAINS = itertools.count(os.getpid())
 
 
@@ -128,6 +129,15 @@ class Suite:
         self._claim.close()
 
 
+def wait_until(condition: Callable[[], _T | None], what: str) -> _T:
+    """Wait until something holds, and return it; fail after PATIENCE_S."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not (held := condition()):
+        assert time.monotonic() < deadline, f"{what}: not within {PATIENCE_S} s"
+        time.sleep(0.02)
+    return held
+
+
 class Program:
     """One process, with what it says in a file."""
 
@@ -191,9 +201,10 @@ def write_bag(path: Path, stamps: Any, angles: Any, torques: Any | None = None) 
     return path
 
 
-def recorded(path: Path) -> int:
-    """Messages of a recording that is being written, 0 while nothing of it is on the disk."""
+def recorded(path: Path, topic: str | None = None) -> int:
+    """Messages of a recording that is being written, or of one topic; 0 while nothing of it is on the disk."""
     try:
-        return open_bag(path).message_count
+        bag = open_bag(path)
+        return bag.message_count if topic is None else bag.topics[topic].count
     except Exception:  # none yet, or half a file
         return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from types import SimpleNamespace
 
@@ -14,7 +15,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tests.ros.suite import RELIABLE, Suite
 from textile_twin_core.recordings.message_types import WRENCH
-from textile_twin_ros import diagnostics, sample_inputs
+from textile_twin_ros import diagnostics, endpoints, sample_inputs
 from textile_twin_ros.diagnostics import OK, STALE, WARN, DiagnosticsPublisher, InputWatch, Status
 from textile_twin_ros.endpoints import describe_publishers
 
@@ -61,6 +62,25 @@ def test_publishers_are_told_by_their_names_which_may_come_late(suite: Suite, mo
     assert "2 publishers give /torque: /drive, a publisher not known by name yet;" in source.status().message
     seen[1] = TopicEndpointInfo(node_name="old", node_namespace="/mill", topic_type=WRENCH)
     assert "2 publishers give /torque: /drive, /mill/old;" in source.status().message
+
+
+def test_who_has_just_started_may_not_know_yet_who_publishes(suite: Suite, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = suite.node()
+    for started, words in ((math.inf, "no publisher found there yet"), (-math.inf, "nobody publishes there")):
+        monkeypatch.setattr(endpoints, "_STARTED", started)
+        assert describe_publishers(node, "torque", WRENCH) == words
+
+
+def test_the_rate_is_that_of_the_last_second(suite: Suite, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(diagnostics, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    watch = InputWatch(suite.node(), "/angle", lambda: 2.0, lambda: "nobody publishes there")
+    told = []
+    for look in range(12):
+        now[0] += 0.5
+        watch.took(50 if look < 6 else 100)
+        told.append(watch.status("angle", {}).message)
+    assert told[3:6] == ["100.0 Hz"] * 3 and told[8:] == ["200.0 Hz"] * 4
 
 
 def test_silence_that_lasts_is_told_ever_more_seldom(

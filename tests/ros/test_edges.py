@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -56,13 +57,20 @@ def test_edges_and_current_live_as_offline(suite: Suite, tmp_path: Path) -> None
     heard: dict[str, list[WrenchStamped]] = {"predicted": [], "residual": []}
     for name, messages in heard.items():
         node.create_subscription(WrenchStamped, f"balancing_torque/{name}", messages.append, RELIABLE)
+    said: list[str] = []
+    node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda array: said.extend(status.message for status in array.status if status.name == "twin_node: outputs"),
+        RELIABLE,
+    )
     angle = node.create_publisher(Header, "main_shaft/angle", RELIABLE)
     index = node.create_publisher(Header, "main_shaft/index", RELIABLE)
     torque = node.create_publisher(JointState, "balancing_torque/measured", RELIABLE)
     told = (*TOLD, "index:=true", "torque_type:=joint_state", f"torque_unit_Nm:={UNIT_NM}")
     suite.start("twin_node", *told, "wait_for:=[balancing_torque/predicted]")
     suite.spin_until(lambda: all(p.get_subscription_count() for p in (angle, index, torque)), "the twin")
-    suite.spin_for(0.5)  # until it has heard of the torque's publisher
+    suite.spin_until(lambda: said and "residual" in said[-1], "residuals, once it has heard of the torque's publisher")
     template = HeaderTemplate("main_shaft")
     events = [(stamp, angle) for stamp in teeth] + [(stamp, index) for stamp in pulses]
     for stamp, publisher in sorted(events, key=lambda event: event[0]):

@@ -45,6 +45,7 @@ def test_a_fault_is_on_the_diagnostics(suite: Suite) -> None:
         told.extend(state.message for state in message.status if state.name == "monitor_node: faults")
 
     listener.create_subscription(DiagnosticArray, "/diagnostics", take, RELIABLE)
+    suite.spin_until(lambda: told, "the monitor")
     waits = 'wait_for:=["main_shaft/angle", "balancing_torque/measured"]'
     replay = suite.start("replay_node", f"bag:={bag}", waits, "rate:=4.0")
     assert replay.wait() == 0, suite.words()

@@ -6,6 +6,7 @@ import asyncio
 import socket
 import threading
 from collections.abc import Coroutine, Iterator
+from concurrent.futures import Future
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -19,7 +20,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 
 from tests.ros.bridged import Bridged
-from tests.ros.suite import RELIABLE, SECOND_NS, Suite
+from tests.ros.suite import PATIENCE_S, RELIABLE, SECOND_NS, Suite
 from tests.ros.test_live_topics import stamp_of
 from textile_twin_ros.opcua_values import Values
 
@@ -47,9 +48,13 @@ class Plc:
         self._thread.start()
         self.call(self._start())
 
-    def call(self, work: Coroutine[Any, Any, Any], timeout_s: float = 30.0) -> Any:
-        """Do something in the server's thread."""
-        return asyncio.run_coroutine_threadsafe(work, self._loop).result(timeout_s)
+    def begin(self, work: Coroutine[Any, Any, Any]) -> Future[Any]:
+        """Do something in the server's thread; what tells when it is done."""
+        return asyncio.run_coroutine_threadsafe(work, self._loop)
+
+    def call(self, work: Coroutine[Any, Any, Any]) -> Any:
+        """Do something in the server's thread, and wait until it is done."""
+        return self.begin(work).result(PATIENCE_S)
 
     async def _start(self) -> None:
         self.server = Server()
@@ -81,7 +86,7 @@ class Plc:
         if self._thread.is_alive():
             self.call(self._end())
             self._loop.call_soon_threadsafe(self._loop.stop)
-            self._thread.join(10.0)
+            self._thread.join(PATIENCE_S)
 
 
 def angle(number: int) -> float:
@@ -119,9 +124,20 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
     twin = suite.start("twin_node", "wait_for:=[balancing_torque/predicted]")
     bridge.wait_for_words("reading opc.tcp")
     twin.wait_for_words("predicting from")
-    suite.spin_until(lambda: node.count_subscribers("main_shaft/angle") == 2, "the twin on the bridge's topic")
-    suite.spin_for(0.5)
-    for heard in (angles, torques):
+    first = round(START.timestamp()) * SECOND_NS
+
+    def all_here(number: int) -> bool:
+        """Whether this sample has come, with its torque and its prediction."""
+        stamp = first + number * round(SECOND_NS / RATE_HZ)
+        return all(heard and stamp_of(heard[-1]) == stamp for heard in (angles, torques, predicted))
+
+    before = -3600 * round(RATE_HZ)
+    while not predicted or not torques:  # until all have found each other
+        before += 1
+        plc.call(plc.cycle(before))
+        suite.spin_for(1.0 / RATE_HZ)
+    suite.spin_until(lambda: all_here(before), "the samples before")
+    for heard in (angles, torques, predicted):
         heard.clear()  # type: ignore[attr-defined]
 
     async def turn() -> None:
@@ -129,12 +145,9 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
             await plc.cycle(number)
             await asyncio.sleep(1.0 / RATE_HZ)
 
-    shaft = threading.Thread(target=plc.call, args=(turn(),))
-    shaft.start()
-    suite.spin_until(lambda: not shaft.is_alive(), "the PLC's program")
-    suite.spin_until(lambda: len(angles) >= SAMPLES and len(torques) >= SAMPLES, "every sample")
-    suite.spin_until(lambda: predicted and stamp_of(predicted[-1]) == stamp_of(angles[-1]), "every prediction")
-    first = round(START.timestamp()) * SECOND_NS
+    shaft = plc.begin(turn())
+    suite.spin_until(shaft.done, "the PLC's program")
+    suite.spin_until(lambda: all_here(SAMPLES - 1), "every sample")
     expected = [first + number * round(SECOND_NS / RATE_HZ) for number in range(SAMPLES)]
     assert [stamp_of(message) for message in angles] == expected
     assert [stamp_of(message) for message in torques] == expected
@@ -195,15 +208,32 @@ def test_a_server_that_refuses_predictions_gives_angles_all_the_same(suite: Suit
     bridge.wait_for_words("reading opc.tcp")
     twin = suite.node().create_publisher(WrenchStamped, "balancing_torque/predicted", RELIABLE)
     suite.spin_until(lambda: twin.get_subscription_count() == 2, "the bridge on predictions")
-    for number in range(120):
-        plc.call(plc.cycle(number))
+    begin, given = round(START.timestamp()) * SECOND_NS, [0]
+
+    def give() -> None:
+        """The next sample, and a prediction."""
+        given.append(given[-1] + 1)
+        plc.call(plc.cycle(given[-1]))
         twin.publish(WrenchStamped())
-        suite.spin_for(0.02)
+
+    def shown() -> list[int]:
+        return [(stamp_of(message) - begin) * round(RATE_HZ) // SECOND_NS for message in heard.angles]
+
+    def wait_for_it() -> None:
+        suite.spin_until(lambda: shown()[-1] == given[-1], f"sample {given[-1]}")
+
+    while not heard.angles or shown()[-1] < 0:  # until the bridge knows that it is heard
+        give()
+        suite.spin_for(0.05)
+    wait_for_it()
+    for _ in range(100):
+        give()
+        wait_for_it()
     bridge.wait_for_words("the server does not take 'i=2267'")
     suite.spin_until(lambda: heard.told and "does not take" in heard.told[-1].message, "diagnostics")
     assert heard.told[-1].level == DiagnosticStatus.WARN
     assert {entry.key: entry.value for entry in heard.told[-1].values}["failures"] == "0"
-    assert len(heard.angles) > 100
+    assert shown()[-100:] == given[-100:]
     assert bridge.end() == 0
 
 

@@ -47,12 +47,12 @@ def fed(publisher: Publisher) -> AbstractContextManager[None]:
 
 
 def starved(program: Program) -> AbstractContextManager[None]:
-    """The program has a tenth of the time."""
+    """The program has a tenth of the time, and comes back to messages that have waited for long each time."""
 
     def starve(stop: threading.Event) -> None:
-        while not stop.wait(0.01):
+        while not stop.wait(0.2):
             program.process.send_signal(signal.SIGSTOP)
-            stop.wait(0.09)
+            stop.wait(1.8)
             program.process.send_signal(signal.SIGCONT)
 
     return meanwhile(starve)

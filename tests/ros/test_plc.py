@@ -20,7 +20,8 @@ from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from tests.ros.bridged import Bridged
-from tests.ros.suite import RELIABLE, SECOND_NS, Suite
+from tests.ros.suite import PATIENCE_S, RELIABLE, SECOND_NS, Suite, wait_until
+from tests.ros.test_live_topics import stamp_of
 from textile_twin_core.errors import SceneError
 from textile_twin_ros.plc_registers import Register, Registers
 
@@ -38,15 +39,15 @@ class Plc:
         self._started = threading.Event()
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
-        assert self._started.wait(10.0)
+        assert self._started.wait(PATIENCE_S)
         self._program = ModbusTcpClient("127.0.0.1", port=self.port)
-        assert self._program.connect()
+        wait_until(self._program.connect, "the server")
 
     def _serve(self) -> None:
         async def serve() -> None:
             registers = SimData(0, count=64, values=0, datatype=DataType.REGISTERS)
             self._server = ModbusTcpServer(SimDevice(1, [registers]), address=("127.0.0.1", self.port))
-            self._loop.call_later(0.1, self._started.set)
+            self._loop.call_soon(self._started.set)
             await self._server.serve_forever()
 
         self._loop.run_until_complete(serve())
@@ -64,8 +65,8 @@ class Plc:
         if not self._thread.is_alive():
             return
         self._program.close()
-        asyncio.run_coroutine_threadsafe(self._server.shutdown(), self._loop).result(10.0)
-        self._thread.join(10.0)
+        asyncio.run_coroutine_threadsafe(self._server.shutdown(), self._loop).result(PATIENCE_S)
+        self._thread.join(PATIENCE_S)
 
 
 @pytest.fixture
@@ -93,6 +94,7 @@ def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
         "sequence:=14:uint16",
         "predicted:=40:float32",
         "rate_hz:=500.0",
+        "timeout_s:=20.0",
     )
     twin = suite.start("twin_node")
     bridge.wait_for_words("reading 127.0.0.1")
@@ -110,13 +112,23 @@ def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
 
     counts = (np.arange(5000) * 0.0838 / (2 * np.pi) * 2**20).astype(int) % 2**20
     loads = np.float32(10.0 * np.sin(np.arange(5000) * 0.0838))
+
+    def shown(number: int) -> bool:
+        """Whether the latest angle is that of a cycle."""
+        return bool(angles) and round(angles[-1].position[0] * 2**20 / (2 * np.pi)) == counts[number]
+
+    def all_here(cycles: int) -> bool:
+        """Whether the bridge accounts for every cycle and the sample before them, and the latest has come whole."""
+        latest = {stamp_of(heard[-1]) if heard else None for heard in (angles, torques, predicted)}
+        accounted = bool(told) and counted()["received"] + counted()["missed"] == 1 + cycles
+        return accounted and shown(cycles - 1) and len(latest) == 1
+
     first = 0
     while not predicted:  # until all have found each other
         cycle(first)
         first += 1
         suite.spin_for(1.0 / RATE_HZ)
-    told.clear()
-    suite.spin_until(lambda: told, "diagnostics")
+    suite.spin_until(lambda: all_here(first), "the first samples")
     before = counted()
     for heard in (angles, torques, predicted):
         heard.clear()  # type: ignore[attr-defined]
@@ -133,19 +145,20 @@ def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
     shaft.start()
     try:
         suite.spin_until(lambda: not shaft.is_alive(), "the PLC's program")
-        total = before["received"] + before["missed"] + SAMPLES
-        suite.spin_until(
-            lambda: counted()["received"] + counted()["missed"] == total or counted()["failures"], "every sample"
-        )
-        suite.spin_until(lambda: len(predicted) >= len(angles), "every prediction")
+        suite.spin_until(lambda: all_here(first + SAMPLES), "every sample")
     finally:
         stop.set()
     # A busy computer may ask too late for one: then it says so, and only then is one missing.
     missed = counted()["missed"] - before["missed"]
-    assert len(angles) == len(torques)
-    if not counted()["failures"]:  # a connection that broke down: what the PLC counted meanwhile is not known
-        assert len(angles) == SAMPLES - missed and missed <= 0.2 * SAMPLES
-    place = {int(counts[number]): number for number in range(first, first + SAMPLES)}
+    assert len(angles) == len(torques) == SAMPLES - missed and counted()["failures"] == 0
+    # A program that waits for each of its samples misses none.
+    end = first + SAMPLES + 50
+    for number in range(first + SAMPLES, end):
+        cycle(number)
+        suite.spin_until(lambda number=number: shown(number), f"sample {number}")
+    suite.spin_until(lambda: all_here(end), "every sample of it")
+    assert counted()["missed"] - before["missed"] == missed and len(angles) == SAMPLES - missed + 50
+    place = {int(counts[number]): number for number in range(first, end)}
     numbers = [place[round(m.position[0] * 2**20 / (2 * np.pi))] for m in angles]
     assert numbers == sorted(set(numbers))
     np.testing.assert_allclose([m.wrench.torque.z for m in torques], 0.5 * loads[numbers].astype(float), rtol=1e-12)
@@ -172,31 +185,45 @@ def test_a_plc_that_refuses_predictions_and_begins_anew_gives_angles_all_the_sam
     """It has no register 200; its program, started once more, counts its samples from one on."""
     plc.set(14, [499])
     heard = Bridged(suite.node(), "plc_node: plc")
-    words = ["sequence:=14:uint16", "predicted:=200:float32", "rate_hz:=200.0"]
+    words = ["sequence:=14:uint16", "predicted:=200:float32", "rate_hz:=200.0", "timeout_s:=20.0"]
     bridge = suite.start("plc_node", "host:=127.0.0.1", f"port:={plc.port}", "angle:=10:uint32", *words)
     bridge.wait_for_words("reading 127.0.0.1")
     twin = suite.node().create_publisher(WrenchStamped, "balancing_torque/predicted", RELIABLE)
     suite.spin_until(lambda: twin.get_subscription_count() == 2, "the bridge on predictions")
-    given = 1  # the sample that was there
-    for number in [*range(500, 560), *range(1, 60)]:  # each waits for the one before, once the test hears the bridge
-        before = len(heard.angles)
-        plc.set(14, [number])
-        given += 1
+    given = [499]
+
+    def give(number: int) -> None:
+        """A sample whose angle is its number, and a prediction."""
+        given.append(number)
+        plc.set(10, [0, number, 0, 0, number])
         twin.publish(WrenchStamped())
-        if before:
-            suite.spin_until(lambda before=before: len(heard.angles) > before, f"sample {number}")
-        else:
-            suite.spin_for(0.1)
+
+    def shown() -> list[int]:
+        return [round(message.position[0] * 65536 / (2 * np.pi)) for message in heard.angles]
+
+    def wait_for_it() -> None:
+        suite.spin_until(lambda: shown()[-1] == given[-1], f"sample {given[-1]}")
+
+    while not heard.angles:  # until the bridge knows that it is heard
+        give(given[-1] + 1)
+        suite.spin_for(0.05)
+    wait_for_it()
+    both = [*range(given[-1] + 1, given[-1] + 61), *range(1, 60)]
+    for number in both:
+        give(number)
+        wait_for_it()
     bridge.wait_for_words("the PLC does not take register 200")
 
     def counted() -> dict[str, int]:
         return {entry.key: int(entry.value) for entry in heard.told[-1].values} if heard.told else Counter()
 
-    suite.spin_until(lambda: counted()["received"] + counted()["missed"] == given, "every sample in the diagnostics")
+    suite.spin_until(
+        lambda: counted()["received"] + counted()["missed"] == len(given), "every sample in the diagnostics"
+    )
     suite.spin_until(lambda: "does not take" in heard.told[-1].message, "the refusal in the diagnostics")
     assert heard.told[-1].level == DiagnosticStatus.WARN
     assert counted()["failures"] == 0
-    assert len(heard.angles) > 90
+    assert shown()[-len(both) :] == both
     assert bridge.end() == 0
 
 

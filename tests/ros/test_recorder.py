@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from tests.ros.suite import RELIABLE, SECOND_NS, Suite, recorded, shaft_angles, write_bag
+from tests.ros.suite import RELIABLE, SECOND_NS, Suite, recorded, shaft_angles, wait_until, write_bag
 from tests.ros.test_live_topics import joint_state, stamp_of
 from textile_twin_core.recordings import open_bag
 from textile_twin_ros.endpoints import latched_qos
@@ -159,15 +159,22 @@ def test_a_recorder_that_stood_still_says_so(suite: Suite) -> None:
             publisher.publish(String(data="so"))
             suite.spin_for(0.05)
 
+    def standstills() -> list[float]:
+        words = re.findall(r"no processor time for (\d+\.\d) s .*messages of that time are missing", recorder.words())
+        return [float(seconds) for seconds in words]
+
     suite.spin_until(publisher.get_subscription_count, "recorder")
     publish(1.0)
-    assert "no processor time" not in recorder.words()
     recorder.process.send_signal(signal.SIGSTOP)
     publish(1.8)
     recorder.process.send_signal(signal.SIGCONT)
-    publish(1.5)
-    assert re.findall(r"no processor time for \d\.\d s .*messages of that time are missing", recorder.words())
-    assert any(level == DiagnosticStatus.WARN and "no processor time" in text for level, text in told)
+    suite.spin_until(lambda: standstills() and max(standstills()) >= 1.7, "words of the log")
+    suite.spin_until(
+        lambda: any(level == DiagnosticStatus.WARN and "no processor time" in text for level, text in told),
+        "diagnostics",
+    )
+    # A busy computer may stop it, too, and every process waits for a little now and then: that is not told.
+    assert min(standstills()) > 1.2
     assert recorder.end() == 0
 
 
@@ -176,7 +183,7 @@ def test_a_recorder_without_data_says_so(suite: Suite) -> None:
         "record_node", f"bag:={suite.folder / 'empty'}", "topics:=[main_shaft/angle]", "no_data_timeout_s:=0.3"
     )
     recorder.wait_for_words("no data to record")
-    assert "/main_shaft/angle: no publisher found there yet" in recorder.words()
+    assert re.search("/main_shaft/angle: (no publisher found there yet|nobody publishes there)", recorder.words())
     assert recorder.end() == 0
     assert open_bag(suite.folder / "empty").message_count == 0
 
@@ -195,15 +202,17 @@ def test_repetition_goes_on_in_time(suite: Suite) -> None:
     clocks: list[int] = []
     node.create_subscription(Clock, "/clock", lambda m: clocks.append(m.clock.sec * SECOND_NS + m.clock.nanosec), 10)
     node.create_subscription(JointState, "main_shaft/angle", heard.append, RELIABLE)
-    suite.spin_until(lambda: len(heard) >= 250, "two repetitions")
+    suite.spin_until(lambda: len(heard) >= 250 and clocks, "two repetitions")
     assert replay.end() == 0
+    # What a busy test has not come to yet is still there.
+    suite.spin_until(lambda: abs(clocks[-1] - stamp_of(heard[-1])) < SECOND_NS, "a clock that goes with the messages")
     times = np.array([stamp_of(message) for message in heard])
     period = 2_000_000
     np.testing.assert_array_equal(times[:100], stamps)
     np.testing.assert_allclose(np.diff(times), period, atol=2)
     np.testing.assert_array_equal([message.position[0] for message in heard[100:200]], angles)
     assert (np.diff(clocks) > 0).all()
-    assert stamps[0] <= clocks[0] and abs(clocks[-1] - times[-1]) < SECOND_NS
+    assert stamps[0] <= clocks[0] and clocks[-1] > stamps[-1]
 
 
 @pytest.mark.slow
@@ -217,10 +226,15 @@ def test_recorders_side_by_side_keep_their_own_machine_each(suite: Suite) -> Non
     recorders = [
         suite.start("record_node", f"folder:={folder}", remaps=[f"__ns:={space}"]) for space in (*spaces, "/machine_3")
     ]
-    node = suite.node()
-    suite.spin_until(lambda: all("recording to" in recorder.words() for recorder in recorders), "recorders")
-    suite.spin_until(lambda: node.count_subscribers("/main_shaft/angle") == 1, "the first recorder's subscription")
-    suite.spin_for(2.5)
+    for recorder in recorders:
+        recorder.wait_for_words("recording to")
+
+    def holds_enough(path: Path) -> bool:
+        space = next((s for s in spaces[1:] if s.strip("/").replace("/", "_") in path.name), "").rstrip("/")
+        angles, torques = f"{space}/main_shaft/angle", f"{space}/balancing_torque/measured"
+        return recorded(path, angles) > 200 and bool(recorded(path, torques) and recorded(path, "/diagnostics"))
+
+    wait_until(lambda: all(map(holds_enough, folder.iterdir())), "enough of every machine")
     for program in (*recorders, *machines):
         assert program.end() == 0, program.words()
     bags = [open_bag(path) for path in sorted(folder.iterdir())]
@@ -250,36 +264,49 @@ def test_nothing_is_kept_where_nothing_came(suite: Suite) -> None:
 def test_publishers_that_come_later_are_heard_however_they_offer(suite: Suite) -> None:
     """A driver that is started again with the quality of service of a sensor, and a latched topic that no longer is."""
     reliable, latched, sensor = QoSProfile(depth=100), latched_qos(), qos_profile_sensor_data
-    recorder = suite.start("record_node", f"bag:={suite.folder / 'all'}", "types:=[told=std_msgs/msg/String]")
+    everything = suite.folder / "all"
+    recorder = suite.start("record_node", f"bag:={everything}", "types:=[told=std_msgs/msg/String]")
     recorder.wait_for_words("recording to")
     node = suite.node()
-    for topic, first, second in (
-        ("driver", reliable, sensor),
-        ("words", latched, reliable),
-        ("told", sensor, reliable),
-    ):
-        for turn, qos in enumerate((first, second)):
-            publisher = node.create_publisher(String, topic, qos)
-            suite.spin_until(publisher.get_subscription_count, f"recorder on {topic}")
-            for number in range(20 if qos is not latched else 1):
-                publisher.publish(String(data=f"{turn} {number}"))
-                suite.spin_for(0.01)
-            suite.spin_for(0.2)
-            node.destroy_publisher(publisher)
+    best_effort = (("driver", 1), ("told", 0), ("told", 1))
+    said: dict[tuple[str, int], list[int]] = {}
+
+    def publish(topic: str, turn: int, qos: QoSProfile) -> None:
+        publisher = node.create_publisher(String, topic, qos)
+        suite.spin_until(publisher.get_subscription_count, f"recorder on {topic}")
+        numbers = said[topic, turn] = []
+
+        def say() -> bool:
+            numbers.append(len(numbers))
+            publisher.publish(String(data=f"{turn} {numbers[-1]}"))
+            return bool(_numbers(everything, topic, turn))
+
+        for _ in range(1 if qos is latched else 20):
+            say()
+            suite.spin_for(0.01)
+        if (topic, turn) in best_effort:  # which promises nothing until both sides know each other
+            suite.spin_until(say, f"anything of {topic}")
+        suite.spin_until(lambda: numbers[-1] in _numbers(everything, topic, turn), f"what was said last on {topic}")
+        node.destroy_publisher(publisher)
+
+    for topic, *both in (("driver", reliable, sensor), ("words", latched, reliable), ("told", sensor, reliable)):
+        for turn, qos in enumerate(both):
+            publish(topic, turn, qos)
     other = node.create_publisher(Clock, "driver", reliable)
     recorder.wait_for_words("/driver now carries rosgraph_msgs/msg/Clock, too, which is not recorded")
     node.destroy_publisher(other)
     assert recorder.end() == 0
-    assert _numbers(suite.folder / "all", "/driver", 0) == list(range(20))
-    assert _numbers(suite.folder / "all", "/words", 0) == [0]
-    assert _numbers(suite.folder / "all", "/words", 1) == list(range(20))
-    # Best effort promises nothing until both sides know each other, and all of it on an idle loopback from then on.
-    for topic, turn in (("/driver", 1), ("/told", 0), ("/told", 1)):
-        heard = _numbers(suite.folder / "all", topic, turn)
-        assert heard and heard == list(range(heard[0], 20)), (topic, turn)
+    for (topic, turn), numbers in said.items():
+        heard = _numbers(everything, topic, turn)
+        # From then on all of it comes, on a loopback.
+        begun = heard[0] if (topic, turn) in best_effort else 0
+        assert heard == numbers[begun:], (topic, turn)
 
 
 def _numbers(recording: Path, topic: str, turn: int) -> list[int]:
-    """The numbers of one publisher's messages, in their order."""
-    words = [deserialize_message(raw, String).data.split() for _, _, raw in open_bag(recording).raw_messages([topic])]
+    """The numbers of one publisher's messages, in their order; none while nothing of the topic is on the disk."""
+    if not recorded(recording, f"/{topic}"):
+        return []
+    raws = [raw for _, _, raw in open_bag(recording).raw_messages([f"/{topic}"])]
+    words = [deserialize_message(raw, String).data.split() for raw in raws]
     return [int(number) for publisher, number in words if int(publisher) == turn]

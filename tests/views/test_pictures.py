@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from tests.views.conftest import Run
-from tests.views.test_live import feed, free_port
+from tests.views.test_live import PATIENCE_S, feed, free_port
 from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.views import LiveView, open_viewer, palette, screenshot, screenshots, write_comparison_recording
 from textile_twin_core.views.viewer import _patiently
@@ -92,7 +92,7 @@ def test_no_viewer_is_left_behind(run: Run, tmp_path: Path, monkeypatch: pytest.
     recording = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine, title="a test")
     screenshot(recording, tmp_path / "run.png", size=(640, 400))
     assert Image.open(tmp_path / "run.png").size == (640, 400)
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + PATIENCE_S
     while (left := started_by(tmp_path)) and time.monotonic() < end:
         time.sleep(0.2)
     assert left == []
@@ -120,10 +120,10 @@ def test_a_viewer_whose_transport_fails_for_a_moment_is_asked_again() -> None:
     port = free_port()
     server = "import socket, sys, time; time.sleep(1.5); socket.create_server(('127.0.0.1', int(sys.argv[1]))).accept()"
     with subprocess.Popen([sys.executable, "-c", server, str(port)]) as process:
-        _patiently(process, "answer", 30.0, lambda: socket.create_connection(("127.0.0.1", port), 1.0).close())
-        assert process.wait(timeout=10.0) == 0
+        _patiently(process, "answer", PATIENCE_S, lambda: socket.create_connection(("127.0.0.1", port), 1.0).close())
+        assert process.wait() == 0
         with pytest.raises(TwinError, match="the viewer ended with code 0"):
-            _patiently(process, "answer", 30.0, lambda: socket.create_connection(("127.0.0.1", port), 1.0))
+            _patiently(process, "answer", PATIENCE_S, lambda: socket.create_connection(("127.0.0.1", port), 1.0))
 
 
 def test_a_missing_recording_is_named(tmp_path: Path) -> None:

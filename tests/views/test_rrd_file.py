@@ -12,6 +12,7 @@ import rerun.blueprint as rrb
 
 from tests.full_disk import full_disk
 from tests.views.conftest import Run
+from tests.views.test_live import PATIENCE_S
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.views import LiveView, screenshot, write_comparison_recording, write_motion_recording
 from textile_twin_core.views.rrd_file import check_whole, written
@@ -51,7 +52,7 @@ def test_a_live_view_tells_of_a_full_disk_while_it_runs(run: Run, tmp_path: Path
         full_disk(600_000),
         LiveView(run.machine, port=None, path=tmp_path / "live.rrd", flush_s=0.02) as view,
     ):
-        end = time.monotonic() + 30.0
+        end = time.monotonic() + PATIENCE_S
         while view.error is None and time.monotonic() < end:
             view.add_predicted(run.stamps_ns, run.theta_rad, run.predicted_Nm)
             time.sleep(0.1)
