@@ -23,6 +23,7 @@ TORQUE_UNITS = {
     "kgf m": 9.80665,
     "daN m": 10.0,
     "mN m": 1e-3,
+    "MN m": 1e6,
 }
 """N m per unit."""
 QUANTITY_UNITS = {
@@ -44,6 +45,8 @@ _WORDS = {
 _TURKISH = str.maketrans("İÝıý", "IIii")
 """Its letters without their dots, and what becomes of them where cp1254 is read as cp1252."""
 _BRACKETS = r"[\[(（【][^\])）】]*[\])）】]"
+_MILLI = ("ms", "mm", "mm/s", "mN m")
+"""Units that begin with a prefix which means mega when it is written large."""
 _LETTER_OF_TYPE = r"\b[a-z]{1,2}(?=[A-Z][a-z])"
 """That stands before a variable's name in a controller: fAngle, lrActPos."""
 _SPELLINGS = {
@@ -72,13 +75,19 @@ class Column:
 
 
 def spelled(unit: str) -> str:
-    """A unit as the tables here write it."""
+    """A unit as the tables here write it; as it was where it is none that is known, or m may be milli or mega."""
     plain = unit.strip()
     known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
-    squeezed = {name.replace(" ", "").lower(): name for name in known}
+    squeezed = {name.replace(" ", "").lower(): name for name in known if name != "MN m"}
     lower = plain.lower()
     bare = re.sub(r"[\s.*·∙⋅-]|(?<=lb)s", "", lower)
-    return _SPELLINGS.get(lower) or squeezed.get(lower.replace(" ", "")) or _SPELLINGS.get(bare) or plain
+    found = _SPELLINGS.get(lower) or squeezed.get(lower.replace(" ", "")) or _SPELLINGS.get(bare) or plain
+    if found not in _MILLI or plain[0] == "m":
+        return found
+    # A name in capitals throughout keeps no case: no machine's log has megametres, but MNM may be either.
+    if found == "mN m":
+        return "MN m" if plain.endswith("m") else plain
+    return found if plain.isupper() else plain
 
 
 def unit_in_name(name: str) -> str:
