@@ -61,6 +61,16 @@ def time_seconds(name: str, unit: str, values: FloatArray, raw: bool = False) ->
     return seconds, words
 
 
+def same_clock(dated: FloatArray, timer: FloatArray) -> bool:
+    """Whether two columns (n,) in seconds, one of dates, go on alike: to the coarsest step of the dates, and 0.1 %."""
+    here = np.isfinite(dated) & np.isfinite(timer)
+    if np.count_nonzero(here) < 2:
+        return False
+    by_date, by_timer = dated[here] - dated[here][0], timer[here] - timer[here][0]
+    most = float(np.abs(np.diff(by_date)).max()) + 1e-3 * float(np.abs(by_date).max())
+    return bool(np.all(np.abs(by_date - by_timer) <= most))
+
+
 def counts_rows(name: str, values: FloatArray) -> bool:
     """Whether a column that rises evenly, and no word calls a time, is a count of rows."""
     finite = values[np.isfinite(values)][:10_000]
