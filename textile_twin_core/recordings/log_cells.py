@@ -79,7 +79,7 @@ def numeric(columns: Mapping[str, Any], decimal: str = ".") -> LogTable:
         elif types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
             out[name] = _float(written)
         else:
-            out.left_out[name] = f"values of the kind {kind}"
+            out.left_out[name] = "nothing" if types.is_null(kind) else f"values of the kind {kind}"
     _join(out, days, clocks)
     return out
 

@@ -191,7 +191,14 @@ def _stamps(columns: LogTable, wishes: Wishes, ask: Ask | None, taken: dict[str,
         seconds, columns = seconds[here], columns.rows(here)
     first = _FIRST_NS if abs(float(seconds[0])) < _EPOCH_S else round(float(seconds[0]) * 1e9)
     since_first = np.rint((seconds - seconds[0]) * 1e9).astype(np.int64)
-    taken["time"] += _amiss(np.diff(since_first))
+    steps = np.diff(since_first)
+    if first + int(since_first.min()) <= 0 or np.count_nonzero(steps < 0) > np.count_nonzero(steps > 0):
+        at = int(np.argmax(steps < 0)) + 2
+        raise RecordingError(
+            f"column '{column.name}' goes back, first at row {at}: sort the rows by time, or where"
+            " they are evenly spaced give --rate"
+        )
+    taken["time"] += _amiss(steps)
     return np.asarray(first + since_first, dtype=np.int64), columns
 
 
