@@ -146,6 +146,15 @@ def test_a_recording_that_is_given_with_a_file_of_it_is_watched_once(
     assert main(["monitor", str(file), *options]) == 0
 
 
+def test_a_trend_is_not_replaced_by_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "spoilt.mcap").write_text("no recording")
+    table = tmp_path / "trend.parquet"
+    table.write_bytes(b"of yesterday")
+    assert main(["monitor", str(tmp_path / "spoilt.mcap"), "--machine", "tufting", "--parquet", str(table)]) == 2
+    assert f"--parquet {table}: not written, as no turn was watched" in capsys.readouterr().err
+    assert table.read_bytes() == b"of yesterday"
+
+
 def test_a_recording_of_another_machine_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
     bags = Path(__file__).parents[2] / "bags"
     for machine, noted in (("tufting", False), ("handloom_beatup", True)):

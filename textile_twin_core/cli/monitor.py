@@ -133,12 +133,15 @@ def _tell(name: str, watched: Watched) -> None:
 
 
 def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
-    if arguments.parquet is not None:
+    trend = trend_table(watched) if arguments.parquet is not None else {}
+    if trend:
         import pyarrow
         from pyarrow import parquet
 
         with staged(arguments.parquet) as partial:
-            parquet.write_table(pyarrow.table(trend_table(watched)), partial)
+            parquet.write_table(pyarrow.table(trend), partial)
+    elif arguments.parquet is not None:
+        tell(f"--parquet {arguments.parquet}: not written, as no turn was watched")
     if arguments.json is not None:
         told = [
             {
