@@ -154,6 +154,16 @@ def test_a_displacement_in_millimetres(
         assert "a quantity in 'Mm'? there are: m, mm" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("begin", [1.0, -4.0])
+def test_a_minus_sign_is_one(begin: float, tmp_path: Path) -> None:
+    """U+2212, as office programs write it in some languages, from the first row on or far below."""
+    rows = [f"{t:.3f};{a:.9f};{m + begin - 1.0:.9f}" for t, a, m in zip(TIME, ANGLE, TORQUE, strict=True)]
+    text = "\n".join(["time_s;angle_rad;torque_Nm", *rows]).replace(";-", ";\u2212").replace(".", ",")
+    (tmp_path / "log.csv").write_text(text + "\n", encoding="utf-8")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
+    np.testing.assert_allclose(open_bag(tmp_path / "bag").read_torques().torque_Nm, TORQUE + begin - 1.0, atol=1e-8)
+
+
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
 def test_a_byte_order_mark_tells_the_encoding(encoding: str, tmp_path: Path) -> None:
     write(tmp_path / "log.csv", [f"{t:.3f}" for t in TIME], encoding=encoding)

@@ -139,7 +139,8 @@ def _text(
             return
     except pyarrow.ArrowInvalid:
         pass
-    plain = without_thousands(cells, decimal)
+    # Some office programs write a minus sign, not a hyphen, before what is negative.
+    plain = without_thousands(compute.replace_substring(cells, "\u2212", "-"), decimal)
     if decimal == ",":
         plain = compute.replace_substring(plain, ",", ".")
     good = compute.match_substring_regex(plain, _NUMBER)

@@ -20,7 +20,7 @@ EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
 """What a cell without a number has in it."""
 _HEAD_BYTES = 65536
 _SEPARATORS = (";", "\t", ",", "|")
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
+_NUMBER = re.compile(r"[+\-\u2212]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
 _COMMENT = re.compile(r"^\s*(#+|%+|//+)\s*(?=\S)")
 """Marks of a line that the logger meant for people: the names of the columns often stand in one."""
 _NUMERAL, _OTHER_SIGN, _MOMENT, _NOTHING, _WORD = "number", "number of the other sign", "date", "nothing", "word"
