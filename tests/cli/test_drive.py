@@ -53,6 +53,28 @@ def test_mistakes_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
         assert says in error and error.count("\n") == 1
 
 
+@pytest.mark.parametrize("rows", ["0,1\n1,nan\n2,3\n", "0,1\n2,1\n1,1\n", "0,1\n"])
+def test_a_table_of_torques_that_is_none_is_told_by_its_name(
+    rows: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, out = tmp_path / "odd.csv", tmp_path / "motion.csv"
+    table.write_text(f"time_s,torque_Nm\n{rows}")
+    assert main(["drive", "tufting", "--torque", str(table), "--time", "1", "--out", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"textile-twin: {table}: drive torque over time: ") and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(("times", "told"), [((0.0, 0.1), False), ((0.0, 0.05), True), ((0.02, 0.1), True)])
+def test_a_table_that_does_not_reach_over_all_times_is_told(
+    times: tuple[float, float], told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, out = tmp_path / "torque.csv", tmp_path / "motion.csv"
+    table.write_text(f"time_s,torque_Nm\n{times[0]},1\n{times[1]},2\n")
+    assert main(["drive", "handloom_beatup", "--torque", str(table), "--time", "0.1", "--out", str(out)]) == 0
+    says = f"has the torque from {times[0]:g} to {times[1]:g} s; it is taken as constant before and after"
+    assert (says in capsys.readouterr().err) == told
+
+
 def test_the_table_of_torques_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = tmp_path / "torque.csv"
     table.write_text("time_s,torque_Nm\n0,10\n1,10\n")

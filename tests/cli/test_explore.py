@@ -37,7 +37,8 @@ def test_prints_its_address_serves_and_ends_when_told(ending: signal.Signals) ->
     ("arguments", "says"),
     [
         (["spinning_jenny"], "no machine 'spinning_jenny'"),
-        (["handloom_beatup", "--port", "70000"], "--port"),
+        (["handloom_beatup", "--port", "70000"], "--port: must be a whole number from 0 to 65535, not '70000'"),
+        (["handloom_beatup", "--port", "80x"], "--port: must be a whole number from 0 to 65535, not '80x'"),
         (["needle_transfer", "--recording", "bags/tufting_160rpm_synthetic"], "no torque"),
         (["tufting", "--recording", "/nowhere"], "/nowhere"),
         (["missing.yaml"], "missing.yaml"),

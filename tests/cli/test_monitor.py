@@ -129,6 +129,32 @@ def test_few_turns_to_learn_from_are_enough_to_be_alarmed(tmp_path: Path, capsys
     assert set(parquet.read_table(table)["bag"].to_pylist()) == {f"{tmp_path}/{place}/bag" for place in ("old", "new")}
 
 
+def test_a_recording_that_is_given_with_a_file_of_it_is_watched_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path / "bag", "", 0.0, 991)
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    table = tmp_path / "trend.parquet"
+    options = ["--machine", "tufting", "--learn", "40", "--workers", "1", "--parquet", str(table)]
+    for _ in range(2):
+        assert main(["monitor", str(tmp_path / "bag"), str(file), *options]) == 0
+        out, err = capsys.readouterr()
+        assert f"{file}: is part of the recording {tmp_path / 'bag'}, which is watched once" in err
+        assert out.count("turns, ") == 1
+        turns = parquet.read_table(table)["turn"].to_pylist()
+        assert len(turns) == len(set(turns)) > 10
+    assert main(["monitor", str(file), *options]) == 0
+
+
+def test_a_trend_is_not_replaced_by_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "spoilt.mcap").write_text("no recording")
+    table = tmp_path / "trend.parquet"
+    table.write_bytes(b"of yesterday")
+    assert main(["monitor", str(tmp_path / "spoilt.mcap"), "--machine", "tufting", "--parquet", str(table)]) == 2
+    assert f"--parquet {table}: not written, as no turn was watched" in capsys.readouterr().err
+    assert table.read_bytes() == b"of yesterday"
+
+
 def test_a_recording_of_another_machine_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
     bags = Path(__file__).parents[2] / "bags"
     for machine, noted in (("tufting", False), ("handloom_beatup", True)):

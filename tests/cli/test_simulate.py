@@ -380,3 +380,29 @@ def test_the_table_that_is_read_is_not_written_over(
     said = capsys.readouterr().err
     assert out in said and "would be lost" in said and said.count("\n") == 1
     assert motion.read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("theta", "omega", "time"),
+    [(1.0, 1.0, 1.0), (180.0 / np.pi, 1.0, 1.0), (1.0, 30.0 / np.pi, 1.0), (1.0, 1.0, 1000.0)],
+)
+@pytest.mark.parametrize("wrapped", [True, False])
+def test_angles_and_speeds_that_disagree_over_the_times_are_told(
+    theta: float,
+    omega: float,
+    time: float,
+    wrapped: bool,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    at = np.arange(800) / 500.0
+    turned = 12.5 * at + 0.02 * np.sin(12.5 * at)
+    turned = np.round(np.mod(turned, 2.0 * np.pi) if wrapped else turned, 2)  # as of an encoder of few counts
+    speeds = 12.5 * (1.0 + 0.02 * np.cos(12.5 * at))
+    rows = np.c_[theta * turned, omega * speeds, 0.0 * at, time * at]
+    table = tmp_path / "motion.csv"
+    np.savetxt(table, rows, delimiter=",", header="theta_rad,omega_rad_s,alpha_rad_s2,time_s", comments="")
+    assert main(["simulate", "tufting", "--input", str(table), "--out", str(tmp_path / "out.csv")]) == 0
+    said = capsys.readouterr().err
+    asked = "are these degrees?" in said or "is one in degrees, rpm or ms? They are taken as named" in said
+    assert asked == ((theta, omega, time) != (1.0, 1.0, 1.0)), said

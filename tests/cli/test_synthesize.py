@@ -171,3 +171,20 @@ def test_a_machine_file_is_replaced_with_force_alone(
     assert mine.read_text().startswith("# by hand")
     assert main(["synthesize", *task, "--out", str(mine), "--force"]) == 0
     assert "# by hand" not in mine.read_text()
+
+
+@pytest.mark.parametrize(
+    ("task", "says"),
+    [
+        (["crank-rocker", "--swing", "30", "--ground", "1e14"], "points.C[0]: must be a finite number of at most"),
+        (["slider", "--stroke", "0.05", "--slider-mass", "2e13"], "mass_kg: must be a finite number of at most 1e+12"),
+        (["slider", "--stroke", "0.05", "--section", "1e14,0.5,0.5"], "must be a finite number of at most 1e+12"),
+    ],
+)
+def test_a_machine_that_no_file_can_hold_is_not_written(
+    task: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "big.yaml"
+    assert main(["synthesize", *task, "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and says in said and str(out) in said and not out.exists()

@@ -281,3 +281,10 @@ def test_empty_and_nearly_empty_recordings_are_refused() -> None:
         compare_torque(measured_ns[50:55], measured[50:55], predicted_ns, predicted, theta)
     with pytest.raises(AlignmentError, match="not_settled"):
         compare_torque(measured_ns, measured, predicted_ns, predicted, theta, settled=np.zeros(theta.size, dtype=bool))
+
+
+@pytest.mark.parametrize(("delay_s", "told"), [(2.0, "write 0.002"), (-0.35, "-0.35 s is more than"), (0.05, "")])
+def test_a_configured_delay_beyond_what_is_sought_is_told(delay_s: float, told: str) -> None:
+    result = compare_torque(*recording(), torque_sensor=Sensor(delay_s=delay_s), events=EVENTS)
+    notes = [note for note in result.notes if "is more than the 0.1 s by which another is sought" in note]
+    assert len(notes) == bool(told) and all(told in note for note in notes)

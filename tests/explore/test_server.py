@@ -29,6 +29,18 @@ NONSENSE = (
     '{"type": "pick"}',
     '{"type": "change", "values": {"crank_m": "NaN"}}',
     '{"type": "balance", "ripple": "x"}',
+    '{"type": "load", "text": "machine: tufting", "name": "a\\u0000b"}',
+    '{"type": "load", "text": "\\ud800", "name": "a.yaml"}',
+    json.dumps({"type": "load", "text": "machine: tufting", "name": "a" * 300}),
+    "[" * 100_000,
+    *(json.dumps({"type": act, "free": free}) for act in ("search", "tolerance") for free in (5, "x", [1])),
+    '{"type": "sensitivity", "free": 5}',
+    *(
+        json.dumps({"type": act, "free": {"crank_m": [40, 80]}, what: wrong})
+        for act in ("search", "tolerance")
+        for what in ("goals", "limits")
+        for wrong in (5, "x", {"a": 1}, [1], [None], [{"value": 1}], [{"number": [], "value": 1}])
+    ),
 )
 Visit = Callable[[aiohttp.ClientSession, str], Awaitable[None]]
 
@@ -151,12 +163,14 @@ def test_nonsense_is_answered_and_the_page_stays_alive() -> None:
                 await talk.send_str(text)
                 answer = await told(talk)
                 assert answer["type"] == "error" and answer["text"], text
+                assert "fault of textile-twin" not in answer["text"] and "\n" not in answer["text"], (text, answer)
             assert (await ask(talk, type="hello"))["type"] == "state"
         async with client.get(url + "/file/yaml?tab=nobody") as answer:
             assert answer.status == 404
-        for path in ("/file/exe?tab=one", "/file/png?tab=one&angle=east"):
-            async with client.get(url + path) as answer:
-                assert answer.status == 400
+        for path, says in (("exe", "no file of kind 'exe'"), ("png", "angle: must be a number, not 'east'")):
+            angle = "&angle=east" if path == "png" else ""
+            async with client.get(f"{url}/file/{path}?tab=one{angle}") as answer:
+                assert answer.status == 400 and says in await answer.text()
         async with client.get(url + "/file/yaml?tab=one") as answer:
             assert answer.status == 200 and "handloom_beatup" in await answer.text()
 

@@ -132,6 +132,7 @@ def test_dates_keep_the_time_of_day_and_empty_cells_are_left_out(tmp_path: Path)
         (_WITH_SPEED, ["--speed", "speed"], "tell --speed-unit: rad/s, rpm"),
         (_WITH_SPEED, ["--speed", "speed", "--speed-unit", "rpm"], "the angle turns 9.55 times as fast"),
         (_PLAIN, ["--speed-unit", "rpm"], "tell it with --speed:"),
+        (_PLAIN, ["--rate", "1e12"], "--rate: must be at most 1e+08 rows a second, not '1e12'"),
         (_PLAIN, ["--rate", "500", "--time", "time"], "--rate and --time cannot both be told"),
         (_PLAIN, ["--torque-scale", "5", "--torque-unit", "Nm"], "--torque-scale and --torque-unit cannot both"),
         (_PLAIN, ["--quantity-unit", "mm"], "--quantity-unit goes with --quantity"),

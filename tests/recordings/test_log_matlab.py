@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -72,3 +74,17 @@ def test_a_damaged_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["import", str(tmp_path / "log.mat"), "--out", str(tmp_path / "bag")]) == 2
     told = capsys.readouterr().err
     assert "log.mat: not a MATLAB file, or a damaged one" in told and told.count("\n") == 1
+
+
+@pytest.mark.parametrize("kind", [67, 137])
+def test_a_damaged_file_is_one_line_even_where_its_reader_crashes(kind: int, tmp_path: Path) -> None:
+    """Byte 176 tells the kind of numbers of the first variable: of one that there is not scipy crashes."""
+    savemat(tmp_path / "log.mat", {"t": TIME, "angle_rad": ANGLE})
+    damaged = bytearray((tmp_path / "log.mat").read_bytes())
+    damaged[176] = kind
+    (tmp_path / "log.mat").write_bytes(damaged)
+    command = [sys.executable, "-m", "textile_twin_core.cli.main", "import", str(tmp_path / "log.mat")]
+    ended = subprocess.run([*command, "--out", str(tmp_path / "bag")], capture_output=True, text=True, check=False)
+    assert ended.returncode == 2, ended
+    assert ended.stderr.count("\n") == 1 and str(tmp_path / "log.mat") in ended.stderr
+    assert not (tmp_path / "bag").exists()

@@ -121,14 +121,47 @@ def test_date_and_time_in_two_columns_are_one_time(tmp_path: Path) -> None:
     np.testing.assert_allclose(since_first_s(tmp_path / "bag"), TIME, atol=1e-6)
 
 
-@pytest.mark.parametrize("when", ["10/25/2026 11:59:50.002 PM", "25/10/2026 23:59:50", "11:59:50 pm"])
-def test_dates_that_are_read_in_two_ways_are_refused_by_line(
-    when: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write(tmp_path / "log.csv", [when] * 20)
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [("MNm", 1e6), ("MN m", 1e6), ("MN·m", 1e6), ("mNm", 1e-3), ("mN.m", 1e-3), ("NM", 1.0), ("KNM", 1e3)],
+)
+def test_milli_and_mega_are_told_apart(unit: str, factor: float, tmp_path: Path) -> None:
+    write(tmp_path / "log.csv", [f"{t:.3f}" for t in TIME], f"time_s,angle_rad,torque [{unit}]")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
+    np.testing.assert_allclose(open_bag(tmp_path / "bag").read_torques().torque_Nm / factor, TORQUE, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    "head",
+    ["time [Ms],angle [rad],torque [Nm]", "time [s],angle [rad],torque [MNM]", "time [s],angle [Mrad],torque [Nm]"],
+)
+def test_a_large_m_that_may_be_mega_is_refused(head: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path / "log.csv", [f"{t:.3f}" for t in TIME], head)
     assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 2
     said = capsys.readouterr().err
-    assert "line 2" in said and "2026-10-25 23:59:50.5" in said and said.count("\n") == 1
+    assert said.count("\n") == 1 and "there are: " in said and not (tmp_path / "bag").exists()
+
+
+@pytest.mark.parametrize(("unit", "taken"), [("MM", 1e-3), ("mm", 1e-3), ("Mm", None)])
+def test_a_displacement_in_millimetres(
+    unit: str, taken: float | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path / "log.csv", [f"{t:.3f}" for t in TIME], f"time_s,angle_rad,camera [{unit}]")
+    told = ["--quantity", f"sley_position_m=camera [{unit}]"]
+    code = main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag"), *told])
+    assert code == (0 if taken else 2)
+    if taken is None:
+        assert "a quantity in 'Mm'? there are: m, mm" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("begin", [1.0, -4.0])
+def test_a_minus_sign_is_one(begin: float, tmp_path: Path) -> None:
+    """U+2212, as office programs write it in some languages, from the first row on or far below."""
+    rows = [f"{t:.3f};{a:.9f};{m + begin - 1.0:.9f}" for t, a, m in zip(TIME, ANGLE, TORQUE, strict=True)]
+    text = "\n".join(["time_s;angle_rad;torque_Nm", *rows]).replace(";-", ";\u2212").replace(".", ",")
+    (tmp_path / "log.csv").write_text(text + "\n", encoding="utf-8")
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
+    np.testing.assert_allclose(open_bag(tmp_path / "bag").read_torques().torque_Nm, TORQUE + begin - 1.0, atol=1e-8)
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])

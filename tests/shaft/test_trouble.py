@@ -248,8 +248,12 @@ def test_a_speed_that_the_sensor_gives_helps_at_the_start_and_harms_nowhere(view
 def test_mistakes_of_the_caller_are_named() -> None:
     with pytest.raises(SceneError, match="unknown shaft estimator 'kalman': choose one of causal, lag, smooth"):
         create_estimator("kalman")
-    with pytest.raises(SceneError, match=r"'causal': .*shaft_lag"):
+    with pytest.raises(
+        SceneError, match=r"'causal' has no setting 'shaft_lag'; there are: encoder_bits, .*period_rad$"
+    ):
         create_estimator("causal", shaft_lag=1)
+    with pytest.raises(SceneError, match=r"'lag' has no setting 'shaft_lag'; there are: .*, shaft_lag_s$"):
+        create_estimator("lag", shaft_lag=1)
     with pytest.raises(SceneError, match="positive"):
         create_estimator("lag", shaft_lag_s=0.0)
 

@@ -26,6 +26,7 @@ from textile_twin_core.synthesis.balancing import shaking
 from textile_twin_core.synthesis.batch import TRANSMISSION
 from textile_twin_core.synthesis.numbers import MOTION, dwell, largest, motion_number, shaking_numbers, torque_numbers
 from textile_twin_core.synthesis.slots import read, slots, write
+from textile_twin_core.synthesis.tolerance import monte_carlo, sensitivities
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
 GEAR_MASSES = {
@@ -107,6 +108,39 @@ def test_designs_that_cannot_close_are_nan() -> None:
     found = batch.evaluate({"l3.length_m": np.array([0.23082, 0.02, 0.9])}, ["beater_stroke_m", "peak_torque_Nm"])
     assert np.isfinite(found["beater_stroke_m"]).tolist() == [True, False, False]
     assert np.isfinite(found["peak_torque_Nm"]).tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize("slot", ["l2.mass_kg", "l5.inertia_kgm2", "l2.length_m", "l4.length_m", "Backing.force_N"])
+def test_designs_that_a_machine_refuses_have_no_numbers(slot: str) -> None:
+    machine = machines.tufting()
+    batch, value = Batch(machine), read(machine)[slot]
+    found = batch.evaluate({slot: np.array([value, -value, -1e-9])}, batch.names)
+    with pytest.raises(MachineError):
+        write(machine, {slot: -1e-9})
+    for name, numbers in found.items():
+        assert np.isfinite(numbers[0]) and np.isnan(numbers[1:]).all(), name
+    as_it_is = batch.evaluate({"l4.angle_rad": np.array([read(machine)["l4.angle_rad"]])}, batch.names)
+    assert all(np.isfinite(numbers).all() for numbers in as_it_is.values())
+
+
+def test_a_tolerance_that_reaches_below_zero_is_scrap_and_no_number() -> None:
+    machine = machines.tufting()
+    family, name = family_of(machine), "rms_torque_Nm"
+    mass = read(machine)["l2.mass_kg"]
+    (parameter,) = [p.name for p in family.parameters if p.value == mass and p.unit == "kg"][:1]
+    found = monte_carlo(family, {}, Batch(machine), [name], {parameter: 3.0 * mass}, samples=20_000)
+    assert abs(found.scrap_rate - 0.1587 + 0.0013) < 0.01  # of normal errors, one in six is beyond a sigma below
+    could_be = Batch(machine).evaluate({"l2.mass_kg": np.linspace(0.0, 4.0 * mass, 1000)}, [name])[name]
+    spread = found.spreads[name]
+    assert could_be.min() - 1e-5 <= spread.worst_low and spread.worst_high <= could_be.max() + 1e-9
+
+
+def test_a_mass_of_zero_has_a_sensitivity() -> None:
+    machine = machines.handloom_beatup()
+    family, name = family_of(machine), "largest_shaking_force_N"
+    found = sensitivities(family, {}, Batch(machine), [name], ["rocker_kg"])[name]["rocker_kg"]
+    numbers = Batch(machine).evaluate({"l3.mass_kg": np.array([0.0, 1e-5])}, [name])[name]
+    assert found == pytest.approx(float(np.diff(numbers)[0]) * 1e5, rel=1e-6) and found != 0.0
 
 
 def test_a_design_that_opens_far_from_the_front_has_no_number_either() -> None:

@@ -126,6 +126,25 @@ def test_a_viewer_whose_transport_fails_for_a_moment_is_asked_again() -> None:
             _patiently(process, "answer", PATIENCE_S, lambda: socket.create_connection(("127.0.0.1", port), 1.0))
 
 
+def test_a_viewer_that_is_ended_or_too_slow_is_told_in_our_words() -> None:
+    """Not in those of the transport, whatever it says."""
+
+    def fail() -> None:
+        raise RuntimeError('status: Unavailable, message: "transport error", details: [], metadata: MetadataMap {}')
+
+    with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) as process:
+        with pytest.raises(TwinError) as slow:
+            _patiently(process, "show it at 3 s", 0.3, fail)
+        assert str(slow.value) == (
+            "the viewer did not show it at 3 s in 0.3 s: try again when the computer has less to do"
+        )
+        process.terminate()
+        process.wait()
+        with pytest.raises(TwinError) as ended:
+            _patiently(process, "show it at 3 s", 30.0, fail)
+    assert str(ended.value) == "the viewer was ended by signal 15 (Terminated); draw it again"
+
+
 def test_a_missing_recording_is_named(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"none\.rrd: there is no such recording"):
         open_viewer(tmp_path / "none.rrd")

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from textile_twin_core.cli.arguments import MOST_RPM, Parser, add_machine, number, positive, samples, shaft_speed
-from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.places import check_output, keep_input
 from textile_twin_core.cli.progress import shares
 from textile_twin_core.dynamics.drive_torque import DriveTorque, TorqueOverAngle, TorqueOverTime
+from textile_twin_core.errors import MotionError
 from textile_twin_core.files import write_table
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.drive import drive
@@ -63,6 +64,11 @@ def run(arguments: argparse.Namespace) -> None:
     times = np.linspace(0.0, arguments.time, arguments.samples)
     omega = arguments.rpm * 2.0 * math.pi / 60.0
     torque = _torque(arguments.torque)
+    if isinstance(torque, TorqueOverTime) and not torque.time_s[0] <= 0.0 < arguments.time <= torque.time_s[-1]:
+        tell(
+            f"{arguments.torque}: has the torque from {torque.time_s[0]:g} to {torque.time_s[-1]:g} s; it is taken as"
+            f" constant before and after, for 0 to {arguments.time:g} s"
+        )
     with shares("following") as report:
         start = math.radians(arguments.start)
         found = drive(machine, torque, start, omega, times, fastest_rad_s=_fastest(machine, omega), report=report)
@@ -110,6 +116,9 @@ def _table(path: Path) -> DriveTorque:
     for names, kind in ((_OVER_TIME, TorqueOverTime), (_OVER_ANGLE, TorqueOverAngle)):
         if all(name in columns for name in names):
             first, torque = (tuple(columns[name].tolist()) for name in names)
-            return kind(first, torque)
+            try:
+                return kind(first, torque)
+            except MotionError as error:
+                raise UsageError(f"{path}: {error}") from error
     there = ", ".join(columns)
     raise UsageError(f"{path}: needs the columns time_s and torque_Nm, or theta_rad and torque_Nm; there are: {there}")

@@ -14,6 +14,7 @@ from textile_twin_core.explore.design import Design
 from textile_twin_core.machine import Machine
 
 _DEFAULT = "tufting"
+_LAST_PORT = 65535
 
 
 def parser() -> Parser:
@@ -25,7 +26,7 @@ def parser() -> Parser:
         "textile-twin explore elliptic_gear_beatup",
     )
     parser.add_argument("machine", metavar="MACHINE", nargs="?", default=_DEFAULT, help="a machine or machine file")
-    parser.add_argument("--port", type=int, default=0, metavar="P", help="port to listen on (default: a free one)")
+    parser.add_argument("--port", type=_port, default=0, metavar="P", help="port to listen on (default: a free one)")
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
     parser.add_argument(
         "--recording", type=Path, metavar="BAG", help="a recording of this machine, laid over the curve of the torque"
@@ -35,10 +36,14 @@ def parser() -> Parser:
     return parser
 
 
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > _LAST_PORT:
+        raise argparse.ArgumentTypeError(f"must be a whole number from 0 to {_LAST_PORT}, not '{text}'")
+    return int(text)
+
+
 def run(arguments: argparse.Namespace) -> None:
     """Serve the page until interrupted."""
-    if not 0 <= arguments.port < 65536:
-        raise UsageError(f"--port: must lie from 0 to 65535, not {arguments.port}")
     machine = load_machine(arguments.machine, [])
 
     from textile_twin_core.explore.overlay import overlay

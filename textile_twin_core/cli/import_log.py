@@ -23,6 +23,8 @@ _KINDS = {
     "speed": "rpm, rad/s, deg/s, rev/s",
 }
 
+_MOST_HZ = 1e8
+"""Stamps are in whole nanoseconds."""
 _READ = 0.3
 """Share of all work at which the table is read."""
 _LIKE_A_SAMPLE = 1000
@@ -63,13 +65,20 @@ def parser() -> Parser:
         metavar="DEG",
         help="shaft angle without a force, for sensors that drift",
     )
-    parser.add_argument("--rate", type=positive, metavar="HZ", help="rows a second, for a log without times")
+    parser.add_argument("--rate", type=_rate, metavar="HZ", help="rows a second, for a log without times")
     parser.add_argument("--torque-scale", type=factor, metavar="X", help="N m per unit of the torque, as for volts")
     parser.add_argument("--separator", metavar="C", help="of a text table, where it is not found out; 'tab' for tabs")
     parser.add_argument("--decimal", choices=[".", ","], help="of a text table, where it is not found out")
     parser.add_argument("--table", metavar="NAME", help="variable of a .mat file that holds the log")
     parser.add_argument("--force", action="store_true", help="replace the output when it is there")
     return parser
+
+
+def _rate(text: str) -> float:
+    rate = positive(text)
+    if rate > _MOST_HZ:
+        raise argparse.ArgumentTypeError(f"must be at most {_MOST_HZ:g} rows a second, not '{text}'")
+    return rate
 
 
 def run(arguments: argparse.Namespace) -> None:

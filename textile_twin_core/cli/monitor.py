@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording_topics, count
-from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
+from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError, tell
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.places import check_output
 from textile_twin_core.cli.progress import on_terminal, stages
@@ -38,8 +38,10 @@ def parser() -> Parser:
     add_sensors(parser)
     add_machine(parser, option=True)
     parser.add_argument("--learn", type=count, default=100, metavar="TURNS", help="turns to learn from (default 100)")
-    parser.add_argument("--parquet", type=Path, metavar="FILE", help="write the trend of every turn")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the alarms")
+    parser.add_argument(
+        "--parquet", type=Path, metavar="FILE", help="write the trend of every turn; is replaced when it is there"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the alarms; is replaced when it is there")
     parser.add_argument(
         "--workers", type=count, default=os.cpu_count() or 1, metavar="N", help="processes (default: one per core)"
     )
@@ -89,7 +91,11 @@ def _recordings(given: list[Path]) -> list[Path]:
             raise UsageError(f"{path}: no recording in this folder")
         # A folder of files alone is one recording that has lost its metadata.
         found += sorted(folders + files) if folders else [path]
-    return list({path.resolve(): path for path in found}.values())  # each once, however often it is named
+    each = {path.resolve(): path for path in found}  # each once, however often it is named
+    parts = [path for place, path in each.items() if place.suffix == ".mcap" and place.parent in each]
+    for path in parts:
+        tell(f"{path}: is part of the recording {path.parent}, which is watched once")
+    return [path for path in each.values() if path not in parts]
 
 
 def _watch(jobs: list[Job], arguments: argparse.Namespace) -> list[Watched]:
@@ -127,12 +133,15 @@ def _tell(name: str, watched: Watched) -> None:
 
 
 def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
-    if arguments.parquet is not None:
+    trend = trend_table(watched) if arguments.parquet is not None else {}
+    if trend:
         import pyarrow
         from pyarrow import parquet
 
         with staged(arguments.parquet) as partial:
-            parquet.write_table(pyarrow.table(trend_table(watched)), partial)
+            parquet.write_table(pyarrow.table(trend), partial)
+    elif arguments.parquet is not None:
+        tell(f"--parquet {arguments.parquet}: not written, as no turn was watched")
     if arguments.json is not None:
         told = [
             {

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 from textile_twin_core import machines
+from textile_twin_core.cli.doubtful_sizes import doubtful_sizes
 from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.files.machine_file import load_machine_file, published_machine
 from textile_twin_core.machine import AnyMachine, Machine
@@ -20,9 +21,13 @@ def is_machine(name: str) -> bool:
 
 
 def load_machine(name: str, settings: list[str]) -> AnyMachine:
-    """The machine of that name or file, with --set applied; dead points are told. Raises MachineError or UsageError."""
+    """The machine of that name or file, with --set applied; dead points and doubtful sizes are told.
+
+    Raises MachineError or UsageError.
+    """
     machine = _load(name, settings)
     if isinstance(machine, Machine):
+        tell(*doubtful_sizes(machine))
         tell(*(_dead_point(machine.name, found) for found in machine.closeness if found.is_dead_point))
     return machine
 

@@ -9,6 +9,7 @@ from textile_twin_core.cli.arguments import count, factor, positive
 from textile_twin_core.comparison.readings import ANGLE_TURNS, radians_of
 from textile_twin_core.machine import ENCODER_OPTIONS, with_encoder
 from textile_twin_core.machine.sensors import Encoder
+from textile_twin_core.recordings.log_columns import TORQUE_UNITS, spelled
 from textile_twin_core.recordings.machine_topics import MachineTopics
 
 if TYPE_CHECKING:
@@ -43,10 +44,11 @@ def add_sensors(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--torque-unit",
-        type=factor,
+        type=_torque_unit,
         default=1.0,
-        metavar="NM",
-        help="N m of one unit of the torque's topic: for a motor's current its torque constant times the gear ratio",
+        metavar="UNIT",
+        help="of the torque's topic where it does not hold N m: N cm, kN m, .., or N m of one unit, as for a motor's"
+        " current its torque constant times the gear ratio",
     )
 
 
@@ -57,6 +59,19 @@ def _angle_unit(text: str) -> float:
     except ValueError:
         known = f"{', '.join(ANGLE_TURNS)}, or the counts of a turn"
         raise argparse.ArgumentTypeError(f"must be {known}, not '{text}'") from None
+
+
+def _torque_unit(text: str) -> float:
+    """N m of a unit, as a type of an argument."""
+    known = TORQUE_UNITS.get(spelled(text))
+    if known is not None:
+        return known
+    try:
+        float(text)
+    except ValueError:
+        words = ", ".join(TORQUE_UNITS)
+        raise argparse.ArgumentTypeError(f"must be {words}, or N m of one unit, not '{text}'") from None
+    return factor(text)
 
 
 def with_sensors(machine: SomeMachine, arguments: argparse.Namespace) -> SomeMachine:

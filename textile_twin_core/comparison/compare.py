@@ -235,6 +235,14 @@ def _turning(track: Track, time_s: FloatArray) -> BoolArray:
 
 
 def _notes(fit: SensorFit, configured_s: float, search_s: float) -> tuple[str, ...]:
+    far = (
+        f"the torque sensor's delay_s of {configured_s:g} s is more than the {search_s:.3g} s by which another is"
+        f" sought around it, and may be wrong by whole turns; if it is in milliseconds, write {configured_s * 1e-3:g}"
+    )
+    return (*([far] if abs(configured_s) > search_s else []), *_fit_notes(fit, configured_s, search_s))
+
+
+def _fit_notes(fit: SensorFit, configured_s: float, search_s: float) -> tuple[str, ...]:
     if fit.at_limit:
         return (
             f"the best delay lies at the edge of the searched range ({configured_s - search_s:g} .. "

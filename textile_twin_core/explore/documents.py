@@ -71,7 +71,10 @@ def _document(machine: AnyMachine) -> dict[str, Any]:
 def _machine(text: str, name: str) -> AnyMachine:
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
         path = Path(folder) / (Path(name).stem + ".yaml")
-        path.write_text(text, encoding="utf-8")
+        try:
+            path.write_text(text, encoding="utf-8")
+        except (OSError, ValueError):
+            raise SceneError(f"{name[:60]!r}: is no name that a file can have, or its text is none") from None
         try:
             return load_machine_file(path)
         except MachineError as error:

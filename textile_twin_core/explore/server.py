@@ -88,10 +88,9 @@ class Page:
         if session is None:
             return web.Response(status=404, text="this tab has no design; reload the page\n")
         try:
-            angle = float(request.query.get("angle", "0"))
-            file = await self._run(session.file, request.match_info["kind"], angle)
-        except (TwinError, ValueError) as error:
-            return web.Response(status=400, text=f"{error}\n")
+            file = await self._run(session.file, request.match_info["kind"], _angle(request.query.get("angle", "0")))
+        except TwinError as error:
+            return web.Response(status=400, text=f"{' '.join(str(error).split())}\n")
         disposition = f'attachment; filename="{file.name}"'
         return web.Response(body=file.content, content_type=file.kind, headers={"Content-Disposition": disposition})
 
@@ -112,10 +111,7 @@ class Page:
                 continue
             request_: dict[str, Any] = {}
             try:
-                parsed = json.loads(message.data)
-                if not isinstance(parsed, dict):
-                    raise SceneError("a message must be an object")
-                request_ = parsed
+                request_ = _parsed(message.data)
                 if request_.get("type") == "stop":
                     session.stop()
                 elif request_.get("type") == "search":
@@ -126,7 +122,7 @@ class Page:
                     await self._send(tab, await self._run(session.answer, request_), request_.get("id"))
                     if session.awaited and (later is None or later.done()):
                         later = asyncio.create_task(self._later(tab, session))
-            except (TwinError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
+            except Exception as error:
                 await self._send(tab, _error(error), request_.get("id"))
         if self._sockets.get(tab) is socket_:
             del self._sockets[tab]
@@ -187,6 +183,24 @@ class Page:
             await socket_.close(message=b"the page was ended")
         self._searches.shutdown(wait=False, cancel_futures=True)
         self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _parsed(text: str) -> dict[str, Any]:
+    """A message. Raises SceneError for a text that is none."""
+    try:
+        parsed = json.loads(text)
+    except (ValueError, RecursionError):
+        parsed = None
+    if not isinstance(parsed, dict):
+        raise SceneError("a message must be an object, written as JSON")
+    return parsed
+
+
+def _angle(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise SceneError(f"angle: must be a number, not '{text[:40]}'") from None
 
 
 def _error(error: BaseException) -> bytes:

@@ -255,29 +255,29 @@ class PageSession:
     def _asked(self, message: Message) -> tuple[list[str], list[str]]:
         """Numbers of the present design, and the parameters that are free."""
         searchable = self.design.family.searchable
-        free = [name for name in (message.get("free") or {}) if name in searchable]
+        free = [name for name in _object(message, "free") if name in searchable]
         lengths = [p.name for p in self.design.family.parameters if p.unit == "m" and p.name in searchable]
         return list(self.analysis().numbers), free or lengths
 
     def task(self, message: Message) -> Task:
         """The task that a message describes, in the units of the page. Raises SceneError where it is none."""
-        self._task = {k: message.get(k) for k in ("free", "goals", "limits", "seed")}
-        factors = {p.name: shown_unit(p.unit)[1] for p in self.design.family.parameters}
         free = {}
-        for name, ends in (message.get("free") or {}).items():
+        factors = {p.name: shown_unit(p.unit)[1] for p in self.design.family.parameters}
+        for name, ends in _object(message, "free").items():
             if not isinstance(ends, (list, tuple)) or len(ends) != 2:
                 raise SceneError(f"range of '{name}': give two numbers")
             for end in ends:
                 check_number(end, f"range of '{name}'")
             free[str(name)] = (ends[0] / factors.get(name, 1.0), ends[1] / factors.get(name, 1.0))
-        goals = tuple(Goal(str(g["number"]), g.get("sense") == "max") for g in message.get("goals") or [])
+        goals = tuple(Goal(_of_number(g, "goals"), g.get("sense") == "max") for g in _objects(message, "goals"))
         limits = []
-        for given in message.get("limits") or []:
+        for given in _objects(message, "limits"):
             check_number(given.get("value"), "limit")
-            number = str(given["number"])
+            number = _of_number(given, "limits")
             limits.append(Limit(number, given.get("sense") == ">=", given["value"] / label(number).factor))
         seed = message.get("seed") or 0
         check_number(seed, "seed")
+        self._task = {k: message.get(k) for k in ("free", "goals", "limits", "seed")}
         return Task(free, goals, tuple(limits), abs(int(seed)))
 
     def search(self, message: Message, report: Callable[[bytes], None]) -> bytes:
@@ -331,6 +331,28 @@ def _measured(design: Design) -> tuple[str, ...]:
     """Names of what is measured on a machine."""
     base = design.family.base
     return base.elements if isinstance(base, ContactMachine) else tuple(m.name for m in getattr(base, "measures", ()))
+
+
+def _object(message: Message, what: str) -> Mapping[str, Any]:
+    """What stands there, by name; nothing where nothing does."""
+    value = message.get(what) or {}
+    if not isinstance(value, dict):
+        raise SceneError(f"{what}: must be an object, not {value!r:.40}")
+    return value
+
+
+def _objects(message: Message, what: str) -> list[Mapping[str, Any]]:
+    value = message.get(what) or []
+    if not isinstance(value, list) or not all(isinstance(each, dict) for each in value):
+        raise SceneError(f"{what}: must be a list of objects, not {value!r:.40}")
+    return value
+
+
+def _of_number(given: Mapping[str, Any], what: str) -> str:
+    """The number that a goal or limit speaks of."""
+    if not isinstance(given.get("number"), str):
+        raise SceneError(f"{what}: each needs a 'number', the name of one")
+    return str(given["number"])
 
 
 def _number(value: object, what: str) -> float:

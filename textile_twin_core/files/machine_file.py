@@ -17,7 +17,7 @@ from textile_twin_core.files.atomic import staged
 from textile_twin_core.files.declarations import build, convert, list_at, mapping_at, plain, type_tag, unknown
 from textile_twin_core.files.strict_yaml import read_yaml
 from textile_twin_core.machine import AnyMachine, ContactMachine, Machine, Scene, Sensors, ShaftPlace
-from textile_twin_core.machine.sizes import reckonable
+from textile_twin_core.machine.sizes import check_size, reckonable
 from textile_twin_core.mechanism import MAIN_SHAFT, Linkage
 
 
@@ -269,8 +269,25 @@ def _catalogue_base(machine: AnyMachine) -> AnyMachine | None:
     return None
 
 
+def _check_sizes(entry: Any, place: str) -> None:
+    """Raise MachineError for a number in a document that a file would be refused for."""
+    if isinstance(entry, dict):
+        for key, value in entry.items():
+            _check_sizes(value, f"{place}{'' if place.endswith(' ') else '.'}{key}")
+    elif isinstance(entry, list):
+        for k, value in enumerate(entry):
+            _check_sizes(value, f"{place}[{k}]")
+    elif isinstance(entry, float):
+        check_size(entry, place)
+
+
 def save_machine_file(machine: AnyMachine, path: str | Path) -> None:
-    """Write a machine as a YAML file that load_machine_file reads back. Raises OutputError."""
-    text: str = yaml.safe_dump(machine_document(machine), sort_keys=False, default_flow_style=None, width=110)
+    """Write a machine as a YAML file that load_machine_file reads back.
+
+    Raises OutputError, and MachineError for a number that no machine file may have.
+    """
+    document = machine_document(machine)
+    _check_sizes(document, f"{path}: not written: ")
+    text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110)
     with staged(path) as partial:
         partial.write_text(text, encoding="utf-8")

@@ -22,6 +22,8 @@ _NEEDED = ("theta_rad", "omega_rad_s", "alpha_rad_s2")
 _TIME = "time_s"
 _ROWS = 100_000
 """Rows written at once."""
+_LEAST_AWAY_RAD, _MOST_AWAY = 0.5, 0.2
+"""By more, and by more of the way, angles and speeds of a table do not differ for their rounding or coarse steps."""
 TABLE_SUFFIXES = (".csv", ".parquet")
 
 
@@ -41,6 +43,23 @@ class MotionTable:
         """The columns by name, in the order in which tables carry them."""
         columns = {name: getattr(self, name) for name in _NEEDED}
         return columns if self.time_s is None else columns | {_TIME: self.time_s}
+
+
+def turned_and_told(motion: MotionTable) -> tuple[float, float] | None:
+    """How far the shaft turns [rad] by its angles and by its speeds over time_s; None where the two agree.
+
+    Angles may be wrapped. They differ where what is left of each step, less whole turns, adds up.
+    """
+    if motion.time_s is None or len(motion) < 2:
+        return None
+    told = 0.5 * (motion.omega_rad_s[1:] + motion.omega_rad_s[:-1]) * np.diff(motion.time_s)
+    turned = np.diff(motion.theta_rad)
+    away = turned - told
+    away -= 2.0 * np.pi * np.rint(away / (2.0 * np.pi))
+    sizes = float(np.abs(turned).sum()), float(np.abs(told).sum())
+    if float(np.abs(np.cumsum(away)).max()) <= _LEAST_AWAY_RAD + _MOST_AWAY * min(sizes):
+        return None
+    return sizes
 
 
 def read_motion_table(path: str | Path) -> MotionTable:

@@ -23,6 +23,7 @@ from textile_twin_core.mechanism import Closeness, Group, Linkage, Measure, chec
 from textile_twin_core.mechanism.group import check_finite
 from textile_twin_core.mechanism.joint import Joint
 from textile_twin_core.mechanism.motion import FULL_TURN
+from textile_twin_core.mechanism.python_numbers import python_numbers
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,8 @@ class Declaration(Declared):
     def __post_init__(self) -> None:
         if not self.linkages:
             raise MachineError(f"machine '{self.name}': it needs at least one linkage on its shaft")
+        for part in ("points", "groups", "bodies", "loads", "measures", "gravity_m_s2", "linkages"):
+            object.__setattr__(self, part, python_numbers(getattr(self, part)))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         with reckonable(f"machine '{self.name}'"):
             names = default_joint_names(self.linkage) | dict(self.joint_names)

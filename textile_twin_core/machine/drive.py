@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
@@ -54,7 +55,7 @@ def drive(
             raise MotionError(f"{what} must be a finite number, not {value!r}")
     if not 0.0 < tolerance < 1.0:
         raise MotionError(f"tolerance must lie between 0 and 1, not {tolerance!r}")
-    if isinstance(drive_torque, (int, float)):
+    if isinstance(drive_torque, Real):
         constant = float(drive_torque)
         torque: DriveTorque = lambda time, theta, omega: constant  # noqa: E731
     elif callable(drive_torque):

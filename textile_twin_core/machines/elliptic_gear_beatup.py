@@ -15,8 +15,10 @@ from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.sensors import Scene
 from textile_twin_core.machines.sensor_parameters import SensorNumbers, numbers_of, sensors_of
 from textile_twin_core.mechanism import Arc, Crank, EllipticGearPair, RigidArm, RRRDyad
+from textile_twin_core.mechanism.python_numbers import with_python_numbers
 
 
+@with_python_numbers
 def elliptic_gear_beatup(
     *,
     half_axis_m: float = 0.071233,

@@ -13,8 +13,10 @@ from textile_twin_core.dynamics import Body
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machines.sensor_parameters import SensorNumbers, numbers_of, sensors_of
 from textile_twin_core.mechanism import Arc, Crank, RigidArm, RRRDyad
+from textile_twin_core.mechanism.python_numbers import with_python_numbers
 
 
+@with_python_numbers
 def handloom_beatup(
     *,
     crank_m: float = 0.0597,

@@ -18,6 +18,7 @@ from textile_twin_core.machine.contact_machine import ContactMachine, DrivenElem
 from textile_twin_core.mechanism.law_strokes import LawName, Stroke, law_of_strokes
 from textile_twin_core.mechanism.law_table import from_function, from_table
 from textile_twin_core.mechanism.motion_law import TURN, MotionLaw
+from textile_twin_core.mechanism.python_numbers import with_python_numbers
 
 DESIGNS = ("original", "optimised")
 ELEMENTS = ("element_1", "element_2", "element_3")
@@ -27,6 +28,7 @@ _START_2_M: Mapping[str, float] = {"original": 0.0719, "optimised": 0.0669}
 _MILLI = 1e3
 
 
+@with_python_numbers
 def needle_transfer(
     *,
     design: str = "original",

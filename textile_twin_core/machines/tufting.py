@@ -12,8 +12,10 @@ from textile_twin_core.dynamics import Backing, Body
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machines.sensor_parameters import SensorNumbers, numbers_of, sensors_of
 from textile_twin_core.mechanism import Crank, RigidArm, RRPDyad, RRRDyad, Travel
+from textile_twin_core.mechanism.python_numbers import with_python_numbers
 
 
+@with_python_numbers
 def tufting(
     *,
     l1_m: float = 0.015,

@@ -12,6 +12,7 @@ from textile_twin_core.expression import const, cos, sin, variable
 from textile_twin_core.mechanism.group import MAIN_SHAFT, Group, check_finite
 from textile_twin_core.mechanism.joint import BASE, Joint
 from textile_twin_core.mechanism.motion import FULL_TURN, Motion, PointMotion, Rotation
+from textile_twin_core.mechanism.python_numbers import python_numbers
 from textile_twin_core.mechanism.vector import Vector, unit_direction
 
 THETA = variable("theta")
@@ -31,6 +32,8 @@ class Linkage:
     range_rad: tuple[float, float] = FULL_TURN
 
     def __post_init__(self) -> None:
+        for part in ("points", "groups"):
+            object.__setattr__(self, part, python_numbers(getattr(self, part)))
         for name, (x, y) in self.points.items():
             check_finite(x, f"point '{name}': x")
             check_finite(y, f"point '{name}': y")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.recordings.log_dates import one_form
 from textile_twin_core.recordings.log_dialect import EMPTY
 from textile_twin_core.recordings.log_thousands import DOUBT, may_have_thousands, without_thousands
 
@@ -17,7 +18,7 @@ _MOST_WORDS, _MOST_BAD = 0.5, 0.01
 """A column with a larger share of words, or of other cells that are no numbers, is text."""
 _NUMBER = r"^[+-]?([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][+-]?[0-9]+)?$"
 _CLOCK = r"^(?P<h>[0-9]{1,2}):(?P<m>[0-9]{2}):(?P<s>[0-9]{2}(?:[.][0-9]+)?)$"
-_DATE_ALONE = r"^([0-9]{2}\.[0-9]{2}\.[0-9]{4}|[0-9]{4}/[0-9]{2}/[0-9]{2})$"
+_DATE_ALONE = r"^([0-9]{2}\.[0-9]{2}\.[0-9]{4}|[0-9]{4}[/-][0-9]{2}[/-][0-9]{2})$"
 
 
 @dataclass(eq=False, repr=False)
@@ -78,7 +79,7 @@ def numeric(columns: Mapping[str, Any], decimal: str = ".") -> LogTable:
         elif types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
             out[name] = _float(written)
         else:
-            out.left_out[name] = f"values of the kind {kind}"
+            out.left_out[name] = "nothing" if types.is_null(kind) else f"values of the kind {kind}"
     _join(out, days, clocks)
     return out
 
@@ -117,14 +118,18 @@ def _text(
     cells = compute.utf8_trim_whitespace(written.combine_chunks())
     cells = compute.if_else(compute.is_in(cells, pyarrow.array(sorted(EMPTY), cells.type)), None, cells)
     filled = len(cells) - cells.null_count
-    pointed = compute.replace_substring(cells, ",", ".")
+    moments, doubt = one_form(cells)
+    if doubt:
+        out.left_out[name] = doubt
+        return
+    pointed = compute.replace_substring(moments, ",", ".")
     if filled and _matches(pointed, _CLOCK) == filled:
         clocks[name] = _clock(pointed)
         return
-    iso = compute.replace_substring_regex(cells, r"^(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1")
+    iso = compute.replace_substring_regex(moments, r"^(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1")
     iso = compute.replace_substring_regex(iso, r"^(\d{4})/(\d\d)/(\d\d)", r"\1-\2-\3")
     try:
-        if filled and _matches(cells, _DATE_ALONE) == filled:
+        if filled and _matches(moments, _DATE_ALONE) == filled:
             days[name] = _float(iso.cast("date32").cast("timestamp[ns]").cast("int64")) * 1e-9
             return
         stamps = compute.replace_substring(iso, ",", ".").cast("timestamp[ns]")
@@ -134,7 +139,8 @@ def _text(
             return
     except pyarrow.ArrowInvalid:
         pass
-    plain = without_thousands(cells, decimal)
+    # Some office programs write a minus sign, not a hyphen, before what is negative.
+    plain = without_thousands(compute.replace_substring(cells, "\u2212", "-"), decimal)
     if decimal == ",":
         plain = compute.replace_substring(plain, ",", ".")
     good = compute.match_substring_regex(plain, _NUMBER)

@@ -23,6 +23,7 @@ TORQUE_UNITS = {
     "kgf m": 9.80665,
     "daN m": 10.0,
     "mN m": 1e-3,
+    "MN m": 1e6,
 }
 """N m per unit."""
 QUANTITY_UNITS = {
@@ -44,6 +45,8 @@ _WORDS = {
 _TURKISH = str.maketrans("İÝıý", "IIii")
 """Its letters without their dots, and what becomes of them where cp1254 is read as cp1252."""
 _BRACKETS = r"[\[(（【][^\])）】]*[\])）】]"
+_MILLI = ("ms", "mm", "mm/s", "mN m")
+"""Units that begin with a prefix which means mega when it is written large."""
 _LETTER_OF_TYPE = r"\b[a-z]{1,2}(?=[A-Z][a-z])"
 """That stands before a variable's name in a controller: fAngle, lrActPos."""
 _SPELLINGS = {
@@ -58,6 +61,7 @@ _SPELLINGS = {
     "giri/min": "rpm", "d/dk": "rpm", "dev/dk": "rpm", "devir/dakika": "rpm", "rot/min": "rpm", "转/分": "rpm",
     "度": "deg", "º": "deg", "gradi": "deg", "graus": "deg", "grados": "deg", "derece": "deg", "degrés": "deg",
     "弧度": "rad", "radyan": "rad", "radianti": "rad", "°/s": "deg/s", "rad/sn": "rad/s", "sn": "s", "saniye": "s",
+    "h": "hours", "hr": "hours", "hrs": "hours", "hour": "hours", "stunden": "hours", "minutes": "min", "day": "days",
     "sek": "s", "秒": "s", "毫秒": "ms", "n∙m": "N m", "n⋅m": "N m", "牛米": "N m", "牛·米": "N m", "kgf·cm": "kgf cm",
     "kgf·m": "kgf m", "giri": "rev", "tours": "rev", "devir": "rev", "umdr": "rev", "圈": "rev",
 }  # fmt: skip
@@ -72,13 +76,19 @@ class Column:
 
 
 def spelled(unit: str) -> str:
-    """A unit as the tables here write it."""
+    """A unit as the tables here write it; as it was where it is none that is known, or m may be milli or mega."""
     plain = unit.strip()
     known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
-    squeezed = {name.replace(" ", "").lower(): name for name in known}
+    squeezed = {name.replace(" ", "").lower(): name for name in known if name != "MN m"}
     lower = plain.lower()
     bare = re.sub(r"[\s.*·∙⋅-]|(?<=lb)s", "", lower)
-    return _SPELLINGS.get(lower) or squeezed.get(lower.replace(" ", "")) or _SPELLINGS.get(bare) or plain
+    found = _SPELLINGS.get(lower) or squeezed.get(lower.replace(" ", "")) or _SPELLINGS.get(bare) or plain
+    if found not in _MILLI or plain[0] == "m":
+        return found
+    # A name in capitals throughout keeps no case: no machine's log has megametres, but MNM may be either.
+    if found == "mN m":
+        return "MN m" if plain.endswith("m") else plain
+    return found if plain.isupper() else plain
 
 
 def unit_in_name(name: str) -> str:
@@ -138,10 +148,12 @@ def angle_radians(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
     unit = column.unit
     if unit:
         try:
-            return values * radians_of(unit), unit if unit in ANGLE_TURNS else f"{shown_turn(float(unit))} a turn"
+            factor = radians_of(unit)
         except ValueError:
             known = f"{', '.join(ANGLE_TURNS)}, or the counts of a turn"
             raise RecordingError(f"column '{column.name}': angle in '{unit}'? there are: {known}") from None
+        words = unit if unit in ANGLE_TURNS else f"{shown_turn(float(unit))} a turn"
+        return values * factor, words + _other_unit(unit, values)
     seen = angle_unit(values)
     if not seen.wrapped:
         raise RecordingError(
@@ -149,6 +161,17 @@ def angle_radians(column: Column, values: FloatArray) -> tuple[FloatArray, str]:
             f"{', '.join(ANGLE_TURNS)} or the counts of a turn"
         )
     return values * seen.to_radians, f"{seen.name}, as seen: {shown_turn(seen.turn)} a turn"
+
+
+def _other_unit(unit: str, values: FloatArray) -> str:
+    """What speaks against a unit that is told, in words: leaps as those of another one. Empty without any."""
+    seen = angle_unit(values)
+    other = next((short for short, turn in ANGLE_TURNS.items() if seen.wrapped and turn == seen.turn), "")
+    if not other or math.isclose(ANGLE_TURNS[other] * radians_of(unit), 2.0 * math.pi):
+        return ""
+    return (
+        f"; but it begins anew each {shown_turn(seen.turn)}, as {seen.name} do: if they are, tell --angle-unit {other}"
+    )
 
 
 def times_as_fast(stamps: IntArray, theta: FloatArray, omega: FloatArray) -> float:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_columns import choose, is_unit
+from textile_twin_core.recordings.log_dates import HOW, MOMENT, OTHER_MOMENT
 from textile_twin_core.recordings.log_makers import known_head
 from textile_twin_core.recordings.log_text import decoded
 from textile_twin_core.recordings.log_thousands import DOUBT, has_thousands, may_have_thousands
@@ -19,14 +20,7 @@ EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
 """What a cell without a number has in it."""
 _HEAD_BYTES = 65536
 _SEPARATORS = (";", "\t", ",", "|")
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
-_DATE = re.compile(
-    r"((\d{4}([-/])\d\d\3\d\d|\d\d\.\d\d\.\d{4})([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?"
-    r"|\d{1,2}:\d\d:\d\d([.,]\d+)?)$"
-)
-"""Date and time, either alone."""
-_OTHER_DATE = re.compile(r"\d{1,4}/\d{1,2}/\d{1,4}|\d{1,2}:\d\d(:\d\d([.,]\d+)?)? ?[AaPp]\.?[Mm]")
-"""Dates that are read in two ways, and times of day in twelve hours."""
+_NUMBER = re.compile(r"[+\-\u2212]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
 _COMMENT = re.compile(r"^\s*(#+|%+|//+)\s*(?=\S)")
 """Marks of a line that the logger meant for people: the names of the columns often stand in one."""
 _NUMERAL, _OTHER_SIGN, _MOMENT, _NOTHING, _WORD = "number", "number of the other sign", "date", "nothing", "word"
@@ -82,11 +76,11 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
 def _refuse_dates(path: Path, lines: list[str]) -> None:
     """Raises RecordingError for a log whose dates are what hides its numbers."""
     for number, line in enumerate(lines, 1):
-        found = _OTHER_DATE.search(line)
+        found = OTHER_MOMENT.search(line)
         if found:
             raise RecordingError(
-                f"{path}, line {number}: '{found[0]}': dates and times are read as 2026-10-25 23:59:50.5 or"
-                " 25.10.2026 23:59:50,5, in 24 hours; write them so, or leave the column out and give --rate HZ"
+                f"{path}, line {number}: '{found[0]}': dates and times are read as {HOW}; write them so, or leave the"
+                " column out and give --rate HZ"
             )
 
 
@@ -158,7 +152,7 @@ def _kind(cell: str, decimal: str) -> str:
         return _NUMERAL
     if _NUMBER.match(cell):
         return _OTHER_SIGN
-    return _MOMENT if _DATE.match(cell) else _WORD
+    return _MOMENT if MOMENT.match(cell) else _WORD
 
 
 def _is_data(row: list[str], counted: Sequence[int]) -> bool:

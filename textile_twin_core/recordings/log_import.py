@@ -27,7 +27,7 @@ from textile_twin_core.recordings.log_columns import (
 )
 from textile_twin_core.recordings.log_makers import UNTIMED
 from textile_twin_core.recordings.log_shaft import edge_angles, force_torque, tooth_edges
-from textile_twin_core.recordings.log_time import DATED, counts_rows, time_seconds
+from textile_twin_core.recordings.log_time import DATED, TIME_UNITS, counts_rows, same_clock, time_seconds
 from textile_twin_core.recordings.recording import Progress
 
 _FIRST_NS = 1_000_000_000
@@ -172,7 +172,7 @@ def _stamps(columns: LogTable, wishes: Wishes, ask: Ask | None, taken: dict[str,
     if wishes.rate_hz is not None:
         taken["time"] = f"{wishes.rate_hz:g} rows a second"
         return np.asarray(_FIRST_NS + np.rint(np.arange(rows) * (1e9 / wishes.rate_hz)), dtype=np.int64), columns
-    column = _column("time", columns, wishes, ask, needed=False)
+    column = _finer_clock(columns, wishes, taken) or _column("time", columns, wishes, ask, needed=False)
     if column is None:
         column = _rising(columns, wishes)
     given, columns = columns, columns.at_times(column.name)
@@ -191,8 +191,35 @@ def _stamps(columns: LogTable, wishes: Wishes, ask: Ask | None, taken: dict[str,
         seconds, columns = seconds[here], columns.rows(here)
     first = _FIRST_NS if abs(float(seconds[0])) < _EPOCH_S else round(float(seconds[0]) * 1e9)
     since_first = np.rint((seconds - seconds[0]) * 1e9).astype(np.int64)
-    taken["time"] += _amiss(np.diff(since_first))
+    steps = np.diff(since_first)
+    if first + int(since_first.min()) <= 0 or np.count_nonzero(steps < 0) > np.count_nonzero(steps > 0):
+        at = int(np.argmax(steps < 0)) + 2
+        raise RecordingError(
+            f"column '{column.name}' goes back, first at row {at}: sort the rows by time, or where"
+            " they are evenly spaced give --rate"
+        )
+    taken["time"] += _amiss(steps)
     return np.asarray(first + since_first, dtype=np.int64), columns
+
+
+def _finer_clock(columns: LogTable, wishes: Wishes, taken: dict[str, str]) -> Column | None:
+    """Of one column of dates beside one of times with a unit, which go on alike, that with more moments; else None."""
+    if "time" in {**wishes.columns, **wishes.units}:
+        return None
+    found = choose("time", [name for name in columns if name not in wishes.columns.values()])
+    dated = [name for name in found if name in columns.dated]
+    timers = [name for name in found if name not in columns.dated and unit_in_name(name) in TIME_UNITS]
+    if len(found) != 2 or len(dated) != 1 or len(timers) != 1:
+        return None
+    (date,), (timer,) = dated, timers
+    unit = unit_in_name(timer)
+    if not same_clock(columns[date], columns[timer] * TIME_UNITS[unit]):
+        return None
+    if np.unique(columns[date]).size >= np.unique(columns[timer]).size:
+        taken["clock"] = f"column '{timer}' goes on as '{date}' and is not used"
+        return Column(date, DATED)
+    taken["clock"] = f"column '{date}' goes on as '{timer}', in larger steps, and is not used"
+    return Column(timer, unit)
 
 
 def _rising(columns: LogTable, wishes: Wishes) -> Column:

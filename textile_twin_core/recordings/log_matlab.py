@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.io import loadmat
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_cells import LogTable
+from textile_twin_core.recordings.matlab_content import matlab_variables
 
 _TIME = ("time", "t", "zeit")
 _VALUES = ("values", "value", "data", "signals", "y")
@@ -30,13 +30,7 @@ def read_matlab(path: Path, table: str | None) -> LogTable:
 
     Raises RecordingError, one line.
     """
-    try:
-        content = loadmat(path, simplify_cells=True)
-    except NotImplementedError as error:
-        raise RecordingError(f"{path}: a MATLAB file of version 7.3; save it with -v7") from error
-    except Exception as error:  # of a damaged file the reader raises anything
-        raise RecordingError(f"{path}: not a MATLAB file, or a damaged one ({error})") from error
-    content = {name: value for name, value in content.items() if not name.startswith("__")}
+    content = matlab_variables(path)
     if table is not None:
         if table not in content:
             raise RecordingError(f"{path}: no variable '{table}'; there are: {', '.join(content) or 'none'}")

@@ -47,7 +47,7 @@ def time_seconds(name: str, unit: str, values: FloatArray, raw: bool = False) ->
     if unit == DATED:
         taken, words = "s", DATED.removeprefix("seconds of ")
     elif unit:
-        taken, words = unit, unit
+        taken, words = unit, unit + _doubtful(finite, unit, raw)
     else:
         taken, words = _guessed(name, finite, raw)
     if taken not in TIME_UNITS:
@@ -59,6 +59,27 @@ def time_seconds(name: str, unit: str, values: FloatArray, raw: bool = False) ->
     if latest > _LATEST_S:
         raise RecordingError(f"column '{name}': {latest:.6g} s in the unit '{taken}' is no time; {_told()}")
     return seconds, words
+
+
+def _doubtful(finite: FloatArray, unit: str, raw: bool) -> str:
+    """What speaks against a unit that is told, in words: rows too near or too far for a shaft. Empty without any."""
+    steps = np.diff(finite)
+    steps = steps[steps > 0.0] * TIME_UNITS.get(unit, np.nan)
+    step = float(np.median(steps)) if steps.size else np.nan
+    fastest = _RAW_INTERVALS_S[0] if raw else _INTERVALS_S[0]
+    if fastest <= step < _TOO_SLOW_S or np.isnan(step):
+        return ""
+    return f" ({step:.4g} s from row to row, at which no shaft is logged: if the unit is another, tell --time-unit)"
+
+
+def same_clock(dated: FloatArray, timer: FloatArray) -> bool:
+    """Whether two columns (n,) in seconds, one of dates, go on alike: to the coarsest step of the dates, and 0.1 %."""
+    here = np.isfinite(dated) & np.isfinite(timer)
+    if np.count_nonzero(here) < 2:
+        return False
+    by_date, by_timer = dated[here] - dated[here][0], timer[here] - timer[here][0]
+    most = float(np.abs(np.diff(by_date)).max()) + 1e-3 * float(np.abs(by_date).max())
+    return bool(np.all(np.abs(by_date - by_timer) <= most))
 
 
 def counts_rows(name: str, values: FloatArray) -> bool:

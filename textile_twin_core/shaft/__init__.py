@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 from textile_twin_core.errors import SceneError
@@ -9,6 +10,7 @@ from textile_twin_core.shaft.estimator import ShaftEstimator
 from textile_twin_core.shaft.fixed_interval import SmoothEstimator
 from textile_twin_core.shaft.fixed_lag import LagEstimator
 from textile_twin_core.shaft.report import SampleReport
+from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.states import OneState, ShaftStates
 
 _VIEWS: dict[str, Any] = {"causal": ShaftEstimator, "lag": LagEstimator, "smooth": SmoothEstimator}
@@ -25,6 +27,10 @@ def create_estimator(name: str, **settings: Any) -> ShaftEstimator:
     """
     if name not in ESTIMATORS:
         raise SceneError(f"unknown shaft estimator '{name}': choose one of {', '.join(ESTIMATORS)}")
+    known = [field.name for field in fields(ShaftSettings)] + ["shaft_lag_s"] * (name == "lag")
+    for setting in settings:
+        if setting not in known:
+            raise SceneError(f"shaft estimator '{name}' has no setting '{setting}'; there are: {', '.join(known)}")
     try:
         estimator: ShaftEstimator = _VIEWS[name](**settings)
     except TypeError as error:

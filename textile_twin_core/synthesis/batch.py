@@ -15,7 +15,7 @@ from textile_twin_core.mechanism import MAIN_SHAFT
 from textile_twin_core.synthesis.batch_loads import Turn, displacement, is_known, load_torque
 from textile_twin_core.synthesis.batch_motion import Chain, Columns, Point, solve
 from textile_twin_core.synthesis.numbers import MOTION, largest, motion_number, shaking_numbers, torque_numbers
-from textile_twin_core.synthesis.slots import read
+from textile_twin_core.synthesis.slots import not_negative, read
 from textile_twin_core.synthesis.turn import shaft_angles
 
 SAMPLES = 180
@@ -45,6 +45,7 @@ class Batch:
         self.machine, self.dwell_within_m = machine, dwell_within_m
         self.speed_rad_s = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
         self.base = read(machine)
+        self._not_negative = not_negative(machine)
         self._theta = shaft_angles(samples)
         self._has_masses = bool(machine.bodies) and not machine.missing_for_torque
         self._knows_loads = all(is_known(load) for load in machine.loads)
@@ -58,7 +59,9 @@ class Batch:
         return (*of_measures, TRANSMISSION, *of_torque, *(SHAKING if self._has_masses else ()))
 
     def evaluate(self, values: Mapping[str, FloatArray], names: Iterable[str]) -> dict[str, FloatArray]:
-        """Numbers by name, each (n,), for the values (n,) by slot; NaN for a design that cannot close.
+        """Numbers by name, each (n,), for the values (n,) by slot; NaN for a design that cannot close, or cannot be.
+
+        A design with a mass, inertia, length or the like below zero cannot be, nor one with a length of zero.
 
         Raises SceneError for a number or slot that is not known.
         """
@@ -98,13 +101,21 @@ class Batch:
         worst = np.ones(1)
         for cosine in first.cosines:
             worst = np.minimum(worst, 1.0 - np.maximum(largest(cosine), largest(-cosine)))
-        closes = worst >= -_ROUNDING
+        closes = (worst >= -_ROUNDING) & self._can_be(columns)
         found[TRANSMISSION] = np.arccos(1.0 - np.maximum(worst, 0.0))
         if self._has_masses and any(name in TORQUE or name in SHAKING for name in names):
             torque, shaking = self._forces(columns, first)
             found |= torque_numbers(np.broadcast_to(torque, shape))
             found |= shaking_numbers(*(np.broadcast_to(part, shape) for part in (shaking.real, shaking.imag)))
         return {n: np.where(np.broadcast_to(closes, size), np.broadcast_to(found[n], size), np.nan) for n in names}
+
+    def _can_be(self, columns: Columns) -> Any:
+        """(n,) or (1,) whether no number that a machine refuses below zero is."""
+        sound = np.ones(1, dtype=np.bool_)
+        for name, zero in self._not_negative.items():
+            column = columns[name][:, 0]
+            sound = sound & ((column >= 0.0) if zero else (column > 0.0))
+        return sound
 
     def _chain(self, columns: Columns, phase_rad: float) -> Chain:
         chain = Chain(columns)

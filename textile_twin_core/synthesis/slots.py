@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple, get_type_hints
 
-from textile_twin_core.errors import SceneError
+from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.machine import AnyMachine, ContactMachine
 from textile_twin_core.machine.contact_machine import DrivenElement
 from textile_twin_core.machine.drive import load_names
@@ -115,6 +115,20 @@ def _get(machine: AnyMachine, slot: Slot) -> Any:
     return value if slot.place is None else value[slot.place]
 
 
+def not_negative(machine: AnyMachine) -> dict[str, bool]:
+    """The slots whose parts refuse a number below zero, such as a mass, and whether they take zero."""
+    taken = {slot.name: (_takes(machine, slot, -1.0), _takes(machine, slot, 0.0)) for slot in slots(machine)}
+    return {name: zero for name, (negative, zero) in taken.items() if not negative}
+
+
+def _takes(machine: AnyMachine, slot: Slot, value: float) -> bool:
+    try:
+        _replaced(_entries(machine, slot.field)[slot.entry], slot, value)
+    except MachineError:
+        return False
+    return True
+
+
 def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
     """The machine with other numbers in some of its slots.
 
@@ -127,15 +141,19 @@ def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
         if slot is None:
             raise SceneError(f"machine '{machine.name}' has no number '{name}'")
         held = entries.setdefault(slot.field, _entries(machine, slot.field))
-        entry = held[slot.entry]
-        new: Any = float(value)
-        if slot.place is not None:
-            row = list(getattr(entry, slot.attribute) if slot.attribute else entry)
-            row[slot.place] = new
-            new = tuple(row)
-        held[slot.entry] = dataclasses.replace(entry, **{slot.attribute: new}) if slot.attribute else new
+        held[slot.entry] = _replaced(held[slot.entry], slot, float(value))
     changes = {field: _field(machine, field, held) for field, held in entries.items()}
     return dataclasses.replace(machine, **changes) if changes else machine
+
+
+def _replaced(entry: Any, slot: Slot, value: float) -> Any:
+    """A part, or a point, with another number in this slot of it. Raises MachineError where it cannot be so."""
+    new: Any = value
+    if slot.place is not None:
+        row = list(getattr(entry, slot.attribute) if slot.attribute else entry)
+        row[slot.place] = new
+        new = tuple(row)
+    return dataclasses.replace(entry, **{slot.attribute: new}) if slot.attribute else new
 
 
 def _entries(machine: AnyMachine, field: str) -> dict[int | str, Any]:

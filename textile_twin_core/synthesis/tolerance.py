@@ -29,7 +29,7 @@ class ManyDesigns(Protocol):
         ...
 
     def evaluate(self, values: Mapping[str, FloatArray], names: Iterable[str]) -> dict[str, FloatArray]:
-        """Numbers by name, each (n,), for values (n,) by name; NaN for a design that cannot close."""
+        """Numbers by name, each (n,), for values (n,) by name; NaN for a design that cannot close or be."""
         ...
 
 
@@ -74,19 +74,29 @@ class Tolerances:
 def sensitivities(
     family: Family, values: Mapping[str, float], batch: ManyDesigns, names: Sequence[str], parameters: Sequence[str]
 ) -> dict[str, dict[str, float]]:
-    """Derivative of each number by each parameter (SI), by number and parameter: central differences in one batch."""
+    """Derivative of each number by each parameter (SI), by number and parameter: differences in one batch.
+
+    They are central, and one-sided where a design on one side cannot be, as of a mass of zero.
+    """
     units = {p.name: p.unit for p in family.parameters}
     base = _nominal(family, values)
     steps = {p: _STEPS.get(units[p]) or _RELATIVE * (abs(base[p]) or 1.0) for p in parameters}
-    columns = {name: np.full(2 * len(parameters), value) for name, value in base.items()}
+    columns = {name: np.full(2 * len(parameters) + 1, value) for name, value in base.items()}
     for k, p in enumerate(parameters):
         columns[p][2 * k] += steps[p]
         columns[p][2 * k + 1] -= steps[p]
     found = batch.evaluate(family.columns(columns), names)
     return {
-        name: {p: float((v[2 * k] - v[2 * k + 1]) / (2.0 * steps[p])) for k, p in enumerate(parameters)}
+        name: {p: _slope(v[2 * k + 1], v[-1], v[2 * k], steps[p]) for k, p in enumerate(parameters)}
         for name, v in found.items()
     }
+
+
+def _slope(below: float, here: float, above: float, step: float) -> float:
+    """A derivative from values a step apart; the outer ones may be NaN, but not both."""
+    sides = np.isfinite(below), np.isfinite(above)
+    low, high = (below if sides[0] else here), (above if sides[1] else here)
+    return float((high - low) / (max(sum(sides), 1) * step)) if any(sides) else float("nan")
 
 
 def monte_carlo(
@@ -103,8 +113,9 @@ def monte_carlo(
     """The spread of numbers where parameters lie within +- their tolerance, and how many parts break a limit.
 
     Errors are normal with a standard deviation of a third of the tolerance, cut off at it. The worst case is the worst
-    of all corners of the tolerances, or of `corners` of them where there are more. Parts that cannot close are
-    scrap. The same seed gives the same numbers. Raises SceneError for a tolerance that is not positive.
+    of all corners of the tolerances, or of `corners` of them where there are more. Parts that cannot close are scrap,
+    as are those of a mass or length below zero. The same seed gives the same numbers. Raises SceneError for a tolerance
+    that is not positive.
     """
     for p, tolerance in tolerances.items():
         if not tolerance > 0.0:

@@ -20,6 +20,7 @@ from textile_twin_core.errors import TwinError
 from textile_twin_core.views.rrd_file import check_whole
 
 _NEEDS = "it needs a graphics driver (Vulkan), such as the package mesa-vulkan-drivers"
+_BUSY = "try again when the computer has less to do"
 _T = TypeVar("_T")
 _START_S = 60.0
 _LOAD_S = 120.0
@@ -96,7 +97,8 @@ def screenshots(
         except TwinError as error:
             log.seek(0)
             said = log.read().decode(errors="replace").strip().splitlines()
-            last = [line for line in said if "panicked" in line] or said[-1:]
+            failed = (viewer.poll() or 0) > 0  # else its last line is about a transport that was cut
+            last = [line for line in said if "panicked" in line] or (said[-1:] if failed else [])
             raise TwinError(f"{source}: {error}{f' ({last[0]})' if last else ''}") from error
         finally:
             _end(viewer)
@@ -124,12 +126,19 @@ def _patiently(viewer: subprocess.Popen[bytes], what: str, seconds: float, ask: 
     while True:
         try:
             return ask()
-        except Exception as error:  # the client raises what its transport raises
+        except Exception as error:  # the client raises what its transport raises, in words that are for its makers
             if viewer.poll() is not None:
-                raise TwinError(f"the viewer ended with code {viewer.returncode}; {_NEEDS}") from error
+                raise TwinError(_ended(viewer.returncode)) from error
             if time.monotonic() > end:
-                raise TwinError(f"the viewer did not {what} in {seconds:g} s: {error}") from error
+                raise TwinError(f"the viewer did not {what} in {seconds:g} s: {_BUSY}") from error
         time.sleep(0.2)
+
+
+def _ended(code: int) -> str:
+    """How the viewer ended, and what to do."""
+    if code >= 0:
+        return f"the viewer ended with code {code}; {_NEEDS}"
+    return f"the viewer was ended by signal {-code} ({signal.strsignal(-code)}); draw it again"
 
 
 def _load(viewer: subprocess.Popen[bytes], client: ViewerClient, address: str) -> None:
@@ -140,7 +149,7 @@ def _load(viewer: subprocess.Popen[bytes], client: ViewerClient, address: str) -
         if state.active_recording is not None and not state.loading:
             return
         if time.monotonic() > end:
-            raise TwinError(f"the viewer did not load it in {_LOAD_S:g} s")
+            raise TwinError(f"the viewer did not load it in {_LOAD_S:g} s: {_BUSY}")
         time.sleep(0.1)
 
 
@@ -155,7 +164,7 @@ def _picture(viewer: subprocess.Popen[bytes], client: ViewerClient, time_s: floa
     end = time.monotonic() + _PICTURE_S
     while len(last) < 3 or len(set(last)) > 1:
         if time.monotonic() > end:
-            raise TwinError(f"the viewer did not draw it in {_PICTURE_S:g} s")
+            raise TwinError(f"the viewer did not draw it in {_PICTURE_S:g} s: {_BUSY}")
         last = [*last, _patiently(viewer, "draw it", _PICTURE_S, client.take_screenshot)][-3:]
         time.sleep(0.3)
     return last[-1]

@@ -95,6 +95,13 @@ class Inlets:
             if wanted and self._node.count_publishers(topic):
                 self._subscribe(topic, types[0])
 
+    def waiting(self) -> Iterator[tuple[str, bytes]]:
+        """Messages that have come and are not taken yet, topic by topic, each with its topic."""
+        for topic, subscription in self._open.items():
+            for raw in _waiting(subscription, message_class(self._types[topic])):
+                self._last[topic] = raw
+                yield topic, raw
+
     def is_anothers(self, topic: str, raw: bytes) -> bool:
         """Whether a message of the diagnostics, which all machines share, is of another machine's node."""
         if self.wanted or topic != _DIAGNOSTICS:

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 _LOOK_S = 0.1
 _HOUSEKEEPING_S = 0.25
 _RETENTION_S = 1.0
+_LONGEST_DRAIN_S = 2.0
+"""Who ends a node by a signal kills it some seconds later."""
 _LEAST_STANDSTILL_S = 1.0
 """Every process waits for less now and then, however short its queues are."""
 
@@ -110,6 +112,7 @@ class RecordNode(Node):
         """
         if self._writer is None:
             return
+        self._drain(self._writer)
         path, self._writer = self._writer.path, None
         self._inlets.write_to(None)
         try:
@@ -122,6 +125,25 @@ class RecordNode(Node):
             print("nothing came: no recording is kept", flush=True)
             return
         print(f"recorded {self._progress.counts.total()} messages in {path}: {self._progress}", flush=True)
+
+    def _drain(self, writer: BagWriter) -> None:
+        """Take what has come before the end and waits still, within a time that those who end this node give it.
+
+        Raises:
+            RecordingError: the disk takes no more, or the file has gone.
+        """
+        until = time.monotonic() + _LONGEST_DRAIN_S
+        for topic, raw in self._inlets.waiting():
+            if time.monotonic() > until:
+                self.get_logger().warning(
+                    f"more messages wait than {_LONGEST_DRAIN_S:g} s are enough for: those left are not recorded"
+                )
+                return
+            try:
+                self._write(writer, topic, raw)
+            except OSError as error:
+                self._let_go()
+                raise self._cut_short(writer.path, error) from error
 
     def _drop_if_empty(self, path: Path) -> bool:
         """Remove a recording of this node's own naming in which there is nothing; whether it was one."""
@@ -171,14 +193,17 @@ class RecordNode(Node):
             self._give_up(self._writer.path, error)
 
     def _take(self, topic: str, raw: bytes) -> None:
-        if self._writer is None or self._inlets.is_anothers(topic, raw):
+        if self._writer is None:
             return
         try:
-            self._writer.write(topic, time.time_ns(), raw)
+            self._write(self._writer, topic, raw)
         except OSError as error:
             self._give_up(self._writer.path, error)
-            return
-        self._progress.take(topic)
+
+    def _write(self, writer: BagWriter, topic: str, raw: bytes) -> None:
+        if not self._inlets.is_anothers(topic, raw):
+            writer.write(topic, time.time_ns(), raw)
+            self._progress.take(topic)
 
     def _keep_house(self) -> None:
         self._notice_standstill()
@@ -278,14 +303,14 @@ class RecordNode(Node):
         if self._writer is None:
             response.success, response.message = False, "not recording: call ~/start first"
             return response
-        path, total = self._writer.path, self._progress.counts.total()
+        path = self._writer.path
         try:
             self.close()
         except RecordingError as error:
             self.get_logger().error(str(error))
             response.success, response.message = False, str(error)
             return response
-        response.success, response.message = True, f"{total} messages in {path}"
+        response.success, response.message = True, f"{self._progress.counts.total()} messages in {path}"
         return response
 
 

@@ -26,6 +26,8 @@ from textile_twin_ros.shaft_motion import TURN, Marks, SimulatedEncoder, Simulat
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 from textile_twin_ros.twin_outputs import TORQUE
 
+_LOOK_S = 0.05
+
 
 @dataclass
 class ShaftParameters(EncoderParameters):
@@ -117,7 +119,9 @@ class ShaftNode(Node):
 
     def _work(self) -> int:
         parameters = self.settings
-        start_ns = self.get_clock().now().nanoseconds
+        start_ns = self._begun_ns()
+        if not start_ns:
+            return 0
         pace = Pace(self._stop)
         number = 0
         self.get_logger().info(
@@ -131,6 +135,15 @@ class ShaftNode(Node):
             self._publish_torque(start_ns + round(time_s * SECOND_NS), time_s)
             number += 1
         return 0
+
+    def _begun_ns(self) -> int:
+        """Now, which where it is a simulation's time is there from the first /clock on; 0 when told to stop."""
+        told = False
+        while not (now_ns := self.get_clock().now().nanoseconds) and not self._stop.wait(_LOOK_S):
+            if not told:
+                self.get_logger().warning("waits for a first /clock: use_sim_time is set, and nobody has told the time")
+            told = True
+        return now_ns
 
     def _publish_torque(self, stamp_ns: int, time_s: float) -> None:
         if self._twin is not None and self._send_torque is not None and time_s >= self._delay_s:

@@ -1,0 +1,100 @@
+"""Dates and times of day as loggers write them, brought into one form where they can be read in one way only."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+_ON_CLOCK = r"\d{1,2}:\d\d:\d\d([.,]\d+|:\d{3})?"
+_HALF_DAY = r" ?[AaPp]\.?[Mm]\.?"
+MOMENT = re.compile(
+    r"((\d{4}[-/]\d\d[-/]\d\d|\d\d\.\d\d\.\d{4}|\d{1,2}/\d{1,2}/\d{4}|\d{1,2}-\d{1,2}-\d{4})"
+    rf"((T|,? )({_ON_CLOCK}|\d{{1,2}}:\d\d)({_HALF_DAY}|Z|[+-]\d\d:?\d\d)?)?"
+    rf"|{_ON_CLOCK}({_HALF_DAY})?|\d{{1,2}}:\d\d{_HALF_DAY})$"
+)
+"""Date and time, either alone."""
+OTHER_MOMENT = re.compile(r"\d{1,4}/\d{1,2}/\d{1,4}( \d[\d:.,]+)?|\d{1,2}-\d{1,2}-\d{2,4}\b|\d{1,2}:\d\d[\d:]*")
+"""What may be meant as either, and is written otherwise."""
+HOW = "2026-10-25 23:59:50.5 or 25.10.2026 23:59:50,5"
+"""How any date is read."""
+
+_TWELVE = (
+    r"^(?P<before>.*?)(?P<h>[0-9]{1,2}):(?P<m>[0-9]{2})(?P<s>(?::[0-9]{2}(?:[.,:][0-9]+)?)?)"
+    r" ?(?P<half>[AaPp])\.?[Mm]\.?$"
+)
+_MILLISECONDS = r"([0-9]{1,2}:[0-9]{2}:[0-9]{2}):([0-9]{3})$"
+_NO_ORDER = r"^(?P<a>[0-9]{1,2})%s(?P<b>[0-9]{1,2})%s(?P<y>[0-9]{4})(?P<rest>$|[T, ].*$)"
+_MONTHS = 12
+
+
+def one_form(cells: Any) -> tuple[Any, str]:
+    """An arrow column of text with its dates year first and its times in 24 hours, and a doubt about the dates.
+
+    Cells are changed where all of a column that are not null are written in the same way: month or day first (known
+    where one of the two exceeds 12 somewhere in the column, or they are always the same), in twice twelve hours, or
+    with milliseconds after a colon. The doubt is a text for people, empty where there is none.
+    """
+    from pyarrow import compute
+
+    cells = compute.replace_substring_regex(_in_24_hours(cells), _MILLISECONDS, r"\1.\2")
+    for mark in "/-":
+        parts = _parts(cells, _NO_ORDER % (mark, mark))
+        if parts is None:
+            continue
+        first, second = (_numbers(parts, key) for key in "ab")
+        if (first > _MONTHS).any() and (second > _MONTHS).any():
+            return cells, ""
+        if not (first > _MONTHS).any() and not (second > _MONTHS).any() and (first != second).any():
+            at = int(np.flatnonzero(first != second)[0])
+            cell = compute.drop_null(cells)[at].as_py()
+            return cells, f"dates ('{cell}') of which no row shows whether the day or the month is first"
+        day, month = ("a", "b") if (first > _MONTHS).any() else ("b", "a")
+        rest = compute.replace_substring_regex(compute.struct_field(parts, ["rest"]), r"^[T,]? ?([0-9].*)", r" \1")
+        date = [compute.struct_field(parts, ["y"]), _two_digits(parts, month), _two_digits(parts, day)]
+        return compute.binary_join_element_wise(compute.binary_join_element_wise(*date, "-"), rest, ""), ""
+    return cells, ""
+
+
+def _in_24_hours(cells: Any) -> Any:
+    """Times that all end in AM or PM without it, as 13:05:00 for 1:05 PM; others, and hours beyond 12, as they are."""
+    import pyarrow
+    from pyarrow import compute
+
+    parts = _parts(cells, _TWELVE)
+    if parts is None:
+        return cells
+    hours = compute.struct_field(parts, ["h"]).cast("int64")
+    written = _numbers(parts, "h")
+    if written.min() < 1 or written.max() > _MONTHS:
+        return cells
+    after_noon = compute.equal(compute.utf8_lower(compute.struct_field(parts, ["half"])), "p")
+    hours = compute.if_else(compute.equal(hours, _MONTHS), pyarrow.scalar(0, "int64"), hours)
+    hours = compute.add(hours, compute.if_else(after_noon, 12, 0))
+    seconds = compute.struct_field(parts, ["s"])
+    seconds = compute.if_else(compute.equal(seconds, ""), ":00", seconds)
+    clock = compute.binary_join_element_wise(
+        compute.utf8_lpad(hours.cast("string"), 2, "0"), compute.struct_field(parts, ["m"]), ":"
+    )
+    return compute.binary_join_element_wise(compute.struct_field(parts, ["before"]), clock, seconds, "")
+
+
+def _parts(cells: Any, pattern: str) -> Any:
+    """What a pattern takes out of each cell; None where there is a cell, not null, that it does not match, or none."""
+    from pyarrow import compute
+
+    parts = compute.extract_regex(cells, pattern)
+    return None if parts.null_count > cells.null_count or parts.null_count == len(cells) else parts
+
+
+def _numbers(parts: Any, key: str) -> Any:
+    from pyarrow import compute
+
+    return compute.drop_null(compute.struct_field(parts, [key])).cast("int64").to_numpy(zero_copy_only=False)
+
+
+def _two_digits(parts: Any, key: str) -> Any:
+    from pyarrow import compute
+
+    return compute.utf8_lpad(compute.struct_field(parts, [key]), 2, "0")
