@@ -29,15 +29,13 @@ def machine(folder: Path, inertia: float = 1.0, friction: float = 1.0) -> Machin
 
 
 def readings(seed: int, gain: float = 1.0) -> Readings:
-    """Twelve strokes of six turns to and fro with constant accelerations and rests, 16 bits and torque at 1 kHz."""
-    top, rise = 60.0, 0.15083
-    rate = top / rise
-    legs = [(rise, rate), (0.48137, 0.0), (rise, -rate), (0.29771, 0.0)]  # leaps at no sample's own time
-    plan = [(length, way * acceleration) for way in 6 * (1.0, -1.0) for length, acceleration in legs]
-    ends = np.cumsum([0.5, *(length for length, _ in plan)])
-    acceleration = np.array([0.0, *(value for _, value in plan)])
-    fine = np.arange(0.0, ends[-1], 1e-5)
-    alpha = acceleration[np.minimum(np.searchsorted(ends, fine, side="right"), acceleration.size - 1)]
+    """Twelve strokes of six turns to and fro with rests between them, 16 bits and torque at 1 kHz."""
+    top, rise, hold, rest = 60.0, 0.15, 0.48, 0.3
+    fine = np.arange(0.0, 0.5 + 12.0 * (2.0 * rise + hold + rest), 1e-5)
+    stroke, within = np.divmod(np.maximum(fine - 0.5, 0.0), 2.0 * rise + hold + rest)
+    up, down = (np.clip((within - start) / rise, 0.0, 1.0) for start in (0.0, rise + hold))
+    pull = np.sin(np.pi * up) ** 2 - np.sin(np.pi * down) ** 2
+    alpha = 2.0 * top / rise * pull * (1.0 - 2.0 * np.mod(stroke, 2.0))
     omega = np.concatenate([[0.0], np.cumsum(alpha[:-1]) * 1e-5])
     omega[np.abs(omega) < 1e-6 * top] = 0.0
     theta = np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1])) * 1e-5])

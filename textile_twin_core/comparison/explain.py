@@ -55,6 +55,7 @@ class Explanation:
         apart: by setting, the factor by which the mean square rises when it alone is put back.
         governed_Nms: by how much the torque falls as the speed rises; not 0, delay and inertia are one.
         offset_at_rest: the torque sensor's offset where the shaft at rest tells it and friction apart from it.
+        by_blocks: settled by means of blocks, which the errors of single accelerations do not reach.
     """
 
     configured: Settings
@@ -71,6 +72,7 @@ class Explanation:
     encoder_turn_rad: float
     offset_at_rest: Estimate | None
     governed_Nms: float = 0.0
+    by_blocks: bool = False
 
     def departure(self, name: str) -> float:
         """By how much a setting departs from the configured one; a gain and a load as factor less one."""
@@ -78,18 +80,15 @@ class Explanation:
 
     @property
     def weighed(self) -> Evidence:
-        """The evidence by which it was settled: in blocks with an inertia, which the acceleration's errors hide."""
-        governed = self.governed_Nms != 0.0
-        return self.evidence.in_blocks(governed) if INERTIA in self.fit.free else self.evidence
+        """The evidence by which it was settled."""
+        return self.evidence.in_blocks(self.governed_Nms != 0.0) if self.by_blocks else self.evidence
 
     def is_better_than(self, other: Explanation) -> bool:
-        """Whether it names an inertia and leaves clearly less, or as little with fewer departures."""
-        if INERTIA not in self.departing:
-            return False
+        """Whether it leaves clearly less by naming an inertia, or as little with fewer departures."""
         fine = self.weighed.thinned(ALL_SAMPLES)
         others = fit_settings(fine, other.fit.settings, other.fit.free)
         if AS_GOOD * self.fit.rms**2 < others.rms**2:
-            return True
+            return INERTIA in self.departing
         return self.fit.rms**2 < AS_GOOD * others.rms**2 and self.departures < other.departures
 
     @property
@@ -128,7 +127,7 @@ def explain(
     heavier = _explained(evidence.in_blocks(found.governed_Nms != 0.0), configured, encoder_turn_rad, ratios, names)
     if heavier is None:
         return found
-    heavier = replace(heavier, governed_Nms=found.governed_Nms, evidence=evidence)
+    heavier = replace(heavier, governed_Nms=found.governed_Nms, evidence=evidence, by_blocks=True)
     return heavier if heavier.is_better_than(found) else found
 
 
