@@ -28,12 +28,18 @@ def planned(case: Case) -> Readings:
     return Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
 
 
-def governed(case: Case, gain_Nms: float, late_s: float = 0.0, speeds: tuple[float, float] = (9.0, 14.0)) -> Readings:
-    """13 bits and torque at 1 kHz; noise of 0.05 N m, stamps wrong by 30 us."""
+def governed(
+    case: Case,
+    gain_Nms: float,
+    late_s: float = 0.0,
+    speeds: tuple[float, float] = (9.0, 14.0),
+    jitter_s: float = 3e-5,
+) -> Readings:
+    """13 bits and torque at 1 kHz; noise of 0.05 N m."""
     fine, angle, _, torque = governed_motion(case, gain_Nms, speeds)
     rng = np.random.default_rng([1, 13])
     time, step = np.arange(0.1, 23.9, 0.001), 2.0 * np.pi / 2**13
-    true = time + 3e-5 * rng.standard_normal(time.size)
+    true = time + jitter_s * rng.standard_normal(time.size)
     stamps = np.rint(time * 1e9).astype(np.int64)
     read = np.rint(np.interp(true, fine, angle) / step) * step
     shown = np.interp(true - late_s, fine, torque) + 0.05 * rng.standard_normal(time.size)
@@ -124,3 +130,11 @@ def test_a_little_of_it_and_a_delay_are_told_as_one(added_kgm2: float, late_s: f
     (cause,) = assess(governed(case, 2.0, late_s), told_machine(case)).verdict
     assert cause.cause == "delay" and cause.value == pytest.approx(0.0025, abs=1e-4)
     assert "0.005" in cause.text and "kg m2" in cause.text
+
+
+@pytest.mark.parametrize(("machine", "gain_Nms"), [("tufting", 2.0), ("tufting", 40.0), ("loom", 2.0)])
+def test_late_stamps_under_a_controller_accuse_nobody(machine: str, gain_Nms: float) -> None:
+    """Errors of single accelerations, a part of the torque, lessen it: a gain of 0.944 +- 0.005 and stronger loads."""
+    case = healthy(machine, 1, duration_s=24.0)
+    found = assess(governed(case, gain_Nms, jitter_s=3e-4), told_machine(case))
+    assert not found.verdict and found.explained > 0.9
