@@ -112,15 +112,13 @@ def linear_start(evidence: Evidence, start: Settings, names: tuple[str, ...]) ->
         target = target - start.gain * torque
     told, good = evidence.weighed(np.stack([*matrix, target], axis=1), good)
     matter, target = told[good, :-1], told[good, -1]
-    within = {name: 1.0 if name == "offset_Nm" or not free_gain else start.gain for name in others}
-    first = np.array([start.gain] * free_gain + [within[name] * getattr(start, name) for name in others])
-    # Where several could carry the same they stay near the start.
-    size = np.sqrt(np.mean(matter**2, axis=0)) + 1e-300 if target.size else np.ones(first.size)
-    found = first + np.linalg.lstsq(matter / size, target - matter @ first, rcond=1e-10)[0] / size
-    gain = float(found[0]) if free_gain else start.gain
+    # Where several could carry the same each carries a part, whatever its unit.
+    size = np.sqrt(np.mean(matter**2, axis=0)) + 1e-300 if target.size else np.ones(matter.shape[1])
+    found = (np.linalg.lstsq(matter / size, target, rcond=1e-10)[0] / size).tolist()
+    gain = found.pop(0) if free_gain else start.gain
     if gain == 0.0:
         return start
-    values = dict(zip(others, found[len(found) - len(others) :].tolist(), strict=True))
+    values = dict(zip(others, found, strict=True))
     scaled = {name: value if name == "offset_Nm" or not free_gain else value / gain for name, value in values.items()}
     return start.changed({**scaled, "gain": gain})
 
