@@ -233,7 +233,7 @@ def _spare(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_t
     One that is needed stays, however small: without it the others would carry what it carries. Of several that can
     carry the same the one goes without which the fewest are needed.
     """
-    while fit.free:
+    while fit.free and fit.good.any():
         rise, together = _missed(fit, configured, encoder_turn_rad)
         delta = _deltas(fit, configured, encoder_turn_rad)
         sigma = np.array(list(sigmas(fit).values()))
@@ -242,13 +242,8 @@ def _spare(evidence: Evidence, fit: SettingsFit, configured: Settings, encoder_t
             break
         idle = np.flatnonzero(rise < 0.1 * _WORTH)
         if idle.size > 1 and together(idle) > _WORTH:
-            # Some share what is needed between them; the others of them go at once.
-            shared = [int(k) for k in idle if together(idle[idle != k]) < together(idle) - 0.1 * _WORTH]
-            gone = [int(k) for k in idle if int(k) not in shared]
-            if gone:
-                fit = _without(evidence, fit, gone, configured, encoder_turn_rad)
-                continue
-            tried = [_without(evidence, fit, [k], configured, encoder_turn_rad) for k in shared]
+            # They share what is needed between them.
+            tried = [_without(evidence, fit, [int(k)], configured, encoder_turn_rad) for k in idle]
             spared = [_spare(evidence, each, configured, encoder_turn_rad) for each in tried]
             return min(spared, key=lambda each: (each.rms**2 > AS_GOOD * fit.rms**2, len(each.free), each.rms))
         # The least missed goes first; the others may then carry what it carried.
