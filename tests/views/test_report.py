@@ -37,7 +37,7 @@ def test_the_report_holds_verdict_numbers_and_pictures_and_nothing_from_outside(
     page = report.read_text()
     assert "friction of about" in page and "the torque lags by 2.0" in page
     assert "machine: tufting" in page and "RMS error over peak" in page
-    assert page.count("data:image/png;base64,") == 2
+    assert page.count("data:image/png;base64,") == 3 and "Orders of the shaft" in page
     assert not re.search(r'(src|href)="(?!data:)', page)
 
 

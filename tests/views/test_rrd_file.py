@@ -13,8 +13,15 @@ import rerun.blueprint as rrb
 from tests.full_disk import full_disk
 from tests.views.conftest import Run
 from tests.views.test_live import PATIENCE_S
+from textile_twin_core.comparison.orders import order_map
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.views import LiveView, screenshot, write_comparison_recording, write_motion_recording
+from textile_twin_core.views import (
+    LiveView,
+    screenshot,
+    write_comparison_recording,
+    write_motion_recording,
+    write_orders_recording,
+)
 from textile_twin_core.views.rrd_file import check_whole, written
 
 
@@ -76,3 +83,11 @@ def test_what_the_viewer_would_wait_for_in_vain_is_told_at_once(run: Run, tmp_pa
             screenshot(tmp_path / "spoilt.rrd", tmp_path / "run.png")
     with pytest.raises(RecordingError, match="cannot be read"):
         screenshot(tmp_path, tmp_path / "run.png")
+
+
+def test_order_maps_are_written_as_a_whole_recording(tmp_path: Path) -> None:
+    time = np.arange(20_000) / 1000.0
+    angle = 2.0 * np.pi * (5.0 * time + 0.2 * time**2)
+    found = order_map(time, angle, 3.0 * np.cos(4.0 * angle), max_order=10.0)
+    write_orders_recording(tmp_path / "orders.rrd", {"signal [m]": found}, title="orders")
+    check_whole(tmp_path / "orders.rrd")

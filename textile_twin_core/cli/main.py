@@ -21,6 +21,7 @@ COMMANDS = {
     "calibrate": "encoder and torque sensor settled from a recording, as a machine file",
     "identify": "forces, friction, event angles and inertia from a recording, with intervals",
     "drive": "the motion of a machine under a drive torque: run-up, coast-down, speed ripple",
+    "orders": "order spectrum and order-speed map of a recording's signals",
     "import": "a recording from any logger's table: CSV, Parquet, MATLAB",
     "monitor": "recordings watched for faults, turn by turn: needle side, drive side, sensors",
     "recover": "a complete recording from one that was cut off or is damaged",

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from textile_twin_core.views.live_recording import LiveRecording
     from textile_twin_core.views.machine_picture import plot_machine
     from textile_twin_core.views.motion_recording import write_motion_recording
+    from textile_twin_core.views.orders_picture import orders_figure, plot_orders
+    from textile_twin_core.views.orders_recording import write_orders_recording
     from textile_twin_core.views.picture_recording import write_picture
     from textile_twin_core.views.plot import plot_comparison
     from textile_twin_core.views.recording import write_comparison_recording
@@ -24,13 +26,16 @@ __all__ = [
     "LiveRecording",
     "LiveView",
     "open_viewer",
+    "orders_figure",
     "plot_comparison",
     "plot_machine",
+    "plot_orders",
     "screenshot",
     "screenshots",
     "write_comparison_recording",
     "write_element_recording",
     "write_motion_recording",
+    "write_orders_recording",
     "write_picture",
     "write_report",
 ]
@@ -45,13 +50,16 @@ __getattr__ = names_of(
         "LiveRecording": "live_recording",
         "LiveView": "live",
         "open_viewer": "viewer",
+        "orders_figure": "orders_picture",
         "plot_comparison": "plot",
         "plot_machine": "machine_picture",
+        "plot_orders": "orders_picture",
         "screenshot": "viewer",
         "screenshots": "viewer",
         "write_comparison_recording": "recording",
         "write_element_recording": "element_views",
         "write_motion_recording": "motion_recording",
+        "write_orders_recording": "orders_recording",
         "write_picture": "picture_recording",
         "write_report": "report",
     },

@@ -13,9 +13,12 @@ from html import escape
 from importlib.metadata import version
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from textile_twin_core.comparison import Comparison, is_as_told, summary_rows, verdict_lines
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
+from textile_twin_core.views.orders_picture import comparison_orders, orders_figure
 from textile_twin_core.views.plot import plot_comparison
 from textile_twin_core.views.report_figure import errors_figure
 
@@ -84,7 +87,8 @@ def write_report(
         "<h2>Numbers</h2>",
         _table(summary_rows(comparison)),
         "<h2>Where the errors lie</h2>",
-        _image(_png(comparison)),
+        _image(_png(errors_figure(comparison))),
+        *_orders(comparison),
         "<h2>Torque sensor</h2>",
         _table(sensor),
         *(["<h2>Events of the turn</h2>", _table(events)] if events else []),
@@ -117,9 +121,18 @@ def _picture(comparison: Comparison, machine: Machine, title: str) -> str:
         return _image(plot_comparison(Path(folder) / "plot.png", comparison, machine, title=title).read_bytes())
 
 
-def _png(comparison: Comparison) -> bytes:
+def _orders(comparison: Comparison) -> list[str]:
+    """Order analysis of speed, measured torque and residual; nothing where the recording has too few turns."""
+    try:
+        maps = comparison_orders(comparison)
+    except RecordingError:
+        return []
+    return ["<h2>Orders of the shaft</h2>", _image(_png(orders_figure(maps)))]
+
+
+def _png(figure: Figure) -> bytes:
     out = io.BytesIO()
-    errors_figure(comparison).savefig(out, format="png")
+    figure.savefig(out, format="png")
     return out.getvalue()
 
 
