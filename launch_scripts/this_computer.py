@@ -14,11 +14,12 @@ _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 def this_computer_alone() -> dict[str, str]:
     """The environment in which nodes hear each other on this computer, and what a killed one leaves disturbs none.
 
-    The discovery range LOCALHOST itself would have Fast DDS use shared memory, whatever its settings say.
+    The discovery range LOCALHOST itself would have Fast DDS use shared memory, whatever its settings say;
+    SYSTEM_DEFAULT leaves it to these settings, SUBNET is for other computers.
     """
     settings = str(Path(__file__).with_name("this_computer.xml"))
     has_second = any((Path(sys.prefix) / "lib").glob("libfastrtps.so*"))  # the third is libfastdds
-    return {RANGE: "SUBNET", _PROFILES[0 if has_second else 1]: settings}
+    return {RANGE: "SYSTEM_DEFAULT", _PROFILES[0 if has_second else 1]: settings}
 
 
 def asked_for(environment: Mapping[str, str]) -> bool:

@@ -68,10 +68,11 @@ class Suite:
         self._context: Context | None = None
         self._nodes: list[Node] = []
 
-    def start(self, node: str, *parameters: str, remaps: Sequence[str] = ()) -> Program:
-        """Start a node with parameters written as name:=value."""
+    def start(self, node: str, *parameters: str, remaps: Sequence[str] = (), files: Sequence[Path] = ()) -> Program:
+        """Start a node with parameters written as name:=value, and with parameter files."""
         words = [word for text in parameters for word in ("-p", text)]
         words += [word for text in remaps for word in ("-r", text)]
+        words += [word for file in files for word in ("--params-file", str(file))]
         log = self.folder / f"{len(self.processes)}_{node}.log"
         command = [str(Path(sys.executable).parent / node), "--ros-args", *words]
         program = Program(command, log, self.environment)

@@ -66,7 +66,7 @@ FAULTS: dict[str, tuple[Callable[[int], JointState], str]] = {
     "clock set back": (lambda n: spoilt(n, shifted(-3600)), "went back"),
     "no stamp": (lambda n: spoilt(n, no_stamp), "stamps are 0"),
     "degrees": (lambda n: spoilt(n, in_degrees), "set angle_unit_rad to 0.01745329252"),
-    "another joint": (lambda n: spoilt(n, other_joint), "unreadable"),
+    "another joint": (lambda n: spoilt(n, other_joint), "no message has joint 'main_shaft', there are brake, clutch"),
 }
 
 

@@ -14,6 +14,7 @@ from textile_twin_ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from textile_twin_ros.health import (
     MeasuredTorque,
     Recent,
+    joint_findings,
     judged,
     publisher_findings,
     residual_findings,
@@ -84,6 +85,8 @@ def test_a_unit_other_than_radians_is_told_with_the_parameter_that_mends_it() ->
 
 def test_publishers_stamps_and_states() -> None:
     assert not publisher_findings(["/drive"], "/main_shaft/angle")
+    assert publisher_findings(["/drive", "/rollers"], "/main_shaft/angle", of_other_joints=1) == []
+    assert publisher_findings(["/drive", "/drive_2", "/rollers"], "/main_shaft/angle", of_other_joints=1)
     (finding,) = publisher_findings(["/replay_node", "/drive"], "/main_shaft/angle")
     assert finding.level == WARN and "2 publishers" in finding.text and "/drive, /replay_node" in finding.text
     for stamped, words in ((True, "header.stamp"), (False, "use_sim_time")):
@@ -116,3 +119,19 @@ def test_the_worst_level_stays_and_all_texts_are_told() -> None:
     assert both.level == STALE and both.tell.keys() == {"unfit", "gaps"} and both.values == stale.values
     assert both.message.count("; ") == 2
     assert judged(stale, []) is stale
+
+
+@pytest.mark.parametrize(
+    ("others", "silent_s", "words"),
+    [
+        (None, 9.0, ""),
+        (["feed_roller"], 0.2, ""),
+        (["take_up", "feed_roller"], 2.0, "no message has joint 'main_shaft', there are feed_roller, take_up: set"),
+        ([], 2.0, "there are none at all"),
+        (["main_shaft"], 2.0, "messages name joint 'main_shaft' and have no value of it"),
+    ],
+)
+def test_a_joint_that_no_message_has_is_named(others: list[str] | None, silent_s: float, words: str) -> None:
+    findings = joint_findings("main_shaft", others, silent_s)
+    assert len(findings) == bool(words)
+    assert all(finding.level == ERROR and words in finding.text for finding in findings)

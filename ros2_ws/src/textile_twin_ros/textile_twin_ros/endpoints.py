@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterable
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -41,6 +42,24 @@ def topic_name(node: Node, topic: str, parameter: str) -> str:
     except rclpy_implementation.RCLError as error:
         rule = str(error).removeprefix("failed to resolve name: ").partition(", at /")[0]
         raise SceneError(f"parameter '{parameter}': '{topic}' is no topic: {rule}") from error
+
+
+def refuse_own_outputs(node: Node, inputs: Iterable[str], outputs: Iterable[str]) -> None:
+    """Refuse inputs that this node itself publishes, as its remaps and its namespace resolve the names.
+
+    Raises:
+        SceneError: an input is one of the outputs; the text names the remap that separates them.
+    """
+    published = {node.resolve_topic_name(output): output for output in outputs}
+    for name in inputs:
+        topic = node.resolve_topic_name(name)
+        if topic in published:
+            output = published[topic]
+            raise SceneError(
+                f"the input {name} is {topic}, which this node publishes itself as its output {output}: give the output"
+                f" another name, -r {output}:=twin/{output}, or take the input from its sensor's topic,"
+                f" -r {name}:=TOPIC, and leave out the remap that joins them"
+            )
 
 
 def depth_for(rate_hz: float, seconds: float = QUEUE_S) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from textile_twin_core.arrays import FloatArray
@@ -19,6 +19,7 @@ WARN_SHARE = 0.01
 """Share of samples that do not serve above which there is a warning."""
 ERROR_SHARE = 0.5
 _LATE_S = 1.0
+_NAMES_LENGTH = 200
 _APART_S = 1.0
 _STATE_LEVELS: dict[str, bytes] = {"waiting": WARN, "settling": WARN, "starting": WARN, "lost": ERROR}
 # What leaves a sample out, and what bridges one, in the counts of the shaft's report.
@@ -123,10 +124,37 @@ def sample_findings(growth: Mapping[str, float], what: str) -> list[Finding]:
     return findings
 
 
-def publisher_findings(publishers: Iterable[str], what: str) -> list[Finding]:
-    """More than one publisher on an input makes two streams one."""
+def joint_findings(joint: str, others: Collection[str] | None, silent_s: float) -> list[Finding]:
+    """Messages come, and all of them are of other joints.
+
+    Args:
+        joint: the joint that is read.
+        others: names of the joints of messages that came lately without it; None where no such message came.
+        silent_s: how long no message came that has it.
+    """
+    if others is None or silent_s < _LATE_S:
+        return []
+    names = sorted(others)
+    there = ", ".join(names) or "none at all"
+    there = there if len(there) <= _NAMES_LENGTH else f"{there[:_NAMES_LENGTH]} ..."
+    if joint in names:
+        text = f"messages name joint '{joint}' and have no value of it that is read here: see which fields are filled"
+    else:
+        text = f"no message has joint '{joint}', there are {there}: set the parameter joint"
+        text += " to the shaft's, or start its driver"
+    return [Finding("joint", ERROR, text)]
+
+
+def publisher_findings(publishers: Iterable[str], what: str, of_other_joints: int = 0) -> list[Finding]:
+    """More than one publisher on an input makes two streams one.
+
+    Args:
+        publishers: their names.
+        what: the topic.
+        of_other_joints: how many of them give other joints alone.
+    """
     names = sorted(publishers)
-    if len(names) < 2:
+    if len(names) - of_other_joints < 2:
         return []
     return [Finding("publishers", WARN, f"{len(names)} publishers give {what}: {', '.join(names)}; stop all but one")]
 

@@ -42,6 +42,19 @@ def message_class(name: str) -> Any:
         raise LookupError(f"message type '{name}' is not installed here") from error
 
 
+class OtherJointsError(MessageError):
+    """The message is of other joints, or of other fields of the joint: it does not concern who reads this one.
+
+    Args:
+        text: what the message has instead.
+        joints: names of its joints.
+    """
+
+    def __init__(self, text: str, joints: Sequence[str]) -> None:
+        super().__init__(text)
+        self.joints = tuple(joints)
+
+
 class FieldReader:
     """Reads the stamp and single float64 fields of messages of one type, all in one look at the bytes.
 
@@ -78,8 +91,7 @@ class FieldReader:
         return seconds * SECOND_NS + nanoseconds, values
 
     def _learn(self, raw: bytes) -> None:
-        """Take over the layout of a message that differs from those before."""
-        self._size = sys.maxsize
+        """Take over the layout of a message that differs from those before; that of one that is refused is not."""
         try:
             layout = LAYOUT_READERS[self._msgtype](raw)
         except (ValueError, struct.error) as error:
@@ -107,14 +119,19 @@ class JointReader(FieldReader):
 
     Args:
         joint: the joint's name.
-        fields: what to read of it, of "position", "velocity" and "effort" in this order.
+        fields: what to read of it, of "position", "velocity" and "effort" in this order; a message has to have the
+            first of them.
     """
 
     def __init__(self, joint: str, fields: Sequence[str]) -> None:
         def places(layout: MessageLayout) -> list[tuple[str, int]]:
-            if joint not in layout.names:
-                raise MessageError(f"has no joint '{joint}', only: {', '.join(layout.names) or 'none at all'}")
-            return [(name, layout.names.index(joint)) for name in fields]
+            names = layout.names
+            if joint not in names:
+                raise OtherJointsError(f"has no joint '{joint}', only: {', '.join(names) or 'none at all'}", names)
+            number = names.index(joint)
+            if number >= layout.fields[fields[0]][1]:
+                raise OtherJointsError(f"has no {fields[0]} of joint '{joint}'", names)
+            return [(name, number) for name in fields]
 
         super().__init__(JOINT_STATE, places)
 
@@ -211,6 +228,12 @@ def has_header(message_type: Any) -> bool:
     """Whether messages of this class begin with a std_msgs/Header."""
     first = next(iter(message_type.get_fields_and_field_types().values()), "")
     return bool(first == "std_msgs/Header")
+
+
+def stamp_of(raw: bytes) -> int:
+    """The stamp [ns] of a message that begins with a header."""
+    seconds, nanoseconds = struct.unpack_from("<iI" if raw[1] else ">iI", raw, 4)
+    return int(seconds * SECOND_NS + nanoseconds)
 
 
 def shift_stamp(raw: bytes, by_ns: int) -> bytes:

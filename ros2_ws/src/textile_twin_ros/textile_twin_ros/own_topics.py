@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+
+from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT
 
 #: Topics that all machines share.
 SHARED = ("/diagnostics", "/clock", "/tf", "/tf_static")
@@ -14,8 +16,11 @@ _OF_A_MACHINE = (
     "balancing_torque/measured",
     "balancing_torque/predicted",
 )
+INDEX = "main_shaft/index"
 #: What sensors tell of a machine, and what its twin does.
-INPUTS = ("main_shaft/angle", "main_shaft/index", "balancing_torque/measured")
+INPUTS = ("main_shaft/angle", INDEX, "balancing_torque/measured")
+#: Published once, for late listeners too.
+DESCRIPTIONS = ("robot_description", "markers")
 OUTPUTS = (
     "balancing_torque/predicted",
     "balancing_torque/predicted_sigma",
@@ -25,10 +30,41 @@ OUTPUTS = (
     "sley/position",
     "joint_states",
     "contact_events",
-    "robot_description",
-    "markers",
+    *DESCRIPTIONS,
+)
+_ANGLE = "main_shaft/angle"
+_ANGLE_TYPES = (JOINT_STATE, FLOAT64, HEADER)
+_OF_A_TWIN = (
+    "balancing_torque/predicted",
+    "balancing_torque/predicted_sigma",
+    "balancing_torque/residual",
+    "contact_events",
+    "twin_node/transition_event",
 )
 _NAMES = (*_OF_A_MACHINE, *INPUTS, *OUTPUTS)
+
+
+def published_by_twins(topics: Mapping[str, str]) -> set[str]:
+    """Topics of a recording that a running twin publishes afresh from the others.
+
+    Joint states alone may be a machine's own sensors: they are a twin's where another topic can be its shaft angle.
+
+    Args:
+        topics: message types by names.
+
+    Returns:
+        Names of topics; none where no topic would remain to predict from.
+    """
+    angles = {topic for topic, msgtype in topics.items() if msgtype in _ANGLE_TYPES}
+    places = {place for topic in topics if (place := _namespace(topic, (*_OF_A_TWIN, _ANGLE))) is not None}
+    found = {topic for topic in topics if _namespace(topic, _OF_A_TWIN) is not None}
+    found |= {topic for topic, msgtype in topics.items() if topic.endswith("/position") and msgtype == POINT}
+    general = {f"{place}{name}" for place in places for name in ("joint_states", *DESCRIPTIONS)} & topics.keys()
+    if angles - general:
+        found |= general
+    if not found or not angles - found:
+        return set()
+    return found | ({"/diagnostics"} & topics.keys())  # nodes of the suite report there, too
 
 
 class OwnTopics:

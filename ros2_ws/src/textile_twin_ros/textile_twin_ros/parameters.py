@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from textile_twin_core.errors import SceneError
+from textile_twin_ros.parameter_files import warn_of_ignored_files
 
 Declaration = TypeVar("Declaration")
 
@@ -46,6 +47,7 @@ def declare(node: Node, declaration: type[Declaration], on_change: Callable[[str
     Raises:
         SceneError: a value given at the start has the wrong type, is out of range or is none of the choices.
     """
+    warn_of_ignored_files(node)
     fields = {field.name: field for field in dataclasses.fields(declaration)}  # type: ignore[arg-type]
     values = {name: _declare_one(node, field) for name, field in fields.items()}
     held = declaration(**values)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rclpy.duration import Duration
@@ -16,14 +15,17 @@ from rosgraph_msgs.msg import Clock
 
 from textile_twin_core.errors import RecordingError, SceneError
 from textile_twin_ros.endpoints import is_latched, latched_qos, relative_name, samples_qos
-from textile_twin_ros.messages import SECOND_NS, has_header, message_class, shift_stamp
+from textile_twin_ros.messages import SECOND_NS, has_header, message_class, shift_stamp, stamp_of
+from textile_twin_ros.own_topics import published_by_twins
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.played_times import PlayedTimes
 from textile_twin_ros.sending import patient
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 _LOOK_S = 0.02
 _SETTLED_S = 0.5
+_WAITED_S = 2.0
 _NOT_PLAYED = ("/rosout", "/parameter_events")
 
 
@@ -33,7 +35,13 @@ class ReplayParameters:
 
     bag: str = parameter("", "folder or .mcap file of the recording")
     rate: float = parameter(1.0, "speed of playing, 1 is that of the recording", between=(1e-3, 1e3), live=True)
-    topics: tuple[str, ...] = parameter((), "topics to play; none given means all")
+    topics: tuple[str, ...] = parameter((), "topics to play; none given means all but what a twin publishes")
+    twin_outputs: bool = parameter(
+        False, "play what a twin published too, such as balancing_torque/predicted; for views without a running twin"
+    )
+    longest_pause_s: float = parameter(
+        60.0, "a longer pause in the log times is played as one second; 0 plays all", between=(0.0, 1e9)
+    )
     wait_for: tuple[str, ...] = parameter(
         (),
         "topics that need subscribers before playing begins, as main_shaft/angle or, for two, main_shaft/angle=2;"
@@ -46,7 +54,10 @@ class ReplayParameters:
         5000, "messages of a topic kept until every subscriber has them", between=(1, 10_000_000)
     )
     acknowledge_timeout_s: float = parameter(
-        10.0, "at the end, wait so long until every subscriber has everything", between=(0.0, 1e6)
+        30.0,
+        "at the end, wait so long until every subscriber has everything; one that was killed is waited for 20 s,"
+        " until the middleware forgets it",
+        between=(0.0, 1e6),
     )
     exit_when_done: bool = parameter(True, "end the node after the last message")
     executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
@@ -95,7 +106,13 @@ class ReplayNode(Node):
         if self.settings.topics:
             topics = [self._bag.find_topic(name).name for name in self.settings.topics]
         else:
-            topics = [name for name, info in self._bag.topics.items() if info.count and name not in _NOT_PLAYED]
+            there = {name: info.msgtype for name, info in self._bag.topics.items() if info.count}
+            left_out = set() if self.settings.twin_outputs else published_by_twins(there)
+            topics = [name for name in there if name not in _NOT_PLAYED and name not in left_out]
+            if left_out and topics:
+                self.get_logger().info(
+                    f"left out, as a twin publishes it: {', '.join(sorted(left_out))}; -p twin_outputs:=true plays it"
+                )
         if not topics:
             raise RecordingError(f"{self.settings.bag}: there is no message in it to play")
         return topics
@@ -124,9 +141,10 @@ class ReplayNode(Node):
         self.get_logger().info(f"playing {self.settings.bag}: {', '.join(sorted(self._topics))}")
         began = time.monotonic()
         self._pace.start()
-        turn = 0
-        while self._play_once(turn) and self.settings.loop:
-            turn += 1
+        times = PlayedTimes(round(self.settings.longest_pause_s * SECOND_NS))
+        shift_ns = 0
+        while self._play_once(times, shift_ns) and self.settings.loop:
+            shift_ns += times.repeat()
         complete = self._wait_for_acknowledgement()
         counts = ", ".join(f"{topic} {count}" for topic, count in sorted(self.played.items()))
         self.get_logger().info(f"played {self.played.total()} messages in {time.monotonic() - began:.3f} s: {counts}")
@@ -134,34 +152,32 @@ class ReplayNode(Node):
             self._stop.wait()
         return 0 if complete else 1
 
-    def _play_once(self, turn: int) -> bool:
-        """Play the recording once; False when told to stop in the middle."""
-        # A repetition begins as long after the last message as the first came after it on average.
-        period_ns = self._period_ns()
-        shift_ns = turn * period_ns
-        for topic, log_ns, raw in self._with_clock(turn):
-            if not self._pace.wait_until((log_ns - self._bag.start_ns + shift_ns) / SECOND_NS):
+    def _play_once(self, times: PlayedTimes, shift_ns: int) -> bool:
+        """Play the recording once, stamps moved by so much [ns]; False when told to stop in the middle."""
+        clock_ns: int | None = None
+        for topic, log_ns, raw in self._bag.raw_messages(self._topics):
+            played_ns, skipped_ns = times.take(log_ns)
+            if skipped_ns:
+                self.get_logger().warning(
+                    f"the log times leap by {skipped_ns / SECOND_NS:.4g} s after {self.played.total()} messages: played"
+                    " without this pause (parameter longest_pause_s)"
+                )
+            if self._clock_publisher is not None:
+                if clock_ns is None or skipped_ns:
+                    clock_ns = log_ns
+                while clock_ns <= log_ns:
+                    if not self._pace.wait_until((played_ns - (log_ns - clock_ns)) / SECOND_NS):
+                        return False
+                    self._publish_clock(clock_ns + shift_ns)
+                    clock_ns += round(SECOND_NS / self.settings.clock_rate_hz)
+            if not self._pace.wait_until(played_ns / SECOND_NS):
                 return False
-            if not topic:
-                self._publish_clock(log_ns + shift_ns)
-                continue
-            self._senders[topic](shift_stamp(raw, shift_ns) if turn and topic in self._headed else raw)
+            if topic in self._headed:
+                times.note_stamp(stamp_of(raw))
+                raw = shift_stamp(raw, shift_ns) if shift_ns else raw
+            self._senders[topic](raw)
             self.played[topic] += 1
         return True
-
-    def _period_ns(self) -> int:
-        messages = sum(self._bag.topics[topic].count for topic in self._topics)
-        span = self._bag.end_ns - self._bag.start_ns
-        return span + span // max(messages - 1, 1) + 1
-
-    def _with_clock(self, turn: int) -> Iterator[tuple[str, int, bytes]]:
-        """The messages of the recording, and an empty topic where /clock is due."""
-        due = self._bag.start_ns
-        for topic, log_ns, raw in self._bag.raw_messages(self._topics):
-            while self._clock_publisher is not None and due <= log_ns:
-                yield "", due, b""
-                due += round(SECOND_NS / self.settings.clock_rate_hz)
-            yield topic, log_ns, raw
 
     def _publish_clock(self, now_ns: int) -> None:
         assert self._clock_publisher is not None
@@ -202,14 +218,22 @@ class ReplayNode(Node):
         return any(matched.values()) and time.monotonic() - self._matched_at > _SETTLED_S
 
     def _wait_for_acknowledgement(self) -> bool:
-        deadline = time.monotonic() + self.settings.acknowledge_timeout_s
+        began = time.monotonic()
         waiting = list(self._outlets.items())
+        said = False
         while waiting and not self._stop.is_set():
             waiting = [entry for entry in waiting if not entry[1].wait_for_all_acked(Duration(seconds=0.05))]
-            if waiting and time.monotonic() > deadline:
-                names = ", ".join(topic for topic, _ in waiting)
-                self.get_logger().error(f"not every subscriber has acknowledged all messages of {names}")
+            names = ", ".join(topic for topic, _ in waiting)
+            waited_s = time.monotonic() - began
+            if waiting and waited_s > self.settings.acknowledge_timeout_s:
+                self.get_logger().error(
+                    f"a subscriber has not acknowledged all messages of {names}: it hangs, or it comes late and needs"
+                    " a longer acknowledge_timeout_s"
+                )
                 return False
+            if waiting and waited_s > _WAITED_S and not said:
+                said = True
+                self.get_logger().info(f"all is sent; waits until subscribers have, or have ended: {names}")
         return True
 
 

@@ -19,13 +19,23 @@ from textile_twin_ros.endpoints import NAMELESS, describe_publishers, publisher_
 from textile_twin_ros.health import (
     Finding,
     Recent,
+    joint_findings,
     judged,
     late_findings,
     publisher_findings,
     sample_findings,
     stamp_findings,
 )
-from textile_twin_ros.messages import HeaderReader, JointReader, MessageError, TorqueReader, message_class, read_float64
+from textile_twin_ros.messages import (
+    HeaderReader,
+    JointReader,
+    MessageError,
+    OtherJointsError,
+    TorqueReader,
+    message_class,
+    read_float64,
+)
+from textile_twin_ros.other_joints import OtherJoints
 from textile_twin_ros.spinning import catch_up
 
 #: Stamp [ns], that of arrival where the message has none; value; its rate where the message has it, otherwise NaN.
@@ -49,8 +59,7 @@ def _joint_angle(joint: str) -> Reader:
 
     def read(raw: bytes) -> Reading:
         stamp, (angle, velocity) = joints.read(raw)
-        if angle is None:
-            raise MessageError(f"has no position of joint '{joint}'")
+        assert angle is not None  # the reader has refused a message without it
         # A speed that its sensor divides by no time at all is none.
         return stamp, angle, velocity if velocity is not None and isfinite(velocity) else _NAN
 
@@ -62,8 +71,7 @@ def _joint_effort(joint: str) -> Reader:
 
     def read(raw: bytes) -> Reading:
         stamp, (effort,) = joints.read(raw)
-        if effort is None:
-            raise MessageError(f"has no effort of joint '{joint}'")
+        assert effort is not None
         return stamp, effort, _NAN
 
     return read
@@ -137,6 +145,7 @@ class SampleInput:
         self._read = create_reader(joint)
         self._automatic = reliability == "auto"
         self._renew_due = self._ended = False
+        self._joint, self._other_joints = joint, OtherJoints()
         self._recent = Recent()
         self._stamped = self.msgtype != FLOAT64
         self._newest_ns: int | None = None
@@ -154,15 +163,17 @@ class SampleInput:
             counts: what became of its samples, as `health.sample_findings` knows it.
             seen: what is wrong beside, told first.
         """
-        counts = dict(counts or {})
+        others = self._other_joints
+        counts = {"other_joints": others.count, **(counts or {})}
         growth = self._recent.growth({"received": self.watch.received, "unreadable": self.watch.refused, **counts})
         status = self.watch.status(self._topic, counts, refusing=growth["unreadable"] > 0)
         findings = [
             *seen,
+            *joint_findings(self._joint, others.names() if others.sources() else None, self.watch.silent_s),
             *late_findings(self._late_s),
             *stamp_findings(self._newest_ns, self._stamped),
             *sample_findings(growth, "messages"),
-            *publisher_findings(self._publishers(), self.name),
+            *publisher_findings(self._publishers(), self.name, others.sources()),
         ]
         return judged(status, findings)
 
@@ -178,6 +189,7 @@ class SampleInput:
         """Begin to watch anew."""
         self.watch.restart()
         self._recent, self._newest_ns = Recent(), None
+        self._other_joints = OtherJoints()
 
     def has_publishers(self) -> bool:
         """Whether anybody publishes there."""
@@ -227,7 +239,7 @@ class SampleInput:
         late = due or now_ns - self._ready_ns < _PAUSE_NS
         block: list[Sample] = []
         waiting: bytes | None = None if self._ended else raw
-        received = 0
+        received = of_others = 0
         while waiting is not None:
             received += 1
             stamped = True
@@ -235,6 +247,9 @@ class SampleInput:
                 stamp, value, rate = self._read(waiting)
                 stamped = stamp is not None
                 block.append((self._node.get_clock().now().nanoseconds if stamp is None else stamp, value, rate))
+            except OtherJointsError as error:
+                self._other_joints.take(error)
+                of_others += 1
             except MessageError as error:
                 self.watch.refuse(str(error))
             # Messages without a stamp come one by one, so that each has a time of its own.
@@ -242,7 +257,8 @@ class SampleInput:
         if block:
             self._newest_ns = block[-1][0]
             self._take(block)
-        self.watch.took(received)
+        if received > of_others:
+            self.watch.took(received - of_others)
         self._ready_ns = perf_counter_ns()
         if due:
             self._catch_up_ns = self._ready_ns + _CATCH_UP_NS

@@ -42,7 +42,9 @@ class ShaftParameters(EncoderParameters):
         False, "an index pulse for each turn on main_shaft/index; angles then count from where it was switched on"
     )
     rate_hz: float = parameter(500.0, "samples a second", between=(1.0, 2e4))
-    rpm: float = parameter(160.0, "speed after the run-up; negative runs backwards", between=(-1e4, 1e4))
+    rpm: float = parameter(
+        0.0, "speed after the run-up; negative runs backwards; 0 is the machine's nominal speed", between=(-1e4, 1e4)
+    )
     run_up_s: float = parameter(3.0, "seconds from standstill to that speed", between=(0.0, 1e4))
     ripple: float = parameter(0.02, "relative ripple of the speed, once a turn", between=(0.0, 0.9))
     encoder_bits: int = parameter(16, "resolution of the encoder; 0 is exact", between=(0, 30))
@@ -63,7 +65,8 @@ class ShaftNode(Node):
         machine = load_machine(parameters.machine, parameters.encoder())
         self._twin = ttc.compile(machine, outputs=[TORQUE]) if machine.tells_torque else None
         encoder, torque = machine.sensors.encoder, machine.sensors.torque
-        self._motion = SimulatedShaft(parameters.rpm, parameters.run_up_s, parameters.ripple)
+        self._rpm = parameters.rpm or machine.nominal_speed_rad_s * 60.0 / TURN
+        self._motion = SimulatedShaft(self._rpm, parameters.run_up_s, parameters.ripple)
         self._encoder = SimulatedEncoder(parameters.encoder_bits, encoder.zero_rad, encoder.direction, encoder.ratio)
         self._sensor = SimulatedTorqueSensor(torque.gain, torque.offset_Nm, parameters.torque_noise_Nm, parameters.seed)
         self._delay_s = torque.delay_s
@@ -124,9 +127,7 @@ class ShaftNode(Node):
             return 0
         pace = Pace(self._stop)
         number = 0
-        self.get_logger().info(
-            f"{parameters.machine} at {parameters.rpm:g} rpm, {parameters.rate_hz:g} samples a second"
-        )
+        self.get_logger().info(f"{parameters.machine} at {self._rpm:g} rpm, {parameters.rate_hz:g} samples a second")
         while pace.wait_until(number / parameters.rate_hz):
             time_s = number / parameters.rate_hz
             if parameters.duration_s and time_s > parameters.duration_s:

@@ -17,9 +17,10 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin.references import reference_of
 from textile_twin_ros.description import Description
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
-from textile_twin_ros.endpoints import depth_for
+from textile_twin_ros.endpoints import depth_for, publisher_name, refuse_own_outputs
 from textile_twin_ros.health import Finding, MeasuredTorque, judged
 from textile_twin_ros.machine import load_machine
+from textile_twin_ros.own_topics import DESCRIPTIONS, INDEX, INPUTS
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
@@ -129,6 +130,8 @@ class TwinNode(LifecycleNode):
             unknown = [topic for topic in settings.wait_for if topic not in outputs]
             if unknown:
                 raise TwinError(f"parameter 'wait_for': no output '{unknown[0]}'; there are {', '.join(outputs)}")
+            inputs = INPUTS if settings.index else tuple(name for name in INPUTS if name != INDEX)
+            refuse_own_outputs(self, inputs, (*outputs, *DESCRIPTIONS, "/diagnostics"))
             depth = settings.qos_depth or depth_for(settings.rate_hz)
             estimator = {"shaft_lag_s": settings.shaft_lag_s} if settings.shaft == "lag" else {}
             with ends_at_once():  # it may compile for a minute
@@ -240,10 +243,16 @@ class TwinNode(LifecycleNode):
         """Another twin on the same topics: what listeners hear is then both machines' at once."""
         assert self._stream is not None
         topic = next(iter(self._stream.publishers.values())).topic_name
-        others = self.count_publishers(topic) - 1
-        if others < 1:
+        names = [publisher_name(info) for info in self.get_publishers_info_by_topic(topic)]
+        own = self.get_fully_qualified_name()
+        if len(names) < 2:
             return []
-        text = f"{topic} has another publisher: give each machine a namespace, -r __ns:=/machine_2"
+        if own in names:
+            names.remove(own)
+        text = (
+            f"{topic} has another publisher, {', '.join(sorted(names))}: give each machine a namespace,"
+            " -r __ns:=/machine_2; if a recording is played, play its inputs alone"
+        )
         return [Finding("rival", WARN, text)]
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
