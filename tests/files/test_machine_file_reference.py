@@ -18,7 +18,20 @@ from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import MachineError
 from textile_twin_core.files.declarations import build, plain
 from textile_twin_core.files.machine_file import GROUPS, LOADS, MEASURES
-from textile_twin_core.machine import ContactMachine, DrivenElement, Encoder, Machine, Scene, ShaftPlace, TorqueSensor
+from textile_twin_core.machine import (
+    ContactMachine,
+    DrivenElement,
+    Encoder,
+    EvenShaft,
+    Machine,
+    MainShaft,
+    Scene,
+    ShaftDrive,
+    ShaftPiece,
+    ShaftPlace,
+    Station,
+    TorqueSensor,
+)
 from textile_twin_core.twin.compiled import METHODS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "machine_file.md").read_text(encoding="utf-8")
@@ -35,6 +48,11 @@ PARTS: list[tuple[str, str, type]] = [
     ("Sensors", "torque", TorqueSensor),
     ("Linkages and scene", "linkages", ShaftPlace),
     ("Linkages and scene", "scene", Scene),
+    ("The main shaft", "shaft", MainShaft),
+    ("The main shaft", "stations", Station),
+    ("The main shaft", "pieces", ShaftPiece),
+    ("The main shaft", "drive", ShaftDrive),
+    ("The main shaft", "short form of `shaft", EvenShaft),
     ("A contact machine", "driven", DrivenElement),
     ("A contact machine", "bodies", SlidingBody),
     ("A contact machine", "springs", SpringDamper),

@@ -57,6 +57,9 @@ class MotionEquation:
             argument, value = substitute([node.args[0], side], new)
             new[node] = argument * value
         smooth = substitute(loads, new)
+        self.load_torques: tuple[Expr, ...] = tuple(smooth)
+        """Torque of each load on the shaft, with its leaping factors as the variables `leaps`."""
+        self.leaps: tuple[Expr, ...] = tuple(new[node] for node in self._leaps)
         self.load_count = len(smooth)
         self.terms = compile_scalar([inertia, half_slope, potential_slope, *smooth], [*_STATE, *names])
         """J, J'/2, V' and each load's torque at (theta, omega, leaping factors)."""
@@ -76,7 +79,7 @@ class MotionEquation:
 
     def stretch(self, theta: float, direction: int) -> Stretch:
         """The stretch that the shaft is in, or on whose beginning it stands, turning in a direction (1 or -1)."""
-        angles, values = self._forward if direction > 0 else self._backward
+        angles, values = self.survey(direction)
         if not angles:
             return Stretch(-math.inf, math.inf, values[0])
         turn = math.floor(theta / TURN)
@@ -88,6 +91,13 @@ class MotionEquation:
         else:
             i = min(k for k in range(len(bounds) - 1) if bounds[k + 1] >= theta - near)
         return Stretch(bounds[i], bounds[i + 1], values[(i - 1) % len(angles)])
+
+    def survey(self, direction: int) -> tuple[list[float], list[tuple[float, ...]]]:
+        """Angles in [0, 2 pi) at which loads leap, rising, and the leaping factors' values after each.
+
+        The values are empty where the chain does not close; without leaps there is one stretch and no angle.
+        """
+        return self._forward if direction > 0 else self._backward
 
     def leaping_loads(self, before: Stretch, after: Stretch) -> tuple[int, ...]:
         """Numbers of the loads that leap between two neighbouring stretches."""

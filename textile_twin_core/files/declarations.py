@@ -16,7 +16,7 @@ from textile_twin_core.machine.sizes import check_size
 
 _DIGITS = re.compile(r"[0-9]+([.][0-9]*)?([eE][+-]?[0-9]+)?$")
 _SHOWN = 60
-_KEY_OF_FIELD = {"from_point": "from", "to_point": "to"}
+_KEY_OF_FIELD = {"from_point": "from", "to_point": "to", "from_station": "from", "to_station": "to"}
 
 
 def type_tag(cls: type) -> str:

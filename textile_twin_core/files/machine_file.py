@@ -16,7 +16,16 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.files.atomic import staged
 from textile_twin_core.files.declarations import build, convert, list_at, mapping_at, plain, type_tag, unknown
 from textile_twin_core.files.strict_yaml import read_yaml
-from textile_twin_core.machine import AnyMachine, ContactMachine, Machine, Scene, Sensors, ShaftPlace
+from textile_twin_core.machine import (
+    AnyMachine,
+    ContactMachine,
+    EvenShaft,
+    Machine,
+    MainShaft,
+    Scene,
+    Sensors,
+    ShaftPlace,
+)
 from textile_twin_core.machine.sizes import check_size, reckonable
 from textile_twin_core.mechanism import MAIN_SHAFT, Linkage
 
@@ -35,12 +44,12 @@ MEASURES = _tagged(mechanism, "displacement")
 LOADS = _tagged(loads, "crossings")
 
 _MASS_BY_DENSITY = {"density_kg_m3", "width_m", "thickness_m"}
-_DEFAULT: dict[str, Any] = {"sensors": Sensors(), "linkages": (ShaftPlace(),), "scene": Scene()}
+_DEFAULT: dict[str, Any] = {"sensors": Sensors(), "linkages": (ShaftPlace(),), "shaft": None, "scene": Scene()}
 _APART = tuple(_DEFAULT)
 """What a user sets on any machine, whatever its geometry."""
 _NOT_DECLARED = ("parameters", "choices", "missing_for_torque")
 """What a file says by naming a machine of the catalogue, or not at all."""
-_ON_A_PUBLISHED_MACHINE = ("machine", "name", "parameters", "sensors", "linkages", "scene")
+_ON_A_PUBLISHED_MACHINE = ("machine", "name", "parameters", "sensors", "linkages", "shaft", "scene")
 
 
 def load_machine_file(path: str | Path) -> AnyMachine:
@@ -118,8 +127,10 @@ def _published(entries: dict[str, Any]) -> AnyMachine:
         for key, reader in _TOP_LEVEL.items()
         if key in entries and key in _ON_A_PUBLISHED_MACHINE
     }
-    if "linkages" in changes and not isinstance(machine, Machine):
-        raise MachineError(f"linkages: machine '{machine.name}' is no linkage; leave them away")
+    for key in ("linkages", "shaft"):
+        if key in changes and not isinstance(machine, Machine):
+            raise MachineError(f"{key}: machine '{machine.name}' is no linkage; leave this out")
+    changes |= _shaft_and_places(changes)
     return dataclasses.replace(machine, **changes) if changes else machine
 
 
@@ -150,6 +161,7 @@ def _linkage(entries: dict[str, Any], path: Path) -> Machine:
             raise MachineError(f"key '{key}' is missing; a machine needs ground points and groups")
     declared: dict[str, Any] = {"name": path.stem}
     declared |= {key: read(entries[key], key) for key, read in _TOP_LEVEL.items() if key in entries}
+    declared |= _shaft_and_places(declared)
     declared |= {key: convert(entries[key], hint, key) for key, hint in plain_fields.items() if key in entries}
     declared["bodies"] = _bodies(_mapping(entries, "bodies"), Linkage(declared["points"], declared["groups"]))
     return Machine(**declared)
@@ -183,6 +195,25 @@ def _places(value: Any, place: str) -> tuple[ShaftPlace, ...]:
     return tuple(build(ShaftPlace, entry, f"{place}[{k}]") for k, entry in enumerate(list_at(value, place)))
 
 
+def _shaft(value: Any, place: str) -> MainShaft | EvenShaft:
+    """An elastic shaft by stations and pieces, or by the number of its stations and one bar."""
+    entries = mapping_at(value, place)
+    even = "diameter_m" in entries or isinstance(entries.get("stations"), int)
+    shaft: MainShaft | EvenShaft = build(EvenShaft if even else MainShaft, entries, place)
+    return shaft
+
+
+def _shaft_and_places(declared: Mapping[str, Any]) -> dict[str, Any]:
+    """The whole shaft, and the linkages spread over it, where the file has the short form."""
+    shaft = declared.get("shaft")
+    if not isinstance(shaft, EvenShaft):
+        return {}
+    try:
+        return {"shaft": shaft.main_shaft(), "linkages": shaft.places(declared.get("linkages", ()))}
+    except MachineError as error:
+        raise MachineError(f"shaft: {error}") from error
+
+
 _TOP_LEVEL: dict[str, Callable[[Any, str], Any]] = {
     "name": lambda value, place: convert(value, str, place),
     "groups": _several(GROUPS),
@@ -190,6 +221,7 @@ _TOP_LEVEL: dict[str, Callable[[Any, str], Any]] = {
     "loads": _several(LOADS),
     "sensors": lambda value, place: build(Sensors, value, place),
     "linkages": _places,
+    "shaft": _shaft,
     "scene": lambda value, place: build(Scene, value, place),
 }
 

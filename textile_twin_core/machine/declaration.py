@@ -17,6 +17,7 @@ from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machine.declared import Declared
 from textile_twin_core.machine.joints import default_joint_names, named_joints
+from textile_twin_core.machine.main_shaft import MainShaft, ShaftPlace
 from textile_twin_core.machine.sensors import Scene, Sensors
 from textile_twin_core.machine.sizes import reckonable
 from textile_twin_core.mechanism import Closeness, Group, Linkage, Measure, check_assembly
@@ -24,16 +25,6 @@ from textile_twin_core.mechanism.group import check_finite
 from textile_twin_core.mechanism.joint import Joint
 from textile_twin_core.mechanism.motion import FULL_TURN
 from textile_twin_core.mechanism.python_numbers import python_numbers
-
-
-@dataclass(frozen=True)
-class ShaftPlace:
-    """One linkage's place on the shaft: its crank stands `phase_rad` before the shaft angle."""
-
-    phase_rad: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_finite(self.phase_rad, "linkages: phase_rad")
 
 
 class Link(NamedTuple):
@@ -49,7 +40,8 @@ class Declaration(Declared):
     """A machine with one degree of freedom: ground points, groups, bodies, loads, measures and sensors.
 
     Several equal linkages can sit on one shaft; torque and energy are their sums, positions and
-    reactions those of the first. `angle_near_rad` names, per link, the turn in which its printed
+    reactions those of the first. `shaft` makes the main shaft elastic, with the linkages at its stations; without
+    one it is rigid. `angle_near_rad` names, per link, the turn in which its printed
     angle lies; `nominal_speed_rad_s` is the shaft speed at which errors are judged; `transmitted` names
     outputs for the torque that a link applies to an arm fixed to it.
     `joint_names` names joints by link, where they are not to be called as the link.
@@ -65,6 +57,7 @@ class Declaration(Declared):
     gravity_m_s2: tuple[float, float] = (0.0, -9.81)
     sensors: Sensors = field(default_factory=Sensors)
     linkages: tuple[ShaftPlace, ...] = (ShaftPlace(),)
+    shaft: MainShaft | None = None
     scene: Scene = field(default_factory=Scene)
     joint_names: Mapping[str, str] = field(default_factory=dict)
     angle_near_rad: Mapping[str, float] = field(default_factory=dict)
@@ -80,12 +73,37 @@ class Declaration(Declared):
             raise MachineError(f"machine '{self.name}': it needs at least one linkage on its shaft")
         for part in ("points", "groups", "bodies", "loads", "measures", "gravity_m_s2", "linkages"):
             object.__setattr__(self, part, python_numbers(getattr(self, part)))
+        self._check_shaft()
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         with reckonable(f"machine '{self.name}'"):
             names = default_joint_names(self.linkage) | dict(self.joint_names)
             object.__setattr__(self, "joint_names", MappingProxyType(names))
             self._check_names_and_numbers()
             _ = self.closeness
+
+    def _check_shaft(self) -> None:
+        """Raise MachineError for linkages without a station of the shaft, or with one where there is no shaft."""
+        shaft = self.shaft
+        if shaft is None:
+            for k, place in enumerate(self.linkages):
+                if place.at is not None:
+                    raise MachineError(
+                        f"linkages[{k}].at: '{place.at}' is a station, but there is no shaft with stations"
+                    )
+            return
+        for k, place in enumerate(self.linkages):
+            if place.at is None:
+                raise MachineError(
+                    f"linkages[{k}]: key 'at' is missing; name the station of the shaft that carries it: "
+                    f"{', '.join(shaft.names[:6])}{', ..' if len(shaft.names) > 6 else ''}"
+                )
+            station = shaft.station(place.at, f"linkages[{k}].at")
+            first = shaft.station(self.linkages[0].at, "linkages[0].at")
+            if not math.isclose(shaft.speed_ratios[station], shaft.speed_ratios[first], rel_tol=1e-12):
+                raise MachineError(
+                    f"linkages[{k}].at: a gear between '{place.at}' and '{self.linkages[0].at}' gives their linkages"
+                    " two speeds; all linkages of a machine turn with the main shaft"
+                )
 
     def _check_names_and_numbers(self) -> None:
         links = tuple(self.linkage.solved.links)
