@@ -19,7 +19,7 @@ lock() { # FILE EXTRA.. [-- OPTION..]
         --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --quiet \
         --output-file "$file" "${@:2}"
 }
-lock requirements-tests.lock ros files view design plc dev -- "$@"
+lock requirements-tests.lock ros files view design plc logs dev -- "$@"
 lock requirements.lock ros files view design plc -- --constraint requirements-tests.lock # the same versions
-lock requirements-kilted.lock kilted files view design plc dev -- "$@"
+lock requirements-kilted.lock kilted files view design plc logs dev -- "$@"
 lock requirements-peers.lock files design dev peers -- "$@"

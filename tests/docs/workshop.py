@@ -52,6 +52,7 @@ def _readers_own(folder: Path) -> None:
     seconds = (stamps - stamps[0]) * 1e-9
     tables = {
         "log.csv": (["time_s", "angle_rad", "torque_Nm"], [seconds, angles, torque], ","),
+        "next.csv": (["time_s", "angle_rad", "torque_Nm"], [seconds, angles, torque], ","),
         "messung.txt": (["Zeit [s]", "Winkel [deg]", "Md"], [seconds, np.degrees(angles), 100.0 * torque], ";"),
         "raw.txt": (None, [np.floor(angles * 4096 / (2 * np.pi)), torque / 5.0], ","),
         "path.csv": (["x_m", "y_m"], [np.cos(np.arange(8.0)), 0.3 * np.sin(np.arange(8.0))], ","),

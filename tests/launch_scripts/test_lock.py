@@ -15,8 +15,8 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 LOCKS = {
     "requirements.lock": "ros files view design plc",
-    "requirements-tests.lock": "ros files view design plc dev",
-    "requirements-kilted.lock": "kilted files view design plc dev",
+    "requirements-tests.lock": "ros files view design plc logs dev",
+    "requirements-kilted.lock": "kilted files view design plc logs dev",
     "requirements-peers.lock": "files design dev peers",
 }
 PYTHONS = ("3.11.0", "3.12.0", "3.13.0")

@@ -73,6 +73,7 @@ DIALECTS = {
 
 _PLAIN = text(TIME, ANGLE, TORQUE, head="time,angle_rad,torque\n")
 _WITH_SPEED = text(TIME, ANGLE, TORQUE, np.full(N, 16.0), head="time,angle_rad,torque,speed\n")
+_HALF_SPEED = text(TIME, ANGLE, TORQUE, np.full(N, 8.0), head="time,angle_rad,torque,speed\n")
 
 
 def check(bag: Path) -> None:
@@ -129,7 +130,7 @@ def test_dates_keep_the_time_of_day_and_empty_cells_are_left_out(tmp_path: Path)
         (text(TIME, ANGLE, TORQUE, head="time,angle,torque [V]\n"), [], "--torque-scale"),
         (text(ANGLE, TORQUE, head="angle,torque\n"), [], "--rate"),
         (_WITH_SPEED, ["--speed", "speed", "--speed-unit", "furlong"], "tell --speed-unit: rad/s, rpm"),
-        (_WITH_SPEED, ["--speed", "speed"], "tell --speed-unit: rad/s, rpm"),
+        (_HALF_SPEED, ["--speed", "speed"], "tell --speed-unit: rad/s, rpm"),
         (_WITH_SPEED, ["--speed", "speed", "--speed-unit", "rpm"], "the angle turns 9.55 times as fast"),
         (_PLAIN, ["--speed-unit", "rpm"], "tell it with --speed:"),
         (_PLAIN, ["--rate", "1e12"], "--rate: must be at most 1e+08 rows a second, not '1e12'"),

@@ -52,11 +52,13 @@ def test_structures(content: dict[str, Any], options: list[str], tmp_path: Path)
     np.testing.assert_allclose(torques.torque_Nm, TORQUE, atol=1e-12)
 
 
-def test_values_at_other_times_are_not_put_beside_the_angle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    late = {"time": TIME + 0.001, "data": TORQUE, "unit": "Nm"}
-    assert imported(tmp_path, {"angle": {"time": TIME, "data": DEG}, "torque": late}, "--time", "time") == 0
-    said = capsys.readouterr().out
-    assert "'torque [Nm]', which holds values at 'time_2', other times" in said and "torque  none in this log" in said
+@pytest.mark.parametrize("every", [1, 2])
+def test_values_at_other_times_keep_them(every: int, tmp_path: Path) -> None:
+    late = {"time": TIME[::every] + 0.001, "data": TORQUE[::every], "unit": "Nm"}
+    assert imported(tmp_path, {"angle": {"time": TIME, "data": DEG}, "torque": late}) == 0
+    angles, torques = open_bag(tmp_path / "bag").read_angles(), open_bag(tmp_path / "bag").read_torques()
+    np.testing.assert_allclose((torques.stamps - angles.stamps[0]) * 1e-9, TIME[::every] + 0.001, atol=2e-9)
+    np.testing.assert_allclose(torques.torque_Nm, TORQUE[::every], atol=1e-12)
 
 
 @pytest.mark.parametrize(("short", "code"), [("torque_Nm", 0), ("angle_deg", 2)])

@@ -64,7 +64,8 @@ def _recording(path: Path) -> None:
     [
         ("log.xlsx", _workbook, "as Excel's workbooks are (.xlsx); save its table as CSV"),
         ("log.csv", lambda path: path.write_bytes(gzip.compress(HEAD.encode())), "compressed by gzip; unpack it"),
-        ("log.tdms", lambda path: path.write_bytes(b"TDSm" + bytes(99)), "a TDMS file of LabVIEW; export it"),
+        ("log.tdms", lambda path: path.write_bytes(b"TDSm" + bytes(99)), "log.tdms: cannot be read, it may be damaged"),
+        ("log.dat", lambda path: path.write_bytes(b"TDSm" + bytes(99)), "a TDMS file of LabVIEW; let its name end"),
         ("log.bin", lambda path: path.write_bytes(np.arange(999.0).tobytes()), "is no text (it has zero bytes)"),
         ("log.txt", lambda path: savemat(path, {"t": TIME}, appendmat=False), "let its name end in .mat"),
         ("log.mcap", _recording, "a recording already; give it to compare"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser, factor, number, positive
@@ -13,7 +14,17 @@ from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.progress import aside, stages
 from textile_twin_core.recordings import BagWriter
 from textile_twin_core.recordings.log_columns import choose
-from textile_twin_core.recordings.log_import import RawChannels, Wishes, import_log
+from textile_twin_core.recordings.log_import import RawChannels, import_log
+from textile_twin_core.recordings.log_mapping import (
+    NO_COLUMN,
+    Channel,
+    Clock,
+    LogMapping,
+    LongForm,
+    mapping_path,
+    read_mapping,
+    write_mapping,
+)
 from textile_twin_core.recordings.log_read import read_log
 
 _KINDS = {
@@ -23,6 +34,7 @@ _KINDS = {
     "speed": "rpm, rad/s, deg/s, rev/s",
 }
 
+_NONE = {"torque": "; none: do not take one", "speed": "; none: do not take one"}
 _MOST_HZ = 1e8
 """Stamps are in whole nanoseconds."""
 _READ = 0.3
@@ -36,15 +48,35 @@ def parser() -> Parser:
     parser = Parser(
         "import",
         "Makes a recording from a log: CSV with any separator, decimal comma, with or without a header; Parquet;\n"
-        "MATLAB. Columns are found by their names, units by their names or by how a wrapped angle begins anew; what\n"
-        "is not found is asked for, or told with the options.",
+        "MATLAB; HDF5, TDMS and MDF4 with the extra 'logs'. Columns are found by their names, units by their names or\n"
+        "by the height at which a wrapped angle wraps; what is not found is asked for, or given by the options. What\n"
+        "was found is written beside the recording, BAG.mapping.yaml: correct it, and give it back with --mapping.",
         "textile-twin import log.csv --out bag --angle 'Winkel [deg]' --torque 'Md' --torque-unit Ncm",
     )
-    parser.add_argument("log", metavar="LOG", type=Path, help="the table; .parquet and .mat by their names, else text")
+    parser.add_argument(
+        "log",
+        metavar="LOG",
+        type=Path,
+        help="the table; .parquet, .mat, .h5, .tdms and .mf4 by their names, else text",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="folder to make, or an .mcap file")
     for kind, units in _KINDS.items():
-        parser.add_argument(f"--{kind}", metavar="COLUMN", help=f"column of the {kind}")
+        parser.add_argument(f"--{kind}", metavar="COLUMN", help=f"column of the {kind}{_NONE.get(kind, '')}")
         parser.add_argument(f"--{kind}-unit", metavar="UNIT", help=units)
+    parser.add_argument("--mapping", type=Path, metavar="FILE", help="columns, units and times from an earlier import")
+    parser.add_argument(
+        "--time-fraction",
+        metavar="COLUMN",
+        help="parts of a second, beside a column of whole seconds; none: no such column",
+    )
+    parser.add_argument("--time-steps", action="store_true", help="the times are those since the row before")
+    parser.add_argument("--torque-time", metavar="COLUMN", help="column of the torque's own times")
+    parser.add_argument(
+        "--signal-column",
+        metavar="COLUMN",
+        help="names of the signals, in a log with a row for each value; none: no such",
+    )
+    parser.add_argument("--value-column", metavar="COLUMN", help="their values")
     parser.add_argument(
         "--quantity",
         metavar="OUTPUT=COLUMN",
@@ -69,7 +101,7 @@ def parser() -> Parser:
     parser.add_argument("--torque-scale", type=factor, metavar="X", help="N m per unit of the torque, as for volts")
     parser.add_argument("--separator", metavar="C", help="of a text table, where it is not found out; 'tab' for tabs")
     parser.add_argument("--decimal", choices=[".", ","], help="of a text table, where it is not found out")
-    parser.add_argument("--table", metavar="NAME", help="variable of a .mat file that holds the log")
+    parser.add_argument("--table", metavar="NAME", help="variable or group of the file that holds the log")
     parser.add_argument("--force", action="store_true", help="replace the output when it is there")
     return parser
 
@@ -84,34 +116,79 @@ def _rate(text: str) -> float:
 def run(arguments: argparse.Namespace) -> None:
     """Read, choose, write, tell."""
     _refuse_what_does_nothing(arguments)
-    quantities = dict(_pair("quantity", text) for text in arguments.quantity)
+    mapping = _mapping(arguments)
+    quantities = mapping.quantities
     separator = "\t" if arguments.separator == "tab" else arguments.separator
-    wishes = Wishes(
-        columns={kind: name for kind in _KINDS if (name := getattr(arguments, kind)) is not None},
-        units={kind: unit for kind in (*_KINDS, "quantity") if (unit := getattr(arguments, f"{kind}_unit"))},
-        rate_hz=arguments.rate,
-        torque_scale=arguments.torque_scale,
-        quantities=quantities,
-        raw=_raw(arguments),
-    )
+    described = mapping_path(arguments.out)
+    written = arguments.mapping is None and arguments.pickup is None
+    if written and described.exists() and not arguments.force:
+        raise UsageError(f"{described} exists; give it with --mapping, or replace it with --force")
     ask = _ask if sys.stdin.isatty() and sys.stdout.isatty() else None
     with stages(_size(arguments.log) // _LIKE_A_SAMPLE) as stage:
         stage("reading", _READ, 1)
         # Opened first: a place that cannot be written is told before the work.
         with BagWriter(arguments.out, {"imported_from": arguments.log.name}, overwrite=arguments.force) as out:
-            columns = read_log(arguments.log, separator, arguments.decimal, arguments.table, _note)
-            rows = len(next(iter(columns.values())))
+            table = read_log(
+                arguments.log,
+                separator,
+                arguments.decimal,
+                arguments.table,
+                _note,
+                mapping.text if arguments.separator is None and arguments.decimal is None else None,
+                mapping.signals,
+            )
+            rows = max(map(len, table.values()))
             done = stage("writing", 1.0, rows * (2 + len(quantities)))
-            taken = import_log(columns, out, wishes, ask, done or _uncounted)
+            mapping, taken = import_log(table, out, mapping, ask, done or _uncounted, _raw(arguments))
             counts = out.counts
+        if written:
+            write_mapping(described, replace(mapping, text=table.text, signals=table.long_form), arguments.log.name)
     for kind, text in taken.items():
         print(f"{kind:7} {text}")
-    if "torque" not in taken and not quantities:
+    if "torque" not in taken and not quantities and mapping.torque.column != arguments.torque:
         print("torque  none in this log; name its column with --torque if there is one")
-        for name in choose("torque", columns.left_out):
-            print(f"note    column '{name}' holds {columns.left_out[name]}, no numbers")
+        for name in choose("torque", table.left_out):
+            print(f"note    column '{name}' holds {table.left_out[name]}, no numbers")
     for topic, count in counts.items():
         print(f"{topic}  {count} messages")
+    if written:
+        print(f"mapping {described}: columns, units and times as taken; correct them and give them with --mapping")
+
+
+def _mapping(arguments: argparse.Namespace) -> LogMapping:
+    """What the mapping file says, and over it what the arguments say."""
+    mapping = LogMapping() if arguments.mapping is None else read_mapping(arguments.mapping)
+    clock = mapping.clock
+    if arguments.rate is not None:
+        clock = replace(clock, column="", unit="", fraction="", steps=False, rate_hz=arguments.rate)
+    if arguments.time is not None:
+        clock = replace(clock, column=arguments.time, unit="", fraction="", fraction_unit="", rate_hz=None)
+    clock = replace(
+        clock,
+        unit=arguments.time_unit or clock.unit,
+        fraction=arguments.time_fraction or clock.fraction,
+        steps=arguments.time_steps or clock.steps,
+    )
+    channels: dict[str, Channel] = {}
+    for kind in ("angle", "torque", "speed"):
+        column, unit = getattr(arguments, kind), getattr(arguments, f"{kind}_unit")
+        channel = getattr(mapping, kind) if column is None else Channel(column)
+        channels[kind] = replace(channel, unit=unit, scale=None) if unit else channel
+    if arguments.torque_scale is not None:
+        channels["torque"] = replace(channels["torque"], scale=arguments.torque_scale)
+    if arguments.torque_time is not None:
+        channels["torque"] = replace(channels["torque"], clock=Clock(arguments.torque_time))
+    quantities = dict(mapping.quantities)
+    for text in arguments.quantity:
+        output, column = _pair("quantity", text)
+        quantities[output] = Channel(column, arguments.quantity_unit or "")
+    signals = mapping.signals
+    if arguments.mapping is not None and signals is None:
+        signals = LongForm("", "")
+    if arguments.signal_column is not None:
+        named = arguments.signal_column != NO_COLUMN
+        signals = LongForm(arguments.signal_column, arguments.value_column or "value") if named else LongForm("", "")
+    return LogMapping(clock, **channels, quantities=quantities, text=mapping.text, signals=signals)
 
 
 def _size(path: Path) -> int:

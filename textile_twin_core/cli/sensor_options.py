@@ -9,7 +9,7 @@ from textile_twin_core.cli.arguments import count, factor, positive
 from textile_twin_core.comparison.readings import ANGLE_TURNS, radians_of
 from textile_twin_core.machine import ENCODER_OPTIONS, with_encoder
 from textile_twin_core.machine.sensors import Encoder
-from textile_twin_core.recordings.log_columns import TORQUE_UNITS, spelled
+from textile_twin_core.recordings.log_units import TORQUE_UNITS, spelled, unit_factor
 from textile_twin_core.recordings.machine_topics import MachineTopics
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def _angle_unit(text: str) -> float:
 
 def _torque_unit(text: str) -> float:
     """N m of a unit, as a type of an argument."""
-    known = TORQUE_UNITS.get(spelled(text))
+    known = unit_factor(spelled(text), TORQUE_UNITS)
     if known is not None:
         return known
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.recordings.log_dates import one_form
 from textile_twin_core.recordings.log_dialect import EMPTY
+from textile_twin_core.recordings.log_mapping import LongForm, TextTable
 from textile_twin_core.recordings.log_thousands import DOUBT, may_have_thousands, without_thousands
 
 _DAY_S = 86400.0
@@ -27,37 +28,36 @@ class LogTable(dict[str, FloatArray]):
 
     dated: columns that were dates, times of day or durations, now seconds. left_out: columns without numbers, and what
     they hold. bad: by column the first cell that is no number and how many there are; they are NaN, and where they are
-    many the column is left out. times_of: by column the column of its times, where a log has several.
+    many the column is left out. times_of: by column the column of its times, where a log has several. signals: columns
+    of a log in long form, which have no number in the rows of others. text: how a text table is written.
+    day_first: whether the day stands first in its dates, None where they leave no doubt.
     """
 
     dated: set[str] = field(default_factory=set)
     left_out: dict[str, str] = field(default_factory=dict)
     bad: dict[str, tuple[str, int]] = field(default_factory=dict)
     times_of: dict[str, str] = field(default_factory=dict)
+    signals: set[str] = field(default_factory=set)
+    long_form: LongForm | None = None
+    text: TextTable | None = None
+    day_first: bool | None = None
 
     def rows(self, here: BoolArray) -> LogTable:
         """The same columns with the rows that a mask (n,) takes."""
-        return self.with_columns({name: values[here] for name, values in self.items()})
+        return self.with_columns({name: values[here] for name, values in self.items() if values.size == here.size})
 
     def with_columns(self, columns: Mapping[str, FloatArray]) -> LogTable:
         """Other columns, and what is known of those that were read."""
-        taken = LogTable(self.dated, self.left_out, self.bad, self.times_of)
+        taken = replace(self)
         taken.update(columns)
         return taken
 
-    def at_times(self, time: str) -> LogTable:
-        """The columns that have the times of this column, or none of their own."""
-        here = {name: values for name, values in self.items() if self.times_of.get(name, time) == time}
-        taken = self.with_columns(here)
-        others = {name: self.times_of[name] for name in self if name not in here and name != self.times_of[name]}
-        taken.left_out = {**self.left_out, **{name: f"values at '{its}', other times" for name, its in others.items()}}
-        return taken
 
-
-def numeric(columns: Mapping[str, Any], decimal: str = ".") -> LogTable:
+def numeric(columns: Mapping[str, Any], decimal: str = ".", day_first: bool | None = None) -> LogTable:
     """Arrow columns as numbers. Dates become seconds since 1970, times of day seconds that go on at midnight.
 
     A column of dates beside one of times of day is added to it. decimal: sign of numbers that are text.
+    day_first: of dates such as 03/04/2026; None where the cells show it.
     """
     from pyarrow import types
 
@@ -67,7 +67,7 @@ def numeric(columns: Mapping[str, Any], decimal: str = ".") -> LogTable:
     for name, written in columns.items():
         kind = written.type
         if types.is_string(kind) or types.is_large_string(kind):
-            _text(name, written, decimal, out, days, clocks)
+            _text(name, written, decimal, out, days, clocks, day_first)
         elif types.is_date(kind):
             days[name] = _float(written.cast("timestamp[ns]").cast("int64")) * 1e-9
         elif types.is_time(kind):
@@ -110,6 +110,7 @@ def _text(
     out: LogTable,
     days: dict[str, FloatArray],
     clocks: dict[str, FloatArray],
+    day_first: bool | None,
 ) -> None:
     """A column of text as dates, times of day or numbers, whichever all its cells are (numbers: most, beside words)."""
     import pyarrow
@@ -118,7 +119,8 @@ def _text(
     cells = compute.utf8_trim_whitespace(written.combine_chunks())
     cells = compute.if_else(compute.is_in(cells, pyarrow.array(sorted(EMPTY), cells.type)), None, cells)
     filled = len(cells) - cells.null_count
-    moments, doubt = one_form(cells)
+    moments, doubt, seen = one_form(cells, day_first)
+    out.day_first = seen if out.day_first is None else out.day_first
     if doubt:
         out.left_out[name] = doubt
         return

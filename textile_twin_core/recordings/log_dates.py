@@ -29,12 +29,13 @@ _NO_ORDER = r"^(?P<a>[0-9]{1,2})%s(?P<b>[0-9]{1,2})%s(?P<y>[0-9]{4})(?P<rest>$|[
 _MONTHS = 12
 
 
-def one_form(cells: Any) -> tuple[Any, str]:
-    """An arrow column of text with its dates year first and its times in 24 hours, and a doubt about the dates.
+def one_form(cells: Any, day_first: bool | None = None) -> tuple[Any, str, bool | None]:
+    """An arrow column of text with dates year first and times in 24 hours, a doubt about the dates, and their order.
 
     Cells are changed where all of a column that are not null are written in the same way: month or day first (known
     where one of the two exceeds 12 somewhere in the column, or they are always the same), in twice twelve hours, or
-    with milliseconds after a colon. The doubt is a text for people, empty where there is none.
+    with milliseconds after a colon. The doubt is a text for people, empty where there is none. The order is whether the
+    day stands first, None for dates that leave it open or have the year first; `day_first` says it where it is known.
     """
     from pyarrow import compute
 
@@ -45,16 +46,18 @@ def one_form(cells: Any) -> tuple[Any, str]:
             continue
         first, second = (_numbers(parts, key) for key in "ab")
         if (first > _MONTHS).any() and (second > _MONTHS).any():
-            return cells, ""
-        if not (first > _MONTHS).any() and not (second > _MONTHS).any() and (first != second).any():
+            return cells, "", None
+        shown = True if (first > _MONTHS).any() else False if (second > _MONTHS).any() else day_first
+        if shown is None and (first != second).any():
             at = int(np.flatnonzero(first != second)[0])
             cell = compute.drop_null(cells)[at].as_py()
-            return cells, f"dates ('{cell}') of which no row shows whether the day or the month is first"
-        day, month = ("a", "b") if (first > _MONTHS).any() else ("b", "a")
+            return cells, f"dates ('{cell}') of which no row shows whether the day or the month is first", None
+        day, month = ("a", "b") if shown else ("b", "a")
         rest = compute.replace_substring_regex(compute.struct_field(parts, ["rest"]), r"^[T,]? ?([0-9].*)", r" \1")
         date = [compute.struct_field(parts, ["y"]), _two_digits(parts, month), _two_digits(parts, day)]
-        return compute.binary_join_element_wise(compute.binary_join_element_wise(*date, "-"), rest, ""), ""
-    return cells, ""
+        joined = compute.binary_join_element_wise(compute.binary_join_element_wise(*date, "-"), rest, "")
+        return joined, "", shown
+    return cells, "", None
 
 
 def _in_24_hours(cells: Any) -> Any:

@@ -10,18 +10,20 @@ from itertools import pairwise
 from pathlib import Path
 
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.recordings.log_columns import choose, is_unit
+from textile_twin_core.recordings.log_columns import choose
 from textile_twin_core.recordings.log_dates import HOW, MOMENT, OTHER_MOMENT
 from textile_twin_core.recordings.log_makers import known_head
+from textile_twin_core.recordings.log_mapping import TextTable
 from textile_twin_core.recordings.log_text import decoded
 from textile_twin_core.recordings.log_thousands import DOUBT, has_thousands, may_have_thousands
+from textile_twin_core.recordings.log_units import is_unit
 
 EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
 """What a cell without a number has in it."""
 _HEAD_BYTES = 65536
 _SEPARATORS = (";", "\t", ",", "|")
 _NUMBER = re.compile(r"[+\-\u2212]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
-_COMMENT = re.compile(r"^\s*(#+|%+|//+)\s*(?=\S)")
+COMMENT = re.compile(r"^\s*(#+|%+|//+)\s*(?=\S)")
 """Marks of a line that the logger meant for people: the names of the columns often stand in one."""
 _NUMERAL, _OTHER_SIGN, _MOMENT, _NOTHING, _WORD = "number", "number of the other sign", "date", "nothing", "word"
 _LOOKED_AT = 40
@@ -33,7 +35,8 @@ class Dialect:
 
     names: of the columns, with their units where the file has them; made up (column_1 ..) when it has none.
     encoding: of its characters, as Python calls it. interval_s: from row to row, where the head tells it instead of
-    the rows.
+    the rows. names_at, units_at: the lines, from 0, where names and units stand. heads: the cells of such lines.
+    known: whether the head is that of a known maker.
     """
 
     separator: str
@@ -42,6 +45,10 @@ class Dialect:
     names: tuple[str, ...]
     encoding: str = "utf-8"
     interval_s: float | None = None
+    names_at: int | None = None
+    units_at: int | None = None
+    heads: tuple[tuple[str, ...], ...] = ()
+    known: bool = False
 
 
 def sniff(path: Path, separator: str | None = None, decimal: str | None = None) -> Dialect:
@@ -55,7 +62,9 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
     head = known_head(str(path), lines, decimal)
     if head is not None:
         names = tuple(_distinct(list(head.names)))
-        return Dialect(separator or head.separator, head.decimal, head.skipped, names, encoding, head.interval_s)
+        return Dialect(
+            separator or head.separator, head.decimal, head.skipped, names, encoding, head.interval_s, known=True
+        )
     best: tuple[int, int, Dialect] | None = None
     for point in (decimal,) if decimal else (".", ","):
         for mark in (separator,) if separator else (*_SEPARATORS, " "):
@@ -113,15 +122,54 @@ def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dial
     data = [k for k in data if not names_at or k > names_at[-1]]
     first = data[0]
     # Names often stand in a comment.
-    above = [cells_of(_COMMENT.sub("", line, count=1), separator, width) for line in lines[:first]]
-    above = [row for row in above if len(row) == width and any(row)]
-    names = [f"column_{k + 1}" for k in range(width)]
-    if above:
-        names = [cell or name for cell, name in zip(above[-1], names, strict=True)]
-        if len(above) > 1 and _are_units(above[-1]):
-            names = [_with_unit(name, unit) for name, unit in zip(above[-2], above[-1], strict=True)]
+    above = [(k, cells_of(COMMENT.sub("", line, count=1), separator, width)) for k, line in enumerate(lines[:first])]
+    above = [(k, row) for k, row in above if len(row) == width and any(row)]
+    at = [above[-1][0]] if above else []
+    if len(above) > 1 and _are_units(above[-1][1]):
+        at.insert(0, above[-2][0])
+    head_lines: tuple[int | None, int | None] = (at[0] if at else None, at[1] if len(at) > 1 else None)
+    names, heads = _names(lines, separator, width, *head_lines)
     found = sum(cells[k].count(_NUMERAL) for k in data)
-    return found, width, Dialect(separator, decimal, first, tuple(_distinct(names)))
+    return (
+        found,
+        width,
+        Dialect(separator, decimal, first, names, names_at=head_lines[0], units_at=head_lines[1], heads=heads),
+    )
+
+
+def _names(
+    lines: Sequence[str], separator: str, width: int, names_at: int | None, units_at: int | None
+) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+    """Names of columns with their units, and the cells of both lines; made-up names where there is no such line."""
+    made_up = [f"column_{k + 1}" for k in range(width)]
+    rows = [
+        cells_of(COMMENT.sub("", lines[k], count=1), separator, width) for k in (names_at, units_at) if k is not None
+    ]
+    if not rows:
+        return tuple(made_up), ()
+    names = [cell or name for cell, name in zip(rows[0], made_up, strict=False)]
+    if len(rows) > 1:
+        names = [_with_unit(name, unit) for name, unit in zip(rows[0], rows[1], strict=False)]
+    return tuple(_distinct(names)), tuple(map(tuple, rows))
+
+
+def as_written(path: Path, table: TextTable) -> Dialect:
+    """The dialect that a mapping describes, with the names of the columns of this file. Raises RecordingError."""
+    with path.open("rb") as file:
+        begin = file.read(_HEAD_BYTES)
+    try:
+        lines = begin.decode(table.encoding, errors="replace").removeprefix("\ufeff").splitlines()
+    except LookupError:
+        raise RecordingError(f"{path}: encoding '{table.encoding}' of the mapping is not known") from None
+    first = table.first_line - 1
+    if not 0 <= first < len(lines) or max(table.names_line, table.units_line) > first:
+        raise RecordingError(f"{path}: has {len(lines)} lines, and the mapping's text.first_line is {table.first_line}")
+    names_at, units_at = (line - 1 if line else None for line in (table.names_line, table.units_line))
+    width = len(cells_of(lines[first], table.separator))
+    if names_at is not None:
+        width = max(width, len(cells_of(COMMENT.sub("", lines[names_at], count=1), table.separator)))
+    names, heads = _names(lines, table.separator, width, names_at, units_at)
+    return Dialect(table.separator, table.decimal, first, names, table.encoding, None, names_at, units_at, heads)
 
 
 def _with_unit(name: str, unit: str) -> str:

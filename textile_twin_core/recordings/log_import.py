@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,33 +13,33 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag_write import BagWriter
 from textile_twin_core.recordings.log_cells import LogTable
+from textile_twin_core.recordings.log_choice import (
+    Ask,
+    choose_channel,
+    choose_clock,
+    has_same_times,
+    own_clock,
+    refuse_unknown,
+)
+from textile_twin_core.recordings.log_clocks import clock_seconds
 from textile_twin_core.recordings.log_columns import (
-    SPEED_UNITS,
-    Column,
     angle_radians,
     choose,
     describe,
-    looks_like_time,
     quantity_si,
-    spelled,
-    times_as_fast,
     torque_newton_metres,
-    unit_in_name,
 )
-from textile_twin_core.recordings.log_makers import UNTIMED
+from textile_twin_core.recordings.log_mapping import NO_COLUMN, Channel, Clock, LogMapping
 from textile_twin_core.recordings.log_shaft import edge_angles, force_torque, tooth_edges
-from textile_twin_core.recordings.log_time import DATED, TIME_UNITS, counts_rows, same_clock, time_seconds
+from textile_twin_core.recordings.log_speed import EncoderSpeed, encoder_speed
+from textile_twin_core.recordings.log_units import spelled, unit_in_name
 from textile_twin_core.recordings.recording import Progress
 
 _FIRST_NS = 1_000_000_000
 """Stamp of the first row of a log whose time is none of the day: 0 means in ROS that there is no stamp."""
 _EPOCH_S = 1e8
-_NOT_ITS_SPEED = 0.1
-"""Relative difference from which a speed is that of another shaft, or counts the other way."""
 MEASURED = "measured"
 """Above the topics of quantities other than torque: JointState, position of the joint named as the output."""
-Ask = Callable[[str, list[str]], str]
-"""Asks a person which of several columns is meant: (kind, names) -> name."""
 
 
 @dataclass(frozen=True)
@@ -58,195 +59,233 @@ class RawChannels:
     zero_at_rad: float | None = None
 
 
-@dataclass(frozen=True)
-class Wishes:
-    """What the user tells of a log; what is empty is found out.
-
-    columns, units: by kind (time, angle, torque, speed). rate_hz: rows a second, for a log without times.
-    torque_scale: N m per unit of the torque column. quantities: columns by the output that they are measurements of.
-    raw: a pickup and a force instead of angle and torque.
-    """
-
-    columns: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    rate_hz: float | None = None
-    torque_scale: float | None = None
-    quantities: Mapping[str, str] = field(default_factory=dict)
-    raw: RawChannels | None = None
-
-
 def import_log(
     columns: Mapping[str, FloatArray],
     out: BagWriter,
-    wishes: Wishes,
+    mapping: LogMapping,
     ask: Ask | None = None,
     progress: Progress = lambda _: None,
-) -> dict[str, str]:
-    """Write angle, and torque and speed where there are any, into a recording; what was taken for what, in words.
+    raw: RawChannels | None = None,
+) -> tuple[LogMapping, dict[str, str]]:
+    """Write angle, and torque and speed where there are any, into a recording.
 
-    `progress` is called with the number of rows as those of a column are written.
+    Args:
+        columns: of the log, a LogTable or float64 (n,) by name.
+        out: the recording.
+        mapping: columns, units and times as far as they are known.
+        ask: asks a person where several columns may be meant; None: such a log is refused.
+        progress: is called with the number of rows as those of a column are written.
+        raw: a pickup and a force instead of angle and torque.
 
-    Raises RecordingError when a column cannot be told or its unit is not known.
+    Returns:
+        The complete mapping, with which the next log of this kind needs no guess, and in words what was taken for what.
+
+    Raises:
+        RecordingError: a column cannot be told or its unit is not known.
     """
-    taken: dict[str, str] = {}
-    columns = columns if isinstance(columns, LogTable) else _log(columns)
-    stamps, columns = _stamps(columns, wishes, ask, taken)
-    if wishes.raw is not None:
-        _write_raw(columns, stamps, wishes.raw, out, taken)
-        return taken
-    angle = _column("angle", columns, wishes, ask, needed=True)
-    assert angle is not None
-    theta, unit = angle_radians(angle, columns[angle.name])
-    taken["angle"] = f"column '{angle.name}', {unit}"
-    omega = _speed(columns, stamps, theta, wishes, taken)
-    here = np.isfinite(theta)
-    taken["angle"] += _empty(here)
-    out.write_joint_states(
-        "main_shaft/angle", stamps[here], ["main_shaft"], theta[here], None if omega is None else omega[here]
-    )
-    progress(here.size)
-    torque = _column("torque", columns, wishes, ask, needed=False)
-    if torque is not None:
-        values, unit = torque_newton_metres(torque, columns[torque.name], wishes.torque_scale)
-        here = np.isfinite(values)
-        out.write_wrenches("balancing_torque/measured", stamps[here], values[here])
-        progress(here.size)
-        taken["torque"] = f"column '{torque.name}', {unit}{_empty(here)}"
-    for output, name in wishes.quantities.items():
-        _refuse_unknown(name, columns)
-        unit = spelled(wishes.units.get("quantity", "")) or unit_in_name(name)
-        values, unit = quantity_si(Column(name, unit), columns[name])
-        here = np.isfinite(values)
-        out.write_joint_states(f"{MEASURED}/{output}", stamps[here], [output], values[here])
-        progress(here.size)
-        taken[output] = f"column '{name}', {unit}{_empty(here)}"
-    return taken
+    table = columns if isinstance(columns, LogTable) else _table(columns)
+    return _Import(table, out, mapping, ask, progress).run(raw)
 
 
-def _speed(
-    columns: LogTable, stamps: IntArray, theta: FloatArray, wishes: Wishes, taken: dict[str, str]
-) -> FloatArray | None:
-    """The encoder's speed [rad/s] where a column holds it; a column that holds another is left out, in words."""
-    column = _column("speed", columns, wishes, None, needed=False)
-    if column is None:
-        return None
-    omega, amiss = None, ""
-    if column.unit not in SPEED_UNITS:
-        what = f"speed in '{column.unit}'?" if column.unit else "its name has no unit;"
-        amiss = f"{what} tell --speed-unit: {', '.join(SPEED_UNITS)}"
-    else:
-        omega = columns[column.name] * SPEED_UNITS[column.unit]
-        times = times_as_fast(stamps, theta, omega)
-        if abs(times - 1.0) > _NOT_ITS_SPEED:
-            amiss = f"the angle turns {times:.3g} times as fast: no speed of this encoder"
-    if amiss and "speed" in {**wishes.columns, **wishes.units}:
-        raise RecordingError(f"column '{column.name}': {amiss}")
-    taken["speed"] = f"column '{column.name}' left out: {amiss}" if amiss else f"column '{column.name}', {column.unit}"
-    return None if amiss else omega
+class _Import:
+    """One log on its way into a recording: what is known of it, and what was taken for what."""
+
+    def __init__(
+        self, table: LogTable, out: BagWriter, mapping: LogMapping, ask: Ask | None, progress: Progress
+    ) -> None:
+        self._table, self._out, self._mapping, self._ask, self._progress = table, out, mapping, ask, progress
+        self._words: dict[str, str] = {}
+        self._first: float | None = None
+
+    def run(self, raw: RawChannels | None) -> tuple[LogMapping, dict[str, str]]:
+        """Choose, convert, write."""
+        if raw is not None:
+            clock = self._main_clock(Channel(raw.pickup))
+            seconds, clock = self._seconds(clock, "time", True)
+            stamps, here = self._stamps(seconds, clock, "time")
+            _write_raw(self._table.rows(here), stamps, raw, self._out, self._words)
+            return replace(self._mapping, clock=clock), self._words
+        angle = choose_channel("angle", self._table, self._mapping, self._ask, needed=True)
+        assert angle is not None
+        self._mapping = replace(self._mapping, angle=angle)
+        clock = self._main_clock(angle)
+        seconds, clock = self._seconds(clock, "time")
+        self._words["angle"] = ""  # in this order for people
+        torque = choose_channel("torque", self._table, self._mapping, self._ask)
+        self._mapping = replace(self._mapping, clock=clock, torque=torque or Channel(NO_COLUMN))
+        self._write_angle(angle, seconds, clock)
+        if torque is not None:
+            self._write_torque(torque, clock)
+        for output, channel in self._mapping.quantities.items():
+            self._write_quantity(output, channel, clock)
+        return self._mapping, self._words
+
+    def _main_clock(self, channel: Channel) -> Clock:
+        """The clock of the angle, or of the pickup."""
+        refuse_unknown(channel.column, self._table)
+        rate = self._mapping.clock.rate_hz
+        if rate is None:
+            return choose_clock(self._table, self._mapping, channel, self._ask, self._words)
+        several = sorted(set(self._table.times_of.values()))
+        if len(several) > 1:
+            raise RecordingError(
+                f"--rate: columns have times of their own, '{several[0]}' and others; leave --rate out"
+            )
+        return Clock(rate_hz=rate)
+
+    def _seconds(self, clock: Clock, kind: str, raw: bool = False) -> tuple[FloatArray, Clock]:
+        """Seconds of every row (n,), NaN without a time, and the clock with its units; words about it under `kind`."""
+        if clock.rate_hz is not None:
+            rows = max(map(len, self._table.values()))
+            self._words[kind] = f"{clock.rate_hz:g} rows a second"
+            return np.arange(rows) / clock.rate_hz, clock
+        seconds, clock, words = clock_seconds(self._table, clock, raw)
+        self._words[kind] = f"column '{clock.column}', {words}{_empty(np.isfinite(seconds))}"
+        return seconds, clock
+
+    def _stamps(self, seconds: FloatArray, clock: Clock, kind: str) -> tuple[IntArray, BoolArray]:
+        """Stamps [ns] of the rows with a time, and which rows those are. Raises RecordingError for times that fall."""
+        here = np.isfinite(seconds)
+        seconds = seconds[here]
+        if self._first is None:
+            self._first = float(seconds[0])
+        first = _FIRST_NS if abs(self._first) < _EPOCH_S else round(self._first * 1e9)
+        since_first = np.rint((seconds - self._first) * 1e9).astype(np.int64)
+        steps = np.diff(since_first)
+        if first + int(since_first.min()) <= 0 or np.count_nonzero(steps < 0) > np.count_nonzero(steps > 0):
+            if clock.column != self._mapping.clock.column and self._mapping.clock.column and kind != "time":
+                raise RecordingError(f"column '{clock.column}' begins before '{self._mapping.clock.column}'")
+            at = int(np.argmax(steps < 0)) + 2
+            raise RecordingError(
+                f"column '{clock.column}' goes back, first at row {at}: sort the rows by time, or where they are evenly"
+                " spaced give --rate; where it holds the time since the row before give --time-steps"
+            )
+        self._words[kind] += _amiss(steps)
+        return np.asarray(first + since_first, dtype=np.int64), here
+
+    def _with_stamps(
+        self, values: FloatArray, seconds: FloatArray, clock: Clock, kind: str
+    ) -> tuple[IntArray, BoolArray]:
+        """Stamps (m,) of the rows (n,) that have a time and a value, and which those are."""
+        if values.size != seconds.size:
+            raise RecordingError(
+                f"{values.size} values, but {seconds.size} times in column '{clock.column}'; name their own with"
+                f" --{kind}-time"
+            )
+        known = np.isfinite(values)
+        stamps, timed = self._stamps(np.where(known, seconds, np.nan), clock, "time" if kind == "angle" else kind)
+        return stamps, timed & known
+
+    def _write_angle(self, angle: Channel, seconds: FloatArray, clock: Clock) -> None:
+        name = angle.column
+        values = self._table[name]
+        known = np.isfinite(values)
+        converted, unit, words = angle_radians(name, angle.unit, values[known])
+        theta = np.full(values.shape, np.nan)
+        theta[known] = converted
+        self._words["angle"] = f"column '{name}', {words}{self._without(name, known)}"
+        stamps, here = self._with_stamps(theta, seconds, clock, "angle")
+        speed, omega = self._speed(stamps, theta, here, clock)
+        self._mapping = replace(self._mapping, angle=replace(angle, unit=unit), speed=speed)
+        self._out.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], theta[here], omega)
+        self._progress(values.size)
+
+    def _write_torque(self, torque: Channel, clock: Clock) -> None:
+        name = torque.column
+        values, unit, words = torque_newton_metres(name, torque.unit, self._table[name], torque.scale)
+        self._words["torque"] = f"column '{name}', {words}{self._without(name, np.isfinite(values))}"
+        stamps, here, torque = self._own_stamps(replace(torque, unit=unit), values, clock, "torque")
+        self._out.write_wrenches("balancing_torque/measured", stamps, values[here])
+        self._mapping = replace(self._mapping, torque=torque)
+        self._progress(values.size)
+
+    def _write_quantity(self, output: str, channel: Channel, clock: Clock) -> None:
+        name = channel.column
+        refuse_unknown(name, self._table)
+        unit = spelled(channel.unit) or unit_in_name(name)
+        values, words = quantity_si(name, unit, self._table[name])
+        self._words[output] = f"column '{name}', {words}{self._without(name, np.isfinite(values))}"
+        stamps, here, channel = self._own_stamps(replace(channel, unit=unit), values, clock, output)
+        self._out.write_joint_states(f"{MEASURED}/{output}", stamps, [output], values[here])
+        self._mapping = replace(self._mapping, quantities={**self._mapping.quantities, output: channel})
+        self._progress(values.size)
+
+    def _own_stamps(
+        self, channel: Channel, values: FloatArray, clock: Clock, kind: str
+    ) -> tuple[IntArray, BoolArray, Channel]:
+        """Stamps of a channel beside the angle, at its own times where it has any."""
+        own = own_clock(self._table, self._mapping, clock, self._mapping.angle, channel, kind)
+        words = self._words.pop(kind)
+        seconds, own = self._seconds(own, kind)
+        at = f"; at {self._words[kind]}" if own != clock else ""
+        self._words[kind] = words + at
+        told = self._words[kind]
+        stamps, here = self._with_stamps(values, seconds, own, kind)
+        if own == clock:
+            self._words[kind] = told  # its times are reported once
+            return stamps, here, channel
+        return stamps, here, replace(channel, clock=own)
+
+    def _without(self, name: str, known: BoolArray) -> str:
+        """Rows without a number, in words; in a log in long form they are those of other signals."""
+        return "" if name in self._table.signals else _empty(known)
+
+    def _speed(
+        self, stamps: IntArray, theta: FloatArray, here: BoolArray, clock: Clock
+    ) -> tuple[Channel, FloatArray | None]:
+        """The encoder's speed [rad/s] where a column holds it: the one with which the angle turns."""
+        wished, table, none = self._mapping.speed, self._table, Channel(NO_COLUMN)
+        if wished.column == NO_COLUMN and NO_COLUMN not in table:
+            return none, None
+        unit, names = spelled(wished.unit), [wished.column]
+        if wished.column:
+            refuse_unknown(wished.column, table)
+        else:
+            names = choose("speed", [each for each in table if each not in self._mapping.named], bool(unit))
+        if unit and not names:
+            raise RecordingError(
+                f"--speed-unit, but which column is the speed? tell it with --speed: {describe(table)}"
+            )
+        fitting, amiss = [], []
+        for name in names:
+            found: EncoderSpeed | str = "its times are not those of the angle"
+            if has_same_times(table, clock, self._mapping.angle.column, name):
+                values = table[name][here]
+                found = encoder_speed(name, unit or unit_in_name(name), values, stamps, theta[here])
+            if isinstance(found, str):
+                amiss.append(f"column '{name}'{'' if wished.column else ' left out'}: {found}")
+            else:
+                fitting.append(found)
+        if not fitting:
+            if amiss and (wished.column or unit):
+                raise RecordingError(amiss[0])
+            if amiss:
+                self._words["speed"] = "; ".join(amiss)
+            return none, None
+        best = min(fitting, key=lambda each: each.error)
+        if len(fitting) > 1 and best.error == math.inf:
+            self._words["speed"] = "left out: no column is seen to be that of the angle; tell it with --speed"
+            return none, None
+        others = [f"'{name}'" for name in names if name != best.column]
+        not_used = f"; not used: {', '.join(others)}" if others else ""
+        self._words["speed"] = f"column '{best.column}', {best.unit}{not_used}"
+        return Channel(best.column, best.unit), best.omega
 
 
-def _write_raw(columns: LogTable, stamps: IntArray, raw: RawChannels, out: BagWriter, taken: dict[str, str]) -> None:
+def _write_raw(table: LogTable, stamps: IntArray, raw: RawChannels, out: BagWriter, taken: dict[str, str]) -> None:
     """Edges of the wheel, and the torque with which the force drives the shaft."""
     for name in filter(None, (raw.pickup, raw.force)):
-        _refuse_unknown(name, columns)
+        refuse_unknown(name, table)
     since = (stamps - stamps[0]) * 1e-9
-    edges = stamps[0] + np.rint(tooth_edges(since, columns[raw.pickup]) * 1e9).astype(np.int64)
+    edges = stamps[0] + np.rint(tooth_edges(since, table[raw.pickup]) * 1e9).astype(np.int64)
     out.write_events("main_shaft/angle", edges)
     taken["angle"] = f"column '{raw.pickup}', {edges.size} edges of a toothed wheel"
     if raw.force:
         known = edge_angles(raw.machine, edges)
-        force = columns[raw.force] * raw.newton
+        force = table[raw.force] * raw.newton
         at, torque = force_torque(raw.machine, raw.measure, known, stamps, force, raw.zero_at_rad)
         out.write_wrenches("balancing_torque/measured", at, torque)
         taken["torque"] = f"column '{raw.force}', {raw.newton:g} N per unit along {raw.measure}"
-
-
-def _stamps(columns: LogTable, wishes: Wishes, ask: Ask | None, taken: dict[str, str]) -> tuple[IntArray, LogTable]:
-    """Stamp of each row [ns], and the columns without the rows that have no time."""
-    rows = len(next(iter(columns.values())))
-    several = sorted(set(columns.times_of.values()))
-    if wishes.rate_hz is not None and len(several) > 1:
-        raise RecordingError(
-            f"--rate: columns have times of their own, '{several[0]}' and others; name one with --time"
-        )
-    if wishes.rate_hz is not None:
-        taken["time"] = f"{wishes.rate_hz:g} rows a second"
-        return np.asarray(_FIRST_NS + np.rint(np.arange(rows) * (1e9 / wishes.rate_hz)), dtype=np.int64), columns
-    column = _finer_clock(columns, wishes, taken) or _column("time", columns, wishes, ask, needed=False)
-    if column is None:
-        column = _rising(columns, wishes)
-    given, columns = columns, columns.at_times(column.name)
-    apart = [name for name in given if name in columns.left_out]
-    if apart:
-        taken["note"] = (
-            f"{len(apart)} columns are left out, first '{apart[0]}', which holds {columns.left_out[apart[0]]}; export"
-            " all channels with one sample time to use them"
-        )
-    unit = DATED if column.name in columns.dated else column.unit
-    seconds, words = time_seconds(column.name, unit, columns[column.name], wishes.raw is not None)
-    taken["time"] = f"column '{column.name}', {words}"
-    here = np.isfinite(seconds)
-    if not here.all():
-        taken["time"] += _empty(here)
-        seconds, columns = seconds[here], columns.rows(here)
-    first = _FIRST_NS if abs(float(seconds[0])) < _EPOCH_S else round(float(seconds[0]) * 1e9)
-    since_first = np.rint((seconds - seconds[0]) * 1e9).astype(np.int64)
-    steps = np.diff(since_first)
-    if first + int(since_first.min()) <= 0 or np.count_nonzero(steps < 0) > np.count_nonzero(steps > 0):
-        at = int(np.argmax(steps < 0)) + 2
-        raise RecordingError(
-            f"column '{column.name}' goes back, first at row {at}: sort the rows by time, or where"
-            " they are evenly spaced give --rate"
-        )
-    taken["time"] += _amiss(steps)
-    return np.asarray(first + since_first, dtype=np.int64), columns
-
-
-def _finer_clock(columns: LogTable, wishes: Wishes, taken: dict[str, str]) -> Column | None:
-    """Of one column of dates beside one of times with a unit, which go on alike, that with more moments; else None."""
-    if "time" in {**wishes.columns, **wishes.units}:
-        return None
-    found = choose("time", [name for name in columns if name not in wishes.columns.values()])
-    dated = [name for name in found if name in columns.dated]
-    timers = [name for name in found if name not in columns.dated and unit_in_name(name) in TIME_UNITS]
-    if len(found) != 2 or len(dated) != 1 or len(timers) != 1:
-        return None
-    (date,), (timer,) = dated, timers
-    unit = unit_in_name(timer)
-    if not same_clock(columns[date], columns[timer] * TIME_UNITS[unit]):
-        return None
-    if np.unique(columns[date]).size >= np.unique(columns[timer]).size:
-        taken["clock"] = f"column '{timer}' goes on as '{date}' and is not used"
-        return Column(date, DATED)
-    taken["clock"] = f"column '{date}' goes on as '{timer}', in larger steps, and is not used"
-    return Column(timer, unit)
-
-
-def _rising(columns: LogTable, wishes: Wishes) -> Column:
-    """The one column of dates, or that rises evenly and is nothing else, where no name speaks of time."""
-    others = {*wishes.columns.values(), *wishes.quantities.values()}
-    others |= {name for kind in ("angle", "torque", "speed") for name in choose(kind, columns)}
-    dated = [name for name in columns if name in columns.dated]
-    if len(dated) == 1:
-        return Column(dated[0], DATED)
-    rising = [name for name, values in columns.items() if name not in others and looks_like_time(values)]
-    left_out = [name for name in choose("time", columns.left_out) if name not in columns]
-    if left_out and columns.left_out[left_out[0]] == UNTIMED:
-        raise RecordingError(f"column '{left_out[0]}' holds {UNTIMED}; give --rate HZ")
-    if left_out:
-        raise RecordingError(
-            f"column '{left_out[0]}' holds {columns.left_out[left_out[0]]}, no times; write dates as"
-            " 2026-10-25 23:59:50.5 or give --rate"
-        )
-    if len(rising) != 1:
-        without = "".join(f"; '{name}' holds {what}" for name, what in columns.left_out.items())
-        raise RecordingError(f"no column of times; give --time or --rate. Columns: {describe(columns)}{without}")
-    (name,) = rising
-    if not unit_in_name(name) and counts_rows(name, columns[name]):
-        raise RecordingError(
-            f"no column of times: '{name}' seems to count the rows; give --rate HZ, or --time '{name}' with --time-unit"
-        )
-    return Column(name, unit_in_name(name))
 
 
 def _empty(here: BoolArray) -> str:
@@ -255,20 +294,10 @@ def _empty(here: BoolArray) -> str:
     return f"; {without.size} rows without a number are not used, first row {without[0] + 1}" if without.size else ""
 
 
-def _log(columns: Mapping[str, FloatArray]) -> LogTable:
-    log = LogTable()
-    log.update(columns)
-    return log
-
-
-def _refuse_unknown(name: str, columns: LogTable) -> None:
-    """Raises RecordingError for a column that is not there, or holds no numbers."""
-    if name in columns.left_out:
-        raise RecordingError(
-            f"column '{name}' holds {columns.left_out[name]}, no numbers of use; there are: {describe(columns)}"
-        )
-    if name not in columns:
-        raise RecordingError(f"no column '{name}'; there are: {describe(columns)}")
+def _table(columns: Mapping[str, FloatArray]) -> LogTable:
+    table = LogTable()
+    table.update(columns)
+    return table
 
 
 def _amiss(steps: IntArray) -> str:
@@ -278,30 +307,3 @@ def _amiss(steps: IntArray) -> str:
     told += f"; {stands} rows have the time of the row before" if stands else ""
     what = "such rows are in the recording, and are left out where it is used"
     return f"{told}: {what}; where rows are evenly spaced give --rate" if told else ""
-
-
-def _column(kind: str, columns: LogTable, wishes: Wishes, ask: Ask | None, needed: bool) -> Column | None:
-    """The column of a kind: as told, the only one whose name speaks of it, or as a person answers."""
-    unit = spelled(wishes.units.get(kind, ""))
-    name = wishes.columns.get(kind, "")
-    if name:
-        _refuse_unknown(name, columns)
-        return Column(name, unit or unit_in_name(name))
-    others = set(wishes.columns.values())
-    told = bool(unit) or (kind == "torque" and wishes.torque_scale is not None)
-    found = choose(kind, [each for each in columns if each not in others], told)
-    if len(found) != 1 and ask is not None and (found or needed):
-        answer = ask(kind, found or list(columns))
-        found = [answer] if answer else []
-    if len(found) == 1:
-        return Column(found[0], unit or unit_in_name(found[0]))
-    if unit and not found:
-        raise RecordingError(
-            f"--{kind}-unit, but which column is the {kind}? tell it with --{kind}: {describe(columns)}"
-        )
-    held = choose(kind, columns.left_out) if needed and not found else []
-    if held:
-        _refuse_unknown(held[0], columns)
-    if found or needed:
-        raise RecordingError(f"which column is the {kind}? tell it with --{kind}. Columns: {describe(columns)}")
-    return None

@@ -13,7 +13,7 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_cells import LogTable
 from textile_twin_core.recordings.matlab_content import matlab_variables
 
-_TIME = ("time", "t", "zeit")
+_TIME = ("time", "t", "zeit", "timestamp", "timestamps")
 _VALUES = ("values", "value", "data", "signals", "y")
 """Fields that say nothing of what they hold: the structure's name or label does."""
 _LABELS, _UNITS = ("label", "name"), ("unit", "units")
@@ -30,7 +30,11 @@ def read_matlab(path: Path, table: str | None) -> LogTable:
 
     Raises RecordingError, one line.
     """
-    content = matlab_variables(path)
+    return from_structures(path, matlab_variables(path), table)
+
+
+def from_structures(path: Path, content: dict[str, Any], table: str | None) -> LogTable:
+    """The same of variables by name, arrays and dictionaries of such, as readers of MATLAB and HDF5 files give them."""
     if table is not None:
         if table not in content:
             raise RecordingError(f"{path}: no variable '{table}'; there are: {', '.join(content) or 'none'}")
@@ -58,7 +62,7 @@ def _take(content: Mapping[str, Any], above: str, time: str, log: LogTable, fiel
 
     fields: those that say nothing of what they hold; none among a file's variables.
     """
-    own = next((key for key in content if key.lower() in _TIME and _is_vector(content[key])), None)
+    own = next((key for key in content if key.lower().partition(" [")[0] in _TIME and _is_vector(content[key])), None)
     if own is not None:
         time = _distinct(own, log)
         _put(time, content[own], time, log)
@@ -92,9 +96,10 @@ def _put(name: str, values: Any, time: str, log: LogTable) -> None:
 
 
 def _as_long(log: LogTable) -> LogTable:
-    """The columns as long as the longest, and with the same times in one column."""
+    """The columns as long as the longest, or as their own times, and with the same times in one column."""
     longest = max(values.size for values in log.values())
-    short = {name: values.size for name, values in log.items() if values.size < longest}
+    timed = {name for name, time in log.times_of.items() if log[name].size == log[time].size}
+    short = {name: values.size for name, values in log.items() if values.size < longest and name not in timed}
     times = dict.fromkeys(log.times_of.values())
     first = next(iter(times), "")
     same = [time for time in times if time != first and np.array_equal(log[time], log[first])]

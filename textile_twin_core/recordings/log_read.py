@@ -12,11 +12,16 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings.hdf5_content import hdf5_content
 from textile_twin_core.recordings.log_cells import LogTable, numeric, text_held
-from textile_twin_core.recordings.log_dialect import EMPTY, Dialect, cells_of, sniff
+from textile_twin_core.recordings.log_dialect import COMMENT, EMPTY, Dialect, as_written, cells_of, sniff
+from textile_twin_core.recordings.log_long import by_signal, find_long_form
 from textile_twin_core.recordings.log_makers import FILETIME, TIMES, UNTIMED
-from textile_twin_core.recordings.log_matlab import read_matlab
+from textile_twin_core.recordings.log_mapping import LongForm, TextTable
+from textile_twin_core.recordings.log_matlab import from_structures, read_matlab
+from textile_twin_core.recordings.log_measured import MEASURED_SUFFIXES, read_measured
 
+_HDF5_SUFFIXES = (".h5", ".hdf5", ".hdf", ".he5")
 _EPOCH_OF_1601_S = 11_644_473_600.0
 """Seconds from the first day of 1601 to that of 1970."""
 
@@ -27,6 +32,8 @@ def read_log(
     decimal: str | None = None,
     table: str | None = None,
     note: Callable[[str], object] | None = None,
+    text: TextTable | None = None,
+    signals: LongForm | None = None,
 ) -> LogTable:
     """Columns of a log by name, float64 (n,), NaN where a cell is empty; dates become seconds since 1970.
 
@@ -35,6 +42,8 @@ def read_log(
         separator, decimal: of a text table, where they are not to be found out.
         table: variable of a .mat file that holds the log, when it has several.
         note: is told what of a text table was left out.
+        text: how a text table is written, where that is known.
+        signals: the columns of a log in long form; of empty names for a table with a column for each signal.
 
     Raises RecordingError, one line, for a file that is missing, empty, or no table.
     """
@@ -45,22 +54,34 @@ def read_log(
         raise RecordingError(f"{path}: no such file")
     if path.stat().st_size == 0:
         raise RecordingError(f"{path}: the file is empty")
-    if path.suffix.lower() == ".parquet":
-        columns = _parquet(path)
-    elif path.suffix.lower() == ".mat":
+    suffix = path.suffix.lower()
+    if suffix == ".parquet":
+        columns = _parquet(path, signals)
+    elif suffix == ".mat":
         columns = read_matlab(path, table)
+    elif suffix in _HDF5_SUFFIXES:
+        columns = from_structures(path, hdf5_content(path), table)
+    elif suffix in MEASURED_SUFFIXES:
+        columns = read_measured(path, table)
     else:
-        columns = _text(path, separator, decimal, note)
+        columns = _text(path, separator, decimal, note, text, signals)
     if not columns:
         held = "; ".join(f"'{name}' holds {what}" for name, what in columns.left_out.items())
         raise RecordingError(f"{path}: no column of numbers in it{': ' * bool(held)}{held}")
-    if not len(next(iter(columns.values()))):
+    if not any(map(len, columns.values())):
         raise RecordingError(f"{path}: no rows in it, only the names of its columns")
     return columns
 
 
-def _text(path: Path, separator: str | None, decimal: str | None, note: Callable[[str], object] | None) -> LogTable:
-    dialect = sniff(path, separator, decimal)
+def _text(
+    path: Path,
+    separator: str | None,
+    decimal: str | None,
+    note: Callable[[str], object] | None,
+    text: TextTable | None,
+    signals: LongForm | None,
+) -> LogTable:
+    dialect = sniff(path, separator, decimal) if text is None else as_written(path, text)
     from pyarrow import ArrowInvalid, csv, string, types
 
     torn = 0
@@ -112,15 +133,78 @@ def _text(path: Path, separator: str | None, decimal: str | None, note: Callable
         width = table.num_columns
         note(f"{torn} of {torn + table.num_rows} rows have other than {width} cells and are left out")
     names = [*dialect.names, *(f"column_{k + 1}" for k in range(len(dialect.names), table.num_columns))]
-    log = numeric(dict(zip(names, table.columns, strict=False)), dialect.decimal)
+    written, again = _without_heads(table, dialect)
+    if again and note is not None:
+        first = _line_of(path, dialect, 0, dialect.heads[0][0])
+        note(f"{first}: the header once more, in {again} row{'s' * (again > 1)} of joined logs, dropped")
+    day_first = None if text is None else text.day_first
+    log = _numbers(dict(zip(names, written.columns, strict=False)), dialect.decimal, signals, day_first)
+    if not dialect.known:
+        log.text = _written(dialect, log.day_first if day_first is None else day_first)
     for name, (cell, count) in log.bad.items():
-        place = _line_of(path, dialect, names.index(name), cell)
+        place = _line_of(path, dialect, names.index(name), cell) if name in names else "a line"
         if name in log.left_out:
             log.left_out[name] = text_held(cell, place)
         elif note is not None:
             more = f"; {count} such cells count" if count > 1 else "; it counts"
             note(f"{place}: column '{name}' has '{cell}', no number{more} as empty")
     return _with_times(log, dialect.interval_s)
+
+
+def _without_heads(table: Any, dialect: Dialect) -> tuple[Any, int]:
+    """The rows that do not repeat the names or the units of the columns, and how many do, as in joined logs."""
+    import pyarrow
+    from pyarrow import compute, types
+
+    text = [k for k, kind in enumerate(table.schema.types) if types.is_string(kind)]
+    kept, again = table, 0
+    for head in dialect.heads:
+        named = [k for k in text if k < len(head) and head[k]]
+        if len(named) < sum(map(bool, head)) or not named:
+            continue  # a column of numbers alone does not repeat its name
+        same = None
+        for k in named:
+            cells = compute.utf8_trim(compute.fill_null(kept.column(k), ""), ' \t"#%/')
+            equal = compute.equal(cells, head[k].strip(' \t"#%/'))
+            same = equal if same is None else compute.and_(same, equal)
+        rows = int(compute.sum(same).as_py() or 0)
+        if rows and rows < kept.num_rows:
+            again += rows if head is dialect.heads[0] else 0
+            kept = kept.filter(compute.invert(same))
+    if not again:
+        return table, 0
+    columns = [_retyped(column) if pyarrow.types.is_string(column.type) else column for column in kept.columns]
+    return pyarrow.table(columns, names=kept.column_names), again
+
+
+def _retyped(column: Any) -> Any:
+    """A column of text as numbers, where all its cells are."""
+    from pyarrow import ArrowInvalid
+
+    try:
+        return column.cast("float64")
+    except ArrowInvalid:
+        return column
+
+
+def _written(dialect: Dialect, day_first: bool | None) -> TextTable:
+    names, units = (0 if at is None else at + 1 for at in (dialect.names_at, dialect.units_at))
+    return TextTable(dialect.separator, dialect.decimal, dialect.encoding, names, units, dialect.skipped + 1, day_first)
+
+
+def _numbers(
+    columns: dict[str, Any], decimal: str, signals: LongForm | None, day_first: bool | None = None
+) -> LogTable:
+    """Arrow columns as numbers, with a column for each signal where the log is in long form."""
+    form = find_long_form(columns) if signals is None else signals if signals.signal else None
+    if form is None:
+        return numeric(columns, decimal, day_first)
+    columns, names = by_signal(columns, form)
+    log = numeric(columns, decimal, day_first)
+    log.signals, log.long_form = names, form
+    listed = ", ".join(sorted(names))
+    log.left_out[form.value] = f"the values of several signals, which '{form.signal}' names: {listed}"
+    return log
 
 
 def _with_times(log: LogTable, interval_s: float | None) -> LogTable:
@@ -139,6 +223,7 @@ def _with_times(log: LogTable, interval_s: float | None) -> LogTable:
         if first and name.startswith(f"{first}_") and np.array_equal(values, renamed[first], equal_nan=True)
     ]
     table = log.with_columns({name: values for name, values in renamed.items() if name not in same})
+    table.times_of = {}
     own = first
     for name in renamed:
         own = first if name in same else name if name.startswith(TIMES) else own
@@ -161,14 +246,14 @@ def _tabbed(path: Path, dialect: Dialect) -> BytesIO:
     """A log whose columns are parted by any number of spaces, with a tab for them."""
     encoding = "utf-8-sig" if dialect.encoding == "utf-8" else dialect.encoding
     with path.open(encoding=encoding, errors="replace") as lines:
-        return BytesIO("".join("\t".join(line.split()) + "\n" for line in lines).encode())
+        return BytesIO("".join("\t".join(COMMENT.sub("", line, count=1).split()) + "\n" for line in lines).encode())
 
 
-def _parquet(path: Path) -> LogTable:
+def _parquet(path: Path, signals: LongForm | None) -> LogTable:
     from pyarrow import ArrowInvalid, parquet
 
     try:
         table = parquet.read_table(path)
     except (ArrowInvalid, OSError) as error:
         raise RecordingError(f"{path}: not a Parquet file ({str(error).splitlines()[0]})") from error
-    return numeric(dict(zip(table.column_names, table.columns, strict=True)))
+    return _numbers(dict(zip(table.column_names, table.columns, strict=True)), ".", signals)

@@ -15,9 +15,9 @@ _SIGNATURES = (
     (b"\x1f\x8b", "compressed by gzip", "unpack it first"),
     (b"PAR1", "a Parquet file", "let its name end in .parquet"),
     (b"MATLAB 5.0 MAT-file", "a MATLAB file", "let its name end in .mat"),
-    (b"\x89HDF", "an HDF5 file", _TO_CSV),
-    (b"TDSm", "a TDMS file of LabVIEW", "export it as text (.lvm) or CSV"),
-    (b"MDF ", "a measurement file (MDF)", "export it as CSV"),
+    (b"\x89HDF", "an HDF5 file", "let its name end in .h5, or in .mat where MATLAB wrote it"),
+    (b"TDSm", "a TDMS file of LabVIEW", "let its name end in .tdms"),
+    (b"MDF ", "a measurement file (MDF)", "let its name end in .mf4"),
     (b"\x89MCAP0", "a recording already", "give it to compare, calibrate or the other commands as it is"),
     (b"SQLite format 3", "a database, as a recording's .db3 is", "give the recording's folder to the other commands"),
 )

@@ -8,9 +8,9 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings.log_units import TIME_UNITS, unit_factor
 
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "hours": 3600.0, "days": 86400.0}
-DATED = "seconds of a date or a time of day"
+DATED = "date"
 """Unit of columns that were dates, times of day or durations: their reader has made seconds of them."""
 
 _GUESSED = ("s", "ms", "us", "ns")
@@ -20,7 +20,7 @@ _RAW_INTERVALS_S = (1e-7, 2.0)
 _TOO_SLOW_S = 0.5
 """So slow a log shows nothing of a shaft: where another unit makes a thousandth of it, that one is meant."""
 _LONG_S = 3600.0
-_EPOCHS_S = (9.4e8, 4.2e9)
+EPOCHS_S = (9.4e8, 4.2e9)
 """Seconds since 1970 of the years 2000 to 2100."""
 _SLOWEST_EPOCH_S = 60.0
 _EXCEL_DAYS = (20_000.0, 80_000.0)
@@ -32,12 +32,15 @@ _COUNTS = re.compile(r"(^|[^a-z])(samples?|index|idx|rows?|zeilen?|lines?|nr|no|
 _ASK = "tell it: --time-unit {units}; or leave the column out with --rate HZ"
 
 
-def time_seconds(name: str, unit: str, values: FloatArray, raw: bool = False) -> tuple[FloatArray, str]:
-    """Seconds of a column of times (n,), and the unit taken, in words.
+def time_seconds(
+    name: str, unit: str, values: FloatArray, raw: bool = False, whole: bool = False
+) -> tuple[FloatArray, str, str]:
+    """Seconds of a column of times (n,), the unit taken, and how it was taken, in words.
 
     Args:
         name: of the column, for messages. unit: as told or named, `DATED`, or empty where nothing tells it.
         values: as logged, NaN where a cell is empty. raw: the log samples a voltage, so its rows may be very near.
+        whole: the column holds whole seconds, and their parts stand in another.
 
     Raises RecordingError for an unknown unit, for one that cannot be told from the values, and for times no clock has.
     """
@@ -45,26 +48,29 @@ def time_seconds(name: str, unit: str, values: FloatArray, raw: bool = False) ->
     if not finite.size:
         raise RecordingError(f"column '{name}': no time in it; name another with --time, or give --rate")
     if unit == DATED:
-        taken, words = "s", DATED.removeprefix("seconds of ")
+        taken, words = "s", "a date or a time of day"
+    elif unit and whole:
+        taken, words = unit, unit
     elif unit:
         taken, words = unit, unit + _doubtful(finite, unit, raw)
     else:
         taken, words = _guessed(name, finite, raw)
-    if taken not in TIME_UNITS:
+    factor = unit_factor(taken, TIME_UNITS)
+    if factor is None:
         raise RecordingError(f"column '{name}': time in '{unit}'? there are: {', '.join(TIME_UNITS)}")
     if taken == "days" and _EXCEL_DAYS[0] <= float(finite[0]) <= _EXCEL_DAYS[1]:
         values, words = values - _EXCEL_1970, words.replace("days", "Excel's days", 1)
-    seconds = values * TIME_UNITS[taken]
+    seconds = values * factor
     latest = float(np.nanmax(np.abs(seconds)))
     if latest > _LATEST_S:
         raise RecordingError(f"column '{name}': {latest:.6g} s in the unit '{taken}' is no time; {_told()}")
-    return seconds, words
+    return seconds, unit if unit == DATED else taken, words
 
 
 def _doubtful(finite: FloatArray, unit: str, raw: bool) -> str:
     """What speaks against a unit that is told, in words: rows too near or too far for a shaft. Empty without any."""
     steps = np.diff(finite)
-    steps = steps[steps > 0.0] * TIME_UNITS.get(unit, np.nan)
+    steps = steps[steps > 0.0] * (unit_factor(unit, TIME_UNITS) or np.nan)
     step = float(np.median(steps)) if steps.size else np.nan
     fastest = _RAW_INTERVALS_S[0] if raw else _INTERVALS_S[0]
     if fastest <= step < _TOO_SLOW_S or np.isnan(step):
@@ -87,7 +93,7 @@ def counts_rows(name: str, values: FloatArray) -> bool:
     finite = values[np.isfinite(values)][:10_000]
     steps = np.unique(np.diff(finite))
     # Milliseconds since 1970 at 1 kHz rise by one, too.
-    by_one = steps.size == 1 and float(steps[0]) == 1.0 and float(finite[0]) < _EPOCHS_S[0]
+    by_one = steps.size == 1 and float(steps[0]) == 1.0 and float(finite[0]) < EPOCHS_S[0]
     return bool(_COUNTS.search(name.lower())) or by_one
 
 
@@ -101,7 +107,7 @@ def _guessed(name: str, finite: FloatArray, raw: bool) -> tuple[str, str]:
     fastest, slowest = _RAW_INTERVALS_S if raw else _INTERVALS_S
     for unit in _GUESSED:
         scale = TIME_UNITS[unit]
-        if _EPOCHS_S[0] <= size * scale <= _EPOCHS_S[1] and step * scale <= _SLOWEST_EPOCH_S:
+        if EPOCHS_S[0] <= size * scale <= EPOCHS_S[1] and step * scale <= _SLOWEST_EPOCH_S:
             return unit, f"{unit} since 1970 (taken for granted)"
     if _EXCEL_DAYS[0] <= size <= _EXCEL_DAYS[1] and step < fastest <= step * TIME_UNITS["days"] <= slowest:
         return "days", "days since 1900 (taken for granted)"

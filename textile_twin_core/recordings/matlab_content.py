@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings.hdf5_content import hdf5_content
 
+_HDF5 = b"\x89HDF"
 _READER = """
 import pickle, sys
 from scipy.io import loadmat
 try:
     told = loadmat(sys.argv[1], simplify_cells=True)
-except NotImplementedError:
-    told = None
 except Exception as error:
     told = str(error) or type(error).__name__
 pickle.dump(told, sys.stdout.buffer, protocol=5)
@@ -28,16 +28,23 @@ pickle.dump(told, sys.stdout.buffer, protocol=5)
 def matlab_variables(path: Path) -> dict[str, Any]:
     """Variables by name; structures as dictionaries, cells as lists.
 
-    Raises RecordingError, one line, for a file of version 7.3, and one that is damaged or no MATLAB file.
+    Raises RecordingError, one line, for a file that is damaged or no MATLAB file.
     """
+    if _is_hdf5(path):
+        return hdf5_content(path)
     command = [sys.executable, "-P", "-c", _READER, str(path)]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
     content = pickle.loads(done.stdout) if done.returncode == 0 else _crash(done.returncode)
-    if content is None:
-        raise RecordingError(f"{path}: a MATLAB file of version 7.3; save it with -v7")
     if isinstance(content, str):
         raise RecordingError(f"{path}: not a MATLAB file, or a damaged one ({' '.join(content.split())})")
     return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _is_hdf5(path: Path) -> bool:
+    """Whether a file is HDF5, as MATLAB writes it behind 512 bytes of its own, and other programs without these."""
+    with path.open("rb") as file:
+        head = file.read(520)
+    return head.startswith(_HDF5) or head[512:].startswith(_HDF5)
 
 
 def _crash(code: int) -> str:
