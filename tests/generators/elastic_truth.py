@@ -79,7 +79,8 @@ class Chain:
         rate = omega[:-1] / self.gears - omega[1:]
         reach = np.sign(twist) * np.maximum(np.abs(twist) - 0.5 * self.play, 0.0)
         touches = (reach != 0.0) | (self.play == 0.0)
-        return self.stiffness * reach + np.where(touches, self.damping * rate, 0.0)
+        torque: FloatArray = self.stiffness * reach + np.where(touches, self.damping * rate, 0.0)
+        return torque
 
     def accelerations(self, t: float, theta: FloatArray, omega: FloatArray) -> FloatArray:
         """Acceleration of every station."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from textile_twin_core.lazy import names_of
 
 if TYPE_CHECKING:
+    from textile_twin_core.views.campbell import plot_campbell
     from textile_twin_core.views.element_views import LiveElements, write_element_recording
     from textile_twin_core.views.live import LiveView
     from textile_twin_core.views.live_recording import LiveRecording
@@ -27,6 +28,7 @@ __all__ = [
     "LiveView",
     "open_viewer",
     "orders_figure",
+    "plot_campbell",
     "plot_comparison",
     "plot_machine",
     "plot_orders",
@@ -51,6 +53,7 @@ __getattr__ = names_of(
         "LiveView": "live",
         "open_viewer": "viewer",
         "orders_figure": "orders_picture",
+        "plot_campbell": "campbell",
         "plot_comparison": "plot",
         "plot_machine": "machine_picture",
         "plot_orders": "orders_picture",
