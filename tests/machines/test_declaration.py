@@ -30,7 +30,7 @@ def four_bar(**declared: Any) -> ttc.Machine:
         ({"range_rad": (1.0, 0.0)}, "range_rad must be two rising, finite angles"),
         ({"angle_near_rad": {"l9": 1.0}}, "angle_near_rad speaks of 'l9', which is no link; there are: l1, l2, l3"),
         ({"joint_names": {"l9": "rod"}}, "joint_names speaks of 'l9'"),
-        ({"transmitted": {"torque_Nm": "l3"}}, "'l3', which is no rigid arm; there are: none"),
+        ({"transmitted": {"torque_Nm": "l3"}}, "'l3', which is no rigid arm or slider; there are: none"),
         ({"joint_names": {"l2": "main_shaft"}}, "'joint_main_shaft_position' would mean two things"),
         ({"measures": (Travel("sley", **TO_THE_RIGHT),) * 2}, "'sley_position_m' would mean two things"),
         ({"groups": (CRANK, RigidArm("1", "l1", "Q", 0.1))}, "'theta_1_rad' would mean two things"),

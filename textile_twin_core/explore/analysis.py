@@ -16,7 +16,8 @@ from textile_twin_core.explore.interference import clashes
 from textile_twin_core.explore.shown import Analysis, Bar, Chart, Mark, Span
 from textile_twin_core.machine import ContactMachine, Machine
 from textile_twin_core.machine.events import DWELL_SHARE
-from textile_twin_core.mechanism import Crank, EllipticGearPair, RRPDyad, RRRDyad
+from textile_twin_core.mechanism import Crank, EllipticGearPair, GearPair, RRPDyad, RRRDyad
+from textile_twin_core.mechanism.joint import BASE
 from textile_twin_core.synthesis.balancing.shaking import shaking
 from textile_twin_core.synthesis.batch import TRANSMISSION
 from textile_twin_core.synthesis.numbers import (
@@ -71,7 +72,7 @@ def analyse(design: Design) -> Analysis:
         tuple(_marks(machine, curves, theta)),
         tuple(_dwells(design, curves, theta)),
         clashes(machine, points, theta),
-        tuple((*g.guide_point_m, *g.axis) for g in machine.groups if isinstance(g, RRPDyad)),
+        tuple((*j.origin_m, *j.axis) for j in machine.joints if j.kind == "prismatic" and j.parent_link == BASE),
         tuple(notes),
     )
 
@@ -158,7 +159,13 @@ def _bars(machine: Machine) -> tuple[Bar, ...]:
             (ox, oy), (ax, ay) = machine.points[group.at], machine.points[group.driven_at]
             major = math.hypot(ax - ox, ay - oy) / 2.0
             half_axes |= dict.fromkeys((group.driver, group.driven), (major, group.axis_ratio * major))
-    return tuple(Bar(link.name, link.start, link.end, half_axes.get(link.name)) for link in machine.links)
+    discs: dict[str, list[tuple[str, float]]] = {}
+    for gears in (group for group in machine.groups if isinstance(group, GearPair)):
+        for circle in gears.pitch_circles(machine.linkage.solved):
+            discs.setdefault(circle.link or gears.driven, []).append((circle.centre, circle.radius))
+    return tuple(
+        Bar(name, start, end, half_axes.get(name), tuple(discs.get(name, ()))) for name, start, end in machine.links
+    )
 
 
 def _marks(machine: Machine, curves: dict[str, tuple[FloatArray, ...]], theta: FloatArray) -> list[Mark]:

@@ -11,7 +11,7 @@ import numpy as np
 from ezdxf.filemanagement import new as new_drawing
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
+from matplotlib.patches import Circle, Ellipse
 
 from textile_twin_core.explore.shown import Analysis
 
@@ -55,6 +55,9 @@ def as_picture(analysis: Analysis, title: str, angle_rad: float, kind: str) -> b
             middle, (major, minor), tilt = (a + b) / 2.0, bar.half_axes_m, math.degrees(cmath.phase(b - a))
             size = 2.0 * _MILLI * major, 2.0 * _MILLI * minor
             linkage.add_patch(Ellipse((middle.real, middle.imag), *size, angle=tilt, fill=False, ec=_INK, lw=1.4))
+        for centre, radius in bar.gears:
+            place = places[centre]
+            linkage.add_patch(Circle((place.real, place.imag), _MILLI * radius, fill=False, ec=_INK, lw=1.4))
         if len(bar.start) > _SHORT:
             linkage.annotate(bar.name, (b.real, b.imag), (4, 4), textcoords="offset points", fontsize=8)
     for name, place in places.items():
@@ -96,6 +99,9 @@ def as_dxf(analysis: Analysis, angle_rad: float) -> str:
             along = cmath.rect(_MILLI * major, cmath.phase(b - a))  # of a round gear both foci are one point
             ends = (middle.real, middle.imag), (along.real, along.imag)
             space.add_ellipse(*ends, ratio=minor / major, dxfattribs={"layer": "LINKS"})
+        for centre, radius in bar.gears:
+            place = places[centre]
+            space.add_circle((place.real, place.imag), _MILLI * radius, dxfattribs={"layer": "LINKS"})
     for name, place in places.items():
         space.add_circle((place.real, place.imag), 0.01 * size, dxfattribs={"layer": "JOINTS"})
         text = space.add_text(name, height=0.02 * size, dxfattribs={"layer": "JOINTS"})

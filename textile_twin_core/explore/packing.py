@@ -52,7 +52,7 @@ def analysis_head(analysis: Analysis, arrays: Arrays, printed: dict[str, str]) -
     return {
         "points": {name: [arrays.add(x), arrays.add(y)] for name, (x, y) in analysis.points.items()},
         "fixed": list(analysis.fixed),
-        "bars": [[b.name, b.start, b.end, b.half_axes_m] for b in analysis.bars],
+        "bars": [[b.name, b.start, b.end, b.half_axes_m, b.gears] for b in analysis.bars],
         "guides": [list(guide) for guide in analysis.guides],
         "charts": [
             {"title": c.title, "unit": c.unit, "curves": {n: arrays.add(v) for n, v in c.curves.items()}}

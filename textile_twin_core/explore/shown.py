@@ -36,12 +36,16 @@ class Span:
 
 @dataclass(frozen=True)
 class Bar:
-    """A link as it is drawn, from point to point; a gear has half axes [m] and is drawn about its middle."""
+    """A link as it is drawn, from point to point; an elliptic gear has half axes [m] and is drawn about its middle.
+
+    Round gears that are drawn with the link have a centre, by its point's name, and a pitch radius [m] each.
+    """
 
     name: str
     start: str
     end: str
     half_axes_m: tuple[float, float] | None = None
+    gears: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)

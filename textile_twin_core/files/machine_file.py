@@ -28,6 +28,7 @@ from textile_twin_core.machine import (
 )
 from textile_twin_core.machine.sizes import check_size, reckonable
 from textile_twin_core.mechanism import MAIN_SHAFT, Linkage
+from textile_twin_core.mechanism.linkage import BEYOND_DYADS
 
 
 def _tagged(module: Any, method: str) -> dict[str, type]:
@@ -183,6 +184,8 @@ def _several(kinds: Mapping[str, type]) -> Callable[[Any, str], tuple[Any, ...]]
             tag = str(entries.pop("type", ""))
             if not tag:
                 raise MachineError(f"{at}: key 'type' is missing; there are: {', '.join(kinds)}")
+            if "triad" in tag.lower():
+                raise MachineError(f"{at}.type: no type '{tag}'; its links are no dyad: {BEYOND_DYADS}")
             if tag not in kinds:
                 raise MachineError(f"{at}.type: {unknown('type', tag, list(kinds))}")
             out.append(build(kinds[tag], entries, at))

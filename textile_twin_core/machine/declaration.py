@@ -43,7 +43,7 @@ class Declaration(Declared):
     reactions those of the first. `shaft` makes the main shaft elastic, with the linkages at its stations; without
     one it is rigid. `angle_near_rad` names, per link, the turn in which its printed
     angle lies; `nominal_speed_rad_s` is the shaft speed at which errors are judged; `transmitted` names
-    outputs for the torque that a link applies to an arm fixed to it.
+    outputs for the torque that a link applies to an arm fixed to it, or a guide to its slider about the slider's start.
     `joint_names` names joints by link, where they are not to be called as the link.
     Raises MachineError, with the shaft angle, when the linkage cannot close over `range_rad`.
     """
@@ -107,10 +107,10 @@ class Declaration(Declared):
 
     def _check_names_and_numbers(self) -> None:
         links = tuple(self.linkage.solved.links)
-        arms = tuple(joint.child_link for joint in self.linkage.joints if joint.kind == "fixed")
+        arms = tuple(joint.child_link for joint in self.linkage.joints if joint.kind != "continuous")
         self._check_known("joint_names", self.joint_names, "link", links)
         self._check_known("angle_near_rad", self.angle_near_rad, "link", links)
-        self._check_known("transmitted", self.transmitted.values(), "rigid arm", arms)
+        self._check_known("transmitted", self.transmitted.values(), "rigid arm or slider", arms)
         for value in self.gravity_m_s2:
             check_finite(value, f"machine '{self.name}': gravity_m_s2")
         for link, value in self.angle_near_rad.items():

@@ -17,6 +17,7 @@ from textile_twin_core.machine.declaration import Declaration
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.mechanism import MAIN_SHAFT, Displacement, Motion
 from textile_twin_core.mechanism.angles import link_angle
+from textile_twin_core.mechanism.guide_line import GuideLine
 from textile_twin_core.mechanism.joint import BASE, Joint
 from textile_twin_core.mechanism.vector import Vector
 from textile_twin_core.mechanism.wrenches import Wrenches
@@ -148,9 +149,10 @@ class MachineModel:
         motion, omega = self.first.motion, self.shaft.omega
         child = motion.links[joint.child_link]
         if joint.kind == "prismatic":
-            slide, along = motion.points[child.start], Vector.of(*joint.axis)
-            travel = (slide.position - Vector.of(*joint.origin_m)).dot(along)
-            return travel, slide.first.dot(along) * omega
+            on = None if joint.parent_link == BASE else joint.parent_link
+            line = GuideLine.of(motion, on, joint.origin_m, joint.axis, joint.name)
+            way, rate, _ = line.seen(motion.points[child.start]).along
+            return way, rate * omega
         if joint.parent_link == BASE:
             return self.link_angle(child.name), child.first * omega
         parent = motion.links[joint.parent_link]

@@ -8,6 +8,7 @@ from textile_twin_core.mechanism.assembly import check_assembly as check_assembl
 from textile_twin_core.mechanism.cam_follower import CamFollower as CamFollower
 from textile_twin_core.mechanism.crank import Crank as Crank
 from textile_twin_core.mechanism.elliptic_gear_pair import EllipticGearPair as EllipticGearPair
+from textile_twin_core.mechanism.gear_pair import GearPair as GearPair
 from textile_twin_core.mechanism.group import MAIN_SHAFT as MAIN_SHAFT
 from textile_twin_core.mechanism.group import Closure as Closure
 from textile_twin_core.mechanism.group import ContactForce as ContactForce
@@ -23,6 +24,10 @@ from textile_twin_core.mechanism.motion import LinkMotion as LinkMotion
 from textile_twin_core.mechanism.motion import Motion as Motion
 from textile_twin_core.mechanism.motion import PointMotion as PointMotion
 from textile_twin_core.mechanism.motion import Rotation as Rotation
+from textile_twin_core.mechanism.prp_dyad import Guide as Guide
+from textile_twin_core.mechanism.prp_dyad import PRPDyad as PRPDyad
 from textile_twin_core.mechanism.rigid_arm import RigidArm as RigidArm
+from textile_twin_core.mechanism.rpp_dyad import RPPDyad as RPPDyad
+from textile_twin_core.mechanism.rpr_dyad import RPRDyad as RPRDyad
 from textile_twin_core.mechanism.rrp_dyad import RRPDyad as RRPDyad
 from textile_twin_core.mechanism.rrr_dyad import RRRDyad as RRRDyad

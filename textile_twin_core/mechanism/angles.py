@@ -16,6 +16,14 @@ from textile_twin_core.mechanism.vector import Vector
 _SAMPLES = 721
 
 
+def full_turns(angle: Expr, motion: Motion) -> int:
+    """Turns that an angle makes while the main shaft turns once; 0 where the motion's range is no full turn."""
+    if not motion.turns_fully:
+        return 0
+    begin, end = (interpret([angle], {"theta": theta}, math)[0] for theta in motion.range_rad)
+    return round(float(end - begin) / (motion.range_rad[1] - motion.range_rad[0]))
+
+
 def link_angle(link: LinkMotion, motion: Motion, near_rad: float = 0.0) -> Expr:
     """The angle of a link of a motion from +x, counter-clockwise [rad].
 

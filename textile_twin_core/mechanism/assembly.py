@@ -63,8 +63,11 @@ def check_assembly(linkage: Linkage) -> tuple[Closeness, ...]:
             if not value >= -_ROUNDING * closure.scale:
                 where = _opens_at(closure, range_rad, lowest_rad)
                 raise MachineError(f"group '{group.name}' {closure.fails}{where} {closure.how}; {closure.remedy}")
-        margin, theta = min((v / c.scale, t) for c, (t, v) in zip(found, minima, strict=True))
-        passed = group.transmission(motion, [value for _, value in minima])
+        opening = [(c.scale, t, v) for c, (t, v) in zip(found, minima, strict=True) if not c.limit]
+        if not opening:
+            continue
+        margin, theta = min((v / scale, t) for scale, t, v in opening)
+        passed = group.transmission(motion, [value for _, _, value in opening])
         near = max(margin, 0.0), theta, passed.distance_m, passed.range_rad, passed.worst_rad
         reports.append(Closeness(group.name, *near, passed.grashof, passed.passes, passed.passing))
     return tuple(reports)

@@ -16,7 +16,7 @@ from textile_twin_core.mechanism.group import MAIN_SHAFT, Closure, ContactForce,
 from textile_twin_core.mechanism.joint import Joint, guide, pivot
 from textile_twin_core.mechanism.law_strokes import Stroke, law_of_strokes
 from textile_twin_core.mechanism.law_table import LiftTable
-from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion
+from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion, Sliding
 from textile_twin_core.mechanism.motion_law import MotionLaw
 from textile_twin_core.mechanism.transmission import Transmission
 from textile_twin_core.mechanism.vector import Vector, unit_direction
@@ -167,7 +167,8 @@ class CamFollower(PlainGroup):
             motion.add_point(self.end, PointMotion.sliding(end, direction, first, second), self.name)
             tip = PointMotion.sliding(end + self.length_m * direction, direction, first, second)
             zero = const(0.0)
-            link = LinkMotion(self.follower, self.end, self.tip, self.length_m, direction, zero, zero)
+            slides = Sliding(first)
+            link = LinkMotion(self.follower, self.end, self.tip, self.length_m, direction, zero, zero, sliding=slides)
             motion.add_point(self.tip, tip, self.name)
         else:
             assert self.pivot is not None
@@ -322,6 +323,10 @@ class CamFollower(PlainGroup):
             wrenches.add_reaction(self.pivot, -pressed - force)
         else:
             wrenches.guide_reactions[self.follower] = -(pressed + force).dot(along.turned_left())
+            lever = motion.points[self.end].position - motion.points[self.at].position
+            for size, contact in zip(needed, contacts, strict=True):
+                moment += size * (contact.point - lever).cross(contact.normal)
+            wrenches.transmitted[self.follower] = -moment
         wrenches.add_reaction(self.at, pressed - cam_force)
         wrenches.add_torque(self.driven_by, torque)
 

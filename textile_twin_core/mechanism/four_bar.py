@@ -20,11 +20,11 @@ from fractions import Fraction
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, sqrt, square
-from textile_twin_core.mechanism.motion import Circle, Rotation
-from textile_twin_core.mechanism.vector import Vector, exact_length
+from textile_twin_core.mechanism.crank_pivot import CrankPivot
+from textile_twin_core.mechanism.motion import Rotation
+from textile_twin_core.mechanism.vector import Vector
 
 _SAME = 1e-14
-_CLOSE = 0.1
 
 
 @dataclass(frozen=True)
@@ -36,15 +36,13 @@ class Rates:
 
 
 @dataclass(frozen=True)
-class FourBar:
+class FourBar(CrankPivot):
     """A crank on a circle, a fixed far joint and the lengths of coupler and rocker; `side` is +1 left, -1 right.
 
     With `passing` it goes smoothly through its change points; `side` then speaks of phi from 0 to pi.
     Raises MachineError for `passing` where the links do not come into one line twice a turn.
     """
 
-    circle: Circle
-    ground: tuple[float, float]
     coupler: float
     rocker: float
     side: float
@@ -93,15 +91,6 @@ class FourBar:
         return Vector.of(x / self.ground_length, y / self.ground_length), crank.direction
 
     @property
-    def _ground_direction(self) -> tuple[float, float]:
-        return self.ground[0] - self.circle.centre[0], self.ground[1] - self.circle.centre[1]
-
-    @property
-    def ground_length(self) -> float:
-        """Distance of the fixed joints [m]."""
-        return math.hypot(*self._ground_direction)
-
-    @property
     def grashof(self) -> str:
         """The linkage's class by Grashof's criterion; a difference within rounding is a change point."""
         lengths = {
@@ -119,66 +108,18 @@ class FourBar:
         return min(lengths, key=lambda name: lengths[name])
 
     @property
-    def half_angle(self) -> tuple[Expr, Expr]:
-        """c and s."""
-        x, y = self._ground_direction
-        angle = math.atan2(y, x)
-        gc, gs, half = math.cos(angle / 2.0), math.sin(angle / 2.0), self.circle.half
-        return gc * half.x + gs * half.y, gc * half.y - gs * half.x
-
-    @property
     def _lengths(self) -> tuple[Fraction, Fraction, Fraction, Fraction]:
         """Ground, crank, coupler and rocker, exactly [m]: their differences vanish near change points."""
-        (cx, cy), (gx, gy) = self.circle.centre, self.ground
-        g = exact_length(Fraction(gx) - Fraction(cx), Fraction(gy) - Fraction(cy))
-        return g, Fraction(self.circle.radius), Fraction(self.coupler), Fraction(self.rocker)
-
-    @property
-    def rise(self) -> float:
-        """g - l1 [m]."""
-        g, l1, _, _ = self._lengths
-        return float(g - l1)
+        return *self.exact_lengths, Fraction(self.coupler), Fraction(self.rocker)
 
     @property
     def shares(self) -> tuple[Expr, Expr]:
         """1 - E and 1 + E: (D^2 -+ (l2^2 - l3^2)) / D^2."""
         g, l1, l2, l3 = self._lengths
-        swing, inverse = self._swing, self._swing / self.distance_squared
+        swing, inverse = self.swing, self.swing / self.distance_squared
         less, more = (float((g - l1) ** 2 + sign * (l2**2 - l3**2)) for sign in (-1, 1))
         squared = square(self.half_angle[1])
         return (squared + less / swing) * inverse, (squared + more / swing) * inverse
-
-    @property
-    def _swing(self) -> float:
-        """a [m^2]."""
-        return 4.0 * self.ground_length * self.circle.radius
-
-    @property
-    def apart(self) -> Vector:
-        """From the crank's end to the fixed joint [m], without cancellation where the two nearly meet."""
-        g, l1, _, _ = self._lengths
-        x, y = self._ground_direction
-        angle = math.atan2(y, x) / 2.0
-        (c, s), middle = self.half_angle, self.circle.half.rotated(math.cos(angle), math.sin(angle))
-        along, across = self.rise * c, float(g + l1) * s
-        return Vector(along * middle.x + across * middle.y, along * middle.y - across * middle.x)
-
-    @property
-    def apart_from_ground_line(self) -> Vector:
-        """From the crank's end to the fixed joint, in the frame with x along the ground line [m]."""
-        (c, s), l1 = self.half_angle, self.circle.radius
-        return Vector(self.ground_length - l1 * (c * c - s * s), (-2.0 * l1) * (c * s))
-
-    @property
-    def ground_direction(self) -> tuple[float, float]:
-        """Cosine and sine of the ground line's angle."""
-        x, y = self._ground_direction
-        return x / self.ground_length, y / self.ground_length
-
-    @property
-    def ends_nearly_meet(self) -> bool:
-        """Whether the crank's end comes close to the fixed joint."""
-        return abs(self.rise) < _CLOSE * self.ground_length
 
     @property
     def heron_constants(self) -> tuple[float, float]:
@@ -192,20 +133,15 @@ class FourBar:
     def heron_factors(self) -> tuple[Expr, Expr]:
         """P and Q [m^2]."""
         (c, s), (p0, q0) = self.half_angle, self.heron_constants
-        swing = self._swing
+        swing = self.swing
         return swing * (c * c + p0 / swing), swing * (s * s + q0 / swing)
-
-    @property
-    def distance_squared(self) -> Expr:
-        """D^2 [m^2]."""
-        return self._swing * (square(self.half_angle[1]) + self.rise**2 / self._swing)
 
     @property
     def root(self) -> Expr:
         """R [m^2]; its sign is the branch."""
         if self.passing:
             c, s = self.half_angle
-            return (self.side * self._swing) * (c * s)
+            return (self.side * self.swing) * (c * s)
         stretched, folded = self.heron_factors
         return self.side * sqrt(stretched * folded)
 
@@ -223,7 +159,7 @@ class FourBar:
     def rates(self) -> Rates:
         """Derivatives of the angles of coupler and rocker with respect to the crank's."""
         l1, l2, l3, g, rise = self.circle.radius, self.coupler, self.rocker, self.ground_length, self.rise
-        (c, s), (less, more), swing = self.half_angle, self.shares, self._swing
+        (c, s), (less, more), swing = self.half_angle, self.shares, self.swing
         inverse = swing / self.distance_squared
         line = 0.5 * ((s * s - 2.0 * l1 * rise / swing) * inverse)
         tau, tau_slope = self._relative_rate()

@@ -22,7 +22,7 @@ class Closure:
     """What must not become negative for a group to close; 0 is a change point or toggle.
 
     `how` says how the chain opens, `scale` is the size of the value's terms; `fails`, `begins` and `remedy` are words
-    of the message where it opens.
+    of the message where it opens. At a `limit`, as the end of a slot, the chain ends, but nothing is ill-conditioned.
     """
 
     how: str
@@ -31,6 +31,7 @@ class Closure:
     fails: str = "cannot close"
     begins: str = "it opens"
     remedy: str = "change its lengths or where it is fixed"
+    limit: bool = False
 
 
 @dataclass(frozen=True)

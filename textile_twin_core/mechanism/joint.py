@@ -15,8 +15,8 @@ Kind = Literal["continuous", "prismatic", "fixed"]
 class Joint:
     """A joint from `parent_link` to `child_link`; the child's frame lies at its start point, x along it.
 
-    `origin_m` and `origin_angle_rad` place the joint in the parent's frame. The value of a
-    continuous joint is the angle between the frames, that of a prismatic one the slider's distance
+    `origin_m` and `origin_angle_rad` place the joint in the parent's frame, and `axis` is a unit vector of that frame.
+    The value of a continuous joint is the angle between the frames, that of a prismatic one the slider's distance
     from the guide's point along the guide.
     """
 
@@ -37,6 +37,9 @@ def pivot(motion: Motion, link: str, point: str) -> Joint:
     return Joint(link, "continuous", carrier[0].name, link, (carrier[1], 0.0))
 
 
-def guide(link: str, point_m: tuple[float, float], axis: tuple[float, float]) -> Joint:
-    """The joint by which a link slides on the ground, along the line through a point in the direction of `axis`."""
-    return Joint(link, "prismatic", BASE, link, point_m, axis=axis)
+def guide(link: str, point_m: tuple[float, float], axis: tuple[float, float], on: str | None = None) -> Joint:
+    """The joint by which a link slides along the line through a point in the direction of `axis`.
+
+    The guide belongs to the link `on`, in whose frame both are given, or to the ground where that is None.
+    """
+    return Joint(link, "prismatic", on or BASE, link, point_m, axis=axis)

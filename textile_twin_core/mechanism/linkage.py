@@ -11,12 +11,20 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import const, cos, sin, variable
 from textile_twin_core.mechanism.group import MAIN_SHAFT, Group, check_finite
 from textile_twin_core.mechanism.joint import BASE, Joint
-from textile_twin_core.mechanism.motion import FULL_TURN, Motion, PointMotion, Rotation
+from textile_twin_core.mechanism.motion import FULL_TURN, Motion, PointMotion, Rotation, UnknownPartError
 from textile_twin_core.mechanism.python_numbers import python_numbers
 from textile_twin_core.mechanism.vector import Vector, unit_direction
 
 THETA = variable("theta")
 """The angle of the main shaft [rad]."""
+
+
+BEYOND_DYADS = (
+    "together they are a triad or more (an Assur group of class III), beyond the class-II dyads whose motion has a "
+    "closed form; drive the chain from another of its links, so that it falls into dyads, or give that part's measured "
+    "motion as the table of a cam_follower"
+)
+_NEW_POINTS = ("end", "tip", "ends", "tips", "mesh", "mark")
 
 
 @dataclass(frozen=True)
@@ -45,6 +53,13 @@ class Linkage:
 
     def motion(self, phase_rad: float = 0.0) -> Motion:
         """The motion of all points and links over theta, for a linkage set on the shaft at a phase."""
+        try:
+            return self.motion_in_order(phase_rad)
+        except UnknownPartError as error:
+            raise _in_order(self, error) from None
+
+    def motion_in_order(self, phase_rad: float = 0.0) -> Motion:
+        """The motion, as `motion` gives it. Raises UnknownPartError for a group that names what comes after it."""
         half = Vector(cos(0.5 * THETA), sin(0.5 * THETA)).rotated(*unit_direction(phase_rad / 2.0))
         motion = Motion(range_rad=self.range_rad)
         motion.rotations[MAIN_SHAFT] = Rotation(half, THETA + phase_rad, const(1.0), const(0.0))
@@ -79,3 +94,47 @@ class Linkage:
             if joint.parent_link == BASE and turns.is_constant and turns.value == 1.0:
                 return joint.child_link
         return None
+
+
+def _in_order(linkage: Linkage, error: MachineError) -> MachineError:
+    """What to say where a group names a part that is made later, or by groups that need each other."""
+    waiting, order = list(linkage.groups), list[Group]()
+    while waiting:
+        ready = next((group for group in waiting if _solves([*order, group], linkage)), None)
+        if ready is None:
+            return _beyond_dyads(waiting, error)
+        waiting.remove(ready)
+        order.append(ready)
+    names = ", ".join(group.name for group in order)
+    return MachineError(f"{error}; a group stands after those that it builds on: put them in the order {names}")
+
+
+def _solves(groups: list[Group], linkage: Linkage) -> bool:
+    try:
+        _ = Linkage(linkage.points, tuple(groups), linkage.range_rad).motion_in_order()
+    except MachineError:
+        return False
+    return True
+
+
+def _beyond_dyads(waiting: list[Group], error: MachineError) -> MachineError:
+    """A triad or more, where each of the groups waits for a point that another one of them makes."""
+    made = {name: group for group in waiting for name in _new_points(group)}
+    if len(waiting) < 2 or not all(_words(group) & made.keys() - set(_new_points(group)) for group in waiting):
+        return error
+    names = " and ".join(f"'{group.name}'" for group in waiting)
+    return MachineError(f"groups {names} need points of each other: {BEYOND_DYADS}")
+
+
+def _new_points(group: Group) -> list[str]:
+    return [word for key in _NEW_POINTS for word in _flat(getattr(group, key, ()))]
+
+
+def _words(group: Group) -> set[str]:
+    return {word for value in vars(group).values() for word in _flat(value)}
+
+
+def _flat(value: object) -> list[str]:
+    if isinstance(value, tuple):
+        return [word for entry in value for word in _flat(entry)]
+    return [value] if isinstance(value, str) else []

@@ -17,6 +17,10 @@ FULL_TURN = (0.0, 2.0 * math.pi)
 """The range of the shaft angle of machines that turn round [rad]."""
 
 
+class UnknownPartError(MachineError):
+    """A group names a point or link that no earlier group has made."""
+
+
 @dataclass(frozen=True)
 class Rotation:
     """A turning shaft: its half-angle direction, angle and derivatives with respect to theta.
@@ -86,10 +90,22 @@ class PointMotion:
 
 
 @dataclass(frozen=True)
+class Sliding:
+    """A slider's way in its guide: the derivative of the way along the slider's direction, and the guide's link.
+
+    `on` is None for a guide on the ground.
+    """
+
+    first: Expr
+    on: str | None = None
+
+
+@dataclass(frozen=True)
 class LinkMotion:
     """A link from point `start` to point `end`: direction, and first and second derivative of its angle.
 
-    `angle` is set where the angle itself is known without a direction: on a turning shaft.
+    `angle` is set where the angle itself is known without a direction: on a turning shaft. `sliding` is set where the
+    link slides along its own direction.
     """
 
     name: str
@@ -100,6 +116,7 @@ class LinkMotion:
     first: Expr
     second: Expr
     angle: Expr | None = None
+    sliding: Sliding | None = None
 
     def end_motion(self, start: PointMotion) -> PointMotion:
         """The motion of the link's end, given its start's."""
@@ -135,22 +152,22 @@ class Motion:
         return high - low >= (1.0 - 1e-12) * 2.0 * math.pi
 
     def point(self, name: str, asked_by: str) -> PointMotion:
-        """A known point. Raises MachineError when no earlier group or ground point has the name."""
+        """A known point. Raises UnknownPartError when no earlier group or ground point has the name."""
         try:
             return self.points[name]
         except KeyError:
             known = ", ".join(self.points)
-            raise MachineError(
+            raise UnknownPartError(
                 f"group '{asked_by}': no point '{name}' is known before it; known points: {known}"
             ) from None
 
     def link(self, name: str, asked_by: str) -> LinkMotion:
-        """A known link. Raises MachineError when no earlier group has it."""
+        """A known link. Raises UnknownPartError when no earlier group has it."""
         try:
             return self.links[name]
         except KeyError:
             known = ", ".join(self.links) or "none"
-            raise MachineError(
+            raise UnknownPartError(
                 f"group '{asked_by}': no link '{name}' is known before it; known links: {known}"
             ) from None
 

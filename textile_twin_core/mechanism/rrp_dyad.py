@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, const, sqrt
-from textile_twin_core.mechanism.group import Closure, PlainGroup, check_finite, check_length
-from textile_twin_core.mechanism.joint import Joint, guide, pivot
-from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion
+from textile_twin_core.expression import Expr, sqrt
+from textile_twin_core.mechanism.group import Closure, PlainGroup, check_length
+from textile_twin_core.mechanism.guide_line import GuideLine, check_guide, check_slot, slot_ends, unit
+from textile_twin_core.mechanism.joint import Joint, pivot
+from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion, Sliding
 from textile_twin_core.mechanism.slider_crank import SliderCrank
 from textile_twin_core.mechanism.transmission import Transmission, transmission_angles
-from textile_twin_core.mechanism.vector import Vector
 from textile_twin_core.mechanism.wrenches import Wrenches
 
 Sense = Literal["forward", "backward"]
@@ -26,7 +25,9 @@ class RRPDyad(PlainGroup):
 
     `lengths_m` are those of rod and slider. The guide is the line through `guide_point_m` along
     `guide_direction`; the slider's tip lies in that direction from its joint. `branch` says whether
-    the rod points along the guide's direction or against it.
+    the rod points along the guide's direction or against it. With `guide_on` the guide belongs to that link, and
+    point and direction are in the link's frame (its start point, x along it). `slot_m` are the distances from
+    `guide_point_m` between which the joint must stay.
     """
 
     rod: str
@@ -38,14 +39,14 @@ class RRPDyad(PlainGroup):
     guide_point_m: tuple[float, float]
     guide_direction: tuple[float, float]
     branch: Sense = "forward"
+    guide_on: str | None = None
+    slot_m: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for link, length in zip((self.rod, self.slider), self.lengths_m, strict=True):
             check_length(length, f"dyad '{self.name}': length of '{link}'")
-        for value in (*self.guide_point_m, *self.guide_direction):
-            check_finite(value, f"dyad '{self.name}': guide")
-        if math.hypot(*self.guide_direction) == 0.0:
-            raise MachineError(f"dyad '{self.name}': guide_direction must not be the zero vector")
+        check_guide(f"dyad '{self.name}'", self.guide_point_m, self.guide_direction)
+        check_slot(f"dyad '{self.name}'", self.slot_m)
         if self.branch not in ("forward", "backward"):
             raise MachineError(f"dyad '{self.name}': branch must be 'forward' or 'backward', not {self.branch!r}")
 
@@ -61,31 +62,31 @@ class RRPDyad(PlainGroup):
 
     @property
     def axis(self) -> tuple[float, float]:
-        """The guide's unit direction."""
-        norm = math.hypot(*self.guide_direction)
-        return self.guide_direction[0] / norm, self.guide_direction[1] / norm
+        """The guide's unit direction, in the frame that it is declared in."""
+        return unit(self.guide_direction)
 
-    def offset(self, start: PointMotion) -> Expr:
-        """Distance of `from_point` from the guide, positive to the left of its direction [m]."""
-        across = Vector.of(*self.axis).turned_left()
-        return (start.position - Vector.of(*self.guide_point_m)).dot(across)
+    def guide(self, motion: Motion) -> GuideLine:
+        """The guide as it moves."""
+        return GuideLine.of(motion, self.guide_on, self.guide_point_m, self.guide_direction, self.name)
 
-    def reach(self, start: PointMotion) -> Expr:
+    def reach(self, motion: Motion) -> Expr:
         """The rod's extent along the guide; its sign is the branch [m]."""
+        start = motion.points[self.from_point]
         crank = self._slider_crank(start)
         if crank is not None:
             return crank.reach
-        length, offset = self.lengths_m[0], self.offset(start)
+        length, offset = self.lengths_m[0], self.guide(motion).seen(start).across[0]
         return self._sense * sqrt((length - offset) * (length + offset))
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
         """The dyad opens when the rod does not reach the guide."""
         start, length = motion.points[self.from_point], self.lengths_m[0]
-        crank = self._slider_crank(start)
-        offset = self.offset(start)
+        crank, seen = self._slider_crank(start), self.guide(motion).seen(start)
+        offset = seen.across[0]
         less, more = (length - offset, length + offset) if crank is None else crank.factors
         how = f"rod '{self.rod}' is too short to reach the guide of '{self.slider}'"
-        return Closure(how, less, length), Closure(how, more, length)
+        ends = slot_ends(self.slider, seen.along[0] + self.reach(motion), self.slot_m)
+        return Closure(how, less, length), Closure(how, more, length), *ends
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
         """By the angle between rod and guide normal; its distance is the rod start's from where it just reaches."""
@@ -94,22 +95,23 @@ class RRPDyad(PlainGroup):
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
         """The rod turns about its start, the slider slides along the guide."""
-        return pivot(motion, self.rod, self.from_point), guide(self.slider, self.guide_point_m, self.axis)
+        return pivot(motion, self.rod, self.from_point), self.guide(motion).joint(self.slider)
 
     def balance(self, wrenches: Wrenches) -> None:
         """The slider's own direction and the rod's moment about its start give the force in their joint."""
-        start = wrenches.motion.points[self.from_point]
-        along = Vector.of(*self.axis)
-        across = along.turned_left()
+        motion = wrenches.motion
+        start, line = motion.points[self.from_point], self.guide(motion)
+        along, across = line.direction, line.direction.turned_left()
         rod_force, rod_moment = wrenches.on(self.rod)
-        slider_force, _ = wrenches.on(self.slider)
+        slider_force, slider_moment = wrenches.on(self.slider)
         axial = -slider_force.dot(along)
-        lateral = (rod_moment - axial * self.offset(start)) * (1.0 / self.reach(start))
+        lateral = (rod_moment - axial * line.seen(start).across[0]) * (1.0 / self.reach(motion))
         joint = axial * along + lateral * across
         first = joint - rod_force
         wrenches.add_reaction(self.end, joint)
         wrenches.add_reaction(self.from_point, first)
-        wrenches.guide_reactions[self.slider] = -(lateral + slider_force.dot(across))
+        bears = -(lateral + slider_force.dot(across))
+        line.bear(wrenches, self.slider, motion.points[self.end].position, bears, -slider_moment)
         wrenches.pull_on_point(self.from_point, -first)
 
     @property
@@ -117,41 +119,39 @@ class RRPDyad(PlainGroup):
         return 1.0 if self.branch == "forward" else -1.0
 
     def _slider_crank(self, start: PointMotion) -> SliderCrank | None:
-        if start.circle is None:
+        if start.circle is None or self.guide_on is not None:
             return None
         return SliderCrank(start.circle, self.lengths_m[0], self.guide_point_m, self.guide_direction, self._sense)
 
     def solve(self, motion: Motion) -> None:
         """Add rod, slider, their joint and the slider's tip."""
-        start = motion.point(self.from_point, self.name)
+        start, line = motion.point(self.from_point, self.name), self.guide(motion)
         rod_length, slider_length = self.lengths_m
-        along = Vector.of(*self.axis)
-        across = along.turned_left()
-        guide = Vector.of(*self.guide_point_m)
-        reach, offset = self.reach(start), self.offset(start)
+        along, across = line.direction, line.direction.turned_left()
+        seen, reach = line.seen(start), self.reach(motion)
+        offset, drift, _ = seen.across
         u = (1.0 / rod_length) * (reach * along - offset * across)
-        drift = start.first.dot(across)
-        p, q = self._rod_rates(start)
-        slide_first = start.first.dot(along) + offset * p
-        slide_second = start.second.dot(along) + offset * q + drift * p
+        p, q = self._rod_rates(motion)  # of the rod against the guide
+        way = seen.along[0] + reach
+        rates = seen.along[1] + offset * p, seen.along[2] + offset * q + drift * p
+        slides = Sliding(rates[0], self.guide_on)
+        first, second = p + line.first, q + line.second
+        motion.add_link(LinkMotion(self.rod, self.from_point, self.end, rod_length, u, first, second), self.name)
+        turning = line.first, line.second
+        slider = LinkMotion(self.slider, self.end, self.tip, slider_length, along, *turning, sliding=slides)
+        motion.add_link(slider, self.name)
+        motion.add_point(self.end, line.point(way, *rates), self.name)
+        motion.add_point(self.tip, line.point(way + slider_length, *rates), self.name)
 
-        travel = (start.position - guide).dot(along) + reach
-        joint = PointMotion.sliding(guide + travel * along, along, slide_first, slide_second)
-        tip = PointMotion.sliding(guide + (travel + slider_length) * along, along, slide_first, slide_second)
-        motion.add_link(LinkMotion(self.rod, self.from_point, self.end, rod_length, u, p, q), self.name)
-        zero = const(0.0)
-        motion.add_link(LinkMotion(self.slider, self.end, self.tip, slider_length, along, zero, zero), self.name)
-        motion.add_point(self.end, joint, self.name)
-        motion.add_point(self.tip, tip, self.name)
-
-    def _rod_rates(self, start: PointMotion) -> tuple[Expr, Expr]:
-        """First and second derivative of the rod's angle with respect to theta."""
+    def _rod_rates(self, motion: Motion) -> tuple[Expr, Expr]:
+        """First and second derivative, with respect to theta, of the rod's angle against the guide."""
+        start = motion.points[self.from_point]
         crank = self._slider_crank(start)
         if crank is not None and start.circle is not None:
             p, q = crank.rod_rates()
             shaft = start.circle.shaft
             return p * shaft.first, q * (shaft.first * shaft.first) + p * shaft.second
-        across = Vector.of(*self.axis).turned_left()
-        inverse = 1.0 / self.reach(start)
-        p = -(start.first.dot(across) * inverse)
-        return p, -((start.second.dot(across) + self.offset(start) * (p * p)) * inverse)
+        offset, drift, sag = self.guide(motion).seen(start).across
+        inverse = 1.0 / self.reach(motion)
+        p = -(drift * inverse)
+        return p, -((sag + offset * (p * p)) * inverse)

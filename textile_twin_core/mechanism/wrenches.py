@@ -14,8 +14,8 @@ class Wrenches:
     """Per link the sum of applied and inertia forces [N] and their moment about the link's start point [N m].
 
     `torque_on` gathers moments on turning shafts, `reactions` the joint forces found, by pin; `guide_reactions` those
-    of sliders, to the left of their direction, by link; `transmitted` moments by rigid arm; `contacts` the forces by
-    which groups press on each other, by output.
+    of sliders, to the left of their direction, by link; `transmitted` moments by rigid arm or slider; `contacts` the
+    forces by which groups press on each other, by output.
     """
 
     motion: Motion

@@ -102,6 +102,8 @@ class Batch:
         for cosine in first.cosines:
             worst = np.minimum(worst, 1.0 - np.maximum(largest(cosine), largest(-cosine)))
         closes = (worst >= -_ROUNDING) & self._can_be(columns)
+        for spare in first.spare:
+            closes = closes & (largest(-spare) <= 0.0)
         found[TRANSMISSION] = np.arccos(1.0 - np.maximum(worst, 0.0))
         if self._has_masses and any(name in TORQUE or name in SHAKING for name in names):
             torque, shaking = self._forces(columns, first)
@@ -118,7 +120,7 @@ class Batch:
         return sound
 
     def _chain(self, columns: Columns, phase_rad: float) -> Chain:
-        chain = Chain(columns)
+        chain = Chain(columns, ends={link.name: (link.start, link.end) for link in self.machine.links})
         zero = np.zeros((1, 1))
         chain.rotations[MAIN_SHAFT] = np.exp(1j * (self._theta + phase_rad))[None, :], zero + 1.0, zero
         for name in self.machine.points:

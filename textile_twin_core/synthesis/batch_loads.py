@@ -115,8 +115,7 @@ def _(load: JointDamping, name: str, turn: Turn) -> Any:
 
 @load_torque.register
 def _(load: SliderFriction, name: str, turn: Turn) -> Any:
-    end = turn.chain.links[load.slider].start
-    return turn.chain.number(f"{name}.force_N") * np.abs(end.first) * turn.sense
+    return turn.chain.number(f"{name}.force_N") * np.abs(turn.chain.links[load.slider].slides) * turn.sense
 
 
 @load_torque.register

@@ -15,7 +15,17 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
-from textile_twin_core.mechanism import Crank, EllipticGearPair, RigidArm, RRPDyad, RRRDyad
+from textile_twin_core.mechanism import (
+    Crank,
+    EllipticGearPair,
+    GearPair,
+    PRPDyad,
+    RigidArm,
+    RPPDyad,
+    RPRDyad,
+    RRPDyad,
+    RRRDyad,
+)
 from textile_twin_core.synthesis.four_bar import ComplexArray
 
 Columns = Mapping[str, FloatArray]
@@ -40,6 +50,8 @@ class LinkBatch:
     direction: Any
     first: Any
     second: Any
+    slides: Any = None
+    """Of a slider: the derivative of its way along its guide by the shaft angle."""
 
     def at(self, place: Any) -> Point:
         """A point of the link, at a place in its frame [m], along + i across."""
@@ -54,17 +66,34 @@ class LinkBatch:
 
 @dataclass
 class Chain:
-    """What has been solved of a linkage, and how the dyads meet: cosines of their transmission angles."""
+    """What has been solved of a linkage, and how the dyads meet.
+
+    cosines: of their transmission angles; spare: ways to the ends of slots [m]; ends: the points of every link.
+    """
 
     columns: Columns
     points: dict[str, Point] = field(default_factory=dict)
     links: dict[str, LinkBatch] = field(default_factory=dict)
     rotations: dict[str, tuple[Any, Any, Any]] = field(default_factory=dict)
     cosines: list[FloatArray] = field(default_factory=list)
+    spare: list[FloatArray] = field(default_factory=list)
+    ends: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     def number(self, name: str) -> FloatArray:
         """A column (n, 1)."""
         return self.columns[name]
+
+    def turning(self, name: str) -> tuple[Any, Any, Any]:
+        """Direction of a link or shaft, and derivatives of its angle."""
+        if name in self.links:
+            link = self.links[name]
+            return link.direction, link.first, link.second
+        return self.rotations[name]
+
+    def within(self, way: Any, slot_m: tuple[float, float] | None) -> None:
+        """Book how far a slider is from the ends of its slot."""
+        if slot_m is not None:
+            self.spare += [way - slot_m[0], slot_m[1] - way]
 
 
 @singledispatch
@@ -120,22 +149,142 @@ def _(group: RRRDyad, chain: Chain) -> None:
     chain.links[group.rocker] = LinkBatch(ground, c, rocker, p3, q3)
 
 
+@dataclass
+class GuideBatch:
+    """A guide: the point that it goes through, its unit direction, and derivatives of its angle."""
+
+    origin: Point
+    axis: Any
+    first: Any
+    second: Any
+    fixed: bool = False
+
+    def seen(self, point: Point) -> tuple[Any, Any, Any]:
+        """A point in the frame of the guide, along + i across, with its derivatives there."""
+        if self.fixed:
+            d = point.position - self.origin.position
+            return d / self.axis, point.first / self.axis, point.second / self.axis
+        d = (point.position - self.origin.position) / self.axis
+        v = (point.first - self.origin.first) / self.axis - 1j * self.first * d
+        w = (point.second - self.origin.second) / self.axis
+        return d, v, w - 2j * self.first * v - (1j * self.second - self.first**2) * d
+
+    def point(self, way: Any, first: Any, second: Any) -> Point:
+        """The point at a way along the guide."""
+        if self.fixed:
+            return Point(self.origin.position + way * self.axis, first * self.axis, second * self.axis)
+        p, q = self.first, self.second
+        return Point(
+            self.origin.position + way * self.axis,
+            self.origin.first + (first + 1j * p * way) * self.axis,
+            self.origin.second + (second + 2j * p * first + (1j * q - p * p) * way) * self.axis,
+        )
+
+    def slider(self, chain: Chain, name: str, end: str, tip: str, ways: tuple[Any, Any, Any]) -> None:
+        """Add a slider that starts at a way along the guide."""
+        chain.points[end] = self.point(*ways)
+        length = chain.number(f"{name}.length_m")
+        _add(chain, name, tip, LinkBatch(chain.points[end], length, self.axis, self.first, self.second, ways[1]))
+
+
+def _track(chain: Chain, on: str | None, slider: str, direction: tuple[float, float]) -> GuideBatch:
+    axis = complex(*direction)
+    axis /= abs(axis)
+    place = chain.number(f"{slider}.guide_x_m") + 1j * chain.number(f"{slider}.guide_y_m")
+    zero = np.zeros((1, 1))
+    if on is None:
+        return GuideBatch(Point(place, zero, zero), axis, zero, zero, fixed=True)
+    link = chain.links[on]
+    return GuideBatch(link.at(place), link.direction * axis, link.first, link.second)
+
+
 @solve.register
 def _(group: RRPDyad, chain: Chain) -> None:
-    start, axis = chain.points[group.from_point], complex(*group.axis)
-    rod, slider = (chain.number(f"{link}.length_m") for link in (group.rod, group.slider))
-    guide = chain.number(f"{group.slider}.guide_x_m") + 1j * chain.number(f"{group.slider}.guide_y_m")
-    offset = ((start.position - guide) / axis).imag
+    start, line = chain.points[group.from_point], _track(chain, group.guide_on, group.slider, group.guide_direction)
+    rod = chain.number(f"{group.rod}.length_m")
+    d, v, w = line.seen(start)
+    offset, drift, sag = d.imag, v.imag, w.imag
     reach = (1.0 if group.branch == "forward" else -1.0) * np.sqrt((rod - offset) * (rod + offset))
-    drift, sag = (start.first / axis).imag, (start.second / axis).imag
     p = -drift / reach
     q = -(sag + offset * p * p) / reach
     chain.cosines.append(offset / rod)
-    _add(chain, group.rod, group.end, LinkBatch(start, rod, (reach - 1j * offset) / rod * axis, p, q))
-    joint = chain.points[group.end]
-    joint.first, joint.second = ((z / axis).real * axis for z in (joint.first, joint.second))
-    zero = np.zeros(1)
-    _add(chain, group.slider, group.tip, LinkBatch(joint, slider, axis, zero, zero))
+    direction = (reach - 1j * offset) / rod * line.axis
+    chain.links[group.rod] = LinkBatch(start, rod, direction, p + line.first, q + line.second)
+    ways = d.real + reach, v.real + offset * p, w.real + offset * q + drift * p
+    line.slider(chain, group.slider, group.end, group.tip, ways)
+    chain.within(ways[0], group.slot_m)
+
+
+@solve.register
+def _(group: RPRDyad, chain: Chain) -> None:
+    pin, centre = chain.points[group.from_point], chain.points[group.pivot]
+    slider, lever = (chain.number(f"{link}.length_m") for link in (group.slider, group.lever))
+    e = chain.number(f"{group.lever}.offset_m")
+    d, v, w = pin.position - centre.position, pin.first - centre.first, pin.second - centre.second
+    squared = d.real**2 + d.imag**2
+    s = (1.0 if group.branch == "forward" else -1.0) * np.sqrt(squared - e * e)
+    u = d / (s + 1j * e)
+    v, w = v / u, w / u
+    p = v.imag / s
+    rate = v.real + e * p
+    q = (w.imag - 2.0 * p * rate + e * p * p) / s
+    chain.cosines.append(e / np.sqrt(squared))
+    _add(chain, group.slider, group.tip, LinkBatch(pin, slider, u, p, q, rate))
+    _add(chain, group.lever, group.end, LinkBatch(centre, lever, u, p, q))
+    chain.within(s, group.slot_m)
+
+
+@solve.register
+def _(group: RPPDyad, chain: Chain) -> None:
+    pin, line = chain.points[group.from_point], _track(chain, group.guide_on, group.slider, group.guide_direction)
+    angle = chain.number(f"{group.slider}.slot_angle_rad")
+    along, across = [], []
+    for z in line.seen(pin):
+        t = z.imag / np.sin(angle)
+        across.append(t)
+        along.append(z.real - np.cos(angle) * t)
+    line.slider(chain, group.slider, group.end, group.tips[1], (along[0], along[1], along[2]))
+    block = chain.number(f"{group.block}.length_m")
+    slot = line.axis * np.exp(1j * angle)
+    _add(chain, group.block, group.tips[0], LinkBatch(pin, block, slot, line.first, line.second, across[1]))
+    chain.within(across[0], group.slot_m)
+
+
+@solve.register
+def _(group: PRPDyad, chain: Chain) -> None:
+    one, two = (_track(chain, g.on, s, g.direction) for g, s in zip(group.guides, group.sliders, strict=True))
+    sine = _cross(one.axis, two.axis)
+
+    def ways(between: Any) -> tuple[Any, Any]:
+        return _cross(between, two.axis) / sine, _cross(between, one.axis) / sine
+
+    way = ways(two.origin.position - one.origin.position)
+    zero = np.zeros((1, 1))
+    carried = [line.point(x, zero, zero).first for line, x in zip((one, two), way, strict=True)]
+    rate = ways(carried[1] - carried[0])
+    bent = [line.point(x, v, zero).second for line, x, v in zip((one, two), way, rate, strict=True)]
+    bend = ways(bent[1] - bent[0])
+    chain.cosines.append(_dot(one.axis, two.axis))
+    for k, (line, guide) in enumerate(zip((one, two), group.guides, strict=True)):
+        line.slider(chain, group.sliders[k], group.end, group.tips[k], (way[k], rate[k], bend[k]))
+        chain.within(way[k], guide.slot_m)
+
+
+@solve.register
+def _(group: GearPair, chain: Chain) -> None:
+    k = group.ratio
+    if k.denominator != 1:
+        raise SceneError(f"gears '{group.name}': no batch form is known for a ratio that is no whole number")
+    whole, centre = int(k), chain.points[group.driven_at]
+    carrier = next((n for n, ends in chain.ends.items() if {*ends} == {group.at, group.driven_at}), None)
+    direction, first, second = np.exp(1j * chain.number(f"{group.driven}.phase_rad")), 0.0, 0.0
+    for share, name in ((1 - whole, carrier), (whole, group.driver)):
+        if name is not None:
+            u, p, q = chain.turning(name)
+            direction, first, second = direction * u**share, first + share * p, second + share * q
+    chain.rotations[group.driven] = direction, first, second
+    link = LinkBatch(centre, chain.number(f"{group.driven}.length_m"), direction, first, second)
+    _add(chain, group.driven, group.end, link)
 
 
 @solve.register

@@ -11,17 +11,32 @@ from textile_twin_core.machine import AnyMachine, ContactMachine
 from textile_twin_core.machine.contact_machine import DrivenElement
 from textile_twin_core.machine.drive import load_names
 from textile_twin_core.machine.machine import Machine
-from textile_twin_core.mechanism import Arc, Crank, EllipticGearPair, Group, RigidArm, RRPDyad, RRRDyad
+from textile_twin_core.mechanism import (
+    Arc,
+    Crank,
+    EllipticGearPair,
+    GearPair,
+    Group,
+    PRPDyad,
+    RigidArm,
+    RPPDyad,
+    RPRDyad,
+    RRPDyad,
+    RRRDyad,
+)
 
 
 class Slot(NamedTuple):
-    """Where a number stands: a field of the machine, an entry in it, an attribute and, in a tuple, a place."""
+    """Where a number stands: a field of the machine, an entry in it, an attribute and, in a tuple, a place.
+
+    A place inside a part of a tuple is a path, such as (0, "point_m", 1).
+    """
 
     name: str
     field: str
     entry: int | str
     attribute: str
-    place: int | None = None
+    place: int | tuple[int | str, ...] | None = None
 
 
 def slots(machine: AnyMachine) -> tuple[Slot, ...]:
@@ -79,7 +94,7 @@ def _floats(part: Any) -> list[str]:
     return [field.name for field in dataclasses.fields(part) if hints[field.name] is float]
 
 
-def _of_group(group: Group) -> Iterator[tuple[str, str, int | None]]:
+def _of_group(group: Group) -> Iterator[tuple[str, str, int | tuple[int | str, ...] | None]]:
     match group:
         case Crank():
             yield f"{group.name}.length_m", "length_m", None
@@ -95,6 +110,25 @@ def _of_group(group: Group) -> Iterator[tuple[str, str, int | None]]:
             yield f"{group.slider}.length_m", "lengths_m", 1
             yield f"{group.slider}.guide_x_m", "guide_point_m", 0
             yield f"{group.slider}.guide_y_m", "guide_point_m", 1
+        case RPRDyad():
+            yield f"{group.slider}.length_m", "lengths_m", 0
+            yield f"{group.lever}.length_m", "lengths_m", 1
+            yield f"{group.lever}.offset_m", "offset_m", None
+        case RPPDyad():
+            yield f"{group.block}.length_m", "lengths_m", 0
+            yield f"{group.slider}.length_m", "lengths_m", 1
+            yield f"{group.slider}.guide_x_m", "guide_point_m", 0
+            yield f"{group.slider}.guide_y_m", "guide_point_m", 1
+            yield f"{group.slider}.slot_angle_rad", "slot_angle_rad", None
+        case PRPDyad():
+            for k, slider in enumerate(group.sliders):
+                yield f"{slider}.length_m", "lengths_m", k
+                yield f"{slider}.guide_x_m", "guides", (k, "point_m", 0)
+                yield f"{slider}.guide_y_m", "guides", (k, "point_m", 1)
+        case GearPair():
+            yield f"{group.driven}.length_m", "length_m", None
+            yield f"{group.driven}.phase_rad", "phase_rad", None
+            yield f"{group.driven}.pressure_angle_rad", "pressure_angle_rad", None
         case EllipticGearPair():
             yield f"{group.driver}.axis_ratio", "axis_ratio", None
             yield f"{group.driver}.phase_rad", "phase_rad", None
@@ -112,7 +146,13 @@ def read(machine: AnyMachine) -> dict[str, float]:
 def _get(machine: AnyMachine, slot: Slot) -> Any:
     entry = _entries(machine, slot.field)[slot.entry]
     value = getattr(entry, slot.attribute) if slot.attribute else entry
-    return value if slot.place is None else value[slot.place]
+    for step in _path(slot):
+        value = value[step] if isinstance(step, int) else getattr(value, step)
+    return value
+
+
+def _path(slot: Slot) -> tuple[int | str, ...]:
+    return () if slot.place is None else slot.place if isinstance(slot.place, tuple) else (slot.place,)
 
 
 def not_negative(machine: AnyMachine) -> dict[str, bool]:
@@ -148,12 +188,17 @@ def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
 
 def _replaced(entry: Any, slot: Slot, value: float) -> Any:
     """A part, or a point, with another number in this slot of it. Raises MachineError where it cannot be so."""
-    new: Any = value
-    if slot.place is not None:
-        row = list(getattr(entry, slot.attribute) if slot.attribute else entry)
-        row[slot.place] = new
-        new = tuple(row)
-    return dataclasses.replace(entry, **{slot.attribute: new}) if slot.attribute else new
+    return _with(entry, ((slot.attribute,) if slot.attribute else ()) + _path(slot), value)
+
+
+def _with(entry: Any, path: tuple[int | str, ...], value: float) -> Any:
+    """A tuple or part with another number at the end of a path."""
+    if not path:
+        return value
+    step, *rest = path
+    if isinstance(step, int):
+        return (*entry[:step], _with(entry[step], tuple(rest), value), *entry[step + 1 :])
+    return dataclasses.replace(entry, **{step: _with(getattr(entry, step), tuple(rest), value)})
 
 
 def _entries(machine: AnyMachine, field: str) -> dict[int | str, Any]:

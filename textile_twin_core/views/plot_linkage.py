@@ -44,7 +44,7 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
         wide = 9.0 if part.length_m < 0.6 * scene.size_m else 5.0
         if part.outlines:
             _draw_cam(axes, part.outlines, start, end - start, colour)
-        else:
+        if not part.is_cam:
             axes.plot(
                 [start[0], end[0]], [start[1], end[1]], color=colour, linewidth=wide, solid_capstyle="round", zorder=3
             )

@@ -10,12 +10,15 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics import Backing
-from textile_twin_core.mechanism import Travel
+from textile_twin_core.mechanism import GearPair, Travel
+from textile_twin_core.mechanism.gear_pair import PitchCircle
+from textile_twin_core.mechanism.joint import BASE
 from textile_twin_core.twin import compile_machine
 from textile_twin_core.views import palette
 from textile_twin_core.views.solids import Solid, circle, extrude, join, rectangle, stadium
 
 if TYPE_CHECKING:
+    from textile_twin_core.machine.declaration import Link
     from textile_twin_core.machine.machine import Machine
 
 _TURN = np.linspace(0.0, 2.0 * np.pi, 361)
@@ -33,7 +36,8 @@ class MovingPart:
     colour: palette.Colour
     layer_m: float
     outlines: tuple[FloatArray, ...] = ()
-    """Of a cam: its outline (n, 2) [m] in the frame of the link, and that of a conjugate cam."""
+    """Of a cam its outline (n, 2) [m] in the frame of the link, and that of a conjugate cam; of gears pitch circles."""
+    is_cam: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,26 +113,32 @@ def build_scene(machine: Machine) -> MachineScene:
     size = float(np.max(high - low))
     width = 0.04 * size
     travels = float(np.max([np.ptp(path) for path in paths.values()])) or 1.0
+    meshes = [group.mesh for group in machine.groups if isinstance(group, GearPair)]
     fixed_points = {
         name: (float(path[0, 0]), float(path[0, 1]))
         for name, path in paths.items()
-        if float(np.max(np.ptp(path, axis=0))) < 1e-9 * travels
+        if float(np.max(np.ptp(path, axis=0))) < 1e-9 * travels and name not in meshes
     }
     backing = _backing(machine, paths)
     sliding = {joint.child_link: joint for joint in machine.joints if joint.kind == "prismatic"}
     moving, grounds = [], []
     for number, link in enumerate(machine.links):
         outlines = _outlines(machine, link.name)
+        is_cam = bool(outlines)
         length = float(np.hypot(*(paths[link.end][0] - paths[link.start][0])))
         colour = palette.LINKS[number % len(palette.LINKS)]
         if link.name in sliding:
             solid = _needle_bar(length, width, colour) if backing else _slider(length, width, colour)
-            axis = sliding[link.name].axis
-            grounds.append(_guide(paths[link.start], (float(axis[0]), float(axis[1])), width))
+            axis, parent = sliding[link.name].axis, sliding[link.name].parent_link
+            if parent == BASE:
+                grounds.append(_guide(paths[link.start], (float(axis[0]), float(axis[1])), width))
         else:
+            gears = [circle(gear.radius) for gear in _gears(machine, link) if not gear.is_ring]
             solid = _cam(outlines, width, colour) if outlines else _bar(length, width, colour)
+            solid = join([solid, _cam(tuple(gears), width, colour)]) if gears else solid
+            outlines += tuple(circle(gear.radius, sides=90) for gear in _gears(machine, link))
         layer = 0.55 * width * number
-        moving.append(MovingPart(link.name, link.start, link.end, length, solid, colour, layer, outlines))
+        moving.append(MovingPart(link.name, link.start, link.end, length, solid, colour, layer, outlines, is_cam))
     depth = 0.55 * width * len(moving)
     grounds += [_bearing(point, width, depth) for point in fixed_points.values()]
     return MachineScene(
@@ -140,6 +150,12 @@ def build_scene(machine: Machine) -> MachineScene:
         lower=(float(low[0]), float(low[1])),
         upper=(float(high[0]), float(high[1])),
     )
+
+
+def _gears(machine: Machine, link: Link) -> list[PitchCircle]:
+    """The round gears about a link's start that are fixed to it."""
+    pairs = (group.pitch_circles(machine.linkage.solved) for group in machine.groups if isinstance(group, GearPair))
+    return [gear for pair in pairs for gear in pair if gear.link == link.name and gear.centre == link.start]
 
 
 def _outlines(machine: Machine, link: str) -> tuple[FloatArray, ...]:

@@ -9,7 +9,7 @@ from textile_twin_core.dynamics.loads.load import LoadContext, Uneventful
 from textile_twin_core.dynamics.loads.relative import check_other, link_of_load, relative_rate, turn_links
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, sign
-from textile_twin_core.mechanism.motion import LinkMotion, Motion
+from textile_twin_core.mechanism.motion import LinkMotion, Motion, Sliding
 from textile_twin_core.mechanism.wrenches import Wrenches
 
 
@@ -46,7 +46,7 @@ class JointFriction(Uneventful):
 
 @dataclass(frozen=True)
 class SliderFriction(Uneventful):
-    """A constant friction force on a slider, against its velocity in the guide."""
+    """A constant friction force on a slider, against its velocity in the guide, which may move itself."""
 
     slider: str
     force_N: float
@@ -61,17 +61,21 @@ class SliderFriction(Uneventful):
 
     def unit_force(self, context: LoadContext) -> Expr:
         """The derivative of the slider's way along its guide."""
-        link = self._guided(context.motion)
-        return context.motion.points[link.end].first.dot(link.direction)
+        return self._guided(context.motion)[1].first
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """A force along the guide."""
-        link = self._guided(context.motion)
-        wrenches.add_at(link, link.length * link.direction, intensity * link.direction)
+        """A force on the slider along the guide, and its opposite on the link that the guide belongs to."""
+        link, sliding = self._guided(context.motion)
+        force = intensity * link.direction
+        wrenches.add_at(link, link.length * link.direction, force)
+        if sliding.on is not None:
+            points, carrier = context.motion.points, context.motion.links[sliding.on]
+            lever = points[link.start].position - points[carrier.start].position
+            wrenches.add_at(carrier, lever, -force)
 
-    def _guided(self, motion: Motion) -> LinkMotion:
-        """The slider. Raises MachineError for a link that does not slide along its own direction."""
+    def _guided(self, motion: Motion) -> tuple[LinkMotion, Sliding]:
+        """The slider and its way. Raises MachineError for a link that does not slide along its own direction."""
         link = link_of_load(motion, self.slider)
-        if motion.points[link.end].along != link.direction:
+        if link.sliding is None:
             raise MachineError(f"friction of '{self.slider}': this link is no slider; name one, or use joint_friction")
-        return link
+        return link, link.sliding

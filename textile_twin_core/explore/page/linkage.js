@@ -48,9 +48,9 @@ export class Linkage {
         if (ys[k] > box[3]) box[3] = ys[k];
       }
     }
-    for (const [, start, , axes] of this.analysis.bars) {
-      if (!axes) continue;
-      const [x, y] = [this.analysis.points[start][0][0], this.analysis.points[start][1][0]], reach = 1.6 * axes[0];
+    const round = this.analysis.bars.flatMap(([, start, , axes, gears]) => [...(axes ? [[start, 1.6 * axes[0]]] : []), ...gears]);
+    for (const [centre, reach] of round) {
+      const [x, y] = [this.analysis.points[centre][0][0], this.analysis.points[centre][1][0]];
       box[0] = Math.min(box[0], x - reach); box[1] = Math.min(box[1], y - reach);
       box[2] = Math.max(box[2], x + reach); box[3] = Math.max(box[3], y + reach);
     }
@@ -129,13 +129,17 @@ export class Linkage {
   #bars(parts, a, s, ghost) {
     const degrees = (this.angle * 180) / Math.PI;
     const crossed = new Set(a.clashes.filter((c) => within(degrees, c[2], c[3])).flatMap((c) => [c[0], c[1]]));
-    a.bars.forEach(([name, start, end, axes], k) => {
+    a.bars.forEach(([name, start, end, axes, gears], k) => {
       const [x1, y1] = this.#at(start, a), [x2, y2] = this.#at(end, a);
       const colour = ghost ? "var(--muted)" : crossed.has(name) ? "var(--bad)" : `var(--c${k % COLOURS})`;
       if (axes) {
         const tilt = (-Math.atan2(y2 - y1, x2 - x1) * 180) / Math.PI, cx = s.x((x1 + x2) / 2), cy = s.y((y1 + y2) / 2);
         parts.push(draw("ellipse", { cx, cy, rx: s.k * axes[0], ry: s.k * axes[1], transform: `rotate(${tilt} ${cx} ${cy})`, fill: colour, "fill-opacity": ghost ? 0 : 0.09, stroke: colour, "stroke-width": 1.4, "stroke-dasharray": ghost ? "4 4" : "none" }));
         return;
+      }
+      for (const [centre, radius] of gears) {
+        const [gx, gy] = this.#at(centre, a);
+        parts.push(draw("circle", { cx: s.x(gx), cy: s.y(gy), r: s.k * radius, fill: colour, "fill-opacity": ghost ? 0 : 0.09, stroke: colour, "stroke-width": 1.4, "stroke-dasharray": ghost ? "4 4" : "none", class: "gear" }));
       }
       parts.push(draw("line", { x1: s.x(x1), y1: s.y(y1), x2: s.x(x2), y2: s.y(y2), stroke: colour, "stroke-width": ghost ? 1.5 : 7, "stroke-linecap": "round", "stroke-dasharray": ghost ? "5 4" : "none", "stroke-opacity": ghost ? 0.9 : 0.85, "data-link": ghost ? null : name }));
     });

@@ -1,0 +1,92 @@
+"""A crank's end and a fixed pivot: the way from one to the other in half-angle form, exact where the two nearly meet.
+
+With phi from the ground line to the crank, c = cos(phi/2), s = sin(phi/2), g the length of the ground line and r that
+of the crank: D^2 = (g - r)^2 + 4 g r s^2 is the distance squared. In the frame turned by phi/2 from the ground line
+the way from the crank's end to the pivot is ((g - r) c, -(g + r) s). Both keep their digits where g and r nearly agree.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+from textile_twin_core.expression import Expr, square
+from textile_twin_core.mechanism.motion import Circle
+from textile_twin_core.mechanism.vector import Vector, exact_length
+
+_CLOSE = 0.1
+
+
+@dataclass(frozen=True)
+class CrankPivot:
+    """A crank on a circle and a fixed point of the ground [m]."""
+
+    circle: Circle
+    ground: tuple[float, float]
+
+    @property
+    def _ground_direction(self) -> tuple[float, float]:
+        return self.ground[0] - self.circle.centre[0], self.ground[1] - self.circle.centre[1]
+
+    @property
+    def ground_length(self) -> float:
+        """Distance of the fixed joints [m]."""
+        return math.hypot(*self._ground_direction)
+
+    @property
+    def exact_lengths(self) -> tuple[Fraction, Fraction]:
+        """Ground line and crank, exactly [m]."""
+        (cx, cy), (gx, gy) = self.circle.centre, self.ground
+        return exact_length(Fraction(gx) - Fraction(cx), Fraction(gy) - Fraction(cy)), Fraction(self.circle.radius)
+
+    @property
+    def half_angle(self) -> tuple[Expr, Expr]:
+        """c and s."""
+        x, y = self._ground_direction
+        angle = math.atan2(y, x)
+        gc, gs, half = math.cos(angle / 2.0), math.sin(angle / 2.0), self.circle.half
+        return gc * half.x + gs * half.y, gc * half.y - gs * half.x
+
+    @property
+    def rise(self) -> float:
+        """Ground line less crank [m]."""
+        g, crank = self.exact_lengths
+        return float(g - crank)
+
+    @property
+    def swing(self) -> float:
+        """4 g r [m^2]."""
+        return 4.0 * self.ground_length * self.circle.radius
+
+    @property
+    def apart(self) -> Vector:
+        """From the crank's end to the fixed joint [m], without cancellation where the two nearly meet."""
+        g, crank = self.exact_lengths
+        x, y = self._ground_direction
+        angle = math.atan2(y, x) / 2.0
+        (c, s), middle = self.half_angle, self.circle.half.rotated(math.cos(angle), math.sin(angle))
+        along, across = self.rise * c, float(g + crank) * s
+        return Vector(along * middle.x + across * middle.y, along * middle.y - across * middle.x)
+
+    @property
+    def apart_from_ground_line(self) -> Vector:
+        """From the crank's end to the fixed joint, in the frame with x along the ground line [m]."""
+        (c, s), crank = self.half_angle, self.circle.radius
+        return Vector(self.ground_length - crank * (c * c - s * s), (-2.0 * crank) * (c * s))
+
+    @property
+    def ground_direction(self) -> tuple[float, float]:
+        """Cosine and sine of the ground line's angle."""
+        x, y = self._ground_direction
+        return x / self.ground_length, y / self.ground_length
+
+    @property
+    def ends_nearly_meet(self) -> bool:
+        """Whether the crank's end comes close to the fixed joint."""
+        return abs(self.rise) < _CLOSE * self.ground_length
+
+    @property
+    def distance_squared(self) -> Expr:
+        """D^2 [m^2]."""
+        return self.swing * (square(self.half_angle[1]) + self.rise**2 / self.swing)
