@@ -14,6 +14,7 @@ from textile_twin_ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from textile_twin_ros.health import (
     MeasuredTorque,
     Recent,
+    burst_findings,
     joint_findings,
     judged,
     publisher_findings,
@@ -81,6 +82,18 @@ def test_a_unit_other_than_radians_is_told_with_the_parameter_that_mends_it() ->
     assert not unit_findings(np.empty(0), 1.0) and not unit_findings(angle, 1.0)
     (finding,) = unit_findings(np.rint(angle * 4096 / (2.0 * np.pi)) % 4096, 1.0)
     assert finding.level == WARN and "looks like counts" in finding.text and "0.001533980788" in finding.text
+
+
+def test_stamps_in_bursts_are_named_with_their_numbers() -> None:
+    number = np.arange(512)
+    stamps = (number // 8 + 1) * 16_000_000 + (number % 8) * 71_429
+    (finding,) = burst_findings(stamps, 0.03 * number, angles=True)
+    assert finding.level == WARN
+    assert finding.text.startswith("stamps in bursts: 8 samples within 0.5 ms, then 15.5 ms: stamped on arrival")
+    assert burst_findings(stamps, 1e-9 * stamps, angles=True) == []  # taken in bursts
+    assert len(burst_findings(stamps, np.sin(number), angles=False)) == 1
+    assert burst_findings(number * 2_000_000, 0.03 * number, angles=True) == []
+    assert burst_findings(number[:0], np.zeros(0), angles=True) == []
 
 
 def test_publishers_stamps_and_states() -> None:

@@ -18,6 +18,7 @@ from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Comparison, assess, compare_torque, summary_rows, verdict_lines
+from textile_twin_core.comparison.stamp_timing import widened_fit
 from textile_twin_core.files import machine_document, staged
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.prediction import recompute, recorded_torque
@@ -106,7 +107,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         stage("judging", _JUDGED, 1)
         judged = assess(readings_of(angles, measured), machine, predicted.track)
         notes, verdict, explained = judged.notes, judged.verdict, judged.explained
-        angle_topic = angles.topic
+        angle_topic, stamped = angles.topic, tuple(t for t in (angles.timing, measured.timing) if t is not None)
         del judged, angles  # these and the track hold the whole recording once more
         predicted = dataclasses.replace(predicted, track=None)
         if recorded:
@@ -124,9 +125,11 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
             predicted_sigma_Nm=predicted.sigma_Nm,
             rejected=predicted.rejected,
         )
+    fit, widths = widened_fit(comparison.fit, stamped)
     return dataclasses.replace(
         comparison,
-        notes=(*comparison.notes, *predicted.notes, *notes),
+        fit=fit,
+        notes=(*comparison.notes, *widths, *predicted.notes, *notes),
         verdict=verdict,
         explained=explained,
     )

@@ -12,6 +12,7 @@ from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.machine_topics import unit_notes
 from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
+from textile_twin_core.recordings.sample_times import evenly_timed, evenly_timed_angles
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 
@@ -22,6 +23,8 @@ def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag
     """
     bag, angles = _opened(arguments, machine)
     tell(*clock_notes(angles))
+    angles, timings = evenly_timed_angles(angles, machine)
+    tell(*(timing.text for timing in timings))
     return bag, angles
 
 
@@ -41,9 +44,12 @@ def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Ba
     bag, angles = _opened(arguments, machine)
     measured, notes = on_one_clock(angles, topics_of(arguments).read_torques(bag))
     tell(*notes)
+    angles, measured, timings = evenly_timed(angles, measured, machine)
+    tell(*(timing.text for timing in timings))
     return bag, angles, measured
 
 
 def readings_of(angles: AngleSamples, measured: TorqueSamples) -> Readings:
     """Samples as the comparison takes them."""
-    return Readings(angles.stamps, angles.angles_rad, measured.stamps, measured.torque_Nm, angles.velocities)
+    stamped = tuple(each.timing for each in (angles, measured) if each.timing is not None)
+    return Readings(angles.stamps, angles.angles_rad, measured.stamps, measured.torque_Nm, angles.velocities, stamped)

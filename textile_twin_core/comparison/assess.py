@@ -16,6 +16,7 @@ from textile_twin_core.comparison.range_ends import at_range_ends, range_end_not
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
 from textile_twin_core.comparison.search import LONGEST_DELAY_S
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
+from textile_twin_core.comparison.stamp_timing import burst_verdict
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.comparison.verdict import FEWEST_ANGLES, NOT_THIS_MACHINE, Cause, causes
 from textile_twin_core.machine import Machine
@@ -72,6 +73,7 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
     Raises RecordingError when there are too few samples for a motion of the shaft.
     """
     judged = _assess(readings, machine, track)
+    judged = replace(judged, verdict=burst_verdict(readings.stamped, judged.verdict))
     if judged.unit.is_other and all(c.cause != "angle_unit" for c in judged.verdict):
         note = f"{judged.unit.instead}: tell it with --angle-unit {judged.unit.told}"
         return replace(judged, notes=(*judged.notes, note))

@@ -19,6 +19,7 @@ from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.stage import Begin, unheard
+from textile_twin_core.comparison.stamp_timing import widened
 from textile_twin_core.comparison.torque_units import nearest_gain
 from textile_twin_core.comparison.uncertainty import Estimate, estimates
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
@@ -122,8 +123,9 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     found = assessment.explanation
     if found is None:
         raise RecordingError("; ".join(assessment.notes))
-    if 1.0 - found.explained > NOT_THIS_MACHINE and any(c.cause == "other_machine" for c in assessment.verdict):
-        text = next(cause.text for cause in assessment.verdict if cause.cause == "other_machine")
+    foreign = [c.text for c in assessment.verdict if c.cause in ("stamps_in_bursts", "other_machine")]
+    if 1.0 - found.explained > NOT_THIS_MACHINE and foreign:
+        text = foreign[0]
         raise RecordingError(f"no calibration from this recording: {text}")
     fit, at_rest = _with_rest(found, _final_fit(found))
     fit, told = _beside_loads(found, fit)
@@ -142,7 +144,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     zero = zero.scaled(1.0, _whole_turns(zero.value, machine.sensors.encoder.zero_rad, TURN / abs(turned)))
     gain = known.get("gain", Estimate(settings.gain)).scaled(1.0 / near.gain)
     offset = known.get("offset_Nm", at_rest or Estimate(settings.offset_Nm))
-    delay = known.get("delay_s", Estimate(settings.delay_s))
+    delay = widened(known.get("delay_s", Estimate(settings.delay_s)), readings.stamped)
     encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=settings.direction, ratio=abs(turned))
     sensor = TorqueSensor(settings.gain, offset.value, delay.value)
     return Calibration(

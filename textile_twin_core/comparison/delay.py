@@ -75,6 +75,8 @@ def fit_sensor(
     span = float(grid[1] - grid[0])
     for _ in range(30):
         good, torque, slope = usable(track, time_s - delay)
+        if not good.any():
+            return SensorFit(configured_s, float("nan"), float("nan"), 0.0, False, False)
         torque, slope, seen = torque[good], slope[good], measured_Nm[good]
         if sigma != sigma:  # the first pass
             gain, offset = line(torque, seen)

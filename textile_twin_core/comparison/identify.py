@@ -31,6 +31,7 @@ from textile_twin_core.comparison.smooth_fit import (
     least_squares_fit,
 )
 from textile_twin_core.comparison.stage import Begin, unheard
+from textile_twin_core.comparison.stamp_timing import widened
 from textile_twin_core.comparison.torque_model import (
     DELAY,
     EVENTS,
@@ -131,6 +132,8 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     phase = _phase_sigma(smooth, known.covariance, found.settings.direction * evidence.working_speed())
     fitted |= {name: _with_phase(values[name], event, phase) for name, event in events.items()}
     fitted = {name: fitted[name] for name in free}
+    if DELAY in fitted:
+        fitted[DELAY] = widened(fitted[DELAY], readings.stamped)
     before = (evidence.torque_Nm - model.expected(told))[fit.good]
     theta = model.parts(values).theta[fit.good]
     left = unmodelled_torque(theta, fit.residual / values[GAIN], turn, machine.sensors.encoder.cycle_turns)

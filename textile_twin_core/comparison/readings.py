@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.errors import RecordingError
+
+if TYPE_CHECKING:
+    from textile_twin_core.comparison.stamp_timing import StampTiming
 
 FEWEST_TURNS = 1.0
 """Turns of the shaft without which nothing can be told of the settings."""
@@ -30,6 +34,7 @@ class Readings:
     """One recording: angles (n,) as logged and torque (m,) as logged, each with its stamps in ns.
 
     velocities: (n,) speed as logged, None where there is none.
+    stamped: topics that were stamped in bursts, whose times are reconstructed.
     """
 
     angle_stamps_ns: IntArray
@@ -37,6 +42,7 @@ class Readings:
     torque_stamps_ns: IntArray
     torque: FloatArray
     velocities: FloatArray | None = None
+    stamped: tuple[StampTiming, ...] = ()
 
     def __post_init__(self) -> None:
         if np.count_nonzero(np.isfinite(self.angle)) < 16:

@@ -17,6 +17,7 @@ from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.machine_topics import MachineTopics, unit_notes
 from textile_twin_core.recordings.prediction import recompute
 from textile_twin_core.recordings.recorded_clock import on_one_clock
+from textile_twin_core.recordings.sample_times import evenly_timed
 
 _BINS = 360
 _TURNING_SHARE = 0.1
@@ -46,6 +47,7 @@ def overlay(path: str | Path, machine: Machine, topics: MachineTopics | None = N
     topics = topics or MachineTopics()
     angles = topics.read_angles(bag, machine.sensors.encoder)
     measured, clocks = on_one_clock(angles, topics.read_torques(bag))
+    angles, measured, timings = evenly_timed(angles, measured, machine)
     shaft = recompute(angles, machine, "smooth", None)
     sensor = machine.sensors.torque
     begin = shaft.stamps_ns[0]
@@ -68,7 +70,7 @@ def overlay(path: str | Path, machine: Machine, topics: MachineTopics | None = N
     with np.errstate(invalid="ignore"):
         mean = np.bincount(bins, torque, minlength=_BINS) / count
     centres = (np.arange(_BINS, dtype=np.float64) + 0.5) * (2.0 * np.pi / _BINS)
-    notes = [*bag.notices, *unit_notes(angles), *clocks]
+    notes = [*bag.notices, *unit_notes(angles), *clocks, *(timing.text for timing in timings)]
     if ends_Nm.size:
         notes.append(range_end_note(int(np.count_nonzero(cut)), ends_Nm, "the curve is"))
     return Overlay(Path(path).name, centres, mean, tuple(notes))

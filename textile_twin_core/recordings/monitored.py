@@ -20,6 +20,7 @@ from textile_twin_core.recordings.bag import open_bag
 from textile_twin_core.recordings.machine_topics import MachineTopics, unit_notes
 from textile_twin_core.recordings.recorded_clock import on_one_clock
 from textile_twin_core.recordings.recording import Progress
+from textile_twin_core.recordings.sample_times import evenly_timed
 
 _MOST_LEFT = 0.5
 """Share of the measured torque (rms) that the machine may leave unexplained without a word."""
@@ -63,8 +64,11 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
         bag = open_bag(job.bag)
         angles = job.topics.read_angles(bag, job.machine.sensors.encoder)
         torque, clocks = on_one_clock(angles, job.topics.read_torques(bag))
-        notes = (*bag.notices, *unit_notes(angles), *clocks)
-        readings = Readings(angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, angles.velocities)
+        angles, torque, timings = evenly_timed(angles, torque, job.machine)
+        notes = (*bag.notices, *unit_notes(angles), *clocks, *(timing.text for timing in timings))
+        readings = Readings(
+            angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, angles.velocities, tuple(timings)
+        )
         found = monitor_recording(readings, job.machine, job.settings, progress=progress)
     except TwinError as error:
         return Watched(job.bag, {}, (), str(error))

@@ -18,6 +18,7 @@ from textile_twin_core.recordings.prediction import predictions
 from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
 from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.recordings.rosbag2_metadata import LATCHED
+from textile_twin_core.recordings.sample_times import evenly_timed, evenly_timed_angles
 from textile_twin_core.recordings.samples import TorqueSamples
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin import Samples, compile_machine
@@ -66,15 +67,19 @@ def replay_bag(
     out.add_topic(description, "std_msgs/msg/String", LATCHED)
     out.write(description, bag.start_ns, encode_string(machine.urdf()))
     residual = None
-    clocks = clock_notes(angles)
+    clocks, recorded_stamps = clock_notes(angles), angles.stamps
     if topics.has_torque and bag.has_topic(recorded.torque_in(bag)):
         jumps = load_jumps(compile_machine(machine, [TORQUE]))
         stream = ResidualStream(machine.sensors.torque, jumps)
         measured, clocks = on_one_clock(angles, recorded.read_torques(bag))
-        residual = _Residual(stream, measured, out, writer.residual)
+        angles, torque, timings = evenly_timed(angles, measured, machine)
+        residual = _Residual(stream, torque, measured.stamps, out, writer.residual)
+    else:
+        angles, timings = evenly_timed_angles(angles, machine)
+    clocks = [*clocks, *(timing.text for timing in timings)]
     session = compile_machine(machine, topics.outputs).session(shaft, **shaft_settings)
     for samples in predictions(session, angles, progress):
-        writer.write(samples)
+        writer.write(samples, recorded_stamps[samples.index])
         if residual is not None:
             residual.write(samples)
     return Replay(session.report, out.counts, [*unit_notes(angles), *clocks])
@@ -92,9 +97,8 @@ class _Predictions:
         self._points = {f"{namespace}/{topic}": point for topic, point in topics.points.items()}
         self.topics = (self._torque, self._sigma, self.residual, self._joint_states, *self._points)
 
-    def write(self, samples: Samples) -> None:
-        """Write the predictions of a block."""
-        stamps = np.asarray(samples.stamps, np.int64)
+    def write(self, samples: Samples, stamps: IntArray) -> None:
+        """Write the predictions of a block at the stamps (n,) of their samples [ns]."""
         if self._predicted.has_torque:
             self._out.write_wrenches(self._torque, stamps, samples[TORQUE])
             self._out.write_wrenches(self._sigma, stamps, samples.torque_sigma_Nm)
@@ -111,8 +115,11 @@ class _Predictions:
 class _Residual:
     """Writes measured minus predicted torque, paired as the live twin pairs them."""
 
-    def __init__(self, stream: ResidualStream, torque: TorqueSamples, out: BagWriter, topic: str) -> None:
+    def __init__(
+        self, stream: ResidualStream, torque: TorqueSamples, stamps: IntArray, out: BagWriter, topic: str
+    ) -> None:
         self._stream, self._torque, self._out, self._topic = stream, torque, out, topic
+        self._stamps = None if torque.timing is None else stamps  # as recorded
         # One stamp far ahead does not keep those after it waiting.
         later = np.concatenate([torque.stamps, np.full(_LOOK_AHEAD, np.iinfo(np.int64).max)])
         self._due = np.lib.stride_tricks.sliding_window_view(later, _LOOK_AHEAD + 1).min(axis=1)
@@ -136,4 +143,6 @@ class _Residual:
             start = end
         if found:
             times = np.array([residual.stamp_ns for residual in found], np.int64)
+            if self._stamps is not None:
+                times = self._stamps[np.searchsorted(self._torque.stamps, times)]
             self._out.write_wrenches(self._topic, times, np.array([residual.residual_Nm for residual in found]))

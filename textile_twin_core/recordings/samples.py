@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison.stamp_timing import StampTiming
 
 
 @dataclass(frozen=True)
@@ -13,12 +14,14 @@ class AngleSamples:
 
     stamps: ns, from the message headers; for Float64, which has none, when recorded.
     velocities: rad/s, NaN where a message has none; None when no message has one.
+    timing: how the stamps come in bursts, where these are reconstructed times; None: as recorded.
     """
 
     topic: str
     stamps: IntArray
     angles_rad: FloatArray
     velocities: FloatArray | None
+    timing: StampTiming | None = None
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -26,11 +29,12 @@ class AngleSamples:
 
 @dataclass(frozen=True)
 class TorqueSamples:
-    """Torques about the shaft in the order recorded; arrays of shape (n,). Stamps as in AngleSamples."""
+    """Torques about the shaft in the order recorded; arrays of shape (n,). Stamps and timing as in AngleSamples."""
 
     topic: str
     stamps: IntArray
     torque_Nm: FloatArray
+    timing: StampTiming | None = None
 
     def __len__(self) -> int:
         return len(self.stamps)

@@ -8,9 +8,10 @@ from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.readings import other_unit
 from textile_twin_core.shaft import SampleReport
+from textile_twin_core.shaft.sample_clock import even_times, find_bursts
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, Status
 
 WINDOW_S = 5.0
@@ -122,6 +123,24 @@ def sample_findings(growth: Mapping[str, float], what: str) -> list[Finding]:
         if growth.get(name, 0.0) > 0
     ]
     return findings
+
+
+def burst_findings(stamps_ns: IntArray, values: FloatArray, angles: bool) -> list[Finding]:
+    """Whether the latest samples (n,) were stamped in bursts: predictions and residuals are then wrong.
+
+    Args:
+        stamps_ns: their stamps, in the order in which they came.
+        values: what was sampled; `angles`: whether these are angles [rad].
+    """
+    bursts = find_bursts(stamps_ns, uneven=angles)
+    if bursts is None:
+        return []
+    if angles:  # uneven intervals may be lost samples, and samples may be taken in bursts: the angle shows it
+        found = even_times(stamps_ns, values, angles=True)
+        if found is None:
+            return []
+    text = f"stamps in bursts: {bursts.text}; stamp samples where they are taken, the prediction is wrong with these"
+    return [Finding("bursts", WARN, text)]
 
 
 def joint_findings(joint: str, others: Collection[str] | None, silent_s: float) -> list[Finding]:

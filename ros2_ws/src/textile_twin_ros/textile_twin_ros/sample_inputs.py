@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
 from time import monotonic, perf_counter_ns, time_ns
 from typing import Any, TypeAlias
 
+import numpy as np
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind
@@ -19,6 +21,7 @@ from textile_twin_ros.endpoints import NAMELESS, describe_publishers, publisher_
 from textile_twin_ros.health import (
     Finding,
     Recent,
+    burst_findings,
     joint_findings,
     judged,
     late_findings,
@@ -47,6 +50,8 @@ Kind: TypeAlias = tuple[str, Callable[[str], Reader]]
 # Reliability is the node's own parameter, which knows a third value.
 _OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH))
 _BLOCK = 64
+_WINDOW = 512
+"""Latest samples whose stamps are looked at for bursts."""
 _PAUSE_NS = 100_000
 _CATCH_UP_NS = 200_000_000
 _NAN = float("nan")
@@ -128,6 +133,9 @@ class SampleInput:
         take: called with the block's samples.
     """
 
+    angle_unit_rad: float | None = None
+    """What one unit of the samples is; None where they are no angles."""
+
     def __init__(
         self,
         node: Node,
@@ -149,6 +157,7 @@ class SampleInput:
         self._recent = Recent()
         self._stamped = self.msgtype != FLOAT64
         self._newest_ns: int | None = None
+        self._window: deque[tuple[int, float]] = deque(maxlen=_WINDOW)
         self._ready_ns = self._catch_up_ns = 0
         self._late_s = 0.0
         self._all_named = monotonic()
@@ -172,10 +181,19 @@ class SampleInput:
             *joint_findings(self._joint, others.names() if others.sources() else None, self.watch.silent_s),
             *late_findings(self._late_s),
             *stamp_findings(self._newest_ns, self._stamped),
+            *self._burst_findings(),
             *sample_findings(growth, "messages"),
             *publisher_findings(self._publishers(), self.name, others.sources()),
         ]
         return judged(status, findings)
+
+    def _burst_findings(self) -> list[Finding]:
+        """Whether the latest samples were stamped in bursts; edges come when they pass."""
+        if self.msgtype == HEADER or not self._window:
+            return []
+        stamps, values = zip(*self._window, strict=True)
+        scale = 1.0 if self.angle_unit_rad is None else self.angle_unit_rad
+        return burst_findings(np.array(stamps, np.int64), np.array(values) * scale, self.angle_unit_rad is not None)
 
     def _publishers(self) -> list[str]:
         """Names of who publishes there, without those that have none yet: a node's name may come after its topics."""
@@ -190,6 +208,7 @@ class SampleInput:
         self.watch.restart()
         self._recent, self._newest_ns = Recent(), None
         self._other_joints = OtherJoints()
+        self._window.clear()
 
     def has_publishers(self) -> bool:
         """Whether anybody publishes there."""
@@ -256,6 +275,7 @@ class SampleInput:
             waiting = self._next() if late and stamped and received < _BLOCK else None
         if block:
             self._newest_ns = block[-1][0]
+            self._window.extend([(stamp, value) for stamp, value, _ in block])
             self._take(block)
         if received > of_others:
             self.watch.took(received - of_others)

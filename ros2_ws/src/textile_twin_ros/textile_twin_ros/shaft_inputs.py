@@ -48,7 +48,7 @@ class AngleInput(SampleInput):
         self._create = lambda: reference_of(machine.sensors.encoder, settings.angle_type == "edges", settings.index)
         self._reference = self._create()
         common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
-        self._unit = settings.angle_unit_rad
+        self._unit = self.angle_unit_rad = settings.angle_unit_rad
         self._latest: deque[float] = deque(maxlen=0 if settings.angle_type == "edges" else _REMEMBERED)
         super().__init__(node, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, self._on_samples)
         self._index = SampleInput(node, "main_shaft/index", EDGES, *common, self._on_pulses) if settings.index else None

@@ -1,0 +1,39 @@
+"""What `compare` says of samples: the steps of the command, on arrays."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from tests.generators.bridged_samples import Sampled
+from textile_twin_core.comparison import Comparison, Readings, assess, compare_torque
+from textile_twin_core.comparison.stamp_timing import widened_fit
+from textile_twin_core.machine import Machine
+from textile_twin_core.recordings.prediction import recompute
+from textile_twin_core.recordings.sample_times import evenly_timed
+from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
+
+
+def judged(samples: Sampled, machine: Machine) -> Comparison:
+    """The comparison of samples with a machine, their stamps as they are."""
+    angles = AngleSamples("/angle", samples.angle_stamps, samples.angle, None)
+    torque = TorqueSamples("/torque", samples.torque_stamps, samples.torque_Nm)
+    angles, torque, timings = evenly_timed(angles, torque, machine)
+    predicted = recompute(angles, machine)
+    readings = Readings(angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, stamped=tuple(timings))
+    assessed = assess(readings, machine, predicted.track)
+    comparison = compare_torque(
+        torque.stamps,
+        torque.torque_Nm,
+        predicted.stamps_ns,
+        predicted.torque_Nm,
+        predicted.theta_rad,
+        torque_sensor=machine.sensors.torque,
+        events=machine.events(),
+        settled=predicted.settled,
+        predicted_sigma_Nm=predicted.sigma_Nm,
+        rejected=predicted.rejected,
+    )
+    fit, notes = widened_fit(comparison.fit, timings)
+    return dataclasses.replace(
+        comparison, fit=fit, notes=(*comparison.notes, *notes, *assessed.notes), verdict=assessed.verdict
+    )

@@ -1,0 +1,95 @@
+"""What stamps in bursts leave unknown: the cause in the verdict, and the wider interval of the delay."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from textile_twin_core.comparison.delay import SensorFit
+from textile_twin_core.comparison.uncertainty import Estimate
+from textile_twin_core.comparison.verdict import Cause
+from textile_twin_core.shaft.sample_clock import StampBursts
+
+MOST_HALF_WIDTH_S = 3e-4
+"""Half the width of the delay's interval above which a delay is not stated."""
+NOT_JUDGED = frozenset(
+    (
+        "encoder_zero",
+        "encoder_direction",
+        "encoder_ratio",
+        "angle_rate",
+        "torque_sign",
+        "delay",
+        "zero_or_delay",
+        "clocks_drift",
+        "other_machine",
+    )
+)
+"""Causes that wrong times feign."""
+_TWO_SIGMA = 1.96
+
+
+@dataclass(frozen=True)
+class StampTiming:
+    """How the samples of a topic were stamped in bursts, and what is known of their true times.
+
+    Attributes:
+        topic: their topic.
+        bursts: the pattern of the stamps.
+        period_s: sampling period of the reconstructed times [s].
+        half_width_s: half the width of the interval of their common offset [s].
+    """
+
+    topic: str
+    bursts: StampBursts
+    period_s: float
+    half_width_s: float
+
+    @property
+    def text(self) -> str:
+        """The pattern and what was done about it, in words."""
+        return (
+            f"topic {self.topic}: {self.bursts.text}; used instead: even times, {self.period_s * 1e3:.4g} ms apart,"
+            f" together right within +-{self.half_width_s * 1e3:.2g} ms beside the constant latency of the link, which"
+            " no stamp shows"
+        )
+
+
+def half_width(timings: Sequence[StampTiming]) -> float:
+    """Half the width of the interval that the offsets of angle and torque leave to the delay [s]."""
+    return sum(timing.half_width_s for timing in timings)
+
+
+def burst_verdict(timings: Sequence[StampTiming], causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """The verdict with stamps in bursts first, and without the causes that wrong times feign."""
+    if not timings:
+        return tuple(causes)
+    text = "; ".join(timing.text for timing in timings)
+    advice = "; stamp samples where they are taken. Direction, sign, zero, delay and machine are not judged"
+    first = Cause("stamps_in_bursts", text + advice, max(timing.bursts.period_s for timing in timings))
+    return (first, *(cause for cause in causes if cause.cause not in NOT_JUDGED))
+
+
+def widened_fit(fit: SensorFit, timings: Sequence[StampTiming]) -> tuple[SensorFit, tuple[str, ...]]:
+    """A fit whose delay has the interval that the stamps leave, and a note where it is too wide to state a delay."""
+    half = half_width(timings)
+    if not timings or math.isnan(fit.delay_sigma_s):
+        return fit, ()
+    sigma = math.hypot(fit.delay_sigma_s, half)
+    if half <= MOST_HALF_WIDTH_S:
+        return replace(fit, delay_sigma_s=sigma), ()
+    note = (
+        f"the torque's delay is not stated: stamps in bursts leave an interval of {(fit.delay_s - half) * 1e3:.2f} .."
+        f" {(fit.delay_s + half) * 1e3:.2f} ms beside the latency of the link; the errors are at its middle"
+    )
+    return replace(fit, delay_sigma_s=sigma, identifiable=False), (note,)
+
+
+def widened(delay: Estimate, timings: Sequence[StampTiming]) -> Estimate:
+    """An estimated delay [s] with the interval that the stamps leave."""
+    half = half_width(timings)
+    if not timings or math.isnan(delay.sigma):
+        return delay
+    sigma = math.hypot(delay.sigma, half)
+    return Estimate(delay.value, sigma, (delay.value - _TWO_SIGMA * sigma, delay.value + _TWO_SIGMA * sigma))
