@@ -33,3 +33,30 @@ class AlignmentError(TwinError):
 
 class ContactError(TwinError):
     """A contact model or its motion cannot be: a bad parameter, a start inside a stop, a body jammed between stops."""
+
+
+_EXTRAS = {
+    "files": ("lz4", "mcap", "pyarrow", "rosbags", "zstandard"),
+    "view": ("matplotlib", "rerun"),
+    "design": ("aiohttp", "ezdxf"),
+    "plc": ("asyncua", "pymodbus"),
+    "logs": ("asammdf", "h5py", "nptdms"),
+    "cluster": ("dask", "distributed"),
+}
+"""Modules by the extra of pyproject.toml that brings them."""
+_PACKAGES = {"rerun": "rerun-sdk", "nptdms": "npTDMS", "dask": "distributed"}
+"""Packages that are not called as their module."""
+
+
+def how_to_install(module: str, *more: str) -> str:
+    """The words for a user who lacks a module: the package's own name, and the extra in a checkout with `more` of them.
+
+    Example:
+        >>> how_to_install("pyarrow.csv")
+        "pip install pyarrow, or in a checkout pip install '.[files]'"
+    """
+    module = module.partition(".")[0]
+    package = f"pip install {_PACKAGES.get(module, module)}"
+    extra = next((extra for extra, modules in _EXTRAS.items() if module in modules), "")
+    extras = ",".join(dict.fromkeys([*filter(None, [extra]), *more]))
+    return f"{package}, or in a checkout pip install '.[{extras}]'" if extras else package

@@ -55,7 +55,7 @@ def test_a_folder_is_watched_alike_by_one_process_and_by_two(
 
 @pytest.mark.slow
 def test_twenty_recordings_on_a_cluster_give_the_table_of_one_process(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed", reason="no Dask: pip install 'textile-twin-core[cluster]'")
+    distributed = pytest.importorskip("distributed", reason="no Dask: pip install distributed")
     folder = tmp_path / "bags"
     folder.mkdir()
     for number in range(20):

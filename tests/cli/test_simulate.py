@@ -197,6 +197,18 @@ def test_a_machine_with_impacts_tells_them(tmp_path: Path, capsys: pytest.Captur
     assert "17.9544" in capsys.readouterr().out
 
 
+def test_a_picture_and_a_table_of_one_turn_at_the_usual_samples(tmp_path: Path) -> None:
+    out, png = tmp_path / "turn.csv", tmp_path / "turn.png"
+    assert main(["simulate", "tufting", "--rpm", "160", "--out", str(out), "--png", str(png)]) == 0
+    assert len(out.read_text().splitlines()) == 361 and png.read_bytes().startswith(b"\x89PNG")
+
+
+def test_nothing_is_drawn_before_the_rest_is_known_to_be_right(tmp_path: Path) -> None:
+    png = tmp_path / "turn.png"
+    assert main(["simulate", "tufting", "--out", str(tmp_path / "turn.csv"), "--png", str(png)]) == 2
+    assert not png.exists()
+
+
 _TURN = ["--rpm", "160", "--samples", "36"]
 
 
@@ -207,7 +219,7 @@ _TURN = ["--rpm", "160", "--samples", "36"]
         (["no_such.yaml", *_TURN], "no_such.yaml: no such file"),
         (["tufting", *_TURN, "--outputs", "balancing_torqe_Nm"], "did you mean balancing_torque_Nm"),
         (["tufting", *_TURN, "--outputs", ","], "--outputs names nothing"),
-        (["tufting", "--rpm", "160"], "--samples N"),
+        (["tufting", "--samples", "90"], "--rpm R"),
         (["tufting"], "--input motion.csv"),
         (["tufting", "--rpm", "fast", "--samples", "3"], "must be a number, not 'fast'"),
         (["tufting", "--rpm", "nan", "--samples", "3"], "must be a number, not 'nan'"),

@@ -159,4 +159,4 @@ def test_without_its_library_the_way_to_it_is_one_line(
         monkeypatch.setitem(sys.modules, package, None)
     assert main(["import", str(tmp_path / name), "--out", str(tmp_path / "bag")]) == 2
     said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "pip install '.[logs]' in a checkout" in said
+    assert said.count("\n") == 1 and "in a checkout pip install '.[logs]'" in said

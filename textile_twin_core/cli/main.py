@@ -10,7 +10,7 @@ from importlib import import_module
 from importlib.metadata import version
 
 from textile_twin_core.cli.mistakes import BeyondLimitError, nearest, tell
-from textile_twin_core.errors import TwinError
+from textile_twin_core.errors import TwinError, how_to_install
 
 COMMANDS = {
     "machines": "the machines, their outputs and parameters",
@@ -37,8 +37,9 @@ COMMANDS = {
 _MODULES = {"import": "import_log"}
 """Modules that cannot be called as their command is, a word of the language."""
 
+_ALSO = {"explore": ("files", "design")}
+"""Extras that a command needs beside that of the first package that is missing."""
 _TRACE = "TEXTILE_TWIN_TRACEBACK"
-_OF_THE_DESIGN_PAGE = ("aiohttp", "ezdxf")
 
 
 def _help() -> str:
@@ -75,8 +76,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("textile_twin_core"):
             raise
-        extras = "files,design" if error.name in _OF_THE_DESIGN_PAGE else "files,view"
-        return _say(f"this needs the package {error.name}; pip install 'textile-twin-core[{extras}]'", 2)
+        more = _ALSO.get(given[0], ())
+        return _say(f"this needs the package {error.name.partition('.')[0]}; {how_to_install(error.name, *more)}", 2)
     except KeyboardInterrupt:
         return _say("interrupted", 130)
     except BrokenPipeError:

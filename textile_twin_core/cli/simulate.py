@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.cli.arguments import Parser, add_machine, positive, samples, shaft_speed
+from textile_twin_core.cli.arguments import Parser, add_machine, positive, shaft_speed
+from textile_twin_core.cli.arguments import samples as sample_count
 from textile_twin_core.cli.mistakes import UsageError, nearest, tell
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.places import check_output, keep_input
@@ -22,6 +23,7 @@ from textile_twin_core.files.motion_table import looks_like_degrees, turned_and_
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin import compile_machine
 
+_SAMPLES = 360
 _MOST_EVENTS = 40
 _BOUNCES = ("impact", "rest")
 _SUFFIXES = (".csv", ".parquet", ".mcap")
@@ -38,7 +40,12 @@ def parser() -> Parser:
     )
     add_machine(parser, option=False)
     parser.add_argument("--rpm", type=shaft_speed, metavar="R", help="one revolution at this constant speed")
-    parser.add_argument("--samples", type=samples, metavar="N", help="samples of the revolution, at theta = 2 pi k/N")
+    parser.add_argument(
+        "--samples",
+        type=sample_count,
+        metavar="N",
+        help=f"samples of the revolution, at theta = 2 pi k/N (default {_SAMPLES})",
+    )
     parser.add_argument(
         "--input",
         type=Path,
@@ -74,13 +81,13 @@ def run(arguments: argparse.Namespace) -> None:
     check_output("--out", arguments.out, *_SUFFIXES)
     keep_input(arguments.out, arguments.input)
     machine = load_machine(arguments.machine, arguments.set)
+    if arguments.out is None:
+        _draw(arguments, machine)
+        return
+    # What was asked for is looked at before the first file is written.
+    names, motion = _outputs(machine, arguments.outputs), _motion(arguments)
     if arguments.png is not None:
         _draw(arguments, machine)
-    if arguments.out is None:
-        return
-    names = _outputs(machine, arguments.outputs)
-
-    motion = _motion(arguments)
     with stages(len(motion)) as stage:
         stage("computing", _COMPUTED, 1)
         values, events = _evaluate(arguments, machine, names, motion)
@@ -177,8 +184,9 @@ def _motion(arguments: argparse.Namespace) -> MotionTable:
                 f" {away[1]:.4g} rad as omega_rad_s says: is one in degrees, rpm or ms? They are taken as named"
             )
         return motion
-    if arguments.rpm is None or arguments.samples is None:
-        raise UsageError("give the motion: --rpm R --samples N for one revolution, or --input motion.csv")
-    theta = 2.0 * math.pi * np.arange(arguments.samples) / arguments.samples
-    omega = np.full(arguments.samples, arguments.rpm * 2.0 * math.pi / 60.0)
-    return MotionTable(theta, omega, np.zeros(arguments.samples))
+    if arguments.rpm is None:
+        raise UsageError("give the motion: --rpm R for one revolution, or --input motion.csv")
+    samples = arguments.samples or _SAMPLES
+    theta = 2.0 * math.pi * np.arange(samples) / samples
+    omega = np.full(samples, arguments.rpm * 2.0 * math.pi / 60.0)
+    return MotionTable(theta, omega, np.zeros(samples))

@@ -6,6 +6,7 @@ import csv
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -190,13 +191,19 @@ def write_table(
     `progress` is called with the number of rows just written. The file appears when it is complete.
     Raises OutputError for another suffix or a place that cannot be written.
     """
+    path = Path(path)
+    if path.suffix not in TABLE_SUFFIXES:
+        raise OutputError(f"output {path}: a table must end in {' or '.join(TABLE_SUFFIXES)}")
+    if path.suffix == ".csv" and find_spec("pyarrow") is None:
+        with staged(path) as partial, partial.open("w", encoding="utf-8") as file:
+            file.write(",".join(columns) + "\n")
+            rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
+            file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+        return
     import pyarrow
     import pyarrow.csv
     import pyarrow.parquet
 
-    path = Path(path)
-    if path.suffix not in TABLE_SUFFIXES:
-        raise OutputError(f"output {path}: a table must end in {' or '.join(TABLE_SUFFIXES)}")
     with staged(path) as partial:
         table = pyarrow.table({name: pyarrow.array(np.ascontiguousarray(values)) for name, values in columns.items()})
         if path.suffix == ".parquet":

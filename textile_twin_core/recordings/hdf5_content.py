@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from textile_twin_core.errors import RecordingError
-from textile_twin_core.recordings.extras import needs
+from textile_twin_core.errors import RecordingError, how_to_install
 
 if TYPE_CHECKING:
     import h5py
@@ -25,7 +24,7 @@ def hdf5_content(path: Path) -> dict[str, Any]:
     try:
         import h5py
     except ImportError as error:
-        raise RecordingError(needs(f"{path}: an HDF5 file", "h5py", "logs")) from error
+        raise RecordingError(f"{path}: an HDF5 file needs the package h5py; {how_to_install('h5py')}") from error
     try:
         with h5py.File(path, "r") as file:
             return _group(file, file)

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.errors import RecordingError
-from textile_twin_core.recordings.extras import needs
+from textile_twin_core.errors import RecordingError, how_to_install
 from textile_twin_core.recordings.log_cells import LogTable
 from textile_twin_core.recordings.log_columns import choose
 
@@ -32,13 +31,13 @@ def read_measured(path: Path, table: str | None) -> LogTable:
     """
     for name in ("asammdf", "canmatrix", "nptdms"):  # what they would log is in the error
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    library = "npTDMS" if path.suffix.lower() == ".tdms" else "asammdf"
+    library = "nptdms" if path.suffix.lower() == ".tdms" else "asammdf"
     words = ""
     with _without_words_of_its_end():
         try:
-            log = _tdms(path, table) if library == "npTDMS" else _mdf(path, table)
+            log = _tdms(path, table) if library == "nptdms" else _mdf(path, table)
         except ImportError:
-            words = needs("a file of a measuring program", library, "logs")
+            words = f"needs the package {library}; {how_to_install(library)}"
         except RecordingError:
             raise
         except Exception as error:  # each of these libraries has errors of its own

@@ -14,7 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 
 from textile_twin_core.arrays import IntArray
-from textile_twin_core.errors import RecordingError
+from textile_twin_core.errors import RecordingError, how_to_install
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock
 from textile_twin_core.recordings.mcap_contents import Contents
 from textile_twin_core.recordings.mcap_damage import Damage
@@ -163,7 +163,9 @@ class McapFile:
         try:
             unpacked = decompress(compression, data, size)
         except ImportError as error:
-            raise RecordingError(f"{self.path}: compressed with {compression}; pip install {error.name}") from error
+            raise RecordingError(
+                f"{self.path}: compressed with {compression}; {how_to_install(error.name or compression)}"
+            ) from error
         except (ValueError, RuntimeError) as error:
             raise self._damaged(part, str(error)) from error
         except Exception as error:  # zstandard and lz4 each have an error class of their own

@@ -14,7 +14,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.fault_watch import Alarm, WatchSettings
 from textile_twin_core.comparison.monitor import monitor_recording
-from textile_twin_core.errors import RecordingError, TwinError
+from textile_twin_core.errors import RecordingError, TwinError, how_to_install
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag import open_bag
 from textile_twin_core.recordings.machine_topics import MachineTopics, unit_notes
@@ -121,7 +121,7 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Iterator[Watched]:
     try:
         from dask.distributed import Client, as_completed
     except ModuleNotFoundError as error:
-        raise RecordingError("--dask needs the package distributed; pip install 'distributed'") from error
+        raise RecordingError(f"--dask needs the package distributed; {how_to_install('distributed')}") from error
     try:
         client = Client(scheduler, timeout=10)
     except (OSError, ValueError) as error:

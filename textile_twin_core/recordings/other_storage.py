@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from textile_twin_core.errors import RecordingError
+from textile_twin_core.errors import RecordingError, how_to_install
 from textile_twin_core.recordings.cdr_decode import MessageBlock
 from textile_twin_core.recordings.rosbag2_metadata import OfferedQos, TopicInfo
 from textile_twin_core.recordings.schemas import MessageSchema
@@ -49,7 +49,7 @@ class OtherFile:
         try:
             from rosbags.rosbag2 import Reader, ReaderError
         except ImportError as error:
-            raise RecordingError(f"{self.path}: not plain MCAP; pip install rosbags to read it") from error
+            raise RecordingError(f"{self.path}: not plain MCAP; {how_to_install('rosbags')}") from error
         try:
             with Reader(self.path) as reader:
                 yield reader

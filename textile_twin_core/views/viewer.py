@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from rerun.experimental import ViewerClient
 
-from textile_twin_core.errors import TwinError
+from textile_twin_core.errors import TwinError, how_to_install
 from textile_twin_core.views.rrd_file import check_whole
 
 _NEEDS = "it needs a graphics driver (Vulkan), such as the package mesa-vulkan-drivers"
@@ -190,5 +190,5 @@ def _free_port() -> int:
 def _program() -> Path:
     program = Path(sys.executable).with_name("rerun")
     if not program.exists():
-        raise TwinError(f"the rerun viewer is not installed beside {sys.executable}: install textile-twin-core[view]")
+        raise TwinError(f"the rerun viewer is not installed beside {sys.executable}: {how_to_install('rerun')}")
     return program

@@ -25,7 +25,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from textile_twin_core.errors import SceneError, TwinError
+from textile_twin_core.errors import SceneError, TwinError, how_to_install
 from textile_twin_ros.commands import ENDING_SIGNALS
 from textile_twin_ros.usage import explain, read_words
 
@@ -164,7 +164,7 @@ def run(command: str, create: Callable[[], SuiteNode], declaration: type, argume
         if error.name is None or error.name.startswith("textile_twin"):
             raise
         package = error.name.partition(".")[0]
-        code = _tell(command, f"this node needs the package {package}: pip install 'textile-twin-core[files,view,plc]'")
+        code = _tell(command, f"this node needs the package {package}; {how_to_install(package)}")
     finally:
         code = max(code, _end(command, nodes))
     return code
