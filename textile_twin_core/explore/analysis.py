@@ -47,7 +47,7 @@ def analyse(design: Design) -> Analysis:
     if isinstance(machine, ContactMachine):
         return analyse_contact(machine, design.speed_rad_s) if design.has_speed else analyse_transfer(machine)
     assert isinstance(machine, Machine)  # a family makes no other kind
-    theta = shaft_angles()
+    theta, meshes = shaft_angles(), [group.mesh for group in machine.groups if isinstance(group, GearPair)]
     points = _points(machine, theta)
     charts, numbers, curves = _motion(machine, design, theta)
     numbers[TRANSMISSION] = min((c.transmission_angle_rad for c in machine.closeness), default=math.nan)
@@ -65,7 +65,7 @@ def analyse(design: Design) -> Analysis:
     return Analysis(
         theta,
         points,
-        tuple(name for name, point in machine.linkage.solved.points.items() if point.is_fixed),
+        tuple(n for n, point in machine.linkage.solved.points.items() if point.is_fixed and n not in meshes),
         _bars(machine),
         tuple(charts),
         {name: float(value) for name, value in numbers.items()},

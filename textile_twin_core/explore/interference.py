@@ -14,6 +14,8 @@ from textile_twin_core.mechanism import EllipticGearPair
 
 _EVERY = 4
 """Of the samples looked at."""
+_TOUCH = 1e-9
+"""Sine of an angle below which a link's end lies on the other link, as a crank's pin in a slot does."""
 
 
 @dataclass(frozen=True)
@@ -29,14 +31,15 @@ class Clash:
 def clashes(
     machine: Machine, points: Mapping[str, tuple[FloatArray, FloatArray]], theta: FloatArray
 ) -> tuple[Clash, ...]:
-    """Pairs of links, gears apart, that share no joint and cross, with the widest range over which they do."""
+    """Pairs of links, gears apart, that share no joint or slot and cross, with the widest range over which they do."""
     places = {name: (x + 1j * y)[::_EVERY] for name, (x, y) in points.items()}
     gears = {name for g in machine.groups if isinstance(g, EllipticGearPair) for name in (g.driver, g.driven)}
     links = [link for link in machine.links if link.name not in gears]
+    slotted = [{joint.parent_link, joint.child_link} for joint in machine.joints if joint.kind == "prismatic"]
     found = []
     for i, a in enumerate(links):
         for b in links[i + 1 :]:
-            if {a.start, a.end} & {b.start, b.end}:
+            if {a.start, a.end} & {b.start, b.end} or {a.name, b.name} in slotted:
                 continue
             crossed = _cross(places[a.start], places[a.end], places[b.start], places[b.end])
             if crossed.any():
@@ -49,7 +52,9 @@ def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolAr
     """(n,) whether the segments a-b and c-d cross."""
 
     def side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
-        return np.asarray((np.conj(q - p) * (r - p)).imag)
+        way, to = q - p, r - p
+        found = np.asarray((np.conj(way) * to).imag)
+        return np.where(np.abs(found) > _TOUCH * np.abs(way) * np.abs(to), found, 0.0)
 
     return np.asarray((side(a, b, c) * side(a, b, d) < 0.0) & (side(c, d, a) * side(c, d, b) < 0.0))
 

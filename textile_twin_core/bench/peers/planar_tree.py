@@ -168,7 +168,7 @@ def _add(
             vector = (group.length_m * math.cos(angle), group.length_m * math.sin(angle))
             link(group.name, on, vector)
             places[group.end] = (on, vector)
-        case RRPDyad():
+        case RRPDyad() if group.guide_on is None:
             length, reach = group.lengths_m
             norm = math.hypot(*group.guide_direction)
             axis = (group.guide_direction[0] / norm, group.guide_direction[1] / norm)

@@ -50,7 +50,7 @@ class Positions:
                     link = links[group.on]
                     start, end = self._anchor(link.start), self._anchor(link.end)
                     self._add(group.end, pylinkage.FixedDyad(start, end, group.length_m, group.angle_rad))
-                case RRPDyad():
+                case RRPDyad() if group.guide_on is None:
                     (x, y), along = stand[group.end], np.array(group.guide_direction) / np.hypot(*group.guide_direction)
                     line = [pylinkage.Ground(*(np.array(group.guide_point_m) + k * along)) for k in (-1.0, 1.0)]
                     self.parts += line
