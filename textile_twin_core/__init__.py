@@ -14,7 +14,7 @@ from textile_twin_core.errors import (
     SceneError,
     TwinError,
 )
-from textile_twin_core.lazy import names_of
+from textile_twin_core.lazy import listing_of, names_of
 
 if TYPE_CHECKING:
     from textile_twin_core import machines
@@ -47,6 +47,7 @@ __all__ = [
 ]
 
 # The engine is imported when it is first used, so that commands which do not need it start at once.
+__dir__ = listing_of(__all__)
 __getattr__ = names_of(
     __name__,
     {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 
 
@@ -21,3 +21,9 @@ def names_of(package: str, places: Mapping[str, str]) -> Callable[[str], object]
         return module if place == name else getattr(module, there or name)
 
     return find
+
+
+def listing_of(names: Iterable[str]) -> Callable[[], list[str]]:
+    """A package's `__dir__`: the names that it offers, which `dir` and tab completion then show, and no others."""
+    shown = sorted(names)
+    return lambda: list(shown)

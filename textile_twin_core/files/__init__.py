@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from textile_twin_core.errors import OutputError
 from textile_twin_core.files.atomic import check_file, check_folder, remove, staged
-from textile_twin_core.lazy import names_of
+from textile_twin_core.lazy import listing_of, names_of
 
 if TYPE_CHECKING:
     from textile_twin_core.files.machine_file import load_machine_file, machine_document, save_machine_file
@@ -26,6 +26,7 @@ __all__ = [
     "write_table",
 ]
 
+__dir__ = listing_of(__all__)
 __getattr__ = names_of(
     __name__,
     {

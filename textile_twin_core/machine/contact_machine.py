@@ -111,6 +111,9 @@ class ContactMachine(Declared):
     choices: Mapping[str, str] = field(default_factory=dict)
     description: str = ""
 
+    def __repr__(self) -> str:
+        return f"<ContactMachine '{self.name}': {', '.join(self.elements)}; {len(self.outputs)} outputs>"
+
     def __post_init__(self) -> None:
         for kept in ("start_m", "parameters", "choices"):
             object.__setattr__(self, kept, MappingProxyType(dict(getattr(self, kept))))

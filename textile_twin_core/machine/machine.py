@@ -29,6 +29,11 @@ class Machine(Declaration):
             _ = self.model.outputs, self.model.first.reduction, self.model.first.load_torque
             # so a wrong declaration is refused at once
 
+    def __repr__(self) -> str:
+        measures = f", measures {', '.join(measure.name for measure in self.measures)}" if self.measures else ""
+        loads = f", {len(self.loads)} load{'s' * (len(self.loads) > 1)}" if self.loads else ""
+        return f"<Machine '{self.name}': {len(self.links)} links{loads}{measures}; {len(self.outputs)} outputs>"
+
     @cached_property
     def model(self) -> MachineModel:
         """Expressions of all outputs, built when asked for."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from textile_twin_core.errors import MachineError
+from textile_twin_core.lazy import listing_of
 from textile_twin_core.machine import (
     ENCODER_OPTIONS,
     AnyMachine,
@@ -101,3 +102,5 @@ __all__ = [
     "tufting",
     "with_encoder",
 ]
+
+__dir__ = listing_of(__all__)

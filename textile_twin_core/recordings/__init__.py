@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from textile_twin_core.lazy import names_of
+from textile_twin_core.lazy import listing_of, names_of
 
 if TYPE_CHECKING:
     from textile_twin_core.recordings.bag import Bag, open_bag
@@ -24,6 +24,7 @@ __all__ = [
     "open_bag",
 ]
 
+__dir__ = listing_of(__all__)
 __getattr__ = names_of(
     __name__,
     {

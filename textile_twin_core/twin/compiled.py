@@ -18,6 +18,7 @@ from textile_twin_core.twin.history import HistoryTwin
 from textile_twin_core.twin.instant import InstantPredictor
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
 from textile_twin_core.twin.plan import describe
+from textile_twin_core.twin.predictor import twin_text
 from textile_twin_core.twin.session import Session
 from textile_twin_core.twin.table import FINEST_TABLE, TableEvaluator
 
@@ -38,6 +39,9 @@ class Twin:
         self._expressions = {name: machine.model.output(name) for name in outputs}
         self._exact = ExactEvaluator(self._expressions)
         self._evaluator: ExactEvaluator | TableEvaluator = self._table if method == "table" else self._exact
+
+    def __repr__(self) -> str:
+        return twin_text(type(self).__name__, self.machine.name, self.outputs, self.method)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Compiled functions belong to their process: a copy is compiled anew.
@@ -190,11 +194,28 @@ def compile_machine(
     method: str | None = None,
     tolerance: float | None = None,
 ) -> Twin | HistoryTwin:
-    """Compile a machine for the outputs asked; what is None is taken from the machine's scene.
+    """Compile a machine into a twin that computes the outputs asked for and nothing else.
 
-    `method` is exact, table or auto (see Twin); `tolerance` the error over peak that a table may have.
+    Args:
+        machine: from `ttc.machines` or `ttc.load_machine`.
+        outputs: names of outputs, as `machine.outputs` lists them; those of the machine's scene without it.
+        method: "exact" evaluates closed forms, "table" periodic tables, "auto" whichever is faster (see `Twin`); that
+            of the machine's scene without it.
+        tolerance: error over the peak that a table may have; that of the machine's scene without it.
 
-    Raises SceneError for an unknown output or method, MachineError where the machine lacks what one needs.
+    Returns:
+        The twin: `evaluate` for shaft angles, speeds and accelerations, `session` for samples of an encoder. A
+        HistoryTwin for a machine with impacts.
+
+    Raises:
+        SceneError: an unknown output or method, or a tolerance that is not positive.
+        MachineError: the machine lacks what an output needs, such as masses.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> twin = ttc.compile(ttc.machines.tufting(), outputs=["balancing_torque_Nm"])
+        >>> round(twin.evaluate(1.0, 16.755, 0.0)["balancing_torque_Nm"], 3)
+        14.108
     """
     if isinstance(machine, (str, Path)):
         raise SceneError(f"compile takes a machine: ttc.machines.create('{machine}') or ttc.load_machine('{machine}')")

@@ -18,7 +18,7 @@ from textile_twin_core.machine import ContactMachine
 from textile_twin_core.machine.contact_motion import ContactMotion, measured_error
 from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
-from textile_twin_core.twin.predictor import StampedEvent
+from textile_twin_core.twin.predictor import StampedEvent, twin_text
 from textile_twin_core.twin.session import Session
 
 _MOST_EVENTS = 100_000
@@ -40,6 +40,9 @@ class HistoryTwin:
         if not 1e-14 <= tolerance <= 1e-3:
             raise SceneError(f"a machine with history takes a tolerance between 1e-14 and 1e-3, not {tolerance!r}")
         self._motion()  # refuse unknown outputs at once
+
+    def __repr__(self) -> str:
+        return twin_text(type(self).__name__, self.machine.name, self.outputs, self.method)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.machine, self.outputs, self.tolerance), {"events": self.events}

@@ -19,6 +19,21 @@ class StampedEvent(NamedTuple):
     event: ContactEvent
 
 
+_SHOWN = 4
+"""Names of outputs that a text lists."""
+
+
+def names_text(names: Sequence[str]) -> str:
+    """The first names, and how many more there are."""
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return f"{', '.join(names[:_SHOWN])}{more}"
+
+
+def twin_text(kind: str, machine: str, outputs: Sequence[str], method: str) -> str:
+    """What a twin prints as."""
+    return f"<{kind} of '{machine}', {method}: {names_text(outputs)}>"
+
+
 class Predictor(Protocol):
     """What turns shaft states into outputs, in their order."""
 

@@ -18,7 +18,7 @@ from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
-from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent
+from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent, names_text
 from textile_twin_core.twin.sense import SENSE_SIGMAS
 
 _PIECE = 65_536
@@ -53,6 +53,9 @@ class Samples:
     def __getstate__(self) -> dict[str, Any]:
         # The sensitivity is compiled and belongs to its process; what it tells goes along.
         return {**self.__dict__, "torque_sigma_Nm": self.torque_sigma_Nm, "_sensitivity": None}
+
+    def __repr__(self) -> str:
+        return f"<Samples: {len(self)}, {_span_text(self.stamps)}; outputs {names_text(tuple(self.outputs))}>"
 
     def __len__(self) -> int:
         return len(self.states)
@@ -132,15 +135,26 @@ def encoder_settings(encoder: Encoder) -> dict[str, Any]:
     }
 
 
+def _span_text(stamps: FloatArray | IntArray) -> str:
+    """From when to when; stamps are seconds, or whole numbers of nanoseconds."""
+    if not len(stamps):
+        return "no time"
+    unit = 1e-9 if np.issubdtype(np.asarray(stamps).dtype, np.integer) else 1.0
+    return f"{float(stamps[0]) * unit:.3f} to {float(stamps[-1]) * unit:.3f} s"
+
+
 class Session:
     """A twin that is fed with angle samples of its encoder."""
 
     def __init__(self, twin: AnyTwin, shaft: str, **settings: Any) -> None:
-        self.twin = twin
+        self.twin, self.shaft = twin, shaft
         self._encoder = twin.machine.sensors.encoder
         self._factor = self._encoder.direction * self._encoder.ratio
         self._estimator = create_estimator(shaft, **(encoder_settings(self._encoder) | settings))
         self._predictor: Predictor = twin.predictor()
+
+    def __repr__(self) -> str:
+        return f"<Session of {self.twin!r}, shaft '{self.shaft}', {self.report.text()}>"
 
     @property
     def report(self) -> SampleReport:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from typing import TYPE_CHECKING
 
-from textile_twin_core.lazy import names_of
+from textile_twin_core.lazy import listing_of, names_of
 
 if TYPE_CHECKING:
     from textile_twin_core.views.campbell import plot_campbell
@@ -45,6 +45,7 @@ __all__ = [
 # Where its settings cannot be kept, Matplotlib says so in two lines and draws all the same.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
+__dir__ = listing_of(__all__)
 __getattr__ = names_of(
     __name__,
     {
