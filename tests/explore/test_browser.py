@@ -184,6 +184,62 @@ def _drag_the_crank(page: Page, degrees: float) -> None:
     hand.release().perform()
 
 
+_LAID_OUT = """
+const box = document.querySelector(".menu > div").getBoundingClientRect(), root = document.documentElement;
+const words = [...document.querySelectorAll(".parameter label.name")].filter((label) => {
+  const text = label.firstChild, range = document.createRange();
+  return [...text.data.matchAll(/[^\\s.]+/g)].some((word) => {
+    range.setStart(text, word.index);
+    range.setEnd(text, word.index + word[0].length);
+    return range.getClientRects().length > 1;
+  });
+});
+return {
+  menu: [box.left, box.right, root.clientWidth],
+  wide: root.scrollWidth,
+  broken: words.map((label) => label.textContent),
+  slider: Math.min(...[...document.querySelectorAll(".parameter input[type=range]")].map((one) => one.clientWidth)),
+  ticks: [...document.querySelectorAll(".chart")].map((chart) => [...chart.querySelectorAll("g text")]
+    .filter((text) => text.getAttribute("text-anchor") === "end").map((text) => text.textContent)),
+  rpm: document.getElementById("rpm").value,
+};
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1400, 390])
+def test_a_machine_of_one_s_own_is_laid_out_on_any_screen(width: int, tmp_path: Path) -> None:
+    """A rocker arm whose reduced inertia hardly changes, at a speed that is no round number of rpm."""
+    pump = (Path(__file__).resolve().parents[2] / "examples" / "beam_pump.yaml").read_text()
+    file = tmp_path / "pump.yaml"
+    file.write_text(pump.replace("nominal_speed_rad_s: 1.0472", "nominal_speed_rad_s: 6.3"))
+    page = Page(f"{max(width, 500)},900")
+    try:
+        if width < 500:
+            page.as_phone(width, 844)
+        with served(str(file), XDG_CACHE_HOME=str(tmp_path)) as (_, address):
+            page.open(address)
+            page.find(".menu summary").click()
+            shown = page.driver.execute_script(_LAID_OUT)
+            page.driver.get("about:blank")
+    finally:
+        page.close()
+    left, right, edge = shown["menu"]
+    assert 0 <= left < right <= edge and shown["wide"] <= edge
+    assert shown["broken"] == [] and shown["slider"] > 200
+    assert shown["rpm"] == "60.16"
+    assert all(len(set(ticks)) == len(ticks) for ticks in shown["ticks"])
+
+
+def test_ticks_of_a_narrow_range_differ(page: Page) -> None:
+    made = page.driver.execute_async_script("""
+        const done = arguments[0];
+        import("/page/dom.js").then((dom) => done([
+          dom.apart([46.8401, 46.8402, 46.8403]), dom.apart([0, 20, 40]), dom.apart([-1e-9, 0, 1e-9]),
+        ])).catch((error) => done(String(error)));""")
+    assert made == [["46.8401", "46.8402", "46.8403"], ["0", "20", "40"], ["-1e-9", "0", "1e-9"]]
+
+
 def test_two_tabs_hold_two_designs(page: Page, address: str) -> None:
     first = page.driver.current_window_handle
     page.answered(lambda: page.type("p_crank_m", "42"))

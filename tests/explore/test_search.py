@@ -11,6 +11,7 @@ from textile_twin_core import machines
 from textile_twin_core.errors import SceneError
 from textile_twin_core.explore.analysis import analyse
 from textile_twin_core.explore.design import Design
+from textile_twin_core.explore.progress import failing_text
 from textile_twin_core.explore.search import Goal, SearchProgress, Task, search
 from textile_twin_core.synthesis.tolerance import Limit
 
@@ -114,3 +115,23 @@ def test_machine_with_a_history_is_searched_one_by_one() -> None:
 def test_tasks_that_are_none(task: Task, says: str) -> None:
     with pytest.raises(SceneError, match=says):
         search(Design.of(machines.elliptic_gear_beatup()), task)
+
+
+def test_the_limit_that_no_design_keeps_is_named() -> None:
+    design = Design.of(machines.elliptic_gear_beatup())
+    far = Limit("sley_stroke_m", True, 0.5)
+    near = Limit("smallest_transmission_angle_rad", True, math.radians(10.0))
+    found = search(design, Task(RANGES, GOALS, (near, far), 2), seconds=math.inf, generations=10)
+    assert not found.front
+    kept = {one.limit: one for one in found.kept}
+    assert kept[near].designs > 0 and kept[far].designs == 0
+    # The longest stroke that a crank of 50 mm gives, its arc at the sley's radius, is still far from half a metre.
+    assert 0.085 < kept[far].nearest < 0.5
+    text = failing_text(found.kept)
+    assert text == f"none has sley stroke at least 500 mm (the nearest has {1e3 * kept[far].nearest:.4g})"
+    # Each can be kept, and not both.
+    narrow = (Limit("sley_stroke_m", True, 0.09), Limit("sley_stroke_m", False, 0.08))
+    found = search(design, Task(RANGES, GOALS, narrow, 2), seconds=math.inf, generations=10)
+    assert not found.front and all(one.designs for one in found.kept)
+    fewest = min(found.kept, key=lambda one: one.designs)
+    assert failing_text(found.kept).startswith(f"{fewest.designs} have sley stroke at ")

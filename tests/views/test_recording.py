@@ -12,6 +12,7 @@ from tests.views.conftest import START_NS, Run, rows_of, scalars_of
 from textile_twin_core.comparison import compare_torque
 from textile_twin_core.errors import OutputError
 from textile_twin_core.views import write_comparison_recording
+from textile_twin_core.views.recording import limit_of
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def test_residual_has_gaps_where_nothing_was_compared(recording: Path, run: Run)
     times, values = scalars_of(recording, "/residual/residual")
     np.testing.assert_array_equal(np.isfinite(values), run.comparison.used)
     np.testing.assert_array_equal(values, run.comparison.residual_Nm)
-    limit = 3 * run.comparison.errors.rms_error_Nm
+    limit = limit_of(run.comparison)
     over_times, over = scalars_of(recording, "/residual/over_limit")
     expected = np.abs(np.nan_to_num(run.comparison.residual_Nm)) > limit
     np.testing.assert_allclose(over_times, times[expected], atol=1e-9)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.cli.arguments import Parser, add_machine, positive, shaft_speed
+from textile_twin_core.cli.arguments import Parser, add_machine, number, positive, shaft_speed
 from textile_twin_core.cli.arguments import samples as sample_count
 from textile_twin_core.cli.mistakes import UsageError, nearest, tell
 from textile_twin_core.cli.named_machine import load_machine
@@ -70,6 +70,12 @@ def parser() -> Parser:
     parser.add_argument(
         "--png", type=Path, metavar="FILE", help="draw the machine and its curves over one turn, at --rpm if given"
     )
+    parser.add_argument(
+        "--at",
+        type=number,
+        metavar="DEG",
+        help="with --png: shaft angle at which the linkage is drawn; default: where its links cover each other least",
+    )
     return parser
 
 
@@ -109,7 +115,7 @@ def _draw(arguments: argparse.Namespace, machine: AnyMachine) -> None:
     from textile_twin_core.views import plot_machine
 
     with staged(arguments.png) as partial, progress(1, "drawing", " pictures", long=1):
-        plot_machine(partial, machine, rpm=arguments.rpm)
+        plot_machine(partial, machine, rpm=arguments.rpm, at_deg=arguments.at)
     print(f"{arguments.png}: {arguments.machine}")
 
 

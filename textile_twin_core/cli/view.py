@@ -30,7 +30,12 @@ def parser() -> Parser:
     parser.add_argument(
         "--png", type=Path, metavar="FILE", help="draw the viewer's picture into a file instead; needs no screen"
     )
-    parser.add_argument("--at", type=number, metavar="S", help="with --png: the time shown (default: the end)")
+    parser.add_argument(
+        "--at",
+        type=number,
+        metavar="S",
+        help="with --png: the time shown (default: the end); of a machine: its shaft angle in deg",
+    )
     return parser
 
 
@@ -62,7 +67,8 @@ def _show_machine(arguments: argparse.Namespace) -> None:
     machine = load_machine(str(arguments.bag), arguments.set)
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
         picture, recording = Path(folder) / "machine.png", Path(folder) / f"{machine.name}.rrd"
-        write_picture(recording, plot_machine(picture, machine), title=machine.name)
+        write_picture(recording, plot_machine(picture, machine, at_deg=arguments.at), title=machine.name)
+        arguments.at = None  # it is no time
         _show(arguments, recording)
 
 

@@ -171,12 +171,12 @@ def _bars(machine: Machine) -> tuple[Bar, ...]:
 def _marks(machine: Machine, curves: dict[str, tuple[FloatArray, ...]], theta: FloatArray) -> list[Mark]:
     found = []
     for name, (position, velocity, _) in curves.items():
-        low, high = float(position.min()), float(position.max())
+        words, low, high = name.replace("_", " "), float(position.min()), float(position.max())
         for angle in _crossings(theta, -velocity):
             place = float(np.interp(angle, theta, position, period=_TURN))
             beats = name in _BEAT_UP and place > high - DWELL_SHARE * (high - low)  # not where it swings while it rests
-            found.append(Mark("beat-up" if beats else f"{name} front", angle))
-        found += [Mark(f"{name} rear", angle) for angle in _crossings(theta, velocity)]
+            found.append(Mark("beat-up" if beats else f"{words} front", angle))
+        found += [Mark(f"{words} rear", angle) for angle in _crossings(theta, velocity)]
         for load in machine.loads:
             if isinstance(load, Backing) and load.on == name and high >= load.entry_plane_m:
                 found += [Mark("entry", angle) for angle in _crossings(theta, position - load.entry_plane_m)]
@@ -190,7 +190,9 @@ def _dwells(design: Design, curves: dict[str, tuple[FloatArray, ...]], theta: Fl
         inside = smallest(position) + dwell_within(position, design.dwell_within_m) - position
         ends = _crossings(theta, -inside)
         for begin in _crossings(theta, inside):
-            yield Span(f"{name} dwell", begin, (begin + min((end - begin) % _TURN for end in ends)) % _TURN)
+            yield Span(
+                f"{name.replace('_', ' ')} dwell", begin, (begin + min((end - begin) % _TURN for end in ends)) % _TURN
+            )
 
 
 def _crossings(theta: FloatArray, values: FloatArray) -> list[float]:

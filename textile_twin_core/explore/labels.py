@@ -66,7 +66,7 @@ def label(number: str) -> Label:
         return _OTHERS[number]
     for ending, found in _OF_MEASURES.items():
         if number.endswith(f"_{ending}"):
-            return found._replace(text=f"{number.removesuffix(ending).strip('_')} {found.text}")
+            return found._replace(text=f"{number.removesuffix(ending).strip('_').replace('_', ' ')} {found.text}")
     return Label(number, "")
 
 

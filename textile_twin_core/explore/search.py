@@ -51,10 +51,20 @@ class FrontDesign:
 
 
 @dataclass(frozen=True)
+class LimitKept:
+    """How many of the designs keep a limit, and the value of its number (SI) that comes nearest to it; NaN without."""
+
+    limit: Limit
+    designs: int
+    nearest: float
+
+
+@dataclass(frozen=True)
 class SearchProgress:
     """How far the search is: its front, designs looked at, designs a second of pure evaluation, share of the time.
 
-    `complete` says that all generations were gone through: then the seed alone decides what is found.
+    `complete` says that all generations were gone through: then the seed alone decides what is found. `kept` tells of
+    each limit by how many designs it was kept.
     """
 
     front: tuple[FrontDesign, ...]
@@ -62,6 +72,7 @@ class SearchProgress:
     designs_per_second: float
     share: float
     complete: bool = False
+    kept: tuple[LimitKept, ...] = ()
 
 
 Report = Callable[[SearchProgress], None]
@@ -96,12 +107,12 @@ def search(
             told = now
             share = max((now - begin) / seconds, number / generations)
             front = _again(_front(population, task), task, numbers_of)
-            report(SearchProgress(front, goals.designs, goals.rate, min(1.0, share)))
+            report(SearchProgress(front, goals.designs, goals.rate, min(1.0, share), kept=goals.kept()))
         if number >= generations or now - begin > seconds or (stopped and stopped()):
             break
     finer = numbers_of if slow else _evaluator(design, _FINE)[0]
     front = _again(_front(population, task), task, finer)
-    return SearchProgress(front, goals.designs, goals.rate, 1.0, number >= generations)
+    return SearchProgress(front, goals.designs, goals.rate, 1.0, number >= generations, goals.kept())
 
 
 Evaluate = Callable[[Mapping[str, FloatArray], Sequence[str]], dict[str, FloatArray]]
@@ -167,6 +178,13 @@ class _Goals:
         self.task, self._evaluate = task, evaluate
         self.names = tuple(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
         self.designs, self._seconds = 0, 0.0
+        self._kept = [0] * len(task.limits)
+        self._lacks = [(np.inf, np.nan)] * len(task.limits)
+
+    def kept(self) -> tuple[LimitKept, ...]:
+        """Of each limit, how it was kept so far."""
+        counts = zip(self.task.limits, self._kept, self._lacks, strict=True)
+        return tuple(LimitKept(limit, designs, nearest) for limit, designs, (_, nearest) in counts)
 
     @property
     def rate(self) -> float:
@@ -181,9 +199,13 @@ class _Goals:
         self.designs += designs.shape[0]
         goals = np.column_stack([-found[g.number] if g.maximise else found[g.number] for g in self.task.goals])
         lacks = np.where(np.isfinite(goals).all(axis=1), 0.0, _OPEN)
-        for limit in self.task.limits:
+        for k, limit in enumerate(self.task.limits):
             way = limit.value - found[limit.number] if limit.at_least else found[limit.number] - limit.value
             lacks += np.maximum(0.0, np.nan_to_num(way / (abs(limit.value) or 1.0), nan=0.0))
+            self._kept[k] += int(np.count_nonzero(way <= 0.0))
+            if np.isfinite(way).any():
+                best = int(np.nanargmin(way))
+                self._lacks[k] = min(self._lacks[k], (float(way[best]), float(found[limit.number][best])))
         return np.nan_to_num(goals, nan=_OPEN), lacks
 
 

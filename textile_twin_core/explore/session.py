@@ -22,8 +22,9 @@ from textile_twin_core.explore.first_look import NotYetCompiledError, await_firs
 from textile_twin_core.explore.history import History
 from textile_twin_core.explore.labels import label, shown_unit
 from textile_twin_core.explore.overlay import Overlay
-from textile_twin_core.explore.packing import Arrays, analysis_head, design_head, plain, printed_of
-from textile_twin_core.explore.search import FrontDesign, Goal, OneByOne, SearchProgress, Task, search
+from textile_twin_core.explore.packing import Arrays, analysis_head, design_head, printed_of
+from textile_twin_core.explore.progress import progress_message
+from textile_twin_core.explore.search import FrontDesign, Goal, OneByOne, Task, search
 from textile_twin_core.explore.shown import Analysis
 from textile_twin_core.machine import ContactMachine
 from textile_twin_core.synthesis.tolerance import Limit, ManyDesigns, batch_of, monte_carlo, sensitivities
@@ -290,12 +291,12 @@ class PageSession:
         done = search(
             design,
             task,
-            lambda progress: report(_progress(progress, task, running=True)),
+            lambda progress: report(progress_message(progress, task, running=True)),
             self._stop.is_set,
             min(float(seconds), _MOST_SECONDS),
         )
         self._front = done.front
-        return _progress(done, task, running=False, took=time.monotonic() - begin)
+        return progress_message(done, task, running=False, took=time.monotonic() - begin)
 
     def stop(self) -> None:
         """Stop a search after its generation."""
@@ -367,23 +368,6 @@ def _small_step(unit: str, value: float) -> tuple[float, str]:
     if unit == "rad":
         return math.radians(0.1), "0.1 deg"
     return 0.01 * abs(value), "1 %"
-
-
-def _progress(progress: SearchProgress, task: Task, running: bool, took: float = 0.0) -> bytes:
-    shown = list(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
-    front = [[one.numbers[name] * label(name).factor for name in shown] for one in progress.front]
-    head = {
-        "type": "front",
-        "running": running,
-        "numbers": [{"text": label(name).text, "unit": label(name).unit} for name in shown],
-        "front": plain(front),
-        "designs": progress.designs,
-        "per_second": progress.designs_per_second,
-        "share": progress.share,
-        "took": took,
-        "complete": progress.complete,
-    }
-    return Arrays().packed(head)
 
 
 _ACTS: dict[str, Callable[[PageSession, Message], bytes]] = {

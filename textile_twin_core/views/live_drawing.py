@@ -62,6 +62,7 @@ class LiveDrawing:
         self._machine, self._stream, self._limit, self._title = machine, stream, limit_Nm, title
         self._window_s, self._turn_s = window_s, turn_s
         self._measured_too = False
+        self._warned_turn = -np.inf
         self._last_torque = np.empty(0)
         self._measured: Block = (np.empty(0), np.empty(0), np.empty(0))
         self._memory_s = memory_s
@@ -150,7 +151,9 @@ class LiveDrawing:
             gathered.add(theta[good], residual[good])
         if self._limit is not None:
             over = np.flatnonzero(good & (np.abs(residual) > self._limit))
-            if over.size:
+            # Once a turn: a deviation that lasts would fill the list of events.
+            if over.size and self._motion.turns >= self._warned_turn + 1.0:
+                self._warned_turn = self._motion.turns
                 k = over[np.argmax(np.abs(residual[over]))]
                 angle = np.rad2deg(np.mod(theta[k], 2.0 * np.pi))
                 self._scribe.say(float(time[k]), "WARN", f"residual {residual[k]:+.2f} N m at {angle:.0f}°")

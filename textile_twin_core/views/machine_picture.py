@@ -27,21 +27,24 @@ _TORQUES = {
 _MOST_CURVES = 4
 
 
-def plot_machine(path: str | os.PathLike[str], machine: AnyMachine, *, rpm: float | None = None) -> Path:
+def plot_machine(
+    path: str | os.PathLike[str], machine: AnyMachine, *, rpm: float | None = None, at_deg: float | None = None
+) -> Path:
     """Write a machine's picture, 1600 x 1000 pixels: linkage, torque and its parts, motion of its measures.
 
     Args:
         path: the .png file to write.
         machine: a linkage, or one that moves by a law of its own (it is shown by its curves alone).
         rpm: speed of the shaft; the machine's nominal speed without it.
+        at_deg: shaft angle at which the linkage is drawn; without it where its links cover each other least.
 
     Raises RecordingError when the file cannot be written there.
     """
-    figure = _linkage_page(machine, rpm) if isinstance(machine, Machine) else _law_page(machine, rpm)
+    figure = _linkage_page(machine, rpm, at_deg) if isinstance(machine, Machine) else _law_page(machine, rpm)
     return paper.save_png(figure, path)
 
 
-def _linkage_page(machine: Machine, rpm: float | None) -> Figure:
+def _linkage_page(machine: Machine, rpm: float | None, at_deg: float | None) -> Figure:
     speed = machine.nominal_speed_rad_s if rpm is None else rpm * np.pi / 30.0
     curves: list[tuple[str, str, dict[str, str]]] = []
     if not machine.missing_for_torque:
@@ -64,7 +67,8 @@ def _linkage_page(machine: Machine, rpm: float | None) -> Figure:
     grid = figure.add_gridspec(
         rows, 3, width_ratios=[0.9, 1.4, 1.4], left=0.025, right=0.978, top=0.885, bottom=0.07, wspace=0.17, hspace=0.27
     )
-    draw_linkage(figure.add_subplot(grid[:, 0]), build_scene(machine), machine)
+    at_rad = None if at_deg is None else np.deg2rad(at_deg)
+    draw_linkage(figure.add_subplot(grid[:, 0]), build_scene(machine), machine, at_rad)
     wanted = [name for _, _, names in curves for name in names]
     found = compile_machine(machine, wanted).evaluate(theta, np.full_like(theta, speed), np.zeros_like(theta))
     for k, (title, unit, names) in enumerate(curves):

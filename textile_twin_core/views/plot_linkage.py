@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.views import paper
+from textile_twin_core.views.label_places import LabelPlaces
 from textile_twin_core.views.scene import MachineScene, PointPositions
-from textile_twin_core.views.travels import foremost
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
 
 _PATH = "#b9c0c9"
+_ANGLES = 72
+_COVERED = 0.01
+"""Distance of a pin from a link, over the size of the machine, below which nearer makes little difference."""
 
 
-def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
-    """Draw the linkage at its deepest point; where there is none at theta = 0, or amid a part of the turn."""
-    deepest = (angle for measure in machine.measures for angle in foremost(machine, measure.name))
-    theta = next(deepest, float(machine.shaft_angles(1)[0]))
+def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine, theta_rad: float | None = None) -> None:
+    """Draw the linkage at a shaft angle; without one where its links cover each other least."""
+    theta = clearest_angle(machine, scene) if theta_rad is None else theta_rad
     points = {name: place[0] for name, place in PointPositions(machine)(np.array([theta])).items()}
     for path in scene.paths.values():
         axes.plot(path[:, 0], path[:, 1], color=_PATH, linewidth=1.0, zorder=1)
@@ -48,11 +50,6 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
             axes.plot(
                 [start[0], end[0]], [start[1], end[1]], color=colour, linewidth=wide, solid_capstyle="round", zorder=3
             )
-        if part.length_m > 0.05 * scene.size_m:
-            middle = 0.5 * (start + end)
-            axes.annotate(
-                part.name, middle, (9, 3), textcoords="offset points", fontsize=10.5, color=paper.INK, zorder=6
-            )
     for name, place in points.items():
         fixed = name in scene.fixed_points
         axes.plot(
@@ -64,23 +61,42 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine) -> None:
             markeredgecolor=paper.INK,
             markeredgewidth=1.6,
         )
-        away = 17.0 * _outward(name, scene, points)
-        axes.annotate(
-            name,
-            place,
-            (float(away[0]), float(away[1])),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=12,
-            weight="bold",
-            color=paper.INK,
-            zorder=6,
-        )
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.margins(0.1, 0.07)
-    axes.set_title(f"Linkage at {np.rad2deg(theta):.1f}°", loc="left", fontsize=13, color=paper.INK, pad=12)
+    axes.set_title(f"Linkage at {np.rad2deg(theta):.1f}°", loc="left", fontsize=13, color=paper.INK, pad=18)
+    _label(axes, scene, points)
+
+
+def clearest_angle(machine: Machine, scene: MachineScene) -> float:
+    """The shaft angle [rad] at which pins are farthest from links that they are not on, by the sum of logarithms."""
+    theta = machine.shaft_angles(_ANGLES)
+    points = PointPositions(machine)(theta)
+    clearness = np.zeros(theta.size)
+    for part in scene.moving:
+        start, along = points[part.start], points[part.end] - points[part.start]
+        for name, place in points.items():
+            if name not in (part.start, part.end):
+                size = np.maximum(np.sum(along**2, axis=1), 1e-300)
+                share = np.clip(np.sum((place - start) * along, axis=1) / size, 0.0, 1.0)
+                distance = np.hypot(*(place - start - share[:, None] * along).T)
+                clearness += np.log(distance / scene.size_m + _COVERED)
+    return float(theta[np.nanargmax(clearness)])
+
+
+def _label(axes: Axes, scene: MachineScene, points: dict[str, FloatArray]) -> None:
+    """Letters at the pins and names beside the links."""
+    lines = {part.name: np.array([points[part.start], points[part.end]]) for part in scene.moving}
+    places = LabelPlaces(axes, lines.values(), radius=5.0)
+    common: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
+    common |= {"color": paper.INK, "zorder": 6}
+    for name, place in points.items():
+        away = places.around_point(name, 12.0, place, _outward(name, scene, points), 17.0)
+        axes.annotate(name, place, tuple(away), fontsize=12, weight="bold", **common)
+    for part in scene.moving:
+        if part.length_m > 0.05 * scene.size_m:
+            away = places.beside_line(part.name, 10.5, lines[part.name])
+            axes.annotate(part.name, lines[part.name].mean(axis=0), tuple(away), fontsize=10.5, **common)
 
 
 def _draw_cam(

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 APPLICATION = "textile-twin"
 _FRAME_RATE_HZ = 125.0  # of the moving linkage: 18 pictures a turn at 400 rpm
 _TURNS = 10
-_LIMIT = 3.0  # of the residual, in RMS errors
+_LIMIT = 2.0  # over the largest residual of a turn as the first turns have it, their median
+_FIRST_TURNS = 20
 _NAMED = 40  # turns over the limit that the list of events names
 
 
@@ -62,7 +63,7 @@ def write_comparison_recording(
 
 def _write(path: Path, comparison: Comparison, machine: Machine, title: str) -> None:
     origin = int(comparison.predicted_stamps_ns[0])
-    limit = _LIMIT * comparison.errors.rms_error_Nm
+    limit = limit_of(comparison)
     predicted_s = _seconds(comparison.predicted_stamps_ns, origin)
     measured_s = _seconds(comparison.stamps_ns, origin)
     theta = comparison.predicted_theta_rad
@@ -119,6 +120,19 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str) -> 
         scribe.phases([state_changes(lane, predicted_s, theta, backward) for lane in lanes])
         scribe.residual_by_angle(comparison.by_angle)
         _say(scribe, comparison, origin, limit)
+
+
+def limit_of(comparison: Comparison) -> float:
+    """The residual [N m] that no turn passes while the machine is as in its first turns.
+
+    A turn has hundreds of samples: the largest of them passes three RMS errors in every other turn of a machine
+    that is in order. What is exceptional is a turn whose largest residual is twice that of others.
+    """
+    worst = np.abs(comparison.by_revolution.worst_Nm)
+    worst = worst[np.isfinite(worst)]
+    if not worst.size:
+        return _LIMIT * 3.0 * comparison.errors.rms_error_Nm
+    return _LIMIT * max(float(np.median(worst[:_FIRST_TURNS])), comparison.errors.rms_error_Nm)
 
 
 def summary_markdown(comparison: Comparison, title: str, limit_Nm: float) -> str:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _SAMPLES = 1440
 _MM = 1e3
+SLEY_NAMES = frozenset(("sley", "slay", "beater", "batten", "lay", "lathe", "reed"))
+"""What people call the part of a loom that beats up the weft."""
 _COLOURS = {
     "dwell": palette.FREE,
     "forward": palette.ADVANCING,
@@ -62,17 +64,30 @@ class Travels:
 
 def lanes_for(machine: Machine) -> tuple[Lane, ...]:
     """Rows of phases: of needles in and out of the backing, of a sley from dwell to beat-up, of what else moves."""
-    arcs = {measure.name for measure in machine.measures if isinstance(measure, Arc)}
-    beats = {name: lane for name, lane in _beats(machine, arcs).items() if lane is not None}
+    beats = {name: lane for name, lane in _beats(machine, set(_beating(machine))).items() if lane is not None}
     plain = [lane for lane in lanes_of(machine.events()) if lane.name.removesuffix("_stroke") not in beats]
     return (*plain, *beats.values())
 
 
 def marks_for(machine: Machine) -> list[tuple[str, float]]:
-    """What to mark over the shaft angle: name and angle [rad] of loads' events and of a sley's foremost points."""
+    """What to mark over the shaft angle: name and angle [rad] of loads' events and of the foremost points of arcs.
+
+    A loom's sley beats up there; other arcs are named as the measure is.
+    """
+    beating = _beating(machine)
     arcs = [measure.name for measure in machine.measures if isinstance(measure, Arc)]
-    beats = sorted(angle for name in arcs for angle in foremost(machine, name))
-    return [*marks_of(machine.events()), *(("beat-up", angle) for angle in beats)]
+    fronts = [
+        ("beat-up" if name in beating else f"{name.replace('_', ' ')} front", angle)
+        for name in arcs
+        for angle in foremost(machine, name)
+    ]
+    return [*marks_of(machine.events()), *sorted(fronts, key=lambda mark: mark[1])]
+
+
+def _beating(machine: Machine) -> list[str]:
+    """Arcs that beat up the weft: those of a loom's sley, by its names in the field."""
+    arcs = [measure.name for measure in machine.measures if isinstance(measure, Arc)]
+    return [name for name in arcs if SLEY_NAMES & set(name.lower().split("_"))]
 
 
 def foremost(machine: Machine, name: str) -> list[float]:

@@ -1,10 +1,11 @@
 // One chart over the shaft angle. Its elements stay while a slider moves: only what has changed is written anew.
 
-import { draw, put, shown, ticks } from "./dom.js";
+import { apart, draw, put, shown, ticks } from "./dom.js";
 import { sample } from "./linkage.js";
 import { dots, polyline } from "./polyline.js";
 
 const LEFT = 52, RIGHT = 16, TITLE = 22, BOTTOM = 18, PLOT = 125, ROW = 13, LETTER = 6.2, TICKS = 5;
+const LEVEL = 1e-4;
 const MEASURED = "• measured";
 
 export class Chart {
@@ -58,10 +59,11 @@ export class Chart {
     const height = this.bottom + BOTTOM, right = this.width - RIGHT, parts = [];
     put(this.svg, "viewBox", `0 0 ${this.width} ${height}`);
     this.svg.style.height = `${height}px`;
-    for (const value of ticks(axis.low, axis.high, TICKS)) {
+    const values = ticks(axis.low, axis.high, TICKS), texts = apart(values);
+    values.forEach((value, k) => {
       parts.push(draw("line", { x1: LEFT, x2: right, y1: y(value), y2: y(value), stroke: "var(--line)" }));
-      parts.push(draw("text", { x: LEFT - 5, y: y(value) + 4, "text-anchor": "end" }, shown(value, 4)));
-    }
+      parts.push(draw("text", { x: LEFT - 5, y: y(value) + 4, "text-anchor": "end" }, texts[k]));
+    });
     for (let degrees = 0; degrees <= 360; degrees += 60) {
       parts.push(draw("text", { x: x(degrees), y: this.bottom + BOTTOM - 4, "text-anchor": "middle" }, `${degrees}°`));
     }
@@ -143,7 +145,9 @@ function around(curves) {
     }
   }
   if (!Number.isFinite(low)) return { low: 0, high: 1 };
-  const room = 0.04 * (high - low) || Math.abs(low) || 1, marks = ticks(low - room, high + room, TICKS);
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  if (high - low < LEVEL * size) low = high = 0.5 * (low + high); // rounding makes no curve of what stays the same
+  const room = 0.04 * (high - low) || 0.1 * size || 1, marks = ticks(low - room, high + room, TICKS);
   const step = (marks.length > 1 ? marks[1] - marks[0] : high - low + 2 * room) / 4;
   return { low: step * Math.floor((low - room) / step), high: step * Math.ceil((high + room) / step) };
 }

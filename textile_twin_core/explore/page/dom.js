@@ -38,6 +38,15 @@ export function shown(value, digits = 5) {
   return Math.abs(plain) < 1e-3 || Math.abs(plain) >= 1e7 ? plain.toExponential() : String(plain);
 }
 
+// Numbers as short as lets each be told from its neighbours.
+export function apart(values, digits = 4) {
+  for (let k = digits; k < 15; k++) {
+    const texts = values.map((value) => shown(value, k));
+    if (new Set(texts).size === values.length) return texts;
+  }
+  return values.map(String);
+}
+
 // The number in a field; null and a mark on the field where there is none.
 export function numberIn(field, { empty = false } = {}) {
   const value = field.valueAsNumber;

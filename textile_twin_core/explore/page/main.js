@@ -76,7 +76,7 @@ function menu(head) {
   select.dataset.names = names.join();
   select.value = design.name;
   byId("rpm").disabled = design.rpm === null;
-  if (document.activeElement !== byId("rpm")) byId("rpm").value = design.rpm === null ? "" : shown(design.rpm, 6);
+  if (document.activeElement !== byId("rpm")) byId("rpm").value = design.rpm === null ? "" : shown(design.rpm, 4);
   if (document.activeElement !== byId("dwell")) byId("dwell").value = design.dwell_mm ?? "";
   byId("undo").disabled = !head.can_undo;
   byId("redo").disabled = !head.can_redo;
@@ -156,6 +156,12 @@ byId("loaded").onchange = async (event) => {
   event.target.value = "";
   byId("load").closest("details").open = false;
 };
+document.querySelector(".menu").addEventListener("toggle", (event) => {
+  const list = event.target.querySelector("div");
+  list.style.left = "0";
+  const box = list.getBoundingClientRect(), edge = document.documentElement.clientWidth - 8;
+  list.style.left = `${Math.max(8 - box.left, Math.min(0, edge - box.right))}px`; // all of it stays on the screen
+});
 for (const link of document.querySelectorAll("[data-file]")) {
   link.href = "#";
   link.onclick = (event) => {

@@ -1,6 +1,6 @@
 // Goals, limits and ranges of the search, and the front of designs that it finds.
 
-import { byId, draw, make, numberIn, shown, ticks } from "./dom.js";
+import { apart, byId, draw, make, numberIn, shown, ticks } from "./dom.js";
 
 export class Search {
   constructor({ parameters, send, say }) {
@@ -110,7 +110,7 @@ export class Search {
     byId("share").value = head.running ? head.share : 1;
     const rate = `${shown(head.designs, 6)} designs looked at, ${shown(Math.round(head.per_second), 5)} a second`;
     const ended = head.running ? "" : `; done in ${shown(head.took, 3)} s${head.complete ? "" : ", before its last generation: given more time, the same seed finds more"}`;
-    this.say(head.front.length ? `${rate}${ended}: ${head.front.length} of which none is better in all goals.` : `${rate}${ended}: none keeps the limits${head.running ? " yet" : ""}.`);
+    this.say(head.front.length ? `${rate}${ended}: ${head.front.length} of which none is better in all goals.` : `${rate}${ended}: none keeps the limits${head.running ? " yet" : ""}${head.failing ? `: ${head.failing}` : ""}.`);
     this.#front(head);
   }
 
@@ -122,8 +122,9 @@ export class Search {
     const xs = column(0), ys = two ? column(1) : xs.map((_, k) => k), parts = [];
     const across = axis(xs), up = axis(ys);
     const x = (v) => 58 + (width - 74) * across.at(v), y = (v) => height - 38 - (height - 54) * up.at(v);
-    for (const v of across.marks) parts.push(draw("line", { x1: x(v), x2: x(v), y1: 12, y2: height - 38, stroke: "var(--line)" }), draw("text", { x: x(v), y: height - 22, "text-anchor": "middle" }, shown(v, 4)));
-    if (two) for (const v of up.marks) parts.push(draw("line", { x1: 58, x2: width - 16, y1: y(v), y2: y(v), stroke: "var(--line)" }), draw("text", { x: 52, y: y(v) + 4, "text-anchor": "end" }, shown(v, 4)));
+    const acrossTexts = apart(across.marks), upTexts = apart(up.marks);
+    for (const [k, v] of across.marks.entries()) parts.push(draw("line", { x1: x(v), x2: x(v), y1: 12, y2: height - 38, stroke: "var(--line)" }), draw("text", { x: x(v), y: height - 22, "text-anchor": "middle" }, acrossTexts[k]));
+    if (two) for (const [k, v] of up.marks.entries()) parts.push(draw("line", { x1: 58, x2: width - 16, y1: y(v), y2: y(v), stroke: "var(--line)" }), draw("text", { x: 52, y: y(v) + 4, "text-anchor": "end" }, upTexts[k]));
     const words = (n) => `${n.text}${n.unit ? `, ${n.unit}` : ""}`;
     parts.push(draw("text", { x: width - 16, y: height - 6, "text-anchor": "end" }, words(head.numbers[0])));
     if (two) parts.push(draw("text", { x: 6, y: 10 }, words(head.numbers[1])));
