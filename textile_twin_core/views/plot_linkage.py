@@ -92,11 +92,12 @@ def _label(axes: Axes, scene: MachineScene, points: dict[str, FloatArray]) -> No
     common |= {"color": paper.INK, "zorder": 6}
     for name, place in points.items():
         away = places.around_point(name, 12.0, place, _outward(name, scene, points), 17.0)
-        axes.annotate(name, place, tuple(away), fontsize=12, weight="bold", **common)
+        axes.annotate(name, (place[0], place[1]), tuple(away), fontsize=12, weight="bold", **common)
     for part in scene.moving:
         if part.length_m > 0.05 * scene.size_m:
             away = places.beside_line(part.name, 10.5, lines[part.name])
-            axes.annotate(part.name, lines[part.name].mean(axis=0), tuple(away), fontsize=10.5, **common)
+            x, y = lines[part.name].mean(axis=0)
+            axes.annotate(part.name, (x, y), tuple(away), fontsize=10.5, **common)
 
 
 def _draw_cam(
