@@ -105,6 +105,20 @@ def _gears(rng: np.random.Generator, at: str, to: str, driver: str | None) -> Ge
     )  # fmt: skip
 
 
+def _links(rng: np.random.Generator, points: dict[str, Any], start: str) -> tuple[Group, ...]:
+    """A rocker's dyad on a point of a slider."""
+    points["X"] = _pair(rng, -0.5, 0.5)
+    return (RRRDyad("coupler", "rocker", start, "X", "B", _pair(rng, 0.2, 0.7), _side(rng)),)
+
+
+def _train(rng: np.random.Generator, points: dict[str, Any]) -> tuple[Group, ...]:
+    """Behind a gear another one, and on its shaft a crank at another place."""
+    points["X"], points["Y"] = _pair(rng, -0.5, 0.5), _pair(rng, -0.5, 0.5)
+    teeth = _TEETH[rng.integers(len(_TEETH))]
+    wheel = GearPair("wheel", "C", "X", "W", 0.03, teeth, "gear", phase_rad=0.5, mesh="M", pressure_angle_rad=0.0)
+    return wheel, Crank("arm", "Y", "H", 0.05, 0.3, "wheel"), _ram(rng, "H")
+
+
 _KINDS: dict[str, Any] = {
     "slotted lever": lambda rng, points, rocker: (_slotted_lever(rng, "A", "C"),),
     "oscillating cylinder": lambda rng, points, rocker: (_slotted_lever(rng, "C", "A"),),
@@ -126,6 +140,15 @@ _KINDS: dict[str, Any] = {
     "gear on the shaft": lambda rng, points, rocker: (_gears(rng, "O", "C", MAIN_SHAFT), _ram(rng, "G")),
     "planet": lambda rng, points, rocker: (_gears(rng, "O", "A", None), _ram(rng, "G")),
     "gears on a rocker": lambda rng, points, rocker: (rocker, _gears(rng, "B", "C", "coupler"), _ram(rng, "G")),
+    "links on a block": lambda rng, points, rocker: (_slotted_lever(rng, "A", "C"), *_links(rng, points, "T")),
+    "links on a crossing": lambda rng, points, rocker: (
+        _slotted_lever(rng, "A", "C"), _crossing(rng, "lever", None),
+        *_links(rng, points, "R"),
+    ),
+    "links on a yoke": lambda rng, points, rocker: (_yoke(rng, "A"), *_links(rng, points, "Q")),
+    "gear train": lambda rng, points, rocker: (
+        _gears(rng, "O", "C", "crank"), *_train(rng, points),
+    ),
     "planet and slotted lever": lambda rng, points, rocker: (
         _gears(rng, "O", "A", None), _slotted_lever(rng, "G", "C"), _yoke(rng, "D"),
     ),

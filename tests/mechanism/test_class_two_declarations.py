@@ -87,6 +87,32 @@ def test_what_is_no_group_is_refused(make: object, says: str) -> None:
         make()  # type: ignore[operator]
 
 
+RAM = RRPDyad("rod", "ram", "A", "D", "E", (0.2, 0.1), (0.1, 0.0), (1.0, 0.0), slot_m=(0.0, 0.15))
+DIE = RPPDyad("die", "yoke", "A", "Q", ("S", "T"), (0.1, 0.1), (0.0, 0.0), (1.0, 0.0), slot_m=(-0.1, 0.05))
+GUIDES = Guide("lever"), Guide(None, (0.0, 0.1), slot_m=(-0.1, 0.1))
+CROSSING = PRPDyad(("die", "ram"), "R", ("S", "E"), (0.1, 0.1), GUIDES)
+
+
+@pytest.mark.parametrize(
+    ("group", "slider", "reach"), [(RAM, "ram", 0.16), (DIE, "die", 0.06), (CROSSING, "ram", 0.109)]
+)
+def test_every_slot_has_ends(group: Group, slider: str, reach: float) -> None:
+    groups = (CRANK, LEVER, group) if isinstance(group, PRPDyad) else (CRANK, group)
+    with pytest.raises(MachineError, match=f"leaves its slot: it begins .* deg where '{slider}' passes the end"):
+        check_assembly(Linkage(C, groups))
+    machine = Machine("open", C, tuple(_without_ends(g) for g in groups))
+    name = f"joint_{slider}_position"
+    ways = ttc.compile(machine, [name]).evaluate(np.linspace(0.0, 2.0 * math.pi, 721), 0.0, 0.0)[name]
+    assert ways.max() == pytest.approx(reach, abs=1e-3)
+
+
+def _without_ends(group: Group) -> Group:
+    if isinstance(group, PRPDyad):
+        one, two = (dataclasses.replace(guide, slot_m=None) for guide in group.guides)
+        return dataclasses.replace(group, guides=(one, two))
+    return dataclasses.replace(group, slot_m=None) if isinstance(group, (RRPDyad, RPPDyad)) else group
+
+
 def test_guides_that_come_parallel_are_refused_with_the_angle() -> None:
     crossing = PRPDyad(("a", "b"), "R", ("S", "T"), (0.1, 0.1), (Guide("crank"), Guide(None, (0.0, 0.1), (0.0, 1.0))))
     with pytest.raises(MachineError, match=r"at a shaft angle of 90.0000 deg where the guides of 'a' and 'b' come par"):
