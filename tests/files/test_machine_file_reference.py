@@ -32,7 +32,7 @@ from textile_twin_core.machine import (
     Station,
     TorqueSensor,
 )
-from textile_twin_core.twin.compiled import METHODS
+from textile_twin_core.twin.compilation import METHODS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "machine_file.md").read_text(encoding="utf-8")
 YAML_BLOCKS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.M | re.S)

@@ -14,7 +14,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.scenes import Motion
 from textile_twin_core.bench.timing import clock, one_core
 from textile_twin_core.machine import Machine, ShaftPlace
-from textile_twin_core.twin import Twin, compile_machine
+from textile_twin_core.twin import Twin, compile_rigid
 
 TORQUE = "balancing_torque_Nm"
 SAMPLES = (100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000)
@@ -47,18 +47,18 @@ def growth(machine: Machine, progress: Callable[[int, int], object] = lambda don
 
 def _rows(machine: Machine) -> Iterator[Growth]:
     for method in ("exact", "table"):
-        twin = compile_machine(machine, [TORQUE], method, 1e-13)
+        twin = compile_rigid(machine, [TORQUE], method, 1e-13)
         for size in SAMPLES:
             motion, out = _motion(machine, size), {TORQUE: np.empty(size)}
             yield _measure("samples", size, method, size, partial(twin.evaluate, *motion, out=out))
         for size in MACHINES:
-            twins = [compile_machine(machine, [TORQUE], method, 1e-13) for _ in range(size)]
+            twins = [compile_rigid(machine, [TORQUE], method, 1e-13) for _ in range(size)]
             motion, out = _motion(machine, _PER_MACHINE), {TORQUE: np.empty(_PER_MACHINE)}
             work = size * _PER_MACHINE
             yield _measure("machines", size, method, work, partial(_all, twins, motion, out))
         for size in LINKAGES:
             places = tuple(ShaftPlace(2.0 * np.pi * k / size) for k in range(size))
-            mill = compile_machine(replace(machine, linkages=places), [TORQUE], method, 1e-13)
+            mill = compile_rigid(replace(machine, linkages=places), [TORQUE], method, 1e-13)
             motion, out = _motion(machine, 100_000), {TORQUE: np.empty(100_000)}
             yield _measure("linkages", size, method, size * 100_000, partial(mill.evaluate, *motion, out=out))
 

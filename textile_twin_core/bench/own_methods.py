@@ -9,17 +9,17 @@ import numpy as np
 from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 from textile_twin_core.errors import SceneError
-from textile_twin_core.twin import Twin, compile_machine
+from textile_twin_core.twin import Twin, compile_rigid
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-13)
 
 
 def own_candidates(scene: Workload) -> Iterator[Candidate]:
     """Exact, and tables where they reach their tolerance."""
-    yield _candidate(scene, compile_machine(scene.machine, scene.outputs, "exact"), "exact")
+    yield _candidate(scene, compile_rigid(scene.machine, scene.outputs, "exact"), "exact")
     for tolerance in TOLERANCES:
         try:
-            twin = compile_machine(scene.machine, scene.outputs, "table", tolerance)
+            twin = compile_rigid(scene.machine, scene.outputs, "table", tolerance)
         except SceneError:
             continue
         yield _candidate(scene, twin, f"table {tolerance:.0e}")

@@ -17,7 +17,7 @@ from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_tra
 from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
-from textile_twin_core.twin import Twin, compile_machine
+from textile_twin_core.twin import Twin, compile_rigid
 from textile_twin_core.twin.sense import next_to_rest
 
 _ZEROS, _DELAYS, _HALVINGS = 72, 48, 40
@@ -146,7 +146,7 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     measured = trace.values[finite]
     if time.size:
         track = track.between(float(time.min()), float(time.max()))
-    twin = compile_machine(machine, [name])
+    twin = compile_rigid(machine, [name])
     rest_rad_s = REST_SHARE * track.fast_rad_s if _depends_on_sense(twin, name) else 0.0
     _, omega, _, inside = track.at(time)
     _check_beside(name, inside)

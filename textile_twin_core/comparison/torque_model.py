@@ -16,7 +16,7 @@ from textile_twin_core.comparison.identifiable import NotIdentifiable
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.dynamics.loads import Backing, ShaftFriction
 from textile_twin_core.machine import Machine
-from textile_twin_core.twin import Twin, compile_machine
+from textile_twin_core.twin import Twin, compile_rigid
 
 FORCES = ("backing_force_N", "free_force_N")
 EVENTS = ("entry_angle_rad", "exit_angle_rad")
@@ -74,12 +74,12 @@ class TorqueModel:
             )
         sought = (ShaftFriction, *((Backing,) if self.backing else ()))
         others = tuple(load for load in machine.loads if not isinstance(load, sought))
-        self._rest = compile_machine(
+        self._rest = compile_rigid(
             replace(machine, loads=others), ["torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm"]
         )
         self._travel: Twin | None = None
         if self.backing is not None:
-            self._travel = compile_machine(machine, [f"{self.backing.on}_velocity_m_s"])
+            self._travel = compile_rigid(machine, [f"{self.backing.on}_velocity_m_s"])
         self._phases = [place.phase_rad - machine.linkages[0].phase_rad for place in machine.linkages]
 
     @property

@@ -94,7 +94,7 @@ def midpoint_step(
         k, c = chain.stiffness[i], chain.damping[i]
         twist, rate = psi[i] - psi[i + 1], v[i] - v[i + 1]
         if chain.half_play[i] == 0.0:
-            q = half * c + quarter * k
+            q = half * c + (0.25 - chain.lead[i]) * h * h * k
             held = k * (twist + half * rate) + c * rate
         else:
             change = half * (a[i] - a[i + 1])

@@ -1,28 +1,25 @@
-"""compile(machine, outputs, method, tolerance) -> Twin: only what is asked for is computed."""
+"""Twin: a machine compiled for its outputs; only what is asked for is computed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
-from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import MotionError, SceneError
-from textile_twin_core.machine import AnyMachine, ContactMachine, Machine
+from textile_twin_core.machine import Machine
 from textile_twin_core.twin.accuracy import reached_errors
 from textile_twin_core.twin.exact import ExactEvaluator
-from textile_twin_core.twin.history import HistoryTwin
 from textile_twin_core.twin.instant import InstantPredictor
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
 from textile_twin_core.twin.plan import describe
-from textile_twin_core.twin.predictor import twin_text
+from textile_twin_core.twin.predictor import Predictor, twin_text
 from textile_twin_core.twin.session import Session
 from textile_twin_core.twin.table import FINEST_TABLE, TableEvaluator
 
-METHODS = ("exact", "table", "auto")
 _TABLE_PAYS_FROM = 200_000
 """Samples from which on a table is worth making."""
 
@@ -154,8 +151,8 @@ class Twin:
         """No impacts: the machine has no history."""
         return ()
 
-    def predictor(self) -> InstantPredictor:
-        """What a session asks for predictions."""
+    def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> InstantPredictor:
+        """What a session asks for predictions, which have no state."""
         return InstantPredictor(self)
 
     def session(self, shaft: str = "causal", **settings: Any) -> Session:
@@ -165,76 +162,3 @@ class Twin:
         Raises SceneError for an unknown estimator or setting.
         """
         return Session(self, shaft, **settings)
-
-
-@overload
-def compile_machine(
-    machine: Machine, outputs: Sequence[str] | None = None, method: str | None = None, tolerance: float | None = None
-) -> Twin: ...
-
-
-@overload
-def compile_machine(
-    machine: ContactMachine,
-    outputs: Sequence[str] | None = None,
-    method: str | None = None,
-    tolerance: float | None = None,
-) -> HistoryTwin: ...
-
-
-@overload
-def compile_machine(
-    machine: AnyMachine, outputs: Sequence[str] | None = None, method: str | None = None, tolerance: float | None = None
-) -> Twin | HistoryTwin: ...
-
-
-def compile_machine(
-    machine: AnyMachine,
-    outputs: Sequence[str] | None = None,
-    method: str | None = None,
-    tolerance: float | None = None,
-) -> Twin | HistoryTwin:
-    """Compile a machine into a twin that computes the outputs asked for and nothing else.
-
-    Args:
-        machine: from `ttc.machines` or `ttc.load_machine`.
-        outputs: names of outputs, as `machine.outputs` lists them; those of the machine's scene without it.
-        method: "exact" evaluates closed forms, "table" periodic tables, "auto" whichever is faster (see `Twin`); that
-            of the machine's scene without it.
-        tolerance: error over the peak that a table may have; that of the machine's scene without it.
-
-    Returns:
-        The twin: `evaluate` for shaft angles, speeds and accelerations, `session` for samples of an encoder. A
-        HistoryTwin for a machine with impacts.
-
-    Raises:
-        SceneError: an unknown output or method, or a tolerance that is not positive.
-        MachineError: the machine lacks what an output needs, such as masses.
-
-    Example:
-        >>> import textile_twin_core as ttc
-        >>> twin = ttc.compile(ttc.machines.tufting(), outputs=["balancing_torque_Nm"])
-        >>> round(twin.evaluate(1.0, 16.755, 0.0)["balancing_torque_Nm"], 3)
-        14.108
-    """
-    if isinstance(machine, (str, Path)):
-        raise SceneError(f"compile takes a machine: ttc.machines.create('{machine}') or ttc.load_machine('{machine}')")
-    if isinstance(outputs, str):
-        raise SceneError(f"outputs must be a list of names, such as ['{outputs}']")
-    # plain names, since those of a numpy array would not stand in the code that is written for them
-    names = tuple(dict.fromkeys(str(name) for name in (machine.scene.outputs if outputs is None else outputs)))
-    method = machine.scene.method if method is None else method
-    tolerance = machine.scene.tolerance if tolerance is None else tolerance
-    if not names:
-        raise SceneError("no outputs are asked for; name at least one, for example balancing_torque_Nm")
-    if method not in METHODS:
-        raise SceneError(f"there is no method '{method}'; choose one of {', '.join(METHODS)}")
-    if not (math.isfinite(tolerance) and tolerance > 0.0):
-        raise SceneError(f"tolerance must be a positive number, not {tolerance!r}")
-    if isinstance(machine, ContactMachine):
-        if method == "table":
-            raise SceneError(f"machine '{machine.name}' has a history, which no table holds; use method 'exact'")
-        return HistoryTwin(machine, names, tolerance)
-    if not isinstance(machine, Machine):
-        raise SceneError(f"there is no law for a machine of type {type(machine).__name__}")
-    return Twin(machine, names, method, tolerance)

@@ -18,7 +18,7 @@ from textile_twin_core.machine import ContactMachine
 from textile_twin_core.machine.contact_motion import ContactMotion, measured_error
 from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
-from textile_twin_core.twin.predictor import StampedEvent, twin_text
+from textile_twin_core.twin.predictor import Prediction, Predictor, StampedEvent, twin_text
 from textile_twin_core.twin.session import Session
 
 _MOST_EVENTS = 100_000
@@ -97,8 +97,8 @@ class HistoryTwin:
         """A session: angle samples in, predictions out, the machine's state kept between blocks."""
         return Session(self, shaft, **settings)
 
-    def predictor(self) -> HistoryPredictor:
-        """What a session asks for predictions."""
+    def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> HistoryPredictor:
+        """What a session asks for predictions; a history begins with it."""
         return HistoryPredictor(self._motion())
 
     def _motion(self) -> ContactMotion:
@@ -108,18 +108,22 @@ class HistoryTwin:
 class HistoryPredictor:
     """Predictions at shaft states, in their order."""
 
-    sensitivity = None
+    at_once = True
+    estimator = None
 
     def __init__(self, motion: ContactMotion) -> None:
         self.motion = motion
         self._first: Any = None
         self._events: deque[StampedEvent] = deque(maxlen=_MOST_EVENTS)
 
-    def predict(self, states: ShaftStates) -> dict[str, FloatArray]:
-        """Outputs at states, arrays (n,)."""
+    def predict(self, states: ShaftStates) -> Prediction:
+        """Predictions at states."""
         if len(states) == 0:
-            return {name: np.empty(0) for name in self.motion.outputs}
-        return self._step(states.stamps, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
+            return Prediction(states, {name: np.empty(0) for name in self.motion.outputs}, None)
+        outputs = self._step(states.stamps, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
+        return Prediction(states, outputs, None)
+
+    finish = predict
 
     def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
         """Outputs at one state; no load of such a machine has a friction that follows the shaft's sense."""

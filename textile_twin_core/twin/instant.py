@@ -13,6 +13,7 @@ from textile_twin_core.errors import MotionError
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import OneState, ShaftStates
+from textile_twin_core.twin.predictor import Prediction
 from textile_twin_core.twin.sense import next_to_rest, sense_unknown
 
 _FEW = 80
@@ -57,13 +58,16 @@ class InstantPredictor:
         self._twin = twin
         self._winding = _windings(twin)
 
+    at_once = True
+    estimator = None
+
     @property
     def sensitivity(self) -> TorqueSensitivity | None:
         """How the torque follows the state; None for a machine without masses."""
         return self._twin.machine.model.torque_sensitivity
 
-    def predict(self, states: ShaftStates) -> dict[str, FloatArray]:
-        """Outputs at states, arrays (n,)."""
+    def predict(self, states: ShaftStates) -> Prediction:
+        """Predictions at states."""
         motion = (states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
         outputs = self._block(motion)
         unknown = np.flatnonzero(sense_unknown(states))
@@ -75,7 +79,9 @@ class InstantPredictor:
                 values[unknown] += rest[name] - turning[name]
         for name, winding in self._winding.items():
             outputs[name] += winding * states.turns
-        return outputs
+        return Prediction(states, outputs, self.sensitivity)
+
+    finish = predict
 
     def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
         """Outputs at one state."""

@@ -34,16 +34,37 @@ def twin_text(kind: str, machine: str, outputs: Sequence[str], method: str) -> s
     return f"<{kind} of '{machine}', {method}: {names_text(outputs)}>"
 
 
+class Prediction(NamedTuple):
+    """What a predictor makes of estimated shaft states.
+
+    states: (n,) the estimated ones, or what a model of the shaft makes of them. outputs: (n,) arrays by name.
+    uncertainty: (n,) sigma of the torque [N m], or how the torque follows the state; None without a torque.
+    """
+
+    states: ShaftStates
+    outputs: dict[str, FloatArray]
+    uncertainty: TorqueSensitivity | FloatArray | None
+
+
 class Predictor(Protocol):
     """What turns shaft states into outputs, in their order."""
 
     @property
-    def sensitivity(self) -> TorqueSensitivity | None:
-        """How the torque follows the state; None for a machine without one."""
+    def at_once(self) -> bool:
+        """Whether `predict_one` may be called."""
         ...
 
-    def predict(self, states: ShaftStates) -> dict[str, FloatArray]:
-        """Outputs at states, arrays (n,)."""
+    @property
+    def estimator(self) -> str | None:
+        """The only shaft estimator whose states it takes; None for any."""
+        ...
+
+    def predict(self, states: ShaftStates) -> Prediction:
+        """Predictions at states."""
+        ...
+
+    def finish(self, states: ShaftStates) -> Prediction:
+        """Predictions at the last states of a record, and what is held."""
         ...
 
     def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
@@ -84,6 +105,6 @@ class AnyTwin(Protocol):
         """The outputs by name at shaft states; only a machine with a history asks when they are."""
         ...
 
-    def predictor(self) -> Predictor:
-        """Predictions from here on, with a state of their own."""
+    def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> Predictor:
+        """Predictions from here on for a shaft estimator; `before`: the predictor whose state they go on with."""
         ...

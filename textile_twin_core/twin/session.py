@@ -18,7 +18,7 @@ from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
-from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent, names_text
+from textile_twin_core.twin.predictor import AnyTwin, StampedEvent, names_text
 from textile_twin_core.twin.sense import SENSE_SIGMAS
 
 _PIECE = 65_536
@@ -48,11 +48,11 @@ class Samples:
 
     states: ShaftStates
     outputs: Mapping[str, FloatArray]
-    _sensitivity: TorqueSensitivity | None
+    _uncertainty: TorqueSensitivity | FloatArray | None
 
     def __getstate__(self) -> dict[str, Any]:
-        # The sensitivity is compiled and belongs to its process; what it tells goes along.
-        return {**self.__dict__, "torque_sigma_Nm": self.torque_sigma_Nm, "_sensitivity": None}
+        # A sensitivity is compiled and belongs to its process; its result goes along.
+        return {**self.__dict__, "torque_sigma_Nm": self.torque_sigma_Nm, "_uncertainty": None}
 
     def __repr__(self) -> str:
         return f"<Samples: {len(self)}, {_span_text(self.stamps)}; outputs {names_text(tuple(self.outputs))}>"
@@ -110,13 +110,15 @@ class Samples:
 
         NaN for a machine without a torque.
         """
-        if self._sensitivity is None:
+        if self._uncertainty is None:
             return np.full(len(self), math.nan)
+        if isinstance(self._uncertainty, np.ndarray):
+            return self._uncertainty
         sigma, states = np.empty(len(self)), self.states
         for first in range(0, len(self), _PIECE):
             piece = slice(first, first + _PIECE)
             part = ShaftStates(states.stamps[piece], states.rows[piece])
-            gradient = self._sensitivity.gradient(part.phase_rad, part.omega_rad_s, part.alpha_rad_s2)
+            gradient = self._uncertainty.gradient(part.phase_rad, part.omega_rad_s, part.alpha_rad_s2)
             sigma[piece] = np.sqrt(np.maximum(part.variance_of(gradient), 0.0))
         return sigma
 
@@ -151,7 +153,12 @@ class Session:
         self._encoder = twin.machine.sensors.encoder
         self._factor = self._encoder.direction * self._encoder.ratio
         self._estimator = create_estimator(shaft, **(encoder_settings(self._encoder) | settings))
-        self._predictor: Predictor = twin.predictor()
+        self._predictor = twin.predictor(shaft)
+        if self._predictor.estimator is not None:
+            settings.pop("shaft_lag_s", None)
+            self._estimator = create_estimator(
+                self._predictor.estimator, **(encoder_settings(self._encoder) | settings)
+            )
 
     def __repr__(self) -> str:
         return f"<Session of {self.twin!r}, shaft '{self.shaft}', {self.report.text()}>"
@@ -182,7 +189,7 @@ class Session:
         """
         angle = (angle - self._encoder.zero_rad) * self._factor
         velocity = math.nan if velocity is None else velocity * self._factor
-        if sigma or not self._estimator.serves_one(stamp):
+        if sigma or not (self._predictor.at_once and self._estimator.serves_one(stamp)):
             states = self._estimator.step(np.array((stamp,)), np.array((angle,)), np.array((velocity,)))
             return tuple(self._predict(states).rows(sigma)) if len(states) else ()
         state = self._estimator.step_one(int(stamp), angle, velocity)
@@ -209,11 +216,11 @@ class Session:
                 " differs from it; open a session of its own"
             )
         self.twin = twin
-        self._predictor = twin.predictor()
+        self._predictor = twin.predictor(self.shaft, self._predictor)
 
     def finish(self) -> Samples:
         """Predictions for the samples that the estimator still holds."""
-        return self._predict(self._estimator.finish())
+        return Samples(*self._predictor.finish(self._estimator.finish()))
 
     def reset(self) -> None:
         """Forget everything."""
@@ -221,4 +228,4 @@ class Session:
         self._predictor.reset()
 
     def _predict(self, states: ShaftStates) -> Samples:
-        return Samples(states, self._predictor.predict(states), self._predictor.sensitivity)
+        return Samples(*self._predictor.predict(states))

@@ -11,7 +11,7 @@ import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.message_types import JOINT_STATE, POINT, WRENCH
-from textile_twin_core.twin import HistoryTwin, Twin
+from textile_twin_core.twin import ElasticTwin, HistoryTwin, Twin
 from textile_twin_core.twin.session import Sample
 from textile_twin_ros import contact_events
 from textile_twin_ros.messages import SECOND_NS, JointTemplate, PointTemplate, WrenchTemplate
@@ -23,7 +23,7 @@ SIGMA_TOPIC = "balancing_torque/predicted_sigma"
 RESIDUAL_TOPIC = "balancing_torque/residual"
 
 
-CompiledTwin: TypeAlias = Twin | HistoryTwin
+CompiledTwin: TypeAlias = Twin | ElasticTwin | HistoryTwin
 CompileTwin: TypeAlias = Callable[[tuple[str, ...]], CompiledTwin]
 
 

@@ -1,0 +1,195 @@
+"""Observer of an elastic shaft: readings of one encoder in, motion of all stations and torques of all pieces out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import records
+from textile_twin_core.driveline.chain import ElasticShaft, ShaftChain
+from textile_twin_core.driveline.drive_bank import drive_bank
+from textile_twin_core.driveline.observer_step import FOLLOWING, LEAD, OBSERVER, STATE, Readings, Room, observe_readings
+from textile_twin_core.driveline.runs import Outputs, follow, outputs
+from textile_twin_core.driveline.step import chain_state
+
+_STABLE = 0.9
+"""Share of a station's inertia that the correction of the natural frequencies may take."""
+_FREQUENCY_ERROR = 5e-4
+"""Relative error of the first natural frequency that the time step may leave."""
+_FIRST_DRIVE = 0.3
+"""beta before the first reading, over its largest possible value: a drive 2.3 times as heavy as all else."""
+_MOBILITY_SIGMA = 0.3
+"""Prior standard deviation of beta over its largest possible value: any drive inertia."""
+_SLIP_SIGMA = 100.0
+"""Prior standard deviation of lambda [1/s]: any drive from open loop to a stiff speed loop."""
+_WAIT_PERIODS = 10.0
+"""Periods of the first mode after which an unknown drive is estimated."""
+_RINGING, _MOST_RINGING_S = math.log(100.0), 2.0
+"""Decay of the vibration that a start leaves, until a prediction is settled; longest time for it."""
+_SWEEP, _SWEEP_S, _SAMPLE_S = (0.5, 3.0), 3.0, 1e-3
+"""Speeds over the nominal one, duration and sampling of the sweep in which the error of the time step is measured."""
+_FINER = 4
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What the observer makes of n readings.
+
+    found: (n,) records of STATE. motion: psi, omega, alpha (n, stations) and pieces (n, pieces), reduced to the main
+    shaft.
+    """
+
+    found: npt.NDArray[Any]
+    motion: Outputs
+
+
+@dataclass(frozen=True)
+class ObserverScales:
+    """Times and errors of an observer that follow from its machine.
+
+    first_mode_rad_s, damping_ratio: of the first natural mode with the mean inertias. substep_s: time step.
+    numeric_error: root mean square error of the sensor's torque that the step leaves, over the root mean square torque.
+    """
+
+    first_mode_rad_s: float
+    damping_ratio: float
+    substep_s: float
+    numeric_error: float
+
+
+class ShaftObserver:
+    """Observer of an elastic shaft.
+
+    The chain is the process model, with the drive's disc free. Corrections shift all stations alike. A bank of Kalman
+    filters (`drive_bank`) estimates them, the drive's torque, and inertia and slip where the machine leaves them out.
+
+    Args:
+        elastic: The shaft, from `elastic_shaft`.
+        nominal_speed_rad_s: Speed at which the step's error is measured.
+    """
+
+    def __init__(self, elastic: ElasticShaft, nominal_speed_rad_s: float) -> None:
+        self.elastic, self._speed = elastic, nominal_speed_rad_s
+        shaft = elastic.shaft
+        drive, self._gear = shaft.drive_station, elastic.ratios[shaft.drive_station] ** 2
+        self._inertia = elastic.mean_inertia_kgm2.copy()
+        self._inertia[drive] -= (shaft.drive.inertia_kgm2 or 0.0) * self._gear
+        least = elastic.least_inertia_kgm2
+        self._most_lead = 0.25 * _STABLE * np.minimum(least[:-1], least[1:]) / elastic.chain.stiffness
+        self.reset()
+
+    @cached_property
+    def scales(self) -> ObserverScales:
+        """Times and errors that follow from the machine."""
+        first, ratio = self._first_mode()
+        full = float(np.sqrt(self._most_lead / LEAD).min())
+        step = math.sqrt(full**2 + 12.0 * _FREQUENCY_ERROR / first**2)
+        return ObserverScales(first, ratio, step, self._numeric_error(step))
+
+    def _first_mode(self) -> tuple[float, float]:
+        """First natural frequency [rad/s] and damping ratio of the free chain with mean inertias."""
+        shaft, chain, inertia = self.elastic.shaft, self.elastic.chain, self._inertia.copy()
+        unknown = (1.0 / _FIRST_DRIVE - 1.0) * float(inertia.sum())
+        known = shaft.drive.inertia_kgm2
+        inertia[shaft.drive_station] += unknown if known is None else known * self._gear
+        stiffness, damping = _assembled(chain.stiffness), _assembled(chain.damping)
+        squares, shapes = scipy.linalg.eigh(stiffness, np.diag(inertia))
+        first, shape = math.sqrt(max(squares[1], 0.0)), shapes[:, 1]
+        return first, float(shape @ damping @ shape) / (2.0 * first)
+
+    def _numeric_error(self, step: float) -> float:
+        """Root mean square change of the sensor's torque from the step to a finer one, over its root mean square.
+
+        The drive's station sweeps over the speeds around the nominal one, so that orders of the torque meet the modes.
+        """
+        elastic, shaft = self.elastic, self.elastic.shaft
+        time = np.arange(0.0, _SWEEP_S, _SAMPLE_S)
+        slowest, fastest = (factor * self._speed for factor in _SWEEP)
+        alpha = np.full(time.size, (fastest - slowest) / _SWEEP_S)
+        omega = slowest + alpha * time
+        theta, torque = (slowest + 0.5 * alpha * time) * time, np.zeros((time.size, elastic.stations))
+        substeps, found = max(math.ceil(_SAMPLE_S / step - 1e-6), 1), []
+        for count in (substeps, _FINER * substeps):
+            out, chain = outputs(time.size, elastic.stations), self._chain(_SAMPLE_S / count)
+            follow(chain, chain_state(chain), shaft.drive_station, time, theta, omega, alpha, count, torque, out)
+            found.append(out.pieces[time.size // 8 :, shaft.torque_piece[0]])
+        mean = float(np.sqrt(np.mean(found[1] ** 2)))
+        return float(np.sqrt(np.mean((found[0] - found[1]) ** 2))) / mean if mean > 0.0 else 0.0
+
+    def _chain(self, step: float) -> ShaftChain:
+        """The chain with arrays of its own where the drive is, its natural frequencies corrected for a substep."""
+        chain = self.elastic.chain
+        lead = np.minimum(LEAD, self._most_lead / step**2)
+        return chain._replace(inertia=chain.inertia.copy(), viscous=chain.viscous.copy(), lead=lead)
+
+    def reset(self) -> None:
+        """Forget all readings and what was learnt of the drive."""
+        elastic, shaft, scales = self.elastic, self.elastic.shaft, self.scales
+        drive, given = shaft.drive_station, shaft.drive
+        others = float(self._inertia.sum())
+        self._chain_now, self._state = self._chain(scales.substep_s), chain_state(elastic.chain)
+        self._bank = drive_bank(
+            _SLIP_SIGMA if given.slip_Nms_rad is None else 0.0,
+            _MOBILITY_SIGMA / others if given.inertia_kgm2 is None else 0.0,
+        )
+        self._room = Room(self._inertia, np.zeros(elastic.stations), self._most_lead, np.zeros((4, 5)))
+        self._observer: Any = records(OBSERVER)
+        piece, sign = shaft.torque_piece
+        beyond = self._inertia[piece + 1 :] if piece >= drive else self._inertia[: piece + 1]
+        known = given.inertia_kgm2 is not None
+        inertia, slip = (given.inertia_kgm2 or 0.0) * self._gear, (given.slip_Nms_rad or 0.0) * self._gear
+        beta = 1.0 / (others + inertia) if known else _FIRST_DRIVE / others
+        ground = elastic.chain.viscous.copy()
+        ground[drive] -= slip
+        ring = _RINGING / (scales.damping_ratio * scales.first_mode_rad_s) if scales.damping_ratio > 0.0 else math.inf
+        values = {
+            "mode": FOLLOWING, "beta": beta, "lam": slip * beta, "others": others, "side": float(beyond.sum()),
+            "ground": float(ground.sum()), "drive_ground": float(ground[drive]),
+            "drive_disc": float(elastic.chain.inertia[drive]) - inertia,
+            "known_inertia": float(known), "known_slip": float(given.slip_Nms_rad is not None), "inertia": inertia,
+            "slip": slip, "drive": drive, "encoder": shaft.encoder_station, "piece": piece, "sign": sign,
+            "substep": scales.substep_s, "numeric": scales.numeric_error,
+            "wait": _WAIT_PERIODS * 2.0 * math.pi / scales.first_mode_rad_s, "ring": min(ring, _MOST_RINGING_S),
+        }  # fmt: skip
+        for name, value in values.items():
+            self._observer[name] = value
+
+    def restart(self) -> None:
+        """Begin a record again; what was learnt of the drive stays."""
+        for name in ("still", "interval", "torque_square"):
+            self._observer[name] = 0.0
+        self._observer["mode"] = FOLLOWING
+
+    def take(self, readings: Readings) -> Observed:
+        """Take readings in their order, in blocks of any size."""
+        count = readings.step.size
+        found, out = records(STATE, count), outputs(count, self.elastic.stations)
+        observe_readings(self._chain_now, self._state, self._bank, self._observer, self._room, readings, found, out)
+        return Observed(found, out)
+
+    @property
+    def drive_inertia_kgm2(self) -> float:
+        """Inertia of the drive, given or estimated, at its own station."""
+        now = self._observer[0]
+        return float(1.0 / now["beta"] - now["others"]) / float(self._gear)
+
+    @property
+    def drive_slip_Nms_rad(self) -> float:
+        """Slip of the drive, given or estimated, at its own station."""
+        now = self._observer[0]
+        return float(now["lam"] / now["beta"]) / float(self._gear)
+
+
+def _assembled(pieces: FloatArray) -> FloatArray:
+    """Matrix of a chain from the stiffness or damping of its pieces."""
+    matrix = np.zeros((pieces.size + 1, pieces.size + 1))
+    for i, value in enumerate(pieces):
+        matrix[i : i + 2, i : i + 2] += value * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return matrix

@@ -1,0 +1,335 @@
+"""Observer of an elastic shaft, compiled: one reading of the encoder after another.
+
+The chain turns freely under the drive torque. A bank of Kalman filters (`drive_bank`) corrects all stations alike and
+tracks the drive. Before the motion is known, at standstill and after a gap the chain instead stands statically twisted
+at the estimated motion of the encoder's station.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import by_reference, compiled_in_place
+from textile_twin_core.driveline.chain import ShaftChain
+from textile_twin_core.driveline.drive_bank import DriveBank, begin_bank, covariance_of, predict, release, update
+from textile_twin_core.driveline.runs import Outputs, observe, twist_statically
+from textile_twin_core.driveline.step import ChainState, midpoint_step
+
+Record: TypeAlias = Any
+Records: TypeAlias = np.ndarray[Any, np.dtype[Any]]
+FOLLOWING, OBSERVING = 0.0, 1.0
+_SENSE_SIGMAS = 3.0
+_STILL_SAMPLES = 25.0
+"""Samples without a known sense of rotation until the shaft is at standstill."""
+_GAP_SAMPLES = 50.0
+_INTERVAL_SAMPLES = 500.0
+"""Memory of the mean interval, of the torque's mean square and of the innovations."""
+_LEAST_TURN = 1e-4
+"""Angle [rad] between two samples from which the load's change over it is a slope."""
+_LEAST_DRIVE, _MOST_DRIVE = 0.02, 1e4
+"""Bounds of an unknown drive's inertia, over that of all else."""
+_RETRY_SAMPLES, _NO_BETTER = 1000.0, 0.5
+"""Learning begins again where so many samples have not brought the innovations' mean square down to this share."""
+_SURE = 0.25
+"""Sigma of the torque over its root mean square up to which a prediction counts as settled."""
+_NEW_STRETCH = 2.0
+LEAD = 1.0 / 6.0
+_CHECK_SAMPLES, _FALLING = 250.0, 0.7
+"""Samples between two looks at the scale of the noise, and factor below which it is falling: still learning."""
+
+OBSERVER = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            "mode", "theta", "omega",  # FOLLOWING or OBSERVING; reference motion [rad, rad/s]
+            "d", "lam", "beta",  # the drive, see `drive_bank`
+            "learning", "since_begin", "since_release",  # 1 once the drive is estimated; times [s]
+            "early", "early_count", "recent", "tried",  # mean squares of innovations before learning, and of late
+            "checked", "scale", "converged",  # samples since the last look, scale then; 1 once it has stopped falling
+            "load", "load_at", "load_slope",  # torque of all but the drive [N m], at an angle [rad]; its slope
+            "interval", "still", "torque_square",
+            "others", "side",  # mean inertia of all but the drive, and beyond the torque sensor from the drive
+            "ground", "drive_ground", "drive_disc",  # viscous friction of all stations, of the drive's; its own disc
+            "known_inertia", "known_slip", "inertia", "slip",  # 1 where given; values
+            "drive", "encoder", "piece", "sign",  # stations; the sensor's piece
+            "substep", "numeric", "wait", "ring",  # [s]; integration error over RMS torque; times [s], see `observer`
+        )
+    ]
+)  # fmt: skip
+STATE = np.dtype(
+    [(name, np.float64) for name in ("angle", "speed", "acceleration", "settled", "sigma")]
+    + [("covariance", np.float64, (9,))]
+)
+"""What the observer makes of a reading: the encoder's station (angle relative to the record's origin), and the torque
+sensor's sigma [N m]."""
+
+
+@by_reference
+class Readings(NamedTuple):
+    """Accepted readings with the motion that the shaft estimator found, arrays (n,) and (n, 9)."""
+
+    step: FloatArray
+    """time since the reading before [s]"""
+    reading: FloatArray
+    """unwrapped [rad]"""
+    variance: FloatArray
+    """of a reading [rad^2]"""
+    used: FloatArray
+    """0 for a reading that was rejected, else positive"""
+    cut: FloatArray
+    """2 or more where the record begins again"""
+    settled: FloatArray
+    angle: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    covariance: FloatArray
+
+
+@by_reference
+class Room(NamedTuple):
+    """Arrays of the observer beside chain, state and bank."""
+
+    inertia: FloatArray
+    """(stations,) mean inertia without the drive's [kg m^2]"""
+    torque: FloatArray
+    """(stations,) external torque [N m]"""
+    most_lead: FloatArray
+    """(pieces,) bound of `lead` times the substep squared [s^2]"""
+    gradient: FloatArray
+    """(4, 5) gradients by x of angle, speed, acceleration and torque"""
+
+
+@compiled_in_place
+def observe_readings(
+    chain: ShaftChain,
+    state: ChainState,
+    bank: DriveBank,
+    observers: Records,
+    room: Room,
+    readings: Readings,
+    found: Records,
+    out: Outputs,
+) -> None:
+    """Take readings in their order; fills a row of `found` and of `out` for each."""
+    for j in range(readings.step.size):
+        _take(chain, state, bank, observers[0], room, readings, j, found[j], out)
+
+
+@compiled_in_place
+def _take(
+    chain: ShaftChain,
+    state: ChainState,
+    bank: DriveBank,
+    o: Record,
+    room: Room,
+    r: Readings,
+    j: int,
+    row: Record,
+    out: Outputs,
+) -> None:
+    """Take one reading."""
+    sense = abs(r.speed[j]) > _SENSE_SIGMAS * math.sqrt(max(r.covariance[j, 4], 0.0))
+    gap = r.step[j] > _GAP_SAMPLES * o.interval > 0.0
+    if o.interval == 0.0:
+        o.interval = r.step[j]
+    elif not gap:
+        o.interval += (r.step[j] - o.interval) / _INTERVAL_SAMPLES
+    o.still = 0.0 if sense else o.still + 1.0
+    if o.still > _STILL_SAMPLES or gap or r.cut[j] >= _NEW_STRETCH:
+        o.mode = FOLLOWING
+    if o.mode == OBSERVING:
+        _advance(chain, state, bank, o, room, r, j)
+        observe(chain, state, o.theta, o.omega, 0.0, -1, room.torque, j, out)
+    else:
+        o.theta, o.omega = r.angle[j], r.speed[j]
+        _twist(chain, state, o, room, r.acceleration[j])
+        observe(chain, state, o.theta, o.omega, r.acceleration[j], int(o.drive), room.torque, j, out)
+    _report(chain, state, bank, o, room, r, j, row, out)
+    if o.mode == FOLLOWING and sense and r.settled[j] > 0.5:
+        _begin(bank, o, room, r, j)
+
+
+@compiled_in_place
+def _twist(chain: ShaftChain, state: ChainState, o: Record, room: Room, alpha: float) -> None:
+    """Stand statically twisted with the encoder's station on the reference; the drive gives what is needed."""
+    drive = int(o.drive)
+    _set_drive(chain, o, room)
+    room.torque[drive] = 0.0
+    twist_statically(chain, state, o.theta, o.omega, alpha, drive, room.torque)
+    total = 0.0
+    for i in range(room.torque.size):
+        total += state.right[i]
+    room.torque[drive] = total
+    shift = state.psi[int(o.encoder)]
+    o.theta -= shift
+
+
+@compiled_in_place
+def _set_drive(chain: ShaftChain, o: Record, room: Room) -> None:
+    """Give the chain the drive's inertia, slip and torque."""
+    drive = int(o.drive)
+    least, most = 1.0 / (o.others * (1.0 + _MOST_DRIVE)), 1.0 / (o.others * (1.0 + _LEAST_DRIVE))
+    if o.known_inertia == 0.0:
+        o.beta = min(max(o.beta, least), most)
+    if o.known_slip > 0.0:
+        o.lam = o.beta * o.slip
+    chain.inertia[drive] = o.drive_disc + 1.0 / o.beta - o.others
+    chain.viscous[drive] = o.drive_ground + o.lam / o.beta
+    room.torque[drive] = o.d / o.beta
+
+
+@compiled_in_place
+def _begin(bank: DriveBank, o: Record, room: Room, r: Readings, j: int) -> None:
+    """Let the chain go from the static twist; what is known of the drive stays."""
+    o.mode, o.since_begin, o.still = OBSERVING, 0.0, 0.0
+    o.d = room.torque[int(o.drive)] * o.beta
+    o.load_at, o.load_slope, o.load = r.angle[j], 0.0, math.nan
+    noise = r.variance[j] / max(o.interval, 1e-9) ** 4
+    torque = r.covariance[j, 8] + r.speed[j] ** 4 + noise
+    begin_bank(bank, r.covariance[j, 0] + r.variance[j], r.covariance[j, 4] + r.variance[j] / o.interval**2, torque)
+    if o.learning == 0.0:
+        o.early = o.early_count = 0.0
+    o.recent, o.tried = 0.0, 0.0
+
+
+@compiled_in_place
+def _advance(chain: ShaftChain, state: ChainState, bank: DriveBank, o: Record, room: Room, r: Readings, j: int) -> None:
+    """Let the chain turn up to a reading, and correct it by the reading."""
+    n, drive, encoder, dt = chain.inertia.size, int(o.drive), int(o.encoder), r.step[j]
+    _set_drive(chain, o, room)
+    substeps = max(math.ceil(dt / o.substep - 1e-6), 1)
+    h = dt / substeps
+    for i in range(n - 1):
+        chain.lead[i] = min(LEAD, room.most_lead[i] / (h * h))
+    inertia = 1.0 / o.beta
+    own = inertia - o.others
+    before = own * state.speed[drive]
+    for i in range(n):
+        before += room.inertia[i] * state.speed[i]
+    begin = o.omega + state.speed[drive]
+    for _ in range(substeps):
+        midpoint_step(chain, state, o.theta, o.omega, 0.0, h, -1, room.torque)
+        o.theta += h * o.omega
+    after = own * state.speed[drive]
+    for i in range(n):
+        after += room.inertia[i] * state.speed[i]
+    alpha = (after - before) * o.beta / dt
+    speed = 0.5 * (begin + o.omega + state.speed[drive])
+    load = (o.d - o.lam * speed - alpha) * inertia
+    angle = o.theta + state.psi[encoder]
+    turned = angle - o.load_at
+    o.load_slope = (load - o.load) / turned if abs(turned) > _LEAST_TURN and not math.isnan(o.load) else 0.0
+    o.load, o.load_at = load, angle
+    rate = o.lam + o.beta * o.ground
+    decay = math.exp(-rate * dt)
+    first = (1.0 - decay) / rate if abs(rate * dt) > 1e-6 else dt
+    second = (dt - first) / rate if abs(rate * dt) > 1e-6 else 0.5 * dt * dt
+    _set_gradient(o, room, speed, rate)
+    slopes, step = room.gradient[2], bank.step
+    step[0, 0], step[0, 1], step[1, 1] = 1.0, first, decay
+    step[1, 0] = slopes[0] * first
+    for i in range(2, 5):
+        step[0, i], step[1, i] = slopes[i] * second, slopes[i] * first
+    predict(bank, dt, o.interval, r.variance[j], o.learning)
+    o.since_begin += dt
+    o.since_release += dt
+    if r.used[j] > 0.0:
+        off = r.reading[j] - angle
+        update(bank, off, r.variance[j])
+        o.theta += bank.mean[0]
+        o.load_at += bank.mean[0]
+        o.omega += bank.mean[1]
+        o.d += bank.mean[2]
+        o.lam += bank.mean[3]
+        o.beta += bank.mean[4]
+        _learn(bank, o, off, r.variance[j])
+
+
+@compiled_in_place
+def _set_gradient(o: Record, room: Room, speed: float, rate: float) -> None:
+    """Gradients by x; of the acceleration, and of the torque beyond the sensor."""
+    gradient = room.gradient
+    for i in range(4):
+        for k in range(5):
+            gradient[i, k] = 0.0
+    gradient[0, 0] = gradient[1, 1] = 1.0
+    gradient[2, 0], gradient[2, 1], gradient[2, 2] = -o.beta * o.load_slope, -rate, 1.0
+    gradient[2, 3], gradient[2, 4] = -speed, -o.load
+    if o.known_slip > 0.0:
+        gradient[2, 4] -= o.slip * speed
+    for k in range(5):
+        gradient[3, k] = o.side * gradient[2, k]
+    gradient[3, 0] += o.side / o.others * o.load_slope
+
+
+@compiled_in_place
+def _learn(bank: DriveBank, o: Record, off: float, variance: float) -> None:
+    """Begin to estimate an unknown drive once the chain swings as it does, and again where that did not succeed."""
+    if bank.prior[0] == 0.0 and bank.prior[1] == 0.0:
+        return
+    spread = o.interval**-4 * variance + o.omega**4 + (bank.prior[0] * o.omega) ** 2
+    if o.learning == 0.0:
+        o.early += off * off
+        o.early_count += 1.0
+        if o.since_begin >= o.wait:
+            o.early /= o.early_count
+            release(bank, spread, max(o.early / variance, 1.0))
+            o.learning, o.since_release, o.tried, o.recent = 1.0, 0.0, 0.0, o.early
+            o.checked, o.scale, o.converged = 0.0, math.inf, 0.0
+        return
+    o.tried += 1.0
+    o.checked += 1.0
+    if o.checked >= _CHECK_SAMPLES:
+        scale = 0.0
+        for m in range(bank.memory.size):
+            scale += bank.probability[m] * bank.scale[m]
+        o.converged = 1.0 if scale > _FALLING * o.scale else 0.0
+        o.scale, o.checked = scale, 0.0
+    o.recent += (off * off - o.recent) / _INTERVAL_SAMPLES
+    if o.tried >= _RETRY_SAMPLES:
+        if o.recent > _NO_BETTER * o.early and o.recent > 4.0 * variance:
+            release(bank, spread, max(o.recent / variance, 1.0))
+            o.beta = 0.3 / o.others if o.known_inertia == 0.0 else o.beta
+            o.early, o.since_release, o.converged, o.scale = o.recent, 0.0, 0.0, math.inf
+        o.tried = 0.0
+
+
+@compiled_in_place
+def _report(
+    chain: ShaftChain,
+    state: ChainState,
+    bank: DriveBank,
+    o: Record,
+    room: Room,
+    r: Readings,
+    j: int,
+    row: Record,
+    out: Outputs,
+) -> None:
+    """The encoder's station, covariances and the torque's sigma."""
+    encoder = int(o.encoder)
+    row.angle = o.theta + out.psi[j, encoder]
+    row.speed, row.acceleration = out.omega[j, encoder], out.alpha[j, encoder]
+    if o.mode == FOLLOWING:
+        row.acceleration = r.acceleration[j]
+        for k in range(9):
+            row.covariance[k] = r.covariance[j, k]
+        row.sigma = o.side * math.sqrt(max(r.covariance[j, 8], 0.0))
+        row.settled = 1.0 if r.settled[j] > 0.5 and o.still > _STILL_SAMPLES else 0.0
+        return
+    torque = out.pieces[j, int(o.piece)]
+    o.torque_square += (torque * torque - o.torque_square) / min(_INTERVAL_SAMPLES, 1.0 + o.since_begin / o.interval)
+    gradient = room.gradient
+    for i in range(3):
+        for k in range(i, 3):
+            covariance = covariance_of(bank, gradient[i], gradient[k])
+            row.covariance[3 * i + k] = row.covariance[3 * k + i] = covariance
+    variance = covariance_of(bank, gradient[3], gradient[3]) + o.numeric**2 * o.torque_square
+    row.sigma = math.sqrt(max(variance, 0.0))
+    learned = (bank.prior[0] == 0.0 and bank.prior[1] == 0.0) or (o.converged > 0.0 and o.since_release > o.ring)
+    sure = row.sigma <= _SURE * math.sqrt(o.torque_square)
+    row.settled = 1.0 if r.settled[j] > 0.5 and o.since_begin > o.ring and learned and sure else 0.0

@@ -1,0 +1,60 @@
+"""Outputs that a machine has beyond the usual ones where its main shaft is elastic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from textile_twin_core.machine.declaration import Declaration
+
+TWIST, LAG, SPREAD = "twist_rad", "lag_rad", "spread_m"
+PIECE_TORQUE, ANGLE, SPEED, ACCELERATION, POSITION = (
+    "torque",
+    "angle_rad",
+    "speed_rad_s",
+    "acceleration_rad_s2",
+    "position_m",
+)
+
+
+@dataclass(frozen=True)
+class ElasticOutput:
+    """One output of an elastic shaft.
+
+    Attributes:
+        kind: which quantity.
+        number: of the piece, the station or the linkage.
+        measure: name of the measure, where the quantity is its.
+    """
+
+    kind: str
+    number: int = 0
+    measure: str = field(default="")
+
+
+def elastic_outputs(machine: Declaration) -> Mapping[str, ElasticOutput]:
+    """Outputs by name that only an elastic shaft has; empty for a rigid one.
+
+    - `torque_piece_A_B_Nm`: torque in the piece from station A to B, positive as it drives B.
+    - `twist_rad`: angle of the first station beyond the last, reduced to the main shaft.
+    - `station_S_angle_rad`, `_speed_rad_s`, `_acceleration_rad_s2`: of station S itself, behind its gears.
+    - `M_at_S_position_m`: measure M of the first linkage at station S.
+    - `M_lag_rad`: angle of the last linkage behind the encoder's station.
+    - `M_spread_m`: largest less smallest deviation of M, over the linkages, from its place on a rigid shaft.
+    """
+    shaft = machine.shaft
+    if shaft is None:
+        return {}
+    found = {
+        f"torque_piece_{piece.from_station}_{piece.to_station}_Nm": ElasticOutput(PIECE_TORQUE, k)
+        for k, piece in enumerate(shaft.pieces)
+    }
+    found[TWIST] = ElasticOutput(TWIST)
+    for kind in (ANGLE, SPEED, ACCELERATION):
+        found |= {f"station_{name}_{kind}": ElasticOutput(kind, k) for k, name in enumerate(shaft.names)}
+    for measure in machine.measures:
+        for k, place in reversed(list(enumerate(machine.linkages))):
+            found[f"{measure.name}_at_{place.at}_{POSITION}"] = ElasticOutput(POSITION, k, measure.name)
+        found[f"{measure.name}_{LAG}"] = ElasticOutput(LAG, measure=measure.name)
+        found[f"{measure.name}_{SPREAD}"] = ElasticOutput(SPREAD, measure=measure.name)
+    return found
