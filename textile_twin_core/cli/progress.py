@@ -5,10 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Never
+from typing import Never
 
-if TYPE_CHECKING:
-    from tqdm import tqdm
+from tqdm import tqdm
 
 _LONG = 5_000
 """Samples that take about two seconds on a slow computer."""
@@ -30,8 +29,6 @@ def progress(
     if total < long or not on_terminal():
         yield None
         return
-    from tqdm import tqdm
-
     with tqdm(total=total, desc=what, unit=unit, unit_scale=total >= _LONG, leave=False) as bar:
         yield bar.update
 
@@ -57,8 +54,6 @@ def stages(total: int) -> Iterator[Stage]:
     if total < _LONG or not on_terminal():
         yield lambda *_: None
         return
-    from tqdm import tqdm
-
     # Not before its first stage has a name, and from then on with every part that is done.
     form = "{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}]"
     with tqdm(total=_PARTS, leave=False, bar_format=form, delay=1e-9, mininterval=0.0, miniters=1) as bar:
@@ -71,8 +66,6 @@ def aside() -> Iterator[None]:
     if not on_terminal():
         yield
         return
-    from tqdm import tqdm
-
     with tqdm.external_write_mode(sys.stderr):
         yield
 
