@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.readings import ANGLE_TURNS
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag_write import BagWriter
@@ -34,10 +35,12 @@ from textile_twin_core.recordings.log_shaft import edge_angles, force_torque, to
 from textile_twin_core.recordings.log_speed import EncoderSpeed, encoder_speed
 from textile_twin_core.recordings.log_units import spelled, unit_in_name
 from textile_twin_core.recordings.recording import Progress
+from textile_twin_core.shaft.count_lattice import counts_behind
 
 _FIRST_NS = 1_000_000_000
 """Stamp of the first row of a log whose time is none of the day: 0 means in ROS that there is no stamp."""
 _EPOCH_S = 1e8
+_LATTICE = 8192  # moving angles in which an encoder's counts are looked for
 MEASURED = "measured"
 """Above the topics of quantities other than torque: JointState, position of the joint named as the output."""
 
@@ -183,7 +186,7 @@ class _Import:
         converted, unit, words = angle_radians(name, angle.unit, values[known])
         theta = np.full(values.shape, np.nan)
         theta[known] = converted
-        self._words["angle"] = f"column '{name}', {words}{self._without(name, known)}"
+        self._words["angle"] = f"column '{name}', {words}{_counts(converted, unit)}{self._without(name, known)}"
         stamps, here = self._with_stamps(theta, seconds, clock, "angle")
         speed, omega = self._speed(stamps, theta, here, clock)
         self._mapping = replace(self._mapping, angle=replace(angle, unit=unit), speed=speed)
@@ -307,3 +310,11 @@ def _amiss(steps: IntArray) -> str:
     told += f"; {stands} rows have the time of the row before" if stands else ""
     what = "such rows are in the recording, and are left out where it is used"
     return f"{told}: {what}; where rows are evenly spaced give --rate" if told else ""
+
+
+def _counts(angle: FloatArray, unit: str) -> str:
+    """In words the encoder's counts behind angles (n,) [rad] that were logged with so many decimals of a unit."""
+    moving = np.flatnonzero(np.diff(angle) != 0.0)
+    angle = angle[moving[:_LATTICE]]
+    counts = counts_behind(np.unwrap(angle), turn=ANGLE_TURNS[unit]) if unit in ANGLE_TURNS else None
+    return "" if counts is None else f", rounded readings of an encoder of {counts} counts a turn"

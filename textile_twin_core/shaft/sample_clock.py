@@ -34,6 +34,7 @@ SOONEST, LATEST = (
 MOST_SHOWN = 0.15  # part of the samples that the moves may show as lost: more of them are uneven moves
 MOST_CHANGES = 0.6  # of the bursts that may begin after a lost sample
 UNEVEN = 0.3  # of a period, deviation of stamps that are even
+PROBE = 4096  # samples of a long record in which uneven intervals are looked at first
 UNEVEN_SINGLE = 0.2  # of the mean, deviation of the intervals from which single samples come at uneven times
 SMOOTHER = 0.5  # ratio of roughness up to which uneven intervals are no lost samples
 OTHER_INTERVAL, SAME_PERIOD = 0.1, 1e-3  # of the companion's period: an interval that is another; a period that is not
@@ -155,11 +156,15 @@ def even_times(
     if bursts is None:
         return None
     single = bursts.samples == 1
+    if single and stamps_ns.size > 2 * PROBE:  # mostly lost samples, which a part of the record shows
+        middle = slice(stamps_ns.size // 2 - PROBE // 2, stamps_ns.size // 2 + PROBE // 2)
+        if not isinstance(even_times(stamps_ns[middle], values[middle], angles, period_s, bridge_ns), EvenTimes):
+            return None
     # A stamp that is older than one before is of no use for the clock, and keeps its time.
     good = stamps_ns >= np.maximum.accumulate(stamps_ns)
     stamps, seen = stamps_ns[good], values[good]
     time: FloatArray = (stamps - stamps[0]) * 1e-9
-    sent = time if bridge_ns is None else _sent((bridge_ns - stamps[0]) * 1e-9, time)
+    sent = time if single or bridge_ns is None else _sent((bridge_ns - stamps[0]) * 1e-9, time)
     moves = _moves(seen) if angles else np.ones(seen.size - 1)
     times = time.copy()
     found: list[tuple[int, float, float, int]] = []

@@ -1,0 +1,81 @@
+"""Counts of an encoder behind readings that a log has rounded to decimals, and the acceleration from such readings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft.count_lattice import counts_behind
+
+TURN = 2.0 * np.pi
+UNITS = {"degrees": 360.0, "turns": 1.0, "gon": 400.0, "radians": TURN}
+COUNTS = (1000, 1024, 2500, 3600, 4096, 5000, 8192, 10000, 16384, 65536)
+
+
+def motion(speed: float, samples: int, rate: float = 500.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times [s], angle [rad] and acceleration [rad/s^2] of a shaft whose speed ripples by 2 per cent."""
+    t = np.arange(samples) / rate
+    theta = speed * t + 0.02 * np.sin(speed * t + 0.7) + 0.006 * np.sin(2.0 * speed * t)
+    return t, theta, -(speed**2) * (0.02 * np.sin(speed * t + 0.7) + 0.024 * np.sin(2.0 * speed * t))
+
+
+def logged(theta: FloatArray, counts: int, turn: float, decimals: int, wrapped: bool = True) -> FloatArray:
+    """Angles [rad] as a log has them: counts of the encoder (0: none) in a unit, rounded to decimals."""
+    turns = np.rint(theta / TURN * counts) / counts if counts else theta / TURN
+    turns = np.mod(turns, 1.0) if wrapped else turns
+    return np.asarray(np.round(turns * turn, decimals) / turn * TURN)
+
+
+def is_shown(counts: int, turn: float, decimals: int) -> bool:
+    """Whether rounding leaves the counts visible: it covers less than two thirds of a count, and is not the count."""
+    unit, count = 10.0**-decimals, turn / counts
+    finer = 1 if turn == TURN else 10**7
+    whole = abs(count * finer - round(count * finer)) < 1e-9 and round(count * finer) in [10**k for k in range(8)]
+    return unit < 0.66 * count and not whole
+
+
+@pytest.mark.parametrize("counts", COUNTS)
+@pytest.mark.parametrize("unit", UNITS)
+def test_counts_are_named(counts: int, unit: str) -> None:
+    turn = UNITS[unit]
+    for decimals, (speed, wrapped) in zip(
+        (2, 3, 4, 5, 6), ((6.0, True), (60.0, True), (13.7, False)) * 2, strict=False
+    ):
+        angle = logged(motion(speed, 768)[1], counts, turn, decimals, wrapped)
+        found = counts_behind(np.unwrap(angle), turn=turn)
+        assert found == (counts if is_shown(counts, turn, decimals) else None), (decimals, speed)
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("decimals", [2, 3, 4, 5, 6])
+def test_none_are_named_where_there_are_none(unit: str, decimals: int) -> None:
+    for speed in (6.0, 13.7, 60.0, TURN * 500.0 / 125.0):  # the last has 125 readings a turn
+        angle = logged(motion(speed, 768)[1], 0, UNITS[unit], decimals)
+        assert counts_behind(np.unwrap(angle), turn=UNITS[unit]) is None
+
+
+@pytest.mark.parametrize(
+    ("counts", "unit", "decimals", "speed"),
+    [
+        (8192, "degrees", 2, 8.44),
+        (8192, "degrees", 3, 8.44),  # 22 counts a sample
+        (8192, "degrees", 4, 60.0),
+        (2500, "gon", 2, 31.0),
+        (1024, "radians", 3, 6.0),
+        (5000, "turns", 5, 16.755),
+        (65536, "degrees", 3, 16.755),
+    ],
+)
+def test_acceleration_is_that_of_the_unrounded_counts(counts: int, unit: str, decimals: int, speed: float) -> None:
+    time, theta, truth = motion(speed, 5000)
+    errors = []
+    for angle in (logged(theta, counts, TURN, 15), logged(theta, counts, UNITS[unit], decimals)):
+        estimator = create_estimator("smooth")
+        parts = [estimator.step(np.rint(time * 1e9).astype(np.int64), angle), estimator.finish()]
+        states = next(part for part in parts if len(part))
+        off = states.alpha_rad_s2 - truth[states.index]
+        errors.append(float(np.sqrt(np.mean(off[1000:-200] ** 2))))
+        assert estimator.report.resolution_rad == pytest.approx(TURN / counts, rel=1e-3)
+    assert errors[1] < 1.3 * errors[0]
