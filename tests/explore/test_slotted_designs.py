@@ -13,7 +13,8 @@ from textile_twin_core.explore.analysis import analyse
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.exports import as_dxf, as_picture
 from textile_twin_core.machine import Machine
-from textile_twin_core.synthesis import family_of
+from textile_twin_core.synthesis import Batch, family_of
+from textile_twin_core.synthesis.tolerance import monte_carlo, sensitivities
 
 NAMES = ("whitworth_shaper", "geared_five_bar")
 
@@ -38,6 +39,20 @@ def test_a_design_is_drawn_and_exported(name: str) -> None:
         assert not gears
         assert analysis.guides == ((0.0, 0.235, 1.0, 0.0),)  # the slot moves: it is no guide on the ground
         assert not analysis.clashes  # block and crank's pin are in the lever's slot
+
+
+@pytest.mark.parametrize(("name", "measure"), zip(NAMES, ("tool", "thread_guide"), strict=True))
+def test_random_draws_within_tolerances_stay_near_the_design(name: str, measure: str) -> None:
+    machine = ttc.load_machine(f"examples/{name}.yaml")
+    assert isinstance(machine, Machine)
+    family, batch = family_of(machine), Batch(machine)
+    number = f"{measure}_stroke_m"
+    tolerances = {p.name: 1e-4 for p in family.parameters if p.name.endswith(("length_m", "offset_m"))}
+    drawn = monte_carlo(family, {}, batch, [number], tolerances, samples=500)
+    slopes = sensitivities(family, {}, batch, [number], tuple(tolerances))[number]
+    spread = 1e-4 / 3.0 * math.sqrt(sum(slope**2 for slope in slopes.values()))
+    assert drawn.scrap_rate == 0.0
+    assert drawn.spreads[number].sigma == pytest.approx(spread, rel=0.1)
 
 
 @pytest.mark.parametrize("name", NAMES)

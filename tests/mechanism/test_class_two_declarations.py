@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
+from tests.engine_peers.meeting import meeting
 from textile_twin_core.dynamics import Body
 from textile_twin_core.dynamics.loads import SliderFriction
 from textile_twin_core.errors import MachineError
@@ -214,6 +215,22 @@ def test_a_ratio_that_is_no_whole_number_holds_over_a_part_of_a_turn() -> None:
     first, later = twin.evaluate(theta, 0.0, 0.0), twin.evaluate(theta + 4.0 * math.pi, 0.0, 0.0)
     assert np.abs(first["theta_gear_rad"] - (0.4 - theta * 2.0 / 3.0)).max() < 1e-15 * 4
     assert np.abs(first["point_D_x_m"] - later["point_D_x_m"]).max() < 1e-14
+
+
+def test_three_to_two_as_the_message_advises() -> None:
+    """On a main shaft that turns once a cycle both shafts turn whole times."""
+    fast = GearPair("fast", "Z", "O", "A", 0.06, (60, 20), "main_shaft", internal=True, phase_rad=0.2)
+    slow = GearPair("slow", "Z", "C", "D", 0.05, (40, 20), "main_shaft", internal=True, phase_rad=0.4, mesh="M")
+    dyad = RRRDyad("coupler", "rocker", "A", "D", "B", (0.23, 0.2))
+    points = O | {"C": (0.2, 0.0), "Z": (0.1, 0.3)}
+    bodies = tuple(Body(link, 0.5, 1e-3, (0.4, 0.1)) for link in ("fast", "slow", "coupler", "rocker"))
+    machine = Machine("cycle", points, (fast, slow, dyad), bodies)
+    theta = np.linspace(-7.0, 9.0, 50)
+    v = ttc.compile(machine, [*ROUTES, "point_B_x_m", "point_B_y_m"], method="exact").evaluate(theta, 3.0, 5.0)
+    assert np.abs(v[ROUTES[0]] - v[ROUTES[1]]).max() < 1e-12 * np.abs(v[ROUTES[0]]).max()
+    one, two = 0.06 * np.exp(1j * (3.0 * theta + 0.2)), 0.2 + 0.05 * np.exp(1j * (2.0 * theta + 0.4))
+    places = [meeting(a, d, 0.23, 0.2, left=True) for a, d in zip(one.tolist(), two.tolist(), strict=True)]
+    assert np.abs(v["point_B_x_m"] + 1j * v["point_B_y_m"] - np.array(places)).max() < 1e-14
 
 
 def test_teeth_press_as_the_pressure_angle_says() -> None:
