@@ -15,7 +15,8 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
-from textile_twin_core.expression import Expr, topological_order
+from textile_twin_core.expression import Expr, substitute, variable
+from textile_twin_core.expression.c_source import PLAIN_SINCOS, c_statements
 
 _HEAD = """#include <math.h>
 #include <stddef.h>
@@ -45,62 +46,20 @@ _SINCOS = """static inline __attribute__((always_inline)) void both(double x, do
     *c = (n & 2) ? -b : b;
 }
 """
-_PLAIN = """static inline void both(double x, double *s, double *c) { *s = sin(x); *c = cos(x); }
-"""
 _PACKED = re.compile(r"\bv?mulpd\b|\bvfn?m(add|sub)\d+pd\b|\bfml[as]\s+v\d+\.2d|\bfmul\s+v\d+\.2d|\bfml[as]\s+z\d+\.d")
 """Products of several doubles at once in the assembly of x86-64 and of AArch64."""
-_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 
 
 def c_source(outputs: Sequence[Expr], vectorised: bool) -> str:
     """A C function `run(n, theta, omega, alpha, out0, out1, ..)` of the outputs."""
-    order = topological_order(outputs)
-    name: dict[Expr, str] = {}
-    lines = []
-    for node in order:
-        if node.op == "const":
-            name[node] = f"({node.value!r})"
-        elif node.op == "variable":
-            name[node] = f"{node.payload}[i]"
-        else:
-            name[node] = f"v{len(name)}"
-            lines.append(_line(node, name))
-    stores = [f"        out{k}[i] = {name[e]};" for k, e in enumerate(outputs)]
-    arrays = [f"const double *restrict {name}" for name in ("theta", "omega", "alpha")]
+    inputs = ("theta", "omega", "alpha")
+    lines, values = c_statements(substitute(outputs, {variable(x): variable(f"{x}[i]") for x in inputs}))
+    stores = [f"        out{k}[i] = {value};" for k, value in enumerate(values)]
+    arrays = [f"const double *restrict {name}" for name in inputs]
     arrays += [f"double *restrict out{k}" for k in range(len(outputs))]
     signature = f"void run(size_t n, {', '.join(arrays)})"
-    body = "\n".join(["    for (size_t i = 0; i < n; ++i) {", *lines, *stores, "    }"])
-    return f"{_HEAD}{_SINCOS if vectorised else _PLAIN}{signature} {{\n{body}\n}}\n"
-
-
-def _line(node: Expr, name: dict[Expr, str]) -> str:
-    a = [name[x] for x in node.args]
-    match node.op:
-        case "add" | "sub" | "mul" | "div":
-            right = f"{a[0]} {_INFIX[node.op]} {a[1]}"
-        case "neg":
-            right = f"-{a[0]}"
-        case "square":
-            right = f"{a[0]} * {a[0]}"
-        case "sqrt":
-            right = f"__builtin_sqrt({a[0]})"
-        case "abs":
-            right = f"__builtin_fabs({a[0]})"
-        case "sign":
-            right = f"(double)({a[0]} > 0.0) - (double)({a[0]} < 0.0)"
-        case "at_least":
-            right = f"{a[0]} >= {a[1]} ? 1.0 : 0.0"
-        case "select":
-            right = f"{a[0]} != 0.0 ? {a[1]} : {a[2]}"
-        case "atan2":
-            right = f"atan2({a[0]}, {a[1]})"
-        case "sin" | "cos":
-            return f"        double s_{name[node]}, c_{name[node]}; both({a[0]}, &s_{name[node]}, &c_{name[node]});" + (
-                f" double {name[node]} = {node.op[0]}_{name[node]};"
-            )
-        case _:
-            raise TypeError(f"'{node.op}' has no C form")
-    return f"        double {name[node]} = {right};"
+    body = "\n".join(["    for (size_t i = 0; i < n; ++i) {", *(f"        {line}" for line in lines), *stores, "    }"])
+    return f"{_HEAD}{_SINCOS if vectorised else PLAIN_SINCOS}{signature} {{\n{body}\n}}\n"
 
 
 def c_candidates(scene: Workload) -> Iterator[Candidate]:

@@ -23,6 +23,7 @@ COMMANDS = {
     "drive": "the motion of a machine under a drive torque: run-up, coast-down, speed ripple",
     "orders": "order spectrum and order-speed map of a recording's signals",
     "resonances": "natural frequencies and critical speeds of an elastic main shaft, Campbell diagram",
+    "fmu": "a machine as an FMU in C, for other simulation programs",
     "import": "a recording from any logger's table: CSV, Parquet, MATLAB",
     "monitor": "recordings watched for faults, turn by turn: needle side, drive side, sensors",
     "recover": "a complete recording from one that was cut off or is damaged",

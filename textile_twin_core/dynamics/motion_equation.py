@@ -49,17 +49,11 @@ class MotionEquation:
         self, inertia: Expr, half_slope: Expr, potential: Expr, potential_slope: Expr, load_torques: Sequence[Expr]
     ) -> None:
         loads = list(load_torques)
-        corners = {node: sign(node.args[0]) for node in topological_order(loads) if node.op == "abs"}
-        self._leaps = [node for node in topological_order([*loads, *corners.values()]) if node.op in _LEAPING]
+        self._leaps, smooth, corners = split_leaps(loads)
         names = [f"leap_{k}" for k in range(len(self._leaps))]
-        new = {node: variable(name) for node, name in zip(self._leaps, names, strict=True)}
-        for node, side in corners.items():  # innermost first; |x| is sign(x) x
-            argument, value = substitute([node.args[0], side], new)
-            new[node] = argument * value
-        smooth = substitute(loads, new)
         self.load_torques: tuple[Expr, ...] = tuple(smooth)
         """Torque of each load on the shaft, with its leaping factors as the variables `leaps`."""
-        self.leaps: tuple[Expr, ...] = tuple(new[node] for node in self._leaps)
+        self.leaps: tuple[Expr, ...] = tuple(variable(name) for name in names)
         self.load_count = len(smooth)
         self.terms = compile_scalar([inertia, half_slope, potential_slope, *smooth], [*_STATE, *names])
         """J, J'/2, V' and each load's torque at (theta, omega, leaping factors)."""
@@ -116,7 +110,7 @@ class MotionEquation:
         """Angles in [0, 2 pi) of the leaps, rising, and the factors' values after each."""
         if not self._leaps:
             return [], [()]
-        levels = [_level(leap) for leap in self._leaps]
+        levels = [level(leap) for leap in self._leaps]
         steps_and_levels = _looks([*self._leaps, *levels], omega)
         slopes = _looks(derivative(levels, variable("theta")), omega)
 
@@ -145,7 +139,27 @@ class MotionEquation:
         return angles, [() if _OPEN in column else tuple(column) for column in columns]
 
 
-def _level(leap: Expr) -> Expr:
+def split_leaps(loads: Sequence[Expr], name: str = "leap_{}") -> tuple[list[Expr], list[Expr], dict[Expr, Expr]]:
+    """Take the steps of loads out of them.
+
+    Args:
+        loads: torques of the loads.
+        name: of the variables that stand for the steps, by their number.
+
+    Returns:
+        The steps (sign, at_least), the loads smooth between them in terms of the variables, and the signs that stand
+        for the corners of absolute values.
+    """
+    corners = {node: sign(node.args[0]) for node in topological_order(loads) if node.op == "abs"}
+    leaps = [node for node in topological_order([*loads, *corners.values()]) if node.op in _LEAPING]
+    new = {node: variable(name.format(k)) for k, node in enumerate(leaps)}
+    for node, side in corners.items():  # innermost first; |x| is sign(x) x
+        argument, value = substitute([node.args[0], side], new)
+        new[node] = argument * value
+    return leaps, substitute(loads, new), corners
+
+
+def level(leap: Expr) -> Expr:
     """What is zero where a step leaps."""
     return leap.args[0] if leap.op == "sign" else leap.args[0] - leap.args[1]
 

@@ -127,7 +127,10 @@ def node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
 
 
 def const(value: Number) -> Expr:
-    """A number."""
+    """A number; one that follows from parameters (see `real`) stands for its expression."""
+    expr = getattr(value, "expr", None)
+    if isinstance(expr, Expr):
+        return expr
     return node("const", payload=float(value))
 
 

@@ -17,6 +17,7 @@ from textile_twin_core.dynamics.drive_torque import DriveTorque
 from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.dynamics.motion_equation import MotionEquation
 from textile_twin_core.errors import MachineError, MotionError
+from textile_twin_core.expression import Expr
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.model import total
 
@@ -69,18 +70,21 @@ def drive(
 def motion_equation(machine: Machine) -> MotionEquation:
     """The machine's equation of motion, all linkages on the shaft together."""
     model = machine.model
-    slope = model.output("equivalent_inertia_slope_kgm2")
-    forces = [
-        total(load.unit_force(k.load_context) * k.intensity(i) for k in model.linkages)
-        for i, load in enumerate(machine.loads)
-    ]
     return MotionEquation(
         model.output("equivalent_inertia_kgm2"),
-        0.5 * slope,
+        0.5 * model.output("equivalent_inertia_slope_kgm2"),
         model.output("potential_energy_J"),
         model.output("torque_gravity_Nm"),
-        forces,
+        load_torques(machine),
     )
+
+
+def load_torques(machine: Machine) -> list[Expr]:
+    """Torque of each load on the shaft, all linkages together [N m]."""
+    return [
+        total(load.unit_force(k.load_context) * k.intensity(i) for k in machine.model.linkages)
+        for i, load in enumerate(machine.loads)
+    ]
 
 
 def load_names(loads: Sequence[Load]) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from typing import Unpack
 
 from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import MachineError
+from textile_twin_core.expression import real
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.sensors import Scene
 from textile_twin_core.machines.sensor_parameters import SensorNumbers, numbers_of, sensors_of
@@ -59,8 +60,8 @@ def elliptic_gear_beatup(
     missing = tuple(name for name, value in given.items() if value is None)
     parameters = numbers_of(given)
     reach = 2.0 * half_axis_m
-    axis = (reach * math.cos(centre_line_rad), reach * math.sin(centre_line_rad))
-    foot = (axis[0] + ground_m * math.cos(ground_angle_rad), axis[1] + ground_m * math.sin(ground_angle_rad))
+    axis = (reach * real.cos(centre_line_rad), reach * real.sin(centre_line_rad))
+    foot = (axis[0] + ground_m * real.cos(ground_angle_rad), axis[1] + ground_m * real.sin(ground_angle_rad))
     gears = EllipticGearPair(
         "gear_1",
         "gear_2",
@@ -135,4 +136,4 @@ def stretched_angle(crank: float, coupler: float, rocker: float, ground: float) 
             f"machine 'elliptic_gear_beatup': stretched crank and coupler of {reach:g} m, rocker of {rocker:g} m "
             f"and ground of {ground:g} m form no triangle; change their lengths"
         )
-    return math.acos(cosine)
+    return real.acos(cosine)

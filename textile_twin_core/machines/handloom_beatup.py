@@ -6,10 +6,10 @@ AE rigid with it; the design of beta = 48 deg at a crank rotation of 180 deg, sc
 
 from __future__ import annotations
 
-import math
 from typing import Unpack
 
 from textile_twin_core.dynamics import Body
+from textile_twin_core.expression import real
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machines.sensor_parameters import SensorNumbers, numbers_of, sensors_of
 from textile_twin_core.mechanism import Arc, Crank, RigidArm, RRRDyad
@@ -48,7 +48,7 @@ def handloom_beatup(
     other one, crank and coupler stretched.
     """
     parameters = numbers_of(locals())
-    pivot = (ground_m * math.cos(ground_angle_rad), ground_m * math.sin(ground_angle_rad))
+    pivot = (ground_m * real.cos(ground_angle_rad), ground_m * real.sin(ground_angle_rad))
     return Machine(
         name="handloom_beatup",
         nominal_speed_rad_s=15.5,

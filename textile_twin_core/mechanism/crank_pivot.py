@@ -7,11 +7,11 @@ the way from the crank's end to the pivot is ((g - r) c, -(g + r) s). Both keep 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from fractions import Fraction
+from typing import Any
 
-from textile_twin_core.expression import Expr, square
+from textile_twin_core.expression import Expr, real, square
+from textile_twin_core.expression.real import exact, rounded
 from textile_twin_core.mechanism.motion import Circle
 from textile_twin_core.mechanism.vector import Vector, exact_length
 
@@ -32,27 +32,27 @@ class CrankPivot:
     @property
     def ground_length(self) -> float:
         """Distance of the fixed joints [m]."""
-        return math.hypot(*self._ground_direction)
+        return real.hypot(*self._ground_direction)
 
     @property
-    def exact_lengths(self) -> tuple[Fraction, Fraction]:
+    def exact_lengths(self) -> tuple[Any, Any]:
         """Ground line and crank, exactly [m]."""
         (cx, cy), (gx, gy) = self.circle.centre, self.ground
-        return exact_length(Fraction(gx) - Fraction(cx), Fraction(gy) - Fraction(cy)), Fraction(self.circle.radius)
+        return exact_length(exact(gx) - exact(cx), exact(gy) - exact(cy)), exact(self.circle.radius)
 
     @property
     def half_angle(self) -> tuple[Expr, Expr]:
         """c and s."""
         x, y = self._ground_direction
-        angle = math.atan2(y, x)
-        gc, gs, half = math.cos(angle / 2.0), math.sin(angle / 2.0), self.circle.half
+        angle = real.atan2(y, x)
+        gc, gs, half = real.cos(angle / 2.0), real.sin(angle / 2.0), self.circle.half
         return gc * half.x + gs * half.y, gc * half.y - gs * half.x
 
     @property
     def rise(self) -> float:
         """Ground line less crank [m]."""
         g, crank = self.exact_lengths
-        return float(g - crank)
+        return rounded(g - crank)
 
     @property
     def swing(self) -> float:
@@ -64,9 +64,9 @@ class CrankPivot:
         """From the crank's end to the fixed joint [m], without cancellation where the two nearly meet."""
         g, crank = self.exact_lengths
         x, y = self._ground_direction
-        angle = math.atan2(y, x) / 2.0
-        (c, s), middle = self.half_angle, self.circle.half.rotated(math.cos(angle), math.sin(angle))
-        along, across = self.rise * c, float(g + crank) * s
+        angle = real.atan2(y, x) / 2.0
+        (c, s), middle = self.half_angle, self.circle.half.rotated(real.cos(angle), real.sin(angle))
+        along, across = self.rise * c, rounded(g + crank) * s
         return Vector(along * middle.x + across * middle.y, along * middle.y - across * middle.x)
 
     @property

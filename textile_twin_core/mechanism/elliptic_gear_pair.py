@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, at_least, atan2, const, select, sqrt
+from textile_twin_core.expression import Expr, at_least, atan2, const, real, select, sqrt
 from textile_twin_core.mechanism.group import MAIN_SHAFT, PlainGroup, check_finite
 from textile_twin_core.mechanism.joint import Joint, pivot
 from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion, Rotation
@@ -62,7 +62,7 @@ class EllipticGearPair(PlainGroup):
             raise MachineError(
                 f"gears '{self.name}': pressure_angle_rad must lie from 0 to pi/4, not {self.pressure_angle_rad!r}"
             )
-        steepest = math.sin(self.pressure_angle_rad)
+        steepest = real.sin(self.pressure_angle_rad)
         if not steepest < self.axis_ratio <= 1.0:
             raise MachineError(
                 f"gears '{self.name}': axis_ratio must lie above {steepest:.4g}, where the teeth would jam, "
@@ -82,7 +82,7 @@ class EllipticGearPair(PlainGroup):
     @property
     def eccentricity(self) -> float:
         """e of the pitch ellipses."""
-        return math.sqrt((1.0 - self.axis_ratio) * (1.0 + self.axis_ratio))
+        return real.sqrt((1.0 - self.axis_ratio) * (1.0 + self.axis_ratio))
 
     @property
     def ratio_range(self) -> tuple[float, float]:
@@ -93,8 +93,8 @@ class EllipticGearPair(PlainGroup):
     def driven_turn(self, driver_turn_rad: float) -> float:
         """f2 at f1, both from the smallest ratio, unwound over any number of turns [rad]."""
         e = self.eccentricity
-        c, s = math.cos(driver_turn_rad / 2.0), math.sin(driver_turn_rad / 2.0)
-        return driver_turn_rad - 2.0 * math.atan2(2.0 * e * s * c, (1.0 + e) * c * c + (1.0 - e) * s * s)
+        c, s = real.cos(driver_turn_rad / 2.0), real.sin(driver_turn_rad / 2.0)
+        return driver_turn_rad - 2.0 * real.atan2(2.0 * e * s * c, (1.0 + e) * c * c + (1.0 - e) * s * s)
 
     def solve(self, motion: Motion) -> None:
         """Add both gears, their other foci, the driven shaft and the point where they touch."""
@@ -140,7 +140,7 @@ class EllipticGearPair(PlainGroup):
         load = driven_moment + wrenches.torque_on.pop(self.driven, const(0.0))
         across = load / mesh.driven_radius
         # the flank that bears turns the force away from the common tangent so that it pushes the gears apart
-        k = math.tan(self.pressure_angle_rad)
+        k = real.tan(self.pressure_angle_rad)
         pressing = (mesh.steepness - k) / (1.0 + k * mesh.steepness)
         other = (mesh.steepness + k) / (1.0 - k * mesh.steepness)
         slant = select(at_least(across, 0.0), pressing, other)
@@ -192,7 +192,7 @@ class EllipticGearPair(PlainGroup):
         if not all(axis.is_fixed for axis in axes):
             raise MachineError(f"gears '{self.name}': '{self.at}' and '{self.driven_at}' must be fixed to the ground")
         (ox, oy), (ax, ay) = (axis.fixed_position() for axis in axes)
-        distance = math.hypot(ax - ox, ay - oy)
+        distance = real.hypot(ax - ox, ay - oy)
         if distance == 0.0:
             raise MachineError(f"gears '{self.name}': '{self.at}' and '{self.driven_at}' are one point; set them apart")
-        return distance, math.atan2(ay - oy, ax - ox)
+        return distance, real.atan2(ay - oy, ax - ox)

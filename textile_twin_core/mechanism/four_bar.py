@@ -16,10 +16,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from fractions import Fraction
+from typing import Any
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, sqrt, square
+from textile_twin_core.expression.real import exact, rounded
 from textile_twin_core.mechanism.crank_pivot import CrankPivot
 from textile_twin_core.mechanism.motion import Rotation
 from textile_twin_core.mechanism.vector import Vector
@@ -108,16 +109,16 @@ class FourBar(CrankPivot):
         return min(lengths, key=lambda name: lengths[name])
 
     @property
-    def _lengths(self) -> tuple[Fraction, Fraction, Fraction, Fraction]:
+    def _lengths(self) -> tuple[Any, Any, Any, Any]:
         """Ground, crank, coupler and rocker, exactly [m]: their differences vanish near change points."""
-        return *self.exact_lengths, Fraction(self.coupler), Fraction(self.rocker)
+        return *self.exact_lengths, exact(self.coupler), exact(self.rocker)
 
     @property
     def shares(self) -> tuple[Expr, Expr]:
         """1 - E and 1 + E: (D^2 -+ (l2^2 - l3^2)) / D^2."""
         g, l1, l2, l3 = self._lengths
         swing, inverse = self.swing, self.swing / self.distance_squared
-        less, more = (float((g - l1) ** 2 + sign * (l2**2 - l3**2)) for sign in (-1, 1))
+        less, more = (rounded((g - l1) ** 2 + sign * (l2**2 - l3**2)) for sign in (-1, 1))
         squared = square(self.half_angle[1])
         return (squared + less / swing) * inverse, (squared + more / swing) * inverse
 
@@ -127,7 +128,7 @@ class FourBar(CrankPivot):
         if self.passing:
             return 0.0, 0.0
         g, l1, l2, l3 = self._lengths
-        return float((l2 + l3 - l1 - g) * (l2 + l3 + l1 + g)), float((g + l3 - l1 - l2) * (g + l2 - l1 - l3))
+        return rounded((l2 + l3 - l1 - g) * (l2 + l3 + l1 + g)), rounded((g + l3 - l1 - l2) * (g + l2 - l1 - l3))
 
     @property
     def heron_factors(self) -> tuple[Expr, Expr]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, absolute, atan2, const, cos, sin, substitute
+from textile_twin_core.expression import Expr, absolute, atan2, const, cos, real, sin, substitute
 from textile_twin_core.mechanism.angles import full_turns, link_angle
 from textile_twin_core.mechanism.group import MAIN_SHAFT, PlainGroup, check_finite, check_length
 from textile_twin_core.mechanism.joint import Joint, pivot
@@ -175,7 +175,7 @@ class GearPair(PlainGroup):
         one, two = (motion.point(name, self.name) for name in (self.at, self.driven_at))
         if one.is_fixed and two.is_fixed:
             (ox, oy), (ax, ay) = one.fixed_position(), two.fixed_position()
-            distance = math.hypot(ax - ox, ay - oy)
+            distance = real.hypot(ax - ox, ay - oy)
             if distance == 0.0:
                 raise MachineError(
                     f"gears '{self.name}': '{self.at}' and '{self.driven_at}' are one point; set them apart"
@@ -216,7 +216,7 @@ class GearPair(PlainGroup):
         to_driver, to_driven = self.pitch_radii(line.length)
         force, moment = wrenches.on(self.driven)
         across = (moment + wrenches.torque_on.pop(self.driven, const(0.0))) * (-1.0 / to_driven)
-        outward = -self._driven_sign * math.tan(self.pressure_angle_rad)
+        outward = -self._driven_sign * real.tan(self.pressure_angle_rad)
         tooth = across * line.direction.turned_left() + (outward * absolute(across)) * line.direction
         axis = -tooth - force
         wrenches.add_reaction(self.mesh, tooth)

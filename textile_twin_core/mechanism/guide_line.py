@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, const
+from textile_twin_core.expression import Expr, const, real
 from textile_twin_core.mechanism.group import Closure, check_finite
 from textile_twin_core.mechanism.joint import Joint, guide
 from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion
@@ -49,7 +49,7 @@ class GuideLine:
         if on is None:
             return cls(PointMotion.fixed(*point_m), Vector.of(*axis), const(0.0), const(0.0), point_m, axis, None)
         link = motion.link(on, asked_by)
-        length, direction = math.hypot(*point_m), link.direction
+        length, direction = real.hypot(*point_m), link.direction
         lever = direction if length == 0.0 else direction.rotated(point_m[0] / length, point_m[1] / length)
         origin = LinkMotion(on, link.start, "", length, lever, link.first, link.second)
         start = motion.points[link.start]
@@ -97,7 +97,7 @@ class GuideLine:
 
 def unit(vector: tuple[float, float]) -> tuple[float, float]:
     """The vector with the length 1."""
-    norm = math.hypot(*vector)
+    norm = real.hypot(*vector)
     return vector[0] / norm, vector[1] / norm
 
 
@@ -105,7 +105,7 @@ def check_guide(what: str, point_m: tuple[float, float], direction: tuple[float,
     """Raise MachineError unless point and direction of a guide are finite, and the direction is none of length 0."""
     for value in (*point_m, *direction):
         check_finite(value, f"{what}: guide")
-    if math.hypot(*direction) == 0.0:
+    if real.hypot(*direction) == 0.0:
         raise MachineError(f"{what}: guide_direction must not be the zero vector")
 
 

@@ -9,11 +9,14 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, const
+from textile_twin_core.expression import Expr, const, real, substitute, topological_order
 from textile_twin_core.mechanism.angles import link_angle
 from textile_twin_core.mechanism.extremes import smallest_value, values_over
 from textile_twin_core.mechanism.group import check_length
+from textile_twin_core.mechanism.linkage import THETA
 from textile_twin_core.mechanism.motion import Motion
+
+_TURNING, _NEWTON_STEPS = 1e-3, 4
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class Travel:
 
     def displacement(self, motion: Motion) -> Displacement:
         """The point's distance along the direction."""
-        norm = math.hypot(*self.direction)
+        norm = real.hypot(*self.direction)
         x, y = self.direction[0] / norm, self.direction[1] / norm
         p, o = motion.point(self.point, self.name), motion.point(self.origin, self.name)
         if not o.is_fixed:
@@ -107,11 +110,24 @@ class Arc:
                 f"measure '{self.name}': link '{self.link}' turns round; an arc is measured on a link that swings"
             )
         scale = float(self.sense) * self.radius_m
-        swing = scale * angle
-        return Displacement(
-            swing - const(smallest_value(swing, motion.range_rad)[1]), scale * link.first, scale * link.second
-        )
+        swing = Displacement(scale * angle, scale * link.first, scale * link.second)
+        return Displacement(swing.position - _least(swing, motion.range_rad), swing.first, swing.second)
 
     def tool(self, motion: Motion) -> str:
         """The link's end."""
         return motion.link(self.link, self.name).end
+
+
+def _least(swing: Displacement, range_rad: tuple[float, float]) -> Expr:
+    """The smallest value of a displacement, which follows its parameters by Newton's method from where it lies now."""
+    place, least = smallest_value(swing.position, range_rad)
+    if all(node.op != "parameter" for node in topological_order([swing.position])):
+        return const(least)
+    theta: Expr = const(place)
+    if abs(values_over(swing.first, np.array([place]))[0]) < _TURNING * abs(
+        values_over(swing.second, np.array([place]))[0]
+    ):
+        for _ in range(_NEWTON_STEPS):
+            slope, bend = substitute([swing.first, swing.second], {THETA: theta})
+            theta = theta - slope / bend
+    return substitute([swing.position], {THETA: theta})[0]

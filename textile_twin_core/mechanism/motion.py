@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const
+from textile_twin_core.expression.real import number_of
 from textile_twin_core.mechanism.vector import ZERO, Vector
 
 FULL_TURN = (0.0, 2.0 * math.pi)
@@ -86,7 +87,7 @@ class PointMotion:
 
     def fixed_position(self) -> tuple[float, float]:
         """The coordinates of a fixed point [m]."""
-        return self.position.x.value, self.position.y.value
+        return number_of(self.position.x), number_of(self.position.y)
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Literal
 
 import numpy as np
 
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, sqrt, square
+from textile_twin_core.expression.real import exact, rounded
 from textile_twin_core.mechanism.crank_pivot import CrankPivot
 from textile_twin_core.mechanism.extremes import smallest_value, values_over
 from textile_twin_core.mechanism.group import Closure, PlainGroup, check_finite, check_length
@@ -119,8 +119,8 @@ class RPRDyad(PlainGroup):
         e, shaft = self.offset_m, crank.circle.shaft
         g, r = crank.ground_length, crank.circle.radius
         exact_g, exact_r = crank.exact_lengths
-        apart, exact_e = abs(exact_g - exact_r), Fraction(abs(e))
-        clear = float((apart - exact_e) * (apart + exact_e))  # S0
+        apart, exact_e = abs(exact_g - exact_r), exact(abs(e))
+        clear = rounded((apart - exact_e) * (apart + exact_e))  # S0
         (c, k), squared = crank.half_angle, crank.distance_squared
         s_squared = squared if e == 0.0 else crank.swing * (square(k) + clear / crank.swing)
         s = self._sense * sqrt(s_squared)
@@ -128,7 +128,9 @@ class RPRDyad(PlainGroup):
         rate = (0.5 * crank.swing) * (k * c * inverse)  # s' by the crank's angle
         bend = (g * r) * ((clear * (c * c) - (k * k) * s_squared) * inverse * (inverse * inverse))
         p = (r * ((2.0 * g) * (k * k) - crank.rise)) * inverse_squared
-        q = (0.5 * crank.swing * crank.rise * float(exact_g + exact_r)) * (k * c * (inverse_squared * inverse_squared))
+        q = (0.5 * crank.swing * crank.rise * rounded(exact_g + exact_r)) * (
+            k * c * (inverse_squared * inverse_squared)
+        )
         if e != 0.0:
             p = p + e * (rate * inverse_squared)
             q = q + e * ((bend - 2.0 * (rate * rate) * (s * inverse_squared)) * inverse_squared)

@@ -8,11 +8,10 @@ keeps its digits near the change point of equal crank and rod, where L0 or M0 is
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from fractions import Fraction
 
-from textile_twin_core.expression import Expr, sqrt
+from textile_twin_core.expression import Expr, real, sqrt
+from textile_twin_core.expression.real import exact, rounded
 from textile_twin_core.mechanism.motion import Circle
 from textile_twin_core.mechanism.vector import exact_length
 
@@ -34,18 +33,18 @@ class SliderCrank:
         return c - s, c + s
 
     def _turned_half(self) -> tuple[Expr, Expr]:
-        angle = math.atan2(self.axis[1], self.axis[0]) / 2.0
-        gc, gs, half = math.cos(angle), math.sin(angle), self.circle.half
+        angle = real.atan2(self.axis[1], self.axis[0]) / 2.0
+        gc, gs, half = real.cos(angle), real.sin(angle), self.circle.half
         return gc * half.x + gs * half.y, gc * half.y - gs * half.x
 
     @property
     def margins(self) -> tuple[float, float]:
         """L0 and M0 [m], rounded once; the centre's offset is its distance from the guide, to the left of it."""
-        ax, ay = (Fraction(v) for v in self.axis)
+        ax, ay = (exact(v) for v in self.axis)
         (cx, cy), (gx, gy) = self.circle.centre, self.guide_point
-        x, y = Fraction(cx) - Fraction(gx), Fraction(cy) - Fraction(gy)
-        offset, reach = (ax * y - ay * x) / exact_length(ax, ay), Fraction(self.rod) - Fraction(self.circle.radius)
-        return float(reach - offset), float(reach + offset)
+        x, y = exact(cx) - exact(gx), exact(cy) - exact(gy)
+        offset, reach = (ax * y - ay * x) / exact_length(ax, ay), exact(self.rod) - exact(self.circle.radius)
+        return rounded(reach - offset), rounded(reach + offset)
 
     @property
     def factors(self) -> tuple[Expr, Expr]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import Any
 
-from textile_twin_core.expression import Expr, const
+from textile_twin_core.expression import Expr, const, real
 from textile_twin_core.expression.graph import Number, as_expr
 
 
@@ -70,13 +71,17 @@ ZERO = Vector(const(0.0), const(0.0))
 
 def unit_direction(angle_rad: float) -> tuple[float, float]:
     """Cosine and sine of a declared angle, exact at whole multiples of 90 degrees."""
+    if isinstance(angle_rad, real.Symbolic):
+        return real.cos(angle_rad), real.sin(angle_rad)
     quarters = angle_rad / (math.pi / 2)
     if abs(quarters) < 1e6 and abs(quarters - round(quarters)) < 1e-15 * max(1.0, abs(quarters)):
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarters) % 4]
     return math.cos(angle_rad), math.sin(angle_rad)
 
 
-def exact_length(x: Fraction, y: Fraction) -> Fraction:
-    """The length of a vector to 60 digits, for differences of lengths that nearly cancel."""
+def exact_length(x: Any, y: Any) -> Any:
+    """The length of a vector, to 60 digits for differences of lengths that nearly cancel; symbolic ones too."""
+    if isinstance(x, real.Symbolic) or isinstance(y, real.Symbolic):
+        return real.hypot(x, y)
     squared, scale = x * x + y * y, 1 << 240
     return Fraction(math.isqrt(squared.numerator * scale * scale // squared.denominator), scale)

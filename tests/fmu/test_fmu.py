@@ -1,0 +1,241 @@
+"""Exported FMUs in FMPy: valid, compiled from their sources, and equal to the twin and to `drive`."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from textile_twin_core.cli.main import main
+from textile_twin_core.fmu import FmuReport, write_fmu
+from textile_twin_core.machine import Machine
+
+fmpy = pytest.importorskip("fmpy")
+from fmpy.build import build_platform_binary  # noqa: E402
+from fmpy.validation import validate_fmu  # noqa: E402
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+
+Fmi = Literal[2, 3]
+Input = Literal["angle", "torque"]
+LOOM_MASSES = {
+    "gear_1_kg": 1.0, "gear_2_kg": 1.2, "crank_kg": 0.5, "coupler_kg": 0.7, "rocker_kg": 1.1, "sley_kg": 3.0,
+    "gear_1_kgm2": 2e-3, "gear_2_kgm2": 3e-3, "crank_kgm2": 4e-4, "coupler_kgm2": 2e-3, "rocker_kgm2": 4e-3,
+    "sley_kgm2": 0.02,
+}  # fmt: skip
+"""The paper of the power loom prints none."""
+TORQUES = {"tufting": 25.0, "handloom_beatup": 0.3, "elliptic_gear_beatup": 0.3, "six_bar_loom": 3.0}
+KINDS = ("CoSimulation", "ModelExchange")
+
+
+@cache
+def machine_named(name: str) -> Machine:
+    if name == "six_bar_loom":
+        return ttc.load_machine("examples/six_bar_loom.yaml")
+    factory: Any = getattr(ttc.machines, name)
+    return factory(**(LOOM_MASSES if name == "elliptic_gear_beatup" else {}))
+
+
+@pytest.fixture(scope="module")
+def units(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Units by machine, input and version, each written once."""
+    folder = tmp_path_factory.mktemp("fmu")
+
+    @cache
+    def unit(name: str, input: Input, fmi: Fmi) -> tuple[Path, FmuReport]:
+        path = folder / f"{name}_{input}_{fmi}.fmu"
+        return path, write_fmu(path, machine_named(name), input=input, fmi=fmi)
+
+    return unit
+
+
+@contextmanager
+def opened(path: Path, kind: str) -> Iterator[tuple[Any, dict[str, int]]]:
+    """An instance of a unit, and its value references by name."""
+    description = fmpy.read_model_description(path)
+    folder = fmpy.extract(path)
+    instance = fmpy.instantiate_fmu(folder, description, kind)
+    try:
+        yield instance, {v.name: v.valueReference for v in description.modelVariables}
+    finally:
+        instance.freeInstance()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def initialise(instance: Any) -> None:
+    if hasattr(instance, "setupExperiment"):
+        instance.setupExperiment(startTime=0.0)
+        instance.enterInitializationMode()
+    else:
+        instance.enterInitializationMode(startTime=0.0)
+    instance.exitInitializationMode()
+
+
+def put(instance: Any, references: list[int], values: Any) -> None:
+    (instance.setReal if hasattr(instance, "setReal") else instance.setFloat64)(references, list(values))
+
+
+def got(instance: Any, references: list[int]) -> list[float]:
+    return list((instance.getReal if hasattr(instance, "getReal") else instance.getFloat64)(references))
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", TORQUES)
+def test_a_unit_driven_by_the_shafts_motion_is_the_twin(name: str, fmi: Fmi, units: Any) -> None:
+    """Outputs at 200 states, to 1e-9 of their peak, with the parameters as given and with others."""
+    machine = machine_named(name)
+    path, made = units(name, "angle", fmi)
+    assert made.has_binary and not made.fixed and len(made.parameters) >= 18
+    assert not validate_fmu(str(path))
+    rng = np.random.default_rng(7)
+    theta, omega, alpha = rng.uniform(-20.0, 20.0, 200), rng.uniform(-30.0, 30.0, 200), rng.normal(0.0, 100.0, 200)
+    changed = made.parameters[0], made.parameters[-1]
+    numbers = machine.parameters
+    if name == "six_bar_loom":
+        changed = "bodies.l3.mass_kg", "groups.l1.length_m"
+        numbers = {"bodies.l3.mass_kg": 0.61, "groups.l1.length_m": 0.055}
+    with opened(path, "CoSimulation") as (instance, reference):
+        initialise(instance)
+        outputs = [reference[each] for each in made.outputs]
+        inputs = [reference[each] for each in ("theta_rad", "omega_rad_s", "alpha_rad_s2")]
+        for factor in (1.0, 1.02):
+            values = {each: numbers[each] * factor for each in changed}
+            put(instance, [reference[each] for each in changed], values.values())
+            found = []
+            for k, state in enumerate(zip(theta, omega, alpha, strict=True)):
+                put(instance, inputs, state)
+                instance.doStep(k * 1e-3, 1e-3)
+                found.append(got(instance, outputs))
+            twin = ttc.compile(with_numbers(name, values), outputs=list(made.outputs), method="exact")
+            true = twin.evaluate(theta, omega, alpha)
+            for column, output in zip(np.transpose(found), made.outputs, strict=True):
+                assert np.abs(column - true[output]).max() <= 1e-9 * max(np.abs(true[output]).max(), 1e-9), output
+
+
+def with_numbers(name: str, values: dict[str, float]) -> Machine:
+    if name != "six_bar_loom":
+        made = ttc.machines.create(name, **{**machine_named(name).parameters, **values})
+        assert isinstance(made, Machine)
+        return made
+    text = Path("examples/six_bar_loom.yaml").read_text()
+    text = text.replace("mass_kg: 0.61", f"mass_kg: {values['bodies.l3.mass_kg']!r}")
+    text = text.replace("length_m: 0.055", f"length_m: {values['groups.l1.length_m']!r}")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "changed.yaml"
+        path.write_text(text)
+        return ttc.load_machine(path)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", TORQUES)
+def test_a_unit_driven_by_a_torque_moves_as_drive_does(name: str, fmi: Fmi, units: Any) -> None:
+    """Angle and speed over 0.25 s: co-simulation to 1e-9, model exchange by CVode to 1e-6, as its tolerance allows."""
+    machine = machine_named(name)
+    path, _ = units(name, "torque", fmi)
+    assert not validate_fmu(str(path))
+    time = np.linspace(0.0, 0.25, 51)
+    speed = 0.5 * machine.nominal_speed_rad_s
+    true = ttc.drive(machine, TORQUES[name], 0.4, speed, time, tolerance=1e-12)
+    start = {"theta_rad": 0.4, "omega_rad_s": speed, "drive_torque_Nm": TORQUES[name]}
+    for kind, worst in zip(KINDS, (1e-9, 1e-6), strict=True):
+        found = fmpy.simulate_fmu(
+            str(path), stop_time=0.25, step_size=0.005, output_interval=0.005, start_values=start, fmi_type=kind,
+            relative_tolerance=1e-10,
+        )  # fmt: skip
+        rows = np.clip(np.rint(found["time"] / 0.005).astype(int), 0, 50)
+        same = np.abs(found["time"] - time[rows]) < 1e-12
+        assert np.count_nonzero(same) >= 51
+        scale = np.abs(true.omega_rad_s).max()
+        assert np.abs(found["theta_rad"][same] - true.theta_rad[rows[same]]).max() < worst, kind
+        assert np.abs(found["omega_rad_s"][same] - true.omega_rad_s[rows[same]]).max() < worst * max(scale, 1.0), kind
+
+
+def test_the_needle_in_the_backing_and_dry_friction_are_met_exactly(units: Any) -> None:
+    """The tufting shaft meets the planes at work, coasts to rest, holds, breaks loose and turns back, as in `drive`."""
+    path, _ = units("tufting", "torque", 2)
+    machine = machine_named("tufting")
+    steps = [(0.1, 15.0), (0.1, -15.0), (0.06, -30.0), (0.05, 35.0), (0.1, 35.0)]
+    theta, omega, begin = 0.4, 14.0, 0.0
+    kinds: set[str] = set()
+    with opened(path, "CoSimulation") as (instance, reference):
+        put(instance, [reference["theta_rad"], reference["omega_rad_s"]], [theta, omega])
+        initialise(instance)
+        shaft = [reference["theta_rad"], reference["omega_rad_s"]]
+        for seconds, torque in steps:
+            put(instance, [reference["drive_torque_Nm"]], [torque])
+            instance.doStep(begin, seconds)
+            run = ttc.drive(machine, torque, theta, omega, [begin, begin + seconds], tolerance=1e-12)
+            kinds |= {event.kind for event in run.events}
+            theta, omega, begin = float(run.theta_rad[-1]), float(run.omega_rad_s[-1]), begin + seconds
+            assert got(instance, shaft) == pytest.approx([theta, omega], abs=1e-6, rel=1e-9)
+    assert {"leaps", "stops", "reverses"} <= kinds
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_state_is_saved_restored_and_serialised(fmi: Fmi, units: Any) -> None:
+    path, _ = units("handloom_beatup", "torque", fmi)
+    with opened(path, "CoSimulation") as (instance, reference):
+        put(instance, [reference["drive_torque_Nm"], reference["omega_rad_s"]], [0.5, 8.0])
+        initialise(instance)
+        shaft = [reference["theta_rad"], reference["omega_rad_s"], reference["balancing_torque_Nm"]]
+        instance.doStep(0.0, 0.1)
+        saved = (instance.getFMUstate if fmi == 2 else instance.getFMUState)()
+        bytes_saved = (instance.serializeFMUstate if fmi == 2 else instance.serializeFMUState)(saved)
+        instance.doStep(0.1, 0.1)
+        first = got(instance, shaft)
+        (instance.setFMUstate if fmi == 2 else instance.setFMUState)(saved)
+        instance.doStep(0.1, 0.1)
+        assert got(instance, shaft) == first
+        again = (instance.deSerializeFMUstate if fmi == 2 else instance.deserializeFMUState)(bytes_saved)
+        (instance.setFMUstate if fmi == 2 else instance.setFMUState)(again)
+        instance.doStep(0.1, 0.1)
+        assert got(instance, shaft) == first
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_fmpy_compiles_the_sources_and_the_library_names_no_python(
+    fmi: Fmi, units: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:/usr/bin:/bin")
+    path, _ = units("tufting", "angle", fmi)
+    folder = tmp_path / "unit"
+    fmpy.extract(path, folder)
+    shutil.rmtree(folder / "binaries")
+    build_platform_binary(folder)
+    library = next(folder.glob("binaries/*/*.so"))
+    needed = subprocess.run(["readelf", "-d", library], capture_output=True, text=True, check=True).stdout
+    assert "libc.so" in needed and "python" not in needed.lower()
+    start = {"theta_rad": 1.0, "omega_rad_s": 16.0, "alpha_rad_s2": 0.0}
+    found = fmpy.simulate_fmu(str(folder), stop_time=0.01, step_size=0.01, start_values=start)
+    twin = ttc.compile(machine_named("tufting"), outputs=["balancing_torque_Nm"])
+    true = twin.evaluate(1.0, 16.0, 0.0)["balancing_torque_Nm"]
+    assert found["balancing_torque_Nm"][-1] == pytest.approx(true, rel=1e-12)
+
+
+def test_what_a_unit_cannot_hold_is_refused_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "x.fmu")
+    assert main(["fmu", "needle_transfer", "--out", out]) == 2
+    assert "stops and pads" in capsys.readouterr().err
+    assert main(["fmu", "elliptic_gear_beatup", "--input", "torque", "--out", out]) == 2
+    assert "lacks masses" in capsys.readouterr().err
+    assert main(["fmu", "tufting", "--outputs", "needle", "--out", out]) == 2
+    assert main(["fmu", "tufting", "--out", str(tmp_path / "x.zip")]) == 2
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_a_unit_and_says_what_is_in_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "sley.fmu"
+    assert main(["fmu", "elliptic_gear_beatup", "--fmi", "3", "--out", str(out)]) == 0
+    assert "sley_position_m" in capsys.readouterr().out
+    assert not validate_fmu(str(out))

@@ -1,0 +1,113 @@
+"""The C sources of one machine: what its outputs, its acceleration and its events are."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+
+from textile_twin_core.dynamics.motion_equation import level, split_leaps
+from textile_twin_core.expression import Expr, const, topological_order, variable
+from textile_twin_core.expression.c_source import PLAIN_SINCOS, c_function, c_statements, hoisted, with_parameters
+from textile_twin_core.fmu.symbolic_machine import SymbolicMachine
+from textile_twin_core.machine import Machine
+from textile_twin_core.machine.drive import load_torques
+from textile_twin_core.machine.model import total
+
+_STATE = "const double *c, double theta, double omega"
+_OUTPUTS = f"TT_LOCAL void tt_outputs({_STATE}, double alpha, double *y)"
+_LEAPS = f"TT_LOCAL void tt_leaps({_STATE}, double *value, double *level)"
+_ACCELERATION = f"TT_LOCAL double tt_acceleration({_STATE}, double torque, const double *leap)"
+_OMEGA, _TORQUE = variable("omega"), variable("torque")
+
+
+@dataclass(frozen=True)
+class ModelCode:
+    """Generated C sources of a machine.
+
+    Attributes:
+        header, source: model.h and model.c.
+        token: tells this model description from any other.
+        leaps: number of steps of loads, each an event.
+        depends: for each output, the variables that it depends on: theta, omega, alpha.
+    """
+
+    header: str
+    source: str
+    token: str
+    leaps: int
+    depends: tuple[frozenset[str], ...]
+
+
+def quantities(outputs: Sequence[str], torque_input: bool, machine: Machine) -> list[Expr]:
+    """The expressions that an export needs: the outputs and, for a torque as input, the equation of motion."""
+    model = machine.model
+    needed = [model.output(name) for name in outputs]
+    if torque_input:
+        terms = ("equivalent_inertia_kgm2", "equivalent_inertia_slope_kgm2", "torque_gravity_Nm")
+        needed += [*(model.output(name) for name in terms), *load_torques(machine)]
+    return needed
+
+
+def model_code(made: SymbolicMachine, outputs: Sequence[str], torque_input: bool, about: object) -> ModelCode:
+    """Write the C sources of a machine.
+
+    Args:
+        made: the machine with symbolic parameters.
+        outputs: names of its outputs.
+        torque_input: whether the drive torque is the input, and not the shaft's motion.
+        about: what else tells one model description from another.
+    """
+    machine, names = made.machine, list(made.parameters)
+    shown = [machine.model.output(name) for name in outputs]
+    if torque_input:
+        inertia, slope, weight, *loads = quantities((), True, machine)
+        leaps, smooth, _ = split_leaps(loads, "leap[{}]")
+        along = _TORQUE + total(smooth) - 0.5 * slope * (_OMEGA * _OMEGA) - weight
+        acceleration = along / inertia
+    else:
+        leaps, _, _ = split_leaps(shown)
+        acceleration = const(0.0)
+    levels = [level(leap) for leap in leaps]
+    taken, (shown_code, leap_code, (push,)) = hoisted([shown, [*leaps, *levels], [acceleration]], "c")
+    constants = with_parameters(taken, {name: f"p[{k}]" for k, name in enumerate(names)})
+    lines, (result,) = c_statements([push])
+    count = len(leaps)
+    parts = [
+        '#include <math.h>\n#include "textile_twin.h"\n',
+        PLAIN_SINCOS,
+        c_function("TT_LOCAL void tt_start_values(double *p)", [const(v) for v in made.parameters.values()], "p"),
+        c_function("TT_LOCAL void tt_constants(const double *p, double *c)", constants, "c"),
+        c_function(
+            "TT_LOCAL void tt_outputs(const double *c, double theta, double omega, double alpha, double *y)",
+            shown_code,
+            "y",
+        ),
+        _leaps(leap_code[:count], leap_code[count:]),
+        f"{_ACCELERATION} {{\n" + "".join(f"    {line}\n" for line in lines) + f"    return {result};\n}}\n",
+    ]
+    source = "\n".join(parts)
+    depends = tuple(frozenset(str(n.payload) for n in topological_order([e]) if n.op == "variable") for e in shown)
+    token = sha256(json.dumps([source, outputs, names, about]).encode()).hexdigest()
+    token = f"{{{token[:8]}-{token[8:12]}-{token[12:16]}-{token[16:20]}-{token[20:32]}}}"
+    header = "".join(
+        f"#define TT_{name} {value}\n"
+        for name, value in {
+            "TORQUE_INPUT": int(torque_input),
+            "OUTPUTS": len(outputs),
+            "PARAMETERS": len(names),
+            "CONSTANTS": len(constants),
+            "LEAPS": count,
+            "TOKEN": f'"{token}"',
+        }.items()
+    )
+    return ModelCode(header, source, token, count, depends)
+
+
+def _leaps(values: Sequence[Expr], levels: Sequence[Expr]) -> str:
+    lines, found = c_statements([*values, *levels])
+    stores = [f"value[{k}] = {each};" for k, each in enumerate(found[: len(values)])]
+    stores += [f"level[{k}] = {each};" for k, each in enumerate(found[len(values) :])]
+    body = "".join(f"    {line}\n" for line in [*lines, *stores])
+    return f"{_LEAPS} {{\n{body}}}\n"

@@ -1,0 +1,164 @@
+"""A machine built with symbolic parameters in place of its numbers, each checked against the machine built anew."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core import machines
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.errors import TwinError
+from textile_twin_core.expression import Expr, interpret
+from textile_twin_core.expression.c_source import parameters_in, with_parameters
+from textile_twin_core.expression.loop import Numpy
+from textile_twin_core.expression.real import Symbolic
+from textile_twin_core.machine import Machine
+
+Quantities = Callable[[Machine], list[Expr]]
+"""The expressions of a machine that an export needs."""
+
+_CHANGE, _GOLDEN = 1e-3, 0.6180339887498949
+"""Least relative change of a parameter for its check; of a parameter that is 0, the change itself."""
+_AGREE = 1e-9
+_MOST_TOGETHER = 4
+"""Longer tuples are tables and no parameters."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SymbolicMachine:
+    """A machine whose expressions hold parameters.
+
+    Attributes:
+        machine: built with symbolic numbers.
+        parameters: names and nominal values, those that any quantity follows from.
+        fixed: names of numbers that could not be made parameters, since the closed form in use depends on their value.
+    """
+
+    machine: Machine
+    parameters: Mapping[str, float]
+    fixed: tuple[str, ...]
+
+
+def symbolic_machine(machine: Machine, quantities: Quantities) -> SymbolicMachine:
+    """Build a machine with symbolic parameters.
+
+    A published machine has its own parameters; any other has the numbers of its points, groups, bodies and loads by
+    dotted names, as its file does. All parameters are changed a little, and the quantities are compared with those of
+    the machine built with the new numbers; where they differ, each parameter is tried alone, and one that the
+    quantities do not follow keeps its number.
+
+    Args:
+        machine: the machine.
+        quantities: the expressions of a machine that must follow the parameters.
+    """
+    build, numbers = _builder(machine)
+    offered, fixed = dict(numbers), list[str]()
+    while True:
+        made = build({**numbers, **{name: Symbolic.parameter(name, value) for name, value in offered.items()}})
+        used = set(parameters_in(quantities(made)))
+        offered = {name: value for name, value in offered.items() if name in used}
+        check = _Check(offered, numbers, build, quantities(made), quantities)
+        if not offered or check.holds(offered):
+            return SymbolicMachine(made, offered, tuple(fixed))
+        wrong = [name for name in offered if not check.holds([name])] or list(offered)
+        fixed += wrong
+        offered = {name: value for name, value in offered.items() if name not in wrong}
+
+
+@dataclasses.dataclass(frozen=True)
+class _Check:
+    """Whether expressions follow changes of parameters as the machine does that is built with the new values."""
+
+    offered: Mapping[str, float]
+    numbers: Mapping[str, float]
+    build: Callable[[Mapping[str, float]], Machine]
+    expressions: Sequence[Expr]
+    quantities: Quantities
+
+    def holds(self, names: Iterable[str]) -> bool:
+        """Whether the expressions follow changes of these parameters, all at once."""
+        changes = {name: _changed(self.offered[name], k) for k, name in enumerate(names)}
+        try:
+            changed = self.build({**self.numbers, **changes})
+        except TwinError:
+            return False
+        inputs = _states(changed)
+        open_ones = with_parameters(self.expressions, {name: name for name in self.offered})
+        with np.errstate(all="ignore"):
+            ours = interpret(open_ones, {**inputs, **self.offered, **changes}, Numpy)
+            true = interpret(self.quantities(changed), inputs, Numpy)
+        return all(_agree(np.asarray(a), np.asarray(b)) for a, b in zip(ours, true, strict=True))
+
+
+def _changed(value: float, number: int) -> float:
+    """Another value of a parameter; each parameter changes by its own share, so that no two changes cancel."""
+    share = _CHANGE * (1.0 + math.modf(number * _GOLDEN)[0])
+    return value * (1.0 + share) if value else share
+
+
+def _agree(a: FloatArray, b: FloatArray) -> bool:
+    return bool(np.all(np.abs(a - b) <= _AGREE * max(float(np.max(np.abs(b))), 1e-9)))
+
+
+def _states(machine: Machine) -> dict[str, FloatArray]:
+    theta = machine.shaft_angles(37) + 0.0123
+    speed = machine.nominal_speed_rad_s
+    return {"theta": theta, "omega": np.full_like(theta, speed), "alpha": np.full_like(theta, 0.5 * speed**2)}
+
+
+def _builder(machine: Machine) -> tuple[Callable[[Mapping[str, float]], Machine], dict[str, float]]:
+    """A function that builds the machine from numbers by name, and these numbers."""
+    if machine.name in machines.NAMES and machine.parameters:
+        name = machine.name
+
+        def published(values: Mapping[str, float]) -> Machine:
+            made = machines.create(name, **values)
+            assert isinstance(made, Machine)
+            return made
+
+        return published, dict(machine.parameters)
+    numbers: dict[str, float] = {}
+    _ = _declared(machine, lambda place, value: numbers.setdefault(place, value))
+    return (lambda values: _declared(machine, lambda place, _: values[place])), numbers
+
+
+def _declared(machine: Machine, number: Callable[[str, float], float]) -> Machine:
+    """The machine with each of its numbers replaced by what `number` gives for its dotted place."""
+    bodies, seen = [], Counter[str]()
+    for body in machine.bodies:
+        seen[body.on] += 1
+        place = f"bodies.{body.on}" + (f".{seen[body.on]}" if seen[body.on] > 1 else "")
+        bodies.append(_replaced(body, place, number))
+    return dataclasses.replace(
+        machine,
+        points={name: _tuple(at, f"points.{name}", number) for name, at in machine.points.items()},
+        groups=tuple(_replaced(group, f"groups.{group.name}", number) for group in machine.groups),
+        bodies=tuple(bodies),
+        loads=tuple(_replaced(load, f"loads.{k}", number) for k, load in enumerate(machine.loads)),
+        measures=tuple(_replaced(measure, f"measures.{measure.name}", number) for measure in machine.measures),
+        gravity_m_s2=_tuple(machine.gravity_m_s2, "gravity_m_s2", number),
+    )
+
+
+def _replaced(part: Any, place: str, number: Callable[[str, float], float]) -> Any:
+    changed: dict[str, Any] = {}
+    for field in dataclasses.fields(part):
+        if not field.init or "float" not in str(field.type):
+            continue
+        value = getattr(part, field.name)
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            changed[field.name] = number(f"{place}.{field.name}", float(value))
+        elif isinstance(value, tuple) and len(value) <= _MOST_TOGETHER:
+            changed[field.name] = _tuple(value, f"{place}.{field.name}", number)
+    return dataclasses.replace(part, **changed) if changed else part
+
+
+def _tuple(values: Sequence[Any], place: str, number: Callable[[str, float], float]) -> Any:
+    if not all(isinstance(value, (int, float)) for value in values):
+        return tuple(values)
+    return tuple(number(f"{place}[{k}]", float(value)) for k, value in enumerate(values))
