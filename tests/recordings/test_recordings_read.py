@@ -200,7 +200,7 @@ def test_topics_are_found_by_the_end_of_their_name(tmp_path: Path) -> None:
         (b"", "empty"),
         (b"theta_rad,omega_rad_s\n1,2\n", "not a bag"),
         (b"#ROSBAG V2.0\n", "ROS 1"),
-        (b"SQLite format 3\0", "metadata.yaml"),
+        (b"SQLite format 3\0", "damaged, or no SQLite file of rosbag2"),
         (b"\x89MCAP0\r\n", "the bag is empty"),
     ],
 )
@@ -323,15 +323,14 @@ def test_damage_in_other_storage_is_one_line(
             assert sum(1 for _ in open_bag(tmp_path / "b").raw_messages()) <= 400
         except RecordingError as error:
             refused += 1
-            assert str(error).startswith(f"{tmp_path / 'b'}: ")
+            assert str(error).startswith(f"{tmp_path / 'b'}")
     assert refused
 
 
 def test_an_sqlite_recording_whose_path_means_something_in_a_uri(tmp_path: Path) -> None:
     _bag_of_rosbags(tmp_path / "b", StoragePlugin.SQLITE3)
-    folder = (tmp_path / "b").rename(tmp_path / "loom #3")
-    with pytest.raises(RecordingError, match="where its path has #: rename"):
-        open_bag(folder)
+    folder = (tmp_path / "b").rename(tmp_path / "loom #3?%20")
+    assert len(open_bag(folder).read_angles()) == 10
 
 
 def _bag_of_rosbags(

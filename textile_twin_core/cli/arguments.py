@@ -53,7 +53,7 @@ def add_machine(parser: argparse.ArgumentParser, option: bool, required: bool = 
 
 def add_recording(parser: argparse.ArgumentParser, shaft: str | None = None, also: str = "") -> None:
     """BAG, its topics, and with a default for `shaft` how the shaft's motion is estimated."""
-    parser.add_argument("bag", metavar="BAG", type=Path, help=f"a rosbag2 folder or an .mcap file{also}")
+    parser.add_argument("bag", metavar="BAG", type=Path, help=f"a rosbag2 folder, an .mcap or a .db3 file{also}")
     add_recording_topics(parser)
     if shaft is not None:
         parser.add_argument(

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 FEWEST_TURNS = 1.0
 """Turns of the shaft without which nothing can be told of the settings."""
+_FEWEST = 16
+"""Samples without which nothing is compared."""
 ANGLE_TURNS = {"rad": TURN, "deg": 360.0, "rev": 1.0, "gon": 400.0}
 """What a turn counts in each unit that an angle may be told in."""
 _NAMES = {"rad": "radians", "deg": "degrees", "rev": "revolutions", "gon": "gradians"}
@@ -45,10 +47,15 @@ class Readings:
     stamped: tuple[StampTiming, ...] = ()
 
     def __post_init__(self) -> None:
-        if np.count_nonzero(np.isfinite(self.angle)) < 16:
-            raise RecordingError(f"only {np.count_nonzero(np.isfinite(self.angle))} shaft angles: record longer")
-        if np.count_nonzero(np.isfinite(self.torque)) < 16:
-            raise RecordingError(f"only {np.count_nonzero(np.isfinite(self.torque))} torque samples: record longer")
+        for values, what in ((self.angle, "shaft angles"), (self.torque, "torque samples")):
+            finite = np.count_nonzero(np.isfinite(values))
+            if values.size >= _FEWEST > finite:
+                share = f"only {finite} finite" if finite else "none finite"
+                raise RecordingError(
+                    f"{values.size} {what}, {share}: is the sensor connected, and does its driver read it?"
+                )
+            if finite < _FEWEST:
+                raise RecordingError(f"only {finite} {what}: record longer")
 
 
 @dataclass(frozen=True)

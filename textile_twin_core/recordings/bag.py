@@ -1,4 +1,4 @@
-"""Recordings read into numpy arrays: rosbag2 folders and single .mcap files."""
+"""Recordings read into numpy arrays: rosbag2 folders and single .mcap and .db3 files."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from textile_twin_core.recordings.cdr_decode import MessageLayout, layouts
 from textile_twin_core.recordings.mcap_parts import DamageError
 from textile_twin_core.recordings.mcap_read import McapFile
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
-from textile_twin_core.recordings.other_storage import OtherFile
-from textile_twin_core.recordings.recording import Recording
+from textile_twin_core.recordings.recording import RecordedFile, Recording
 from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
 from textile_twin_core.recordings.samples import AngleSamples, PointSamples, TorqueSamples
+from textile_twin_core.recordings.sqlite_file import SQLITE_MAGIC, SqliteFile
+from textile_twin_core.recordings.zstd_storage import SUFFIXES, ZSTD_MAGIC, opened
 
 _Take = Callable[[str, int], FloatArray]
 """Element k of a field of all messages of one layout: (field, k) -> (n,), NaN where there is none."""
@@ -96,6 +97,11 @@ class Bag(Recording):
         if self.message_count == 0:
             raise RecordingError(f"{self.path}: the bag is empty, no topic has a message; record again")
         info = self.find_topic(topic)
+        if info.encoding != "cdr":
+            raise RecordingError(
+                f"{self.path}: topic {info.name} holds {info.encoding or 'unknown'} messages, not CDR as ROS 2 writes"
+                " them; record the ROS 2 topic, or export a table and give it to textile-twin import"
+            )
         if info.msgtype not in types:
             needed = " or ".join(types)
             raise RecordingError(f"{self.path}: topic {info.name} is {info.msgtype}; name one of type {needed}")
@@ -151,12 +157,47 @@ def _place(layout: MessageLayout, joint: str, field: str) -> int | None:
 
 
 def _files_by_number(folder: Path) -> list[str]:
-    """Names of the .mcap files of a folder in the order in which they were written: _2 before _10."""
-    return sorted((entry.name for entry in folder.glob("*.mcap")), key=lambda name: (len(name), name))
+    """Names of the files of a recording in a folder in the order in which they were written: _2 before _10."""
+    kinds = [f"*{kind}{packing}" for kind in (".mcap", ".db3") for packing in ("", *SUFFIXES)]
+    names = {entry.name for kind in kinds for entry in folder.glob(kind)}
+    unpacked = {name for name in names if not name.endswith(SUFFIXES)}
+    names -= {name for name in names if Path(name).stem in unpacked}  # the same, packed
+    return sorted(names, key=lambda name: (len(name), name))
+
+
+def _there(file: Path) -> Path | None:
+    """A file under its name, or packed or unpacked by a person; None without any."""
+    others = [file.with_name(file.name + end) for end in SUFFIXES]
+    if file.name.endswith(SUFFIXES):
+        others = [file.with_suffix("")]
+    return next((each for each in (file, *others) if each.exists()), None)
+
+
+def _file(path: Path, recording: Path | None, salvage: bool) -> RecordedFile:
+    """A file of a recording, by its bytes. Raises RecordingError."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(len(SQLITE_MAGIC))
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error
+    if head == SQLITE_MAGIC:
+        return SqliteFile(path)
+    if head.startswith(ZSTD_MAGIC):
+        content, head = opened(path)
+        with content:
+            if head == SQLITE_MAGIC:
+                return SqliteFile(path, content)
+    return McapFile(path, recording, salvage)
+
+
+def _by_time(files: list[RecordedFile]) -> list[RecordedFile]:
+    """Files in the order of their first message: a recorder may list them otherwise."""
+    spans = {id(file): file.span_ns() for file in files}
+    return sorted(files, key=lambda file: (spans[id(file)] is None, spans[id(file)]))
 
 
 def open_bag(path: str | Path, salvage: bool = False) -> Bag:
-    """Open a rosbag2 folder or a single .mcap file, also one cut off by a kill or a power loss.
+    """Open a rosbag2 folder or a single .mcap or .db3 file, packed by zstd or not, also one that was cut off.
 
     Args:
         path: the folder or file.
@@ -170,8 +211,9 @@ def open_bag(path: str | Path, salvage: bool = False) -> Bag:
     ignored: list[str] = []
     custom_data: dict[str, str] = {}
     if path.is_file():
-        file = McapFile(path, salvage=salvage)
-        embedded = file.metadata.get("rosbag2", {}).get("serialized_metadata", "")
+        file = _file(path, None, salvage)
+        metadata = file.metadata if isinstance(file, McapFile) else {}
+        embedded = metadata.get("rosbag2", {}).get("serialized_metadata", "")
         with _ignoring(RecordingError, ignored, salvage):
             custom_data = rosbag2_metadata.custom_data(rosbag2_metadata.read_embedded(embedded, path), path)
         return Bag(path, [file], custom_data, ignored)
@@ -183,18 +225,15 @@ def open_bag(path: str | Path, salvage: bool = False) -> Bag:
         custom_data = rosbag2_metadata.custom_data(info, path)
     names = names or _files_by_number(path)
     if not names:
-        raise RecordingError(f"{path}: not a bag, neither metadata.yaml nor an .mcap file is in this folder")
-    files = [path / Path(name).name for name in names]
-    missing = [file.name for file in files if not file.exists()]
-    if missing:
-        raise RecordingError(f"{path}: metadata.yaml names {missing[0]}, which is not in the folder; copy it there")
-    if info.get("compression_mode") or any(file.suffix != ".mcap" for file in files):
-        return Bag(path, [OtherFile(path)], custom_data)
-    opened: list[McapFile] = []
-    for name in files:
+        raise RecordingError(f"{path}: not a bag, neither metadata.yaml nor an .mcap or .db3 file is in this folder")
+    files: list[RecordedFile] = []
+    for name in names:
+        place = _there(path / Path(name).name)
+        if place is None:
+            raise RecordingError(f"{path}: metadata.yaml names {name}, which is not in the folder; copy it there")
         with _ignoring(DamageError, ignored, salvage):
-            opened.append(McapFile(name, path, salvage))
-    return Bag(path, opened, custom_data, ignored)
+            files.append(_file(place, path, salvage))
+    return Bag(path, _by_time(files), custom_data, ignored)
 
 
 @contextmanager

@@ -114,6 +114,8 @@ class BagWriter(ArrayWriter):
 
     def write(self, topic: str, log_time_ns: int, cdr: bytes) -> None:
         """Append one serialised message to a declared topic."""
+        if log_time_ns < 0:
+            raise RecordingError(f"topic {_absolute(topic)}: log time {log_time_ns} ns; it must not be negative")
         if self._is_full(log_time_ns):
             self.split()
             self._first_ns = log_time_ns
@@ -132,8 +134,15 @@ class BagWriter(ArrayWriter):
         self._flush_when_due()
 
     def _write_rows(self, topic: str, msgtype: str, log_times_ns: IntArray, rows: Bytes) -> None:
+        times = np.asarray(log_times_ns, np.int64)
+        if times.size and times.min() < 0:
+            at = int(np.argmax(times < 0))
+            raise RecordingError(
+                f"topic {_absolute(topic)}: sample {at + 1} has the stamp {times[at]} ns; a recording's times are"
+                " nanoseconds since 1970: none may be negative; add the same offset to all"
+            )
         self.add_topic(topic, msgtype)
-        self._file.write_rows(self._channel(topic), np.asarray(log_times_ns, np.int64), rows)
+        self._file.write_rows(self._channel(topic), times, rows)
         self._flush_when_due()
 
     def _channel(self, topic: str) -> int:

@@ -47,8 +47,12 @@ class _Template:
 
     def header(self, stamps_ns: IntArray, frame_id: str) -> None:
         seconds, nanoseconds = np.divmod(np.asarray(stamps_ns, np.int64), 1_000_000_000)
-        if len(seconds) and (seconds.min() < -(2**31) or seconds.max() >= 2**31):
-            raise RecordingError("a stamp lies outside 1901..2038, which a ROS header cannot carry; check the clock")
+        if len(seconds) and (seconds.min() < 0 or seconds.max() >= 2**31):
+            at = int(np.argmax((seconds < 0) | (seconds >= 2**31)))
+            raise RecordingError(
+                f"sample {at + 1}: a stamp of {int(stamps_ns[at])} ns lies outside 1970..2038, which a ROS header"
+                " cannot carry; check the clock, or add the same offset to all: stamps are nanoseconds since 1970"
+            )
         words = np.stack([seconds, nanoseconds], axis=1).astype("<i4")
         self.column(words.view(np.uint8).reshape(len(words), 8), 4)
         self.string(frame_id)

@@ -124,14 +124,16 @@ def find_whole(buffer: Bytes, part: Part) -> IntArray:
     return heads
 
 
+LOG_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".lvm", ".parquet", ".mat", ".h5", ".hdf5", ".tdms", ".mf4")
+"""Names of loggers' tables."""
+
+
 def what_it_is(head: bytes) -> str:
     """What a file that is no MCAP file seems to be, from its first bytes."""
     if not head:
         return "the file is empty"
     if head.startswith(b"#ROSBAG"):
         return "a ROS 1 bag, convert it first (rosbags-convert --src FILE --dst FOLDER)"
-    if head.startswith(b"SQLite"):
-        return "an SQLite file without its rosbag2 folder, give the folder with metadata.yaml"
     if head.startswith(b"RRF"):
         return "a rerun recording, no bag"
     return "not a bag"

@@ -21,6 +21,7 @@ from textile_twin_core.recordings.mcap_damage import Damage
 from textile_twin_core.recordings.mcap_framing import MAGIC, walk
 from textile_twin_core.recordings.mcap_parts import (
     LEAST_MESSAGE,
+    LOG_SUFFIXES,
     DamageError,
     Messages,
     Part,
@@ -31,6 +32,7 @@ from textile_twin_core.recordings.mcap_parts import (
 )
 from textile_twin_core.recordings.rosbag2_metadata import OfferedQos, TopicInfo
 from textile_twin_core.recordings.schemas import MessageSchema
+from textile_twin_core.recordings.zstd_storage import opened, plain_messages
 
 
 class McapFile:
@@ -50,9 +52,14 @@ class McapFile:
     def __init__(self, path: Path, recording: Path | None = None, salvage: bool = False) -> None:
         self.path, self._recording = path, recording or path
         try:
-            with path.open("rb") as file:
-                head = file.read(len(MAGIC))
+            file, head = opened(path)
+            with file:
+                head = head[: len(MAGIC)]
                 other = "give a rosbag2 folder or an .mcap file" if path == self._recording else self._way_out
+                if path.suffix.lower() in LOG_SUFFIXES:
+                    other = (
+                        f"make a recording of a logger's table: textile-twin import {shlex.quote(str(path))} --out DIR"
+                    )
                 no_bag = DamageError(f"{path}: {what_it_is(head)}; {other}")
                 if head != MAGIC and not (salvage and head):
                     raise no_bag
@@ -82,7 +89,14 @@ class McapFile:
             type_hash = channel.metadata.get("topic_type_hash", "")
             text = MessageSchema(schema.data.decode(errors="replace"), type_hash, schema.encoding)
         qos = OfferedQos.of(channel.metadata.get("offered_qos_profiles", ""))
-        return TopicInfo(channel.topic, schema.name if schema else "", self.counts.get(channel.id, 0), qos, text)
+        return TopicInfo(
+            channel.topic,
+            schema.name if schema else "",
+            self.counts.get(channel.id, 0),
+            qos,
+            text,
+            channel.message_encoding,
+        )
 
     def span_ns(self) -> tuple[int, int] | None:
         """Log times of the first and last message; None without messages."""
@@ -230,7 +244,7 @@ class McapFile:
             if progress is not None:
                 progress(len(which))
             if len(which):
-                yield messages.block(which)
+                yield plain_messages(messages.block(which), self.path)
         self._let_go()
 
     def _let_go(self) -> None:

@@ -73,7 +73,7 @@ LATCHED = OfferedQos(durability="transient_local", depth=1)
 class TopicInfo:
     """A topic of a recording: absolute name, message type, number of messages, and how it was offered.
 
-    schema: the definition of the type as the recording carries it; None where it carries none.
+    schema: the definition of the type as the recording carries it; None where it carries none. encoding: of messages.
     """
 
     name: str
@@ -81,6 +81,7 @@ class TopicInfo:
     count: int
     qos: OfferedQos = OfferedQos()
     schema: MessageSchema | None = None
+    encoding: str = "cdr"
 
 
 def dump(value: object) -> str:

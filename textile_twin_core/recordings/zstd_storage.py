@@ -1,0 +1,77 @@
+"""Recordings that zstd has compressed, as whole files or message by message: seen by their bytes alone."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from textile_twin_core.errors import RecordingError, how_to_install
+from textile_twin_core.recordings.cdr_decode import MessageBlock
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+SUFFIXES = (".zstd", ".zst")
+"""What names of files end in that rosbag2, or a person with `zstd`, has compressed."""
+
+
+def opened(path: Path) -> tuple[BinaryIO, bytes]:
+    """The file, or of one that zstd compressed a temporary one with its content, at its beginning; and its first bytes.
+
+    A file that was cut off gives what was written before that. Raises RecordingError for a damaged one.
+    """
+    file = path.open("rb")
+    head = file.read(16)
+    file.seek(0)
+    if not head.startswith(ZSTD_MAGIC):
+        return file, head
+    unpacked = tempfile.TemporaryFile()  # noqa: SIM115
+    try:
+        import zstandard
+    except ImportError as error:
+        raise RecordingError(
+            f"{path}: compressed by zstd; {how_to_install('zstandard')}, or unpack it: zstd -d"
+        ) from error
+    try:
+        with file:
+            zstandard.ZstdDecompressor().copy_stream(file, unpacked)
+    except zstandard.ZstdError as error:
+        unpacked.close()
+        raise RecordingError(
+            f"{path}: damaged: zstd cannot unpack it ({error}); copy it again from where it was recorded"
+        ) from error
+    unpacked.seek(0)
+    head = unpacked.read(16)
+    unpacked.seek(0)
+    return unpacked, head
+
+
+def plain_messages(block: MessageBlock, path: Path) -> MessageBlock:
+    """Messages as they are, or unpacked where each was compressed by itself. CDR never begins as zstd does.
+
+    Raises RecordingError for a message that cannot be unpacked.
+    """
+    if not len(block) or not block.message(0).startswith(ZSTD_MAGIC):
+        return block
+    try:
+        import zstandard
+    except ImportError as error:
+        raise RecordingError(f"{path}: messages are compressed by zstd; {how_to_install('zstandard')}") from error
+    unpack = zstandard.ZstdDecompressor()
+    try:
+        data = [unpack.decompress(block.message(k), max_output_size=_MOST_BYTES) for k in range(len(block))]
+    except zstandard.ZstdError as error:
+        raise RecordingError(f"{path}: messages are compressed with zstd, and one is damaged ({error})") from error
+    return packed(block.log_times_ns.tolist(), data)
+
+
+_MOST_BYTES = 1 << 26
+"""Of a message that does not say its size."""
+
+
+def packed(times_ns: list[int], data: list[bytes]) -> MessageBlock:
+    """A block of single messages: log times and CDR bytes."""
+    sizes = np.array([len(cdr) for cdr in data], np.int64)
+    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
+    return MessageBlock(np.frombuffer(b"".join(data), np.uint8), starts, sizes, np.array(times_ns, np.int64))
