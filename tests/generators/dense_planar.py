@@ -351,11 +351,11 @@ def compare(machine: Machine, found: dict[str, Array], theta: Array, omega: floa
         worst[key] = float(np.abs(np.array(torques) - found[name]).max()) / peak
     largest = max(float(np.abs(f).max()) for f in forces.values())
     shared = {joint.at_name for joint in dense.joints if isinstance(joint, Mesh) and joint.shaft}
-    for name, told in forces.items():
+    for name, solved in forces.items():
         outputs = [f"reaction_{name}_x_N", f"reaction_{name}_y_N"]
         if outputs[0] in found and name not in shared:
             ours: Array = np.column_stack([np.broadcast_to(found[o], theta.shape) for o in outputs])
-            theirs = np.array(told)
+            theirs = np.array(solved)
             if theirs.shape[1] == 2:
                 worst["reaction"] = max(worst["reaction"], float(np.abs(ours - theirs).max()) / largest)
     return worst

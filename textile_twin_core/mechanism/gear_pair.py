@@ -69,6 +69,15 @@ class GearPair(PlainGroup):
 
     A gear that does not turn a whole number of times while the main shaft turns once comes back only after several
     turns: it is refused, since a machine here is a function of the angle of one turn.
+
+    Raises:
+        MachineError: for teeth, lengths or a pressure angle that cannot be; when it is solved, for axes that nothing
+            keeps apart, a gear that nothing turns, and turns that do not repeat with the main shaft.
+
+    Example:
+        >>> planet = GearPair("planet", "O", "A", "D", 0.03, (60, 20), internal=True)  # in a ring that stands still
+        >>> planet.ratio
+        Fraction(3, 1)
     """
 
     driven: str

@@ -102,7 +102,7 @@ def unit(vector: tuple[float, float]) -> tuple[float, float]:
 
 
 def check_guide(what: str, point_m: tuple[float, float], direction: tuple[float, float]) -> None:
-    """Raise MachineError unless point and direction of a guide are finite, and the direction is none of length 0."""
+    """Raise MachineError unless point and direction of a guide are finite and the direction has a length."""
     for value in (*point_m, *direction):
         check_finite(value, f"{what}: guide")
     if real.hypot(*direction) == 0.0:

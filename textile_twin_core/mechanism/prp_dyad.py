@@ -47,6 +47,14 @@ class PRPDyad(PlainGroup):
 
     Each slider's link goes from there along its guide to its point of `tips`; `lengths_m` are those of the sliders.
     At least one guide belongs to a link that moves.
+
+    Raises:
+        MachineError: for lengths, guides or slots that cannot be, and for two guides on one link.
+
+    Example:
+        >>> ram = PRPDyad(("die", "ram"), "D", ("S", "E"), (0.05, 0.3), (Guide("lever"), Guide(None, (0.0, 0.22))))
+        >>> ram.name
+        'die-ram'
     """
 
     sliders: tuple[str, str]

@@ -25,6 +25,14 @@ class RPPDyad(PlainGroup):
     slot to the first. `lengths_m` are those of block and slider. The guide is the line through `guide_point_m` along
     `guide_direction`, on the ground or, with `guide_on`, in the frame of that link. `slot_m` are the distances along
     the slot from the guide between which the pin must stay.
+
+    Raises:
+        MachineError: for lengths, a guide or a slot that cannot be, and a slot parallel to the guide.
+
+    Example:
+        >>> yoke = RPPDyad("block", "yoke", "A", "Q", ("S", "T"), (0.04, 0.3), (0.0, 0.0), (1.0, 0.0))
+        >>> motion = Linkage({"O": (0.0, 0.0)}, (Crank("crank", "O", "A", 0.1), yoke)).solved
+        >>> motion.points["Q"].position.x  # 0.1 cos(theta)
     """
 
     block: str

@@ -58,6 +58,16 @@ class RPRDyad(PlainGroup):
     `slot_m` are the distances along the lever, from the pivot, between which the pin must stay. Either pin may be
     fixed: a crank that drives a slotted lever has its end for `from_point`, an oscillating cylinder is a slider whose
     pin is fixed, on a piston rod whose `pivot` is the crank's end.
+
+    Raises:
+        MachineError: for lengths, a slot or a branch that cannot be.
+
+    Example:
+        >>> whitworth = (Crank("crank", "O", "A", 0.11), RPRDyad("block", "lever", "A", "C", "B", "T", (0.03, 0.2)))
+        >>> Linkage({"O": (0.0, 0.0), "C": (0.0, -0.04)}, whitworth).solved.links["lever"].first  # its speed ratio
+
+    References:
+        Norton, Design of Machinery, 2012, chapters 4, 6 and 7: the inverted slider-crank, in the textbook's form.
     """
 
     slider: str
