@@ -107,11 +107,12 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         stage("judging", _JUDGED, 1)
         judged = assess(readings_of(angles, measured), machine, predicted.track)
         notes, verdict, explained = judged.notes, judged.verdict, judged.explained
+        times = None if angles.recorded_ns is None else (angles.recorded_ns, angles.stamps)
         angle_topic, stamped = angles.topic, tuple(t for t in (angles.timing, measured.timing) if t is not None)
         del judged, angles  # these and the track hold the whole recording once more
         predicted = dataclasses.replace(predicted, track=None)
         if recorded:
-            predicted = recorded_torque(bag, predicted, angle_topic)
+            predicted = recorded_torque(bag, predicted, angle_topic, times)
         stage("comparing", 1.0, 1)
         comparison = compare_torque(
             measured.stamps,

@@ -17,6 +17,7 @@ from textile_twin_core.recordings.cdr_decode import MessageLayout, layouts
 from textile_twin_core.recordings.mcap_parts import DamageError
 from textile_twin_core.recordings.mcap_read import McapFile
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
+from textile_twin_core.recordings.publish_clock import better_clock
 from textile_twin_core.recordings.recording import RecordedFile, Recording
 from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
 from textile_twin_core.recordings.samples import AngleSamples, PointSamples, TorqueSamples
@@ -116,7 +117,7 @@ class Bag(Recording):
         joint: str = "",
         what: str = "position",
     ) -> tuple[IntArray, list[FloatArray]]:
-        """Stamps (log times for Float64) and the columns that `fields` picks, of all messages as recorded.
+        """Stamps (of Float64 log or publish times) and the columns that `fields` picks, of all messages as recorded.
 
         joint, what: what is missing, in words, where it picks none.
         """
@@ -130,7 +131,9 @@ class Bag(Recording):
                 if columns is not None:
                     stamped = info.msgtype != FLOAT64
                     stamps = layout.stamps(block, chosen) if stamped else block.log_times_ns[chosen]
-                    in_block.append((chosen, [stamps, *columns]))
+                    published = block.log_times_ns if block.publish_times_ns is None else block.publish_times_ns
+                    row: list[FloatArray | IntArray] = [stamps, *columns]
+                    in_block.append((chosen, row if stamped else [*row, published[chosen]]))
             if len(in_block) > 1:
                 order = np.argsort(np.concatenate([chosen for chosen, _ in in_block]))
                 joined = zip(*(columns for _, columns in in_block), strict=True)
@@ -143,6 +146,8 @@ class Bag(Recording):
                 f"{self.path}: topic {info.name} has no {what} of joint '{joint}'; joints there: {there}"
             )
         stamps, *values = (np.concatenate(column) for column in zip(*pieces, strict=True))
+        if info.msgtype == FLOAT64:
+            stamps = better_clock(stamps, values.pop())
         if not stamps.any():
             raise RecordingError(f"{self.path}: every stamp on topic {info.name} is 0; its publisher must fill them in")
         return stamps, values

@@ -23,13 +23,15 @@ _MOST_LAYOUTS = 16
 class MessageBlock:
     """Messages of one channel, in the order of the file.
 
-    buffer: the bytes around them; starts, sizes: where each CDR lies in it; log_times_ns: when recorded.
+    buffer: the bytes around them; starts, sizes: where each CDR lies in it; log_times_ns: when recorded;
+    publish_times_ns: when published, where the file says that.
     """
 
     buffer: Bytes
     starts: IntArray
     sizes: IntArray
     log_times_ns: IntArray
+    publish_times_ns: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.starts)

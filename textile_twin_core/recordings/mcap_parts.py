@@ -84,7 +84,8 @@ class Messages:
         """The chosen messages."""
         heads = self.heads[which]
         sizes = gather(self.buffer, heads + 1, "<u8").astype(np.int64) - 22
-        return MessageBlock(self.buffer, heads + 31, sizes, gather(self.buffer, heads + 15, "<u8").astype(np.int64))
+        logged, published = (gather(self.buffer, heads + at, "<u8").astype(np.int64) for at in (15, 23))
+        return MessageBlock(self.buffer, heads + 31, sizes, logged, published)
 
 
 def find_gaps(buffer: Bytes, heads: IntArray) -> list[tuple[int, int]] | None:

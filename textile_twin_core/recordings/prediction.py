@@ -15,7 +15,7 @@ from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.machine_topics import beside
 from textile_twin_core.recordings.predicted_topics import TORQUE
 from textile_twin_core.recordings.recording import Progress
-from textile_twin_core.recordings.samples import AngleSamples
+from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 from textile_twin_core.twin import Samples, Session, compile_machine
 
 _BLOCK = 8192
@@ -90,14 +90,29 @@ def recompute(
     )
 
 
-def recorded_torque(bag: Bag, computed: PredictedTorque, angle_topic: str) -> PredictedTorque:
+def recorded_torque(
+    bag: Bag, computed: PredictedTorque, angle_topic: str, times: tuple[IntArray, IntArray] | None = None
+) -> PredictedTorque:
     """The torque that the live twin published into the recording, beside the topic of the shaft angle.
 
     Shaft angles, and whether the estimator had settled, are those of `computed`, by the stamps, which a prediction
     shares with its angle sample. A note tells of predictions far from the computed ones. Raises RecordingError when
     no stamp is shared.
+
+    Args:
+        bag: the recording.
+        computed: what the twin predicts from the recorded angles.
+        angle_topic: their topic.
+        times: stamps of the angles as recorded and the reconstructed ones, where these came in bursts.
     """
-    torque = bag.read_torques(beside(bag, angle_topic, "balancing_torque/predicted"))
+
+    def retimed(samples: TorqueSamples) -> TorqueSamples:
+        if times is None:
+            return samples
+        place = np.minimum(np.searchsorted(times[0], samples.stamps), times[1].size - 1)
+        return replace(samples, stamps=times[1][place])
+
+    torque = retimed(bag.read_torques(beside(bag, angle_topic, "balancing_torque/predicted")))
     sigma_topic = beside(bag, angle_topic, "balancing_torque/predicted_sigma")
     place = np.clip(np.searchsorted(computed.stamps_ns, torque.stamps), 0, len(computed.stamps_ns) - 1)
     shared = computed.stamps_ns[place] == torque.stamps
@@ -105,7 +120,7 @@ def recorded_torque(bag: Bag, computed: PredictedTorque, angle_topic: str) -> Pr
         raise RecordingError(f"{bag.path}: no prediction on {torque.topic} has the stamp of a recorded shaft angle")
     sigma = np.full(len(torque), np.nan)
     if bag.has_topic(sigma_topic):
-        told = bag.read_torques(sigma_topic)
+        told = retimed(bag.read_torques(sigma_topic))
         order = np.argsort(told.stamps, kind="stable")
         at = np.clip(np.searchsorted(told.stamps[order], torque.stamps), 0, len(told) - 1)
         same = told.stamps[order][at] == torque.stamps

@@ -36,7 +36,9 @@ def evenly_timed(
     if bursts is not None:
         found = even_times(angles.stamps, angles.angles_rad, angles=True, bridge_ns=bridge)
         if found is not None:
-            angles = replace(angles, stamps=_checked(found, angles.topic, timings), timing=timings[-1])
+            recorded = angles.stamps
+            angles = replace(angles, stamps=_checked(found, angles.topic, timings), recorded_ns=recorded)
+            angles = replace(angles, timing=timings[-1])
     if torque_bursts is not None:
         period = timings[0].period_s if timings else sampling_period(angles.stamps)
         found = even_times(measured.stamps, measured.torque_Nm, angles=False, period_s=period, bridge_ns=bridge)

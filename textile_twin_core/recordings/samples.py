@@ -15,6 +15,7 @@ class AngleSamples:
     stamps: ns, from the message headers; for Float64, which has none, when recorded.
     velocities: rad/s, NaN where a message has none; None when no message has one.
     timing: how the stamps come in bursts, where these are reconstructed times; None: as recorded.
+    recorded_ns: the stamps as recorded, where these are reconstructed times.
     """
 
     topic: str
@@ -22,6 +23,7 @@ class AngleSamples:
     angles_rad: FloatArray
     velocities: FloatArray | None
     timing: StampTiming | None = None
+    recorded_ns: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.stamps)
