@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -91,14 +92,14 @@ def test_a_recording_that_cannot_be_watched_is_told_by_the_exit_code(
     given = ["monitor", str(tmp_path / "healthy"), str(tmp_path / "spoilt.mcap"), "--machine", "tufting"]
     assert main([*given, "--learn", "40", "--workers", "1", "--json", str(tmp_path / "alarms.json")]) == 2
     out, err = capsys.readouterr()
-    assert "healthy: " in out and "0 alarms" in out and "spoilt.mcap: " in out
+    assert "healthy: " in out and "no alarm" in out and "spoilt.mcap: " in out
     assert "1 of 2 recordings could not be watched: spoilt.mcap" in err
     assert [bool(each["error"]) for each in json.loads((tmp_path / "alarms.json").read_text())] == [False, True]
 
     write(tmp_path / "friction", "friction", 1.2, 992)
     assert main(["monitor", str(tmp_path / "friction"), *given[2:], "--learn", "40", "--workers", "1"]) == 3
     err = capsys.readouterr().err
-    assert "1 alarms in 1 recordings; 1 of 2 recordings could not be watched: spoilt.mcap" in err
+    assert "1 alarm in 1 recording; 1 of 2 recordings could not be watched: spoilt.mcap" in err
 
 
 def test_of_a_recording_that_was_cut_off_is_told_that_it_was(
@@ -124,8 +125,14 @@ def test_few_turns_to_learn_from_are_enough_to_be_alarmed(tmp_path: Path, capsys
     options = ["--machine", "tufting", "--learn", "8", "--workers", "1", "--parquet", str(table)]
     assert main(["monitor", *given, *options]) == 3
     out, err = capsys.readouterr()
-    assert f"{tmp_path}/new/bag: " in out and out.count("turns, ") == 2
+    assert (
+        f"{tmp_path}/new/bag: " in out
+        and out.count("turns watched, 8 learnt (not watched); alarm at ") == 1
+        and out.count("; no alarm") == 1
+    )
     assert "drive side: friction changed" in out and "RuntimeWarning" not in err
+    at = re.search(r"alarm at ([0-9.]+) s", out)
+    assert at is not None and 18.0 < float(at[1]) < 22.0, out  # it set in at 18 s
     assert set(parquet.read_table(table)["bag"].to_pylist()) == {f"{tmp_path}/{place}/bag" for place in ("old", "new")}
 
 
@@ -140,7 +147,7 @@ def test_a_recording_that_is_given_with_a_file_of_it_is_watched_once(
         assert main(["monitor", str(tmp_path / "bag"), str(file), *options]) == 0
         out, err = capsys.readouterr()
         assert f"{file}: is part of the recording {tmp_path / 'bag'}, which is watched once" in err
-        assert out.count("turns, ") == 1
+        assert out.count("turns watched, ") == 1
         turns = parquet.read_table(table)["turn"].to_pylist()
         assert len(turns) == len(set(turns)) > 10
     assert main(["monitor", str(file), *options]) == 0

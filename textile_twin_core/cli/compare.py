@@ -179,7 +179,8 @@ def _write_report(path: Path, comparison: Comparison, machine: Machine, argument
         "predictions": arguments.predicted,
         "shaft estimator": arguments.shaft,
     }
-    write_report(path, comparison, machine, title=arguments.bag.name, declaration=text, provenance=provenance)
+    title = f"{machine.name}: {arguments.bag if arguments.bag.name else arguments.bag.resolve()}"
+    write_report(path, comparison, machine, title=title, declaration=text, provenance=provenance)
 
 
 def _check_limits(comparison: Comparison, arguments: argparse.Namespace) -> None:

@@ -74,7 +74,8 @@ def run(arguments: argparse.Namespace) -> None:
     missing += ", ".join(each.bag.name for each in unread[:_MOST_NAMED]) + (" ..." if len(unread) > _MOST_NAMED else "")
     alarms = sum(len(each.alarms) for each in watched)
     if alarms:
-        told = f"{alarms} alarms in {sum(bool(each.alarms) for each in watched)} recordings"
+        where = sum(bool(each.alarms) for each in watched)
+        told = f"{_counted(alarms, 'alarm')} in {_counted(where, 'recording')}"
         raise BeyondLimitError("; ".join(filter(None, (told, missing))))
     if missing:
         raise UsageError(missing)
@@ -124,12 +125,18 @@ def _tell(name: str, watched: Watched) -> None:
     if watched.error:
         print(f"{name}: {watched.error}")
         return
-    turns = len(watched.columns.get("turn", ()))
-    print(f"{name}: {turns} turns, {len(watched.alarms)} alarms")
+    turns, alarms = len(watched.columns.get("turn", ())) - watched.learnt, watched.alarms
+    first = f" at {watched.seconds(alarms[0]):.1f} s" if alarms else ""
+    raised = f"{len(alarms)} alarms, first{first}" if len(alarms) > 1 else f"alarm{first}" if alarms else "no alarm"
+    print(f"{name}: {turns} turns watched, {watched.learnt} learnt (not watched); {raised}")
     for note in watched.notes:
         print(f"  {note}")
-    for alarm in watched.alarms:
-        print(f"  turn {alarm.turn}: {alarm.text}")
+    for alarm in alarms:
+        print(f"  {watched.seconds(alarm):.1f} s, turn {alarm.turn}: {alarm.text}")
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
@@ -147,7 +154,8 @@ def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
             {
                 "bag": name,
                 "turns": len(each.columns.get("turn", ())),
-                "alarms": [dataclasses.asdict(alarm) for alarm in each.alarms],
+                "learnt": each.learnt,
+                "alarms": [dataclasses.asdict(alarm) | {"time_s": each.seconds(alarm)} for alarm in each.alarms],
                 "notes": each.notes,
                 "error": each.error,
             }

@@ -40,7 +40,8 @@ class Job:
 class Watched:
     """What was seen of a recording: trends by column, (turns,) each, and alarms; error: why it was not watched.
 
-    notes: what a person should know of it.
+    notes: what a person should know of it. learnt: turns from which it was learnt, which are not watched.
+    begin_ns: stamp of the first angle.
     """
 
     bag: Path
@@ -48,6 +49,12 @@ class Watched:
     alarms: tuple[Alarm, ...]
     error: str = ""
     notes: tuple[str, ...] = ()
+    learnt: int = 0
+    begin_ns: int = 0
+
+    def seconds(self, alarm: Alarm) -> float:
+        """When an alarm was raised, in seconds since the first angle."""
+        return (alarm.stamp_ns - self.begin_ns) * 1e-9
 
 
 def samples_of(job: Job) -> int:
@@ -75,7 +82,9 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
     notes += found.notes
     turns, learnt = len(found.columns.get("turn", ())), job.settings.learn_turns
     if turns > learnt:
-        return Watched(job.bag, found.columns, found.alarms, notes=(*notes, *_foreign(found.columns, torque.torque_Nm)))
+        notes += _foreign(found.columns, torque.torque_Nm)
+        begin = int(angles.stamps.min())
+        return Watched(job.bag, found.columns, found.alarms, "", notes, learnt, begin)
     why = (
         f"{job.bag}: the shaft makes {turns} whole turns beside measured torque, and the first {learnt} are learnt"
         " from: nothing is watched; record longer, or learn from fewer (--learn)"
