@@ -17,8 +17,10 @@ import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core.cli.main import main
+from textile_twin_core.dynamics import Body
 from textile_twin_core.fmu import FmuReport, write_fmu
 from textile_twin_core.machine import Machine
+from textile_twin_core.mechanism import Crank, RRRDyad
 
 fmpy = pytest.importorskip("fmpy")
 from fmpy.build import build_platform_binary  # noqa: E402
@@ -239,3 +241,20 @@ def test_the_command_writes_a_unit_and_says_what_is_in_it(tmp_path: Path, capsys
     assert main(["fmu", "elliptic_gear_beatup", "--fmi", "3", "--out", str(out)]) == 0
     assert "sley_position_m" in capsys.readouterr().out
     assert not validate_fmu(str(out))
+
+
+def test_numbers_that_choose_another_closed_form_stay_constants(tmp_path: Path) -> None:
+    """A parallelogram with other lengths is none, and goes through its change points no more."""
+    machine = Machine(
+        name="parallelogram",
+        points={"O": (0.0, 0.0), "C": (0.3, 0.0)},
+        groups=(
+            Crank("l1", at="O", end="A", length_m=0.1),
+            RRRDyad("l2", "l3", "A", "C", "B", lengths_m=(0.3, 0.1), branch="left_passing"),
+        ),
+        bodies=(Body("l2", 2.0, 0.01, centroid=(0.4, 0.1)),),
+    )
+    made = write_fmu(tmp_path / "p.fmu", machine)
+    assert {"groups.l1.length_m", "groups.l2-l3.lengths_m[1]"} <= set(made.fixed)
+    assert {"bodies.l2.mass_kg", "bodies.l2.centroid[0]", "gravity_m_s2[1]"} <= set(made.parameters)
+    assert not validate_fmu(str(tmp_path / "p.fmu"))
