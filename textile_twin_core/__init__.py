@@ -18,10 +18,10 @@ from textile_twin_core.lazy import listing_of, names_of
 
 if TYPE_CHECKING:
     from textile_twin_core import machines
+    from textile_twin_core.driveline.free_motion import drive
     from textile_twin_core.dynamics.drive_torque import TorqueOverAngle, TorqueOverTime
     from textile_twin_core.files import load_machine_file as load_machine
     from textile_twin_core.machine import Machine
-    from textile_twin_core.machine.drive import drive
     from textile_twin_core.twin import Samples, Session, Twin
     from textile_twin_core.twin import compile_machine as compile
 
@@ -58,7 +58,7 @@ __getattr__ = names_of(
         "TorqueOverTime": "dynamics.drive_torque",
         "Twin": "twin",
         "compile": "twin:compile_machine",
-        "drive": "machine.drive",
+        "drive": "driveline.free_motion",
         "load_machine": "files.machine_file:load_machine_file",
         "machines": "machines",
     },

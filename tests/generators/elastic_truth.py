@@ -113,11 +113,11 @@ class Chain:
         rows = np.empty((times.size, 2 * n))
         state, now = start.copy(), float(times[0])
         scale = np.concatenate([np.full(n, 1e-3), np.full(n, 1.0)]) * tolerance
-        crossings = [self._crossing(k) for k in np.flatnonzero(self.carries).tolist()] if self.backing_N else None
-        if crossings:
+        carrying = np.flatnonzero(self.carries).tolist()
+        if self.backing_N:
             self.inside = linkage(state[:n] + self.phase)[3] >= PLANE_M
         while now < times[-1]:
-            later = np.flatnonzero(times >= now)
+            later = np.flatnonzero(times > now if now > times[0] else times >= now)
             found = scipy.integrate.solve_ivp(
                 slopes,
                 (now, float(times[-1])),
@@ -126,27 +126,26 @@ class Chain:
                 t_eval=times[later],
                 rtol=tolerance,
                 atol=scale,
-                events=crossings,
+                events=[self._crossing(k) for k in carrying] if self.backing_N else None,
             )
-            rows[later[: found.y.shape[1]]] = found.y.T
+            reached = len(found.t)
+            rows[later[:reached]] = np.array(found.y).T if reached else np.empty((0, 2 * n))
             now = float(times[-1])
             if found.status == 1:
                 which, moments = next((k, m) for k, m in enumerate(found.t_events) if m.size)
                 now, state = float(moments[0]), found.y_events[which][0]
-                k = int(np.flatnonzero(self.carries)[which])
-                rising = linkage(state[:n] + self.phase)[4][k] * state[n + k] > 0.0
-                self.inside[k] = rising
+                self.inside[carrying[which]] ^= True
         if self.base is not None:
             rows[:, 0], rows[:, n] = np.array([self.base(t)[:2] for t in times]).T
         return rows[:, :n], rows[:, n:]
 
     def _crossing(self, station: int) -> Callable[[float, FloatArray], float]:
-        def level(t: float, y: FloatArray) -> float:
-            theta = self.base(t)[0] if self.base is not None and station == 0 else y[station]
-            # shut for the direction in which it was just crossed
-            depth = float(linkage(np.array([theta + self.phase[station]]))[3][0]) - PLANE_M
-            return depth
+        """Depth of a needle in the backing, which ends a run where it enters or leaves."""
 
-        level.terminal = True  # type: ignore[attr-defined]
-        level.direction = 0.0  # type: ignore[attr-defined]
-        return level
+        def depth(t: float, y: FloatArray) -> float:
+            theta = np.array([y[station] + self.phase[station]])
+            return float(linkage(theta)[3][0]) - PLANE_M
+
+        depth.terminal = True  # type: ignore[attr-defined]
+        depth.direction = -1.0 if self.inside[station] else 1.0  # type: ignore[attr-defined]
+        return depth

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import argparse
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.cli.arguments import MOST_RPM, Parser, add_machine, number, positive, samples, shaft_speed
 from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.places import check_output, keep_input
 from textile_twin_core.cli.progress import shares
+from textile_twin_core.driveline import ChainMotion
+from textile_twin_core.driveline.free_motion import ElasticDriveResult, drive
 from textile_twin_core.dynamics.drive_torque import DriveTorque, TorqueOverAngle, TorqueOverTime
 from textile_twin_core.errors import MotionError
 from textile_twin_core.files import write_table
 from textile_twin_core.machine import Machine
-from textile_twin_core.machine.drive import drive
 from textile_twin_core.recordings.log_read import read_log
 
 _SUFFIXES = (".csv", ".parquet")
@@ -82,6 +85,8 @@ def run(arguments: argparse.Namespace) -> None:
         "potential_energy_J": found.potential_energy_J,
         "drive_work_J": found.drive_work_J,
     }
+    if isinstance(found, ElasticDriveResult):
+        columns |= _chain_columns(found.motion)
     write_table(arguments.out, columns)
     rpm = found.omega_rad_s * 30.0 / math.pi
     turns = (found.theta_rad[-1] - found.theta_rad[0]) / (2.0 * math.pi)
@@ -92,6 +97,17 @@ def run(arguments: argparse.Namespace) -> None:
     for event in found.events:
         if event.kind != "leaps":
             print(f"{event.time_s:10.4f} s  the shaft {event.kind} at {math.degrees(event.theta_rad):.2f} deg")
+
+
+def _chain_columns(motion: ChainMotion) -> dict[str, FloatArray]:
+    """Columns for every station and piece of an elastic shaft."""
+    columns = {}
+    for k, name in enumerate(motion.stations):
+        columns[f"station_{name}_theta_rad"] = motion.theta_rad[:, k]
+        columns[f"station_{name}_omega_rad_s"] = motion.omega_rad_s[:, k]
+    for k, (near, far) in enumerate(pairwise(motion.stations)):
+        columns[f"torque_{near}_{far}_Nm"] = motion.piece_torque_Nm[:, k]
+    return columns
 
 
 def _fastest(machine: Machine, omega: float) -> float:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import by_reference, compiled
+from textile_twin_core.compiling import by_reference, compiled, compiled_in_place
 from textile_twin_core.driveline.chain import ShaftChain
 from textile_twin_core.driveline.step import ChainState, beyond, hung, midpoint_step
 
@@ -35,7 +35,7 @@ def outputs(samples: int, stations: int) -> Outputs:
     return Outputs(*(np.zeros(shape) for shape in shapes))
 
 
-@partial(compiled, inlined=True)
+@partial(compiled_in_place, inlined=True)
 def piece_torque(chain: ShaftChain, state: ChainState, i: int) -> float:
     """Torque in a piece [N m]."""
     reach = beyond(state.psi[i] - state.psi[i + 1], chain.half_play[i])
@@ -43,7 +43,7 @@ def piece_torque(chain: ShaftChain, state: ChainState, i: int) -> float:
     return chain.stiffness[i] * reach + (chain.damping[i] * (state.speed[i] - state.speed[i + 1]) if touching else 0.0)
 
 
-@compiled
+@compiled_in_place
 def observe(
     chain: ShaftChain,
     state: ChainState,
@@ -74,7 +74,7 @@ def observe(
         before = after
 
 
-@partial(compiled, inlined=True)
+@partial(compiled_in_place, inlined=True)
 def quintic(x: float, d: float, rise: float, w0: float, w1: float, a0: float, a1: float) -> tuple[float, float]:
     """Angle beyond the first one, and speed, at a share x of a time d between two states of a shaft."""
     p, q, r = rise - d * (w0 + 0.5 * d * a0), d * (w1 - w0 - d * a0), d * d * (a1 - a0)
@@ -154,7 +154,7 @@ def run_free(
         reference[j] = base[0]
 
 
-@compiled
+@compiled_in_place
 def twist_statically(
     chain: ShaftChain, state: ChainState, theta: float, omega: float, alpha: float, fixed: int, torque: FloatArray
 ) -> None:
@@ -181,7 +181,7 @@ def twist_statically(
             state.psi[i] = state.psi[i + 1] + twist_of(chain, i, state.upper[i])
 
 
-@partial(compiled, inlined=True)
+@partial(compiled_in_place, inlined=True)
 def twist_of(chain: ShaftChain, i: int, torque: float) -> float:
     """Twist of a piece under a torque [rad]."""
     play = chain.half_play[i] if torque > 0.0 else -chain.half_play[i] if torque < 0.0 else 0.0

@@ -19,10 +19,11 @@ from typing import NamedTuple
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.compiling import by_reference, compiled
+from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.driveline.chain import ShaftChain
 
 TURN = 2.0 * math.pi
+_TURNS = 1.0 / TURN
 
 
 @by_reference
@@ -51,7 +52,7 @@ def chain_state(chain: ShaftChain) -> ChainState:
     return ChainState(psi, speed, acceleration, lower, diagonal, upper, right, load)
 
 
-@compiled
+@compiled_in_place
 def midpoint_step(
     chain: ShaftChain,
     state: ChainState,
@@ -109,19 +110,21 @@ def midpoint_step(
         low[i + 1] -= q
     if fixed >= 0:
         low[fixed], diagonal[fixed], up[fixed], right[fixed] = 0.0, 1.0, 0.0, 0.0
+    inverse = 1.0 / diagonal[0]
     for i in range(1, n):
-        factor = low[i] / diagonal[i - 1]
-        diagonal[i] -= factor * up[i - 1]
-        right[i] -= factor * right[i - 1]
-    a[n - 1] = right[n - 1] / diagonal[n - 1]
+        up[i - 1] *= inverse
+        right[i - 1] *= inverse
+        inverse = 1.0 / (diagonal[i] - low[i] * up[i - 1])
+        right[i] -= low[i] * right[i - 1]
+    a[n - 1] = right[n - 1] * inverse
     for i in range(n - 2, -1, -1):
-        a[i] = (right[i] - up[i] * a[i + 1]) / diagonal[i]
+        a[i] = right[i] - up[i] * a[i + 1]
     for i in range(n):
         psi[i] += h * v[i] + 0.5 * h * h * a[i]
         v[i] += h * a[i]
 
 
-@compiled
+@compiled_in_place
 def dead_band(twist: float, change: float, half_play: float, stiffness: float) -> tuple[float, float, float]:
     """Mean torque of a piece with backlash while its twist goes from `twist` by `change` in a straight line.
 
@@ -139,13 +142,13 @@ def dead_band(twist: float, change: float, half_play: float, stiffness: float) -
     return mean, max(slope, 0.0), min((abs(reach) + abs(reach_end)) / abs(change), 1.0)
 
 
-@partial(compiled, inlined=True)
+@partial(compiled_in_place, inlined=True)
 def beyond(twist: float, half_play: float) -> float:
     """Twist beyond the dead band [rad]."""
     return twist - half_play if twist > half_play else twist + half_play if twist < -half_play else 0.0
 
 
-@compiled
+@compiled_in_place
 def hung(
     chain: ShaftChain, load: FloatArray, station: int, angle: float, begin: float, omega: float, h: float
 ) -> tuple[float, float, float]:
@@ -164,52 +167,44 @@ def hung(
         if load.size == 0:
             continue
         way = h * omega
-        width = max(chain.slow_rad_s, 0.5 * h * chain.friction_Nm / (own + chain.inertia[station]))
-        if omega > width or omega < -width:
-            add_coefficients(chain, load, profile, begin + phase, way, 0 if omega > 0.0 else 1)
+        # near standstill both directions, blended in proportion to the speed: dry friction cannot overshoot
+        mass, width = own + chain.inertia[station], chain.slow_rad_s
+        if 0.5 * h * chain.friction_Nm > width * mass:
+            width = 0.5 * h * chain.friction_Nm / mass if abs(omega) * mass < 0.5 * h * chain.friction_Nm else 0.0
+        blended = abs(omega) < width
+        for direction in range(2):
+            if not blended and (omega > 0.0) == (direction == 1):
+                continue
+            add_coefficients(chain, load, profile, begin + phase, way, direction)
+            sense = 1.0 if direction == 0 else -1.0
+            share = 0.5 * (1.0 + sense * omega / width) if blended else 1.0
             for j in range(load.size):
-                if load[j] != 0.0:
-                    value = load[j] * function(chain, row, 3 + j, u)
-                    power = chain.powers[profile, j]
-                    if power == 0:
-                        resisting -= value
-                    elif power == 1:
-                        resisting -= value * omega
-                        drag -= value
-                    else:
-                        resisting -= value * omega * omega
-        else:
-            # near standstill both directions, blended in proportion to the speed: dry friction cannot overshoot
-            for direction in range(2):
-                add_coefficients(chain, load, profile, begin + phase, way, direction)
-                sense = 1.0 if direction == 0 else -1.0
-                share = 0.5 * (1.0 + sense * omega / width)
-                for j in range(load.size):
-                    value = load[j] * function(chain, row, 3 + j, u)
-                    power = chain.powers[profile, j]
-                    if power == 0:
-                        resisting -= share * value
+                value = load[j] * function(chain, row, 3 + j, u)
+                power = chain.powers[profile, j]
+                if power == 0:
+                    resisting -= share * value
+                    if blended:
                         drag -= 0.5 * sense * value / width
-                    elif power == 1:
-                        resisting -= share * value * omega
-                        drag -= share * value
-                    else:
-                        resisting -= share * value * omega * omega
+                elif power == 1:
+                    resisting -= share * value * omega
+                    drag -= share * value
+                else:
+                    resisting -= share * value * omega * omega
     return inertia, resisting, drag
 
 
-@partial(compiled, inlined=True)
+@partial(compiled_in_place, inlined=True)
 def place(chain: ShaftChain, profile: int, angle: float) -> tuple[int, float]:
     """Row of the table and the place behind its node, in [0, 1), at an angle [rad]."""
     begin = chain.node_begin[profile]
     nodes = chain.node_begin[profile + 1] - begin
-    turns = angle / TURN
+    turns = angle * _TURNS
     x = (turns - math.floor(turns)) * nodes
     node = min(int(x), nodes - 1)
     return begin + node, x - node
 
 
-@partial(compiled, inlined=True)
+@partial(compiled_in_place, inlined=True)
 def function(chain: ShaftChain, row: int, number: int, u: float) -> float:
     """A tabulated function behind a node."""
     table = chain.table
@@ -217,7 +212,7 @@ def function(chain: ShaftChain, row: int, number: int, u: float) -> float:
     return p + u * u * q
 
 
-@compiled
+@compiled_in_place
 def add_coefficients(
     chain: ShaftChain, load: FloatArray, profile: int, angle: float, way: float, direction: int
 ) -> None:

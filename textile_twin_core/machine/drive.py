@@ -51,11 +51,7 @@ def drive(
     """
     if not isinstance(machine, Machine):
         raise MachineError(f"'{getattr(machine, 'name', machine)}' is no linkage machine: drive has no law for it")
-    for what, value in (("theta0", theta0), ("omega0", omega0)):
-        if not math.isfinite(value):
-            raise MotionError(f"{what} must be a finite number, not {value!r}")
-    if not 0.0 < tolerance < 1.0:
-        raise MotionError(f"tolerance must lie between 0 and 1, not {tolerance!r}")
+    times = sample_times(theta0, omega0, tolerance, t)
     if isinstance(drive_torque, Real):
         constant = float(drive_torque)
         torque: DriveTorque = lambda time, theta, omega: constant  # noqa: E731
@@ -64,7 +60,7 @@ def drive(
     else:
         raise MotionError(f"drive_torque must be a number or a function of (t, theta, omega), not {drive_torque!r}")
     run = Drive(motion_equation(machine), torque, load_names(machine.loads), tolerance, fastest_rad_s, report)
-    return run.run(float(theta0), float(omega0), _times(t))
+    return run.run(float(theta0), float(omega0), times)
 
 
 def motion_equation(machine: Machine) -> MotionEquation:
@@ -97,7 +93,13 @@ def load_names(loads: Sequence[Load]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _times(t: npt.ArrayLike) -> FloatArray:
+def sample_times(theta0: float, omega0: float, tolerance: float, t: npt.ArrayLike) -> FloatArray:
+    """The times of a run, whose other numbers are checked. Raises MotionError for what cannot be."""
+    for what, value in (("theta0", theta0), ("omega0", omega0)):
+        if not math.isfinite(value):
+            raise MotionError(f"{what} must be a finite number, not {value!r}")
+    if not 0.0 < tolerance < 1.0:
+        raise MotionError(f"tolerance must lie between 0 and 1, not {tolerance!r}")
     times = np.asarray(t, dtype=np.float64)
     if times.ndim == 0 and times > 0.0:
         times = np.linspace(0.0, float(times), _TIMES)
