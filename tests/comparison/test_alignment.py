@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from textile_twin_core.comparison.alignment import build_track
+from textile_twin_core.comparison.alignment import build_track, usual_step
 
 
 def test_interpolates_a_parabola_exactly_on_uneven_steps() -> None:
@@ -93,3 +94,10 @@ def test_a_gap_is_found() -> None:
     time = np.concatenate([np.arange(100) * 2e-3, 1.0 + np.arange(100) * 2e-3])
     track, _ = build_track(time, np.sin(time), time, [])
     assert np.flatnonzero(track.blocked).tolist() == [99]
+
+
+def test_the_usual_step_of_samples_in_bursts_is_the_mean() -> None:
+    bursts = np.tile([*[2e-6] * 7, 0.016 - 14e-6], 50)
+    assert usual_step(bursts) == pytest.approx(0.002)
+    assert usual_step(np.array([0.002] * 99 + [3600.0])) == pytest.approx(0.002)
+    assert usual_step(np.full(10, 1.0)) == 1.0

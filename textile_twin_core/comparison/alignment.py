@@ -14,8 +14,9 @@ TWO_PI = 2.0 * np.pi
 #: An event is a jump when the prediction steps over it this many times further than beside it.
 JUMP_RATIO = 5.0
 
-#: Two predictions or states further apart than this many median periods have a gap between them.
+#: Two predictions or states further apart than this many usual steps (see `usual_step`) have a gap between them.
 GAP_PERIODS = 5.0
+_LONGEST_STEP_S = 0.25
 _PART = 65_536
 _CREEPS = 0.005
 
@@ -23,6 +24,12 @@ _CREEPS = 0.005
 def parts(n: int) -> Iterator[slice]:
     """Slices that cover n samples: what is worked out for one at a time takes no memory for an hour of them."""
     return (slice(start, start + _PART) for start in range(0, n, _PART))
+
+
+def usual_step(step_s: FloatArray) -> float:
+    """The usual step [s] of (n,) steps between samples: the median, or the mean where samples come in bursts."""
+    short = step_s[step_s <= _LONGEST_STEP_S]
+    return max(float(np.median(step_s)), float(np.mean(short)) if short.size else 0.0)
 
 
 def fast_speed(omega_rad_s: FloatArray) -> float:
@@ -115,7 +122,7 @@ def build_track(
     intervals: the needle's entry into the backing is one, its turning point is not.
     """
     step = np.diff(time_s)
-    gap = step > GAP_PERIODS * float(np.median(step))
+    gap = step > GAP_PERIODS * usual_step(step)
     found: list[tuple[IntArray, FloatArray, bool]] = []
     for angle in event_angles_rad:
         turn = np.floor((theta_rad - angle) / TWO_PI)

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.alignment import GAP_PERIODS, fast_speed
+from textile_twin_core.comparison.alignment import GAP_PERIODS, fast_speed, usual_step
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import ShaftStates, create_estimator
@@ -160,6 +160,6 @@ def track_of(states: Sequence[ShaftStates], origin_ns: int, direction: int = 1, 
     if np.count_nonzero(good) < _FEWEST:
         raise RecordingError(f"too few shaft angles for a motion: {np.count_nonzero(good)} states are usable")
     time = (stamps[good] - origin_ns) * 1e-9
-    longest = GAP_PERIODS * float(np.median(np.diff(time)))
+    longest = GAP_PERIODS * usual_step(np.diff(time))
     theta, omega, alpha = direction * theta[good] + zero_rad, direction * omega[good], direction * alpha[good]
     return ShaftTrack(time, theta, omega, alpha, longest)
