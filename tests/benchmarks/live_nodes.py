@@ -1,6 +1,6 @@
 """What a live sample costs: twin_node beside a bare node with the same traffic, taking turns in one run.
 
-Run from the root of the repository: python -m tests.benchmarks.live_nodes [--rates 500 1000] [--seconds 5] [--rounds 3]
+Run from the root of the repository: python -m tests.benchmarks.live_nodes [--rates 500 1000] [--machine FILE]
 
 Angles are published at a steady rate to one node, then to the other; three outputs of it are heard. Processor time is
 that of the node alone, in ms a second; latency is from publishing a sample to hearing its torque. Of several rounds the
@@ -94,13 +94,13 @@ class Answers:
         return f"{rate_hz:8.0f} {self.name:>6} {cpu:10.0f} {p50:8.2f} {p99:8.2f} {worst:8.2f} {self.lost:7d}"
 
 
-def compare(rate_hz: float, seconds: float, rounds: int) -> None:
+def compare(machine: str, rate_hz: float, seconds: float, rounds: int) -> None:
     """Measure both nodes at one rate, in turns, and print their lines and the ratio."""
     with tempfile.TemporaryDirectory() as folder, running_suite(Path(folder), "events") as suite:
         command = [sys.executable, "-m", "tests.benchmarks.floor_node", "--ros-args", "-r", "__ns:=/floor"]
         floor = Program(command, Path(folder) / "floor.log", suite.environment)
         suite.processes.append(floor)
-        twin = suite.start("twin_node", f"rate_hz:={rate_hz}", remaps=["__ns:=/twin"])
+        twin = suite.start("twin_node", f"machine:={machine}", f"rate_hz:={rate_hz}", remaps=["__ns:=/twin"])
         nodes = [Answers("floor", floor, suite), Answers("twin", twin, suite)]
         for each in nodes:
             suite.spin_until(each.input.get_subscription_count, each.name)
@@ -133,11 +133,12 @@ def main() -> None:
     parser.add_argument("--rates", type=float, nargs="+", default=[200.0, 500.0, 1000.0, 5000.0])
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--machine", default="tufting", help="name of a machine, or a machine file")
     options = parser.parse_args()
     print(sample_costs())
     print(f"{'rate/Hz':>8} {'node':>6} {'CPU ms/s':>10} {'p50/ms':>8} {'p99/ms':>8} {'max/ms':>8} {'lost':>7}")
     for rate in options.rates:
-        compare(rate, options.seconds, options.rounds)
+        compare(options.machine, rate, options.seconds, options.rounds)
 
 
 if __name__ == "__main__":

@@ -224,7 +224,7 @@ def add_coefficients(
     if way < 0.0:
         angle, way = angle + way, -way
     row, _ = place(chain, profile, angle)
-    at = angle - TURN * math.floor(angle / TURN)
+    at = angle - TURN * math.floor(angle * _TURNS)
     ahead = chain.next_start[direction, row]  # may lie before the angle, within the same interval of the table
     while ahead < last and chain.starts[ahead] <= at:
         ahead += 1

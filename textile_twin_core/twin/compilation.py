@@ -66,7 +66,17 @@ def compile_machine(
         >>> round(twin.evaluate(1.0, 16.755, 0.0)["balancing_torque_Nm"], 3)
         14.108
     """
-    names, method, tolerance = _scene(machine, outputs, method, tolerance)
+    return _twin(machine, *_scene(machine, outputs, method, tolerance))
+
+
+def idle_twin(machine: AnyMachine) -> Twin | ElasticTwin | HistoryTwin:
+    """Compile a machine for no output: its sessions follow the shaft alone."""
+    return _twin(machine, (), "exact", machine.scene.tolerance)
+
+
+def _twin(
+    machine: AnyMachine, names: tuple[str, ...], method: str, tolerance: float
+) -> Twin | ElasticTwin | HistoryTwin:
     if isinstance(machine, ContactMachine):
         if method == "table":
             raise SceneError(f"machine '{machine.name}' has a history, which no table holds; use method 'exact'")

@@ -39,6 +39,8 @@ _SUMS = (
 )
 """Sums over the linkages, each at its own station's motion."""
 
+_INFLATION = np.outer(INFLATION, INFLATION).reshape(9)
+
 
 @dataclass(frozen=True)
 class ElasticMotion:
@@ -71,7 +73,7 @@ def set_angle(rows: np.ndarray, angle: FloatArray, turns: FloatArray) -> None:
 def state_rows(covariance: FloatArray) -> np.ndarray:
     """(n,) rows of STATE with a covariance (n, 9) of angle, speed and acceleration."""
     rows = np.zeros(len(covariance), STATE)
-    rows["covariance"] = covariance / np.outer(INFLATION, INFLATION).reshape(9)
+    rows["covariance"] = covariance / _INFLATION
     return rows
 
 

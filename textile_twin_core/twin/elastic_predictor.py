@@ -51,7 +51,9 @@ class ElasticPredictor:
         if self._twice and len(states):
             self._held.append((states.stamps, _kept(states.rows)))
             states = ShaftStates.empty(states.stamps)
-        return self._observed(states.stamps, _kept(states.rows))
+        if len(states) == 0:
+            return Prediction(states, {name: np.empty(0) for name in self._results.names}, np.empty(0))
+        return self._observed(states.stamps, states.rows)
 
     def finish(self, states: ShaftStates) -> Prediction:
         """Predictions for the readings that are held, with these at the end."""
@@ -98,11 +100,10 @@ class ElasticPredictor:
 
 
 def _kept(rows: Records) -> Records:
-    """What the observer needs of rows, which for a record without any sample lack some fields."""
+    """What the observer needs of rows."""
     found = np.zeros(len(rows), _KEPT)
-    if len(rows):
-        for name in _KEPT.names or ():
-            found[name] = rows[name]
+    for name in _KEPT.names or ():
+        found[name] = rows[name]
     return found
 
 

@@ -168,6 +168,11 @@ class Session:
         """Counts of samples accepted and rejected, and the estimator's state."""
         return self._estimator.report
 
+    @property
+    def at_once(self) -> bool:
+        """Whether samples one by one cost less than a block of them."""
+        return self._predictor.at_once and self._estimator.at_once
+
     def step(self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None) -> Samples:
         """Take angle samples and predict.
 

@@ -11,7 +11,7 @@ import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.message_types import JOINT_STATE, POINT, WRENCH
-from textile_twin_core.twin import ElasticTwin, HistoryTwin, Twin
+from textile_twin_core.twin import ElasticTwin, HistoryTwin, Twin, idle_twin
 from textile_twin_core.twin.session import Sample
 from textile_twin_ros import contact_events
 from textile_twin_ros.messages import SECOND_NS, JointTemplate, PointTemplate, WrenchTemplate
@@ -155,7 +155,7 @@ def twins_of(machine: AnyMachine) -> CompileTwin:
 
     def compile_twin(outputs: tuple[str, ...]) -> CompiledTwin:
         if outputs not in made:
-            made[outputs] = ttc.compile(machine, outputs=outputs)
+            made[outputs] = ttc.compile(machine, outputs=outputs) if outputs else idle_twin(machine)
         return made[outputs]
 
     return compile_twin

@@ -9,7 +9,6 @@ import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_jumps
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.shaft import SampleReport
@@ -62,11 +61,7 @@ class TwinStream:
         self._outputs = outputs_of(machine, joint_rate_hz)
         # A machine with a history goes through all of it, whoever listens.
         self._has_history = machine.has_history
-        self._idle = (
-            ttc.Twin(machine, (), "exact", machine.scene.tolerance)
-            if isinstance(machine, ttc.Machine)
-            else self._compile(self._needs(self._outputs))
-        )
+        self._idle = self._compile(self._needs(self._outputs) if self._has_history else ())
         self._has_torque = machine.tells_torque
         jumps = load_jumps(self._compile((TORQUE,))) if self._has_torque else ()
         self._residuals = ResidualStream(machine.sensors.torque, jumps)
@@ -74,7 +69,7 @@ class TwinStream:
         self._residual_messages = ResidualMessages()
         self._session = self._idle.session(shaft, **settings)
         # One by one then costs less than a block, and gives the first of a block that came late sooner.
-        self._at_once = shaft == "causal" and not self._has_history
+        self._at_once = self._session.at_once and not self._has_history
         self._restarts = RestartWatch()
         self._wanted: list[Output] = []
         self._wants_residual = self._wants_sigma = False
