@@ -2,7 +2,7 @@
 
 Run from the root of the repository: python -m tests.benchmarks.elastic_shaft [--seconds 8] [--wrong]
 
-Sixteen tufting linkages on 4 m of steel, a 14-bit encoder at 1 kHz at the drive's end, linkages in phase and rows half a
+Sixteen tufting linkages on 4 m of steel, 14-bit encoder at 1 kHz at the end of the drive, in phase and rows half a
 turn apart. Errors are root mean square over the largest torque of the first piece, after four seconds. `--wrong`: also
 how they grow where stiffness or damping of the machine file are wrong.
 """
@@ -27,7 +27,7 @@ _STAGGERED = tuple(math.pi * (k % 2) for k in range(16))
 
 
 def row(machine: Machine, made: Record) -> tuple[float, float, float, float]:
-    """Error of the torque over its peak, share within sigma, error of the far needle [m], processor time a sample [s]."""
+    """Error of the torque over its peak, share within sigma, far needle [m], processor time a sample [s]."""
     session = ttc.compile(machine, outputs=[TORQUE, FAR]).session()
     used = time.process_time()
     samples = session.step(made.stamps_ns, made.encoder_rad)
