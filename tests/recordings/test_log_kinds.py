@@ -13,6 +13,7 @@ import pytest
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.cli.main import main
 from textile_twin_core.recordings import open_bag
+from textile_twin_core.recordings.log_mapping import read_mapping
 
 N = 1200
 EPOCH = 1_790_000_000.25
@@ -410,3 +411,13 @@ def test_a_mapping_that_a_person_may_have_corrected_is_not_written_over(
     assert "bag.mapping.yaml exists; give it with --mapping, or replace it with --force" in capsys.readouterr().err
     imported(tmp_path, text, "--force")
     assert "column: angle" in (tmp_path / "bag.mapping.yaml").read_text()
+
+
+def test_the_mapping_of_the_page_is_one(tmp_path: Path) -> None:
+    """The example in docs/commissioning.md has no key that is not read."""
+    page = (Path(__file__).parents[2] / "docs/commissioning.md").read_text(encoding="utf-8")
+    example = next(block for block in page.split("```yaml\n")[1:] if "names_line" in block).split("```")[0]
+    (tmp_path / "mine.yaml").write_text(example, encoding="utf-8")
+    mapping = read_mapping(tmp_path / "mine.yaml")
+    assert mapping.angle.unit == "0.1 deg" and mapping.torque.clock is not None
+    assert mapping.text is not None and mapping.text.day_first and mapping.quantities["sley_position_m"].unit == "mm"

@@ -33,7 +33,7 @@ def tdms_waveforms(path: Path) -> tuple[float, int]:
     wave = {"wf_start_offset": 0.0, "wf_start_time": start}
     with TdmsWriter(path) as out:
         angle = {**wave, "wf_increment": STEP_S, "unit_string": "deg"}
-        torque = {**wave, "wf_increment": 2.0 * STEP_S, "unit_string": "Nm"}
+        torque = {"wf_start_time": start, "wf_increment": 2.0 * STEP_S, "unit_string": "Nm"}
         out.write_segment(
             [ChannelObject("log", "angle", DEG, angle), ChannelObject("log", "torque", TORQUE[::2], torque)]
         )

@@ -24,7 +24,7 @@ COMMANDS = {
     "orders": "order spectrum and order-speed map of a recording's signals",
     "resonances": "natural frequencies and critical speeds of an elastic main shaft, Campbell diagram",
     "fmu": "a machine as an FMU in C, for other simulation programs",
-    "import": "a recording from any logger's table: CSV, Parquet, MATLAB",
+    "import": "a recording from any logger's table: CSV, Parquet, MATLAB, HDF5, TDMS, MDF4",
     "monitor": "recordings watched for faults, turn by turn: needle side, drive side, sensors",
     "recover": "a complete recording from one that was cut off or is damaged",
     "status": "a running suite in the terminal: rates, estimator, residual, alarms",

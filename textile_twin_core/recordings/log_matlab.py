@@ -83,7 +83,8 @@ def _take(content: Mapping[str, Any], above: str, time: str, log: LogTable, fiel
 
 def _parts(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     """A value; of an array of structures each by itself, by its number where there are several."""
-    if isinstance(value, (list, np.ndarray)) and len(value) and all(isinstance(part, dict) for part in value):
+    several = isinstance(value, list) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    if several and len(value) and all(isinstance(part, dict) for part in value):
         yield from ((name if len(value) == 1 else f"{name}_{k}", part) for k, part in enumerate(value, 1))
     else:
         yield name, value

@@ -77,8 +77,10 @@ def _tdms(path: Path, table: str | None) -> LogTable:
                 values = values.astype("datetime64[ns]").astype(np.int64) * 1e-9
                 log.dated.add(name)
             log[name] = values.astype(np.float64)
-            if not times and "wf_increment" in channel.properties:
-                _put_times(log, name, channel.time_track(), channel.properties.get("wf_start_time"))
+            step = float(channel.properties.get("wf_increment", 0.0))
+            if not times and step > 0.0:
+                since = float(channel.properties.get("wf_start_offset", 0.0)) + step * np.arange(values.size)
+                _put_times(log, name, since, channel.properties.get("wf_start_time"))
         if len(times) == 1:
             log.times_of |= {name: names[times[0]] for channel, name in names.items() if channel != times[0]}
     return log
