@@ -16,8 +16,8 @@ from textile_twin_core.views import paper
 _RPM = 30.0 / np.pi
 _MOST_MODES = 4
 _NAMED = 8
-_LABEL_SHARE = 0.025
-"""Width of an order's number over that of the diagram."""
+_LABEL_SHARE = 0.03
+"""Room for an order's number over the size of the diagram."""
 _COLOURS = ("#1f6f8b", "#c1440e", "#5b7f3a", "#7a4b94")
 
 
@@ -56,14 +56,15 @@ def _draw_diagram(axes: Axes, found: Resonances, shown: list[int]) -> None:
     top = 1.15 * max((found.modes[number - 1].highest_Hz for number in shown), default=1.0)
     critical = [each for each in found.critical if each.mode in shown]
     largest = max((each.share for each in critical), default=1.0)
-    free_from = math.inf
+    last = (math.inf, -math.inf)
     for order in sorted({each.order for each in critical}):
         strength = max(each.share for each in critical if each.order == order) / largest
         ends = [0.0, fast], [0.0, order * fast / 60.0]
         axes.plot(*ends, lw=0.6 + 0.6 * strength, color=paper.INK, alpha=0.15 + 0.35 * strength)
         end = min(fast, top * 60.0 / order)
-        if end < free_from:
-            place, free_from = (end, order * end / 60.0), end - _LABEL_SHARE * (fast - slow)
+        place = (end, order * end / 60.0)
+        if last[0] - place[0] > _LABEL_SHARE * (fast - slow) or place[1] - last[1] > _LABEL_SHARE * top:
+            last = place
             axes.annotate(f"{order}", place, (3, 2), textcoords="offset points", fontsize=8, annotation_clip=False)
     for number, colour in zip(shown, _COLOURS, strict=False):
         mode = found.modes[number - 1]
@@ -101,4 +102,4 @@ def _draw_shapes(axes: Axes, found: Resonances, shown: list[int]) -> None:
     axes.set_xticks(places[::step], found.stations[::step], fontsize=8)
     axes.set(ylim=(-1.1, 1.1), xlabel="station", ylabel="angle, largest 1")
     axes.set_title("Mode shapes", loc="left", fontsize=10, color=paper.INK)
-    axes.legend(frameon=False, fontsize=9, loc="lower right")
+    axes.legend(frameon=False, fontsize=9, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=_MOST_MODES)
