@@ -22,7 +22,8 @@ MAX_ORDER = 24.0
 FEWEST_TURNS = 6
 """With fewer turns the main lobe of the window, five bins wide, reaches from one whole order to the next."""
 PER_WINDOW = 4
-"""Windows begin a quarter of their length apart."""
+"""Windows begin a quarter of their length apart, or further in a recording of many turns."""
+_MOST_WINDOWS = 1000
 _NOISE_BANDWIDTH = 3.77
 """Equivalent noise bandwidth of the flat-top window in bins."""
 _SLOWEST = 0.05
@@ -131,9 +132,9 @@ def order_map(
     """Compute the order-speed map of a signal.
 
     Each window of whole turns is resampled at equal steps of the shaft angle and transformed under a flat-top window;
-    neighbouring windows overlap by three quarters. Samples count as equally spaced in time, so that jitter of the
-    stamps moves the angle of a sample and not its place; up to nine missing samples are interpolated. The map leaves
-    out stretches with a longer gap, a reversal or a standstill.
+    neighbouring windows overlap by three quarters, less in a recording of many turns. Samples count as equally spaced
+    in time, so that jitter of the stamps moves the angle of a sample and not its place; up to nine missing samples are
+    interpolated. The map leaves out stretches with a longer gap, a reversal or a standstill.
 
     Args:
         time_s: (n,) times of the samples [s], increasing.
@@ -173,9 +174,11 @@ def order_map(
     times: list[float] = []
     speeds: list[float] = []
     limits: list[float] = []
+    total = sum(abs(float(theta_rad[end - 1] - theta_rad[first])) for first, end in runs)
+    apart = max(window * TURN / PER_WINDOW, total / _MOST_WINDOWS)
     for first, end in runs:
-        part = slice(first, end)
-        for column, at, speed, limit in _windows(time_s[part], theta_rad[part], values[part], window):
+        part = _decimated(time_s[first:end], theta_rad[first:end], values[first:end], max_order)
+        for column, at, speed, limit in _windows(*part, window, apart):
             columns.append(column)
             times.append(at)
             speeds.append(speed)
@@ -223,14 +226,34 @@ def _runs(time_s: FloatArray, theta_rad: FloatArray) -> list[tuple[int, int]]:
     return [(int(a), int(b) + 1) for a, b in pairwise(bounds) if kind[a] != 0.0]
 
 
+def _highest_order(theta_rad: FloatArray) -> float:
+    """The order of half the sampling rate at the fastest speed."""
+    return 0.5 * TURN / float(np.quantile(np.abs(np.diff(theta_rad)), 0.98))
+
+
+def _decimated(
+    time_s: FloatArray, theta_rad: FloatArray, values: FloatArray, max_order: float | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A run with as few samples as show twice the highest order asked for."""
+    factor = 1 if max_order is None else int(_highest_order(theta_rad) / (2.0 * max_order))
+    if factor < 2:
+        return time_s, theta_rad, values
+    lowpass = firwin(2 * _HALF_LENGTH * factor + 1, 1.0 / factor, window=("kaiser", 8.0))
+    return (
+        time_s[::factor],
+        theta_rad[::factor],
+        resample_poly(values, 1, factor, window=lowpass, padtype="line"),
+    )
+
+
 def _windows(
-    time_s: FloatArray, theta_rad: FloatArray, values: FloatArray, turns: int
+    time_s: FloatArray, theta_rad: FloatArray, values: FloatArray, turns: int, apart: float
 ) -> list[tuple[FloatArray, float, float, float]]:
     """Amplitudes by order, middle time, mean speed, and highest order of each window of a run."""
     theta = theta_rad if theta_rad[-1] > theta_rad[0] else -theta_rad
     span = turns * TURN
     found = []
-    for start in np.arange(theta[0], theta[-1] - span * (1.0 - 1e-12), span / PER_WINDOW):
+    for start in np.arange(theta[0], theta[-1] - span * (1.0 - 1e-12), apart):
         first, last = np.searchsorted(theta, [start, start + span])
         part = slice(max(int(first) - _HALF_LENGTH, 0), int(last) + _HALF_LENGTH)
         angle, time = theta[part], time_s[part]
@@ -245,6 +268,6 @@ def _windows(
         amplitude[0] = abs(float(np.mean(signal)))
         ends = np.interp([start, start + span], angle, time)
         seconds = float(ends[1] - ends[0])
-        highest = 0.5 * TURN / float(np.quantile(np.diff(angle), 0.98))
+        highest = _highest_order(angle)
         found.append((amplitude, float(ends.mean()), span / seconds, highest))
     return found
