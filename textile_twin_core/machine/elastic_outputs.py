@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from textile_twin_core.machine.declaration import Declaration
+from textile_twin_core.machine.linkage_row import linkage_row
 
 TWIST, LAG, SPREAD = "twist_rad", "lag_rad", "spread_m"
 PIECE_TORQUE, ANGLE, SPEED, ACCELERATION, POSITION = (
@@ -17,6 +18,9 @@ PIECE_TORQUE, ANGLE, SPEED, ACCELERATION, POSITION = (
 )
 
 
+PLACED = "placed"
+
+
 @dataclass(frozen=True)
 class ElasticOutput:
     """One output of an elastic shaft.
@@ -25,11 +29,13 @@ class ElasticOutput:
         kind: which quantity.
         number: of the piece, the station or the linkage.
         measure: name of the measure, where the quantity is its.
+        of_linkage: output of a single linkage, where the quantity is that of the linkage `number`.
     """
 
     kind: str
     number: int = 0
     measure: str = field(default="")
+    of_linkage: str = field(default="")
 
 
 def elastic_outputs(machine: Declaration) -> Mapping[str, ElasticOutput]:
@@ -39,6 +45,8 @@ def elastic_outputs(machine: Declaration) -> Mapping[str, ElasticOutput]:
     - `twist_rad`: angle of the first station beyond the last, reduced to the main shaft.
     - `station_S_angle_rad`, `_speed_rad_s`, `_acceleration_rad_s2`: of station S itself, behind its gears.
     - `M_at_S_position_m`: measure M of the first linkage at station S.
+    - `point_P_at_S_x_m`, `_y_m`: place of a tool's point P of the first linkage at station S.
+    - `joint_J_at_S_position`, `_velocity`: of joint J of the linkage at station S; the first linkage's are the usual.
     - `M_lag_rad`: angle of the last linkage behind the encoder's station.
     - `M_spread_m`: largest less smallest deviation of M, over the linkages, from its place on a rigid shaft.
     """
@@ -57,4 +65,16 @@ def elastic_outputs(machine: Declaration) -> Mapping[str, ElasticOutput]:
             found[f"{measure.name}_at_{place.at}_{POSITION}"] = ElasticOutput(POSITION, k, measure.name)
         found[f"{measure.name}_{LAG}"] = ElasticOutput(LAG, measure=measure.name)
         found[f"{measure.name}_{SPREAD}"] = ElasticOutput(SPREAD, measure=measure.name)
+    for k, place in reversed(list(enumerate(machine.linkages))):
+        for name in (f"point_{point}" for point in machine.tools.values()):
+            found |= {
+                f"{name}_at_{place.at}_{axis}_m": ElasticOutput(PLACED, k, of_linkage=f"{name}_{axis}_m")
+                for axis in "xy"
+            }
+    for row in linkage_row(machine)[1:]:
+        for name in (f"joint_{joint.name}" for joint in machine.joints if joint.kind != "fixed"):
+            found |= {
+                f"{name}{row.suffix}_{what}": ElasticOutput(PLACED, row.number, of_linkage=f"{name}_{what}")
+                for what in ("position", "velocity")
+            }
     return found

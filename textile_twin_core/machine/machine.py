@@ -9,6 +9,7 @@ from functools import cached_property
 from textile_twin_core.machine.declaration import Declaration
 from textile_twin_core.machine.event import Event
 from textile_twin_core.machine.events import machine_events
+from textile_twin_core.machine.linkage_row import linkage_row
 from textile_twin_core.machine.model import MachineModel
 from textile_twin_core.machine.sensors import Scene
 from textile_twin_core.machine.sizes import reckonable
@@ -68,10 +69,14 @@ class Machine(Declaration):
     def joint_outputs(self) -> Mapping[str, tuple[str, str]]:
         """The outputs for position and velocity of each moving joint, by its name."""
         names = [joint.name for joint in self.joints if joint.kind != "fixed"]
-        return {name: (f"joint_{name}_position", f"joint_{name}_velocity") for name in names}
+        stations = () if self.shaft is None else self.shaft.names
+        own = {f"{name}{row.suffix}": f"joint_{name}{row.suffix}" for row in linkage_row(self) for name in names}
+        return {name: (f"{output}_position", f"{output}_velocity") for name, output in own.items()} | {
+            f"station_{name}": (f"station_{name}_angle_rad", f"station_{name}_speed_rad_s") for name in stations
+        }
 
     def urdf(self) -> str:
-        """The robot description (URDF) of the first linkage."""
+        """The robot description (URDF) of the first linkage; with an elastic shaft of all linkages and its stations."""
         return machine_urdf(self.model)
 
     def events(self) -> tuple[Event, ...]:

@@ -71,6 +71,13 @@ class Robot:
                 Xml.SubElement(material, "color", rgba=_COLOURS[self._bars % len(_COLOURS)])
         self._bars += 1
 
+    def rod(self, name: str, length_m: float) -> None:
+        """A round rod along its z axis, to be seen alone."""
+        part = Xml.SubElement(Xml.SubElement(self._robot, "link", name=name), "visual")
+        Xml.SubElement(part, "origin", xyz=f"0 0 {length_m / 2:.17g}", rpy="0 0 0")
+        shape = {"radius": f"{0.5 * self._width:.6g}", "length": f"{length_m:.17g}"}
+        Xml.SubElement(Xml.SubElement(part, "geometry"), "cylinder", shape)
+
     def joint(
         self,
         name: str,
@@ -81,13 +88,14 @@ class Robot:
         angle_rad: float = 0.0,
         limits: Limits | None = None,
         roll_rad: float = 0.0,
+        z_m: float = 0.0,
     ) -> None:
         """A joint at a place and angle in its parent; it slides along its x axis or turns about its z axis."""
         element = Xml.SubElement(self._robot, "joint", name=name, type=kind)
         Xml.SubElement(element, "parent", link=parent)
         Xml.SubElement(element, "child", link=child)
-        x, y = place_m
-        Xml.SubElement(element, "origin", xyz=f"{x:.17g} {y:.17g} 0", rpy=f"{roll_rad:.17g} 0 {angle_rad:.17g}")
+        xyz = " ".join(f"{value:.17g}" for value in (*place_m, z_m))
+        Xml.SubElement(element, "origin", xyz=xyz, rpy=f"{roll_rad:.17g} 0 {angle_rad:.17g}")
         if kind != "fixed":
             Xml.SubElement(element, "axis", xyz="1 0 0" if kind == "prismatic" else "0 0 1")
         if limits is not None:

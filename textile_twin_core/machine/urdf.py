@@ -7,10 +7,12 @@ import math
 import numpy as np
 
 from textile_twin_core.expression import Expr
+from textile_twin_core.machine.linkage_row import linkage_row, station_places_m
 from textile_twin_core.machine.model import MachineModel
 from textile_twin_core.machine.robot import BAR_WIDTH_SHARE, Limits, Robot
+from textile_twin_core.mechanism import MAIN_SHAFT
 from textile_twin_core.mechanism.extremes import smallest_value, values_over
-from textile_twin_core.mechanism.joint import Joint
+from textile_twin_core.mechanism.joint import BASE, Joint
 
 _PROBES = 721
 _ROOM = 1e-9
@@ -20,27 +22,50 @@ _ROOM = 1e-9
 def machine_urdf(model: MachineModel) -> str:
     """The URDF text of a linkage: its tree of links, and a frame `needle_tip`, `beater_tip` or `sley_tip` at the tool.
 
+    With an elastic shaft every linkage stands at its station along z, its names with `_at_S` behind them, and each
+    station is a link `station_S` that turns about the shaft's axis.
+
     Loops are cut; the twin publishes every joint, passive ones too, so that the loops stay closed. Joints that do not
     turn fully have the limits of their motion in the machine, at its nominal speed.
     """
     machine = model.machine
     links = machine.linkage.solved.links
     robot = Robot(machine.name, max(link.length for link in links.values()) * BAR_WIDTH_SHARE)
-    for link in links.values():
-        robot.bar(link.name, link.length, [body for body in machine.bodies if body.on == link.name])
-    for joint in machine.joints:
-        limits = None if joint.kind == "fixed" else _limits(model, joint)
-        turns = joint.kind == "continuous" and limits is not None
-        along = math.atan2(joint.axis[1], joint.axis[0]) if joint.kind == "prismatic" else joint.origin_angle_rad
-        kind = "revolute" if turns else joint.kind
-        robot.joint(joint.name, kind, joint.parent_link, joint.child_link, joint.origin_m, along, limits)
-    for measure in machine.measures:
-        point = measure.tool(machine.linkage.solved)
-        tool = next((link for link in links.values() if link.end == point), None)
-        if tool is not None:
-            robot.frame(f"{measure.name}_tip")
-            robot.joint(f"{measure.name}_tip", "fixed", tool.name, f"{measure.name}_tip", (tool.length, 0.0))
+    limits = {joint.name: None if joint.kind == "fixed" else _limits(model, joint) for joint in machine.joints}
+    for row in linkage_row(machine):
+        for link in links.values():
+            robot.bar(f"{link.name}{row.suffix}", link.length, [b for b in machine.bodies if b.on == link.name])
+        for joint in machine.joints:
+            limit, on_base = limits[joint.name], joint.parent_link == BASE
+            along = math.atan2(joint.axis[1], joint.axis[0]) if joint.kind == "prismatic" else joint.origin_angle_rad
+            robot.joint(
+                f"{joint.name}{row.suffix}",
+                "revolute" if joint.kind == "continuous" and limit is not None else joint.kind,
+                BASE if on_base else f"{joint.parent_link}{row.suffix}",
+                f"{joint.child_link}{row.suffix}",
+                joint.origin_m,
+                along,
+                limit,
+                z_m=row.z_m if on_base else 0.0,
+            )
+        for measure in machine.measures:
+            point, tip = measure.tool(machine.linkage.solved), f"{measure.name}_tip{row.suffix}"
+            tool = next((link for link in links.values() if link.end == point), None)
+            if tool is not None:
+                robot.frame(tip)
+                robot.joint(tip, "fixed", f"{tool.name}{row.suffix}", tip, (tool.length, 0.0))
+    _add_stations(robot, model)
     return robot.text()
+
+
+def _add_stations(robot: Robot, model: MachineModel) -> None:
+    """The stations of an elastic shaft, each with the piece behind it, about the axis of the main shaft."""
+    shaft, along = model.machine.shaft, station_places_m(model.machine)
+    axis = next((joint for joint in model.machine.joints if joint.name == MAIN_SHAFT), None)
+    for k, name in enumerate(() if shaft is None else shaft.names):
+        robot.rod(f"station_{name}", float(along[min(k + 1, along.size - 1)] - along[k]))
+        place = axis.origin_m if axis is not None and axis.parent_link == BASE else (0.0, 0.0)
+        robot.joint(f"station_{name}", "continuous", BASE, f"station_{name}", place, z_m=float(along[k]))
 
 
 def _limits(model: MachineModel, joint: Joint) -> Limits | None:

@@ -2,40 +2,80 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-from textile_twin_core.machine import AnyMachine
+from textile_twin_core.machine import AnyMachine, Machine
+from textile_twin_core.machine.elastic_outputs import LAG, PIECE_TORQUE, SPREAD, TWIST, elastic_outputs
+from textile_twin_core.machine.linkage_row import station_places_m
+from textile_twin_core.recordings.message_types import FLOAT64, WRENCH
 
 TORQUE = "balancing_torque_Nm"
+_OF_AN_ELASTIC_SHAFT = re.compile(r"(^|/)(torque_piece_\w+_Nm|twist_rad|\w+_lag_rad|\w+_spread_m)$")
+_FORBIDDEN = re.compile(r"\W", re.ASCII)
 
 
 @dataclass(frozen=True)
 class PredictedTopics:
     """What is published of a machine.
 
-    has_torque: the balancing torque with its sigma and residual; points: topic -> the point of the machine whose
-    place it tells; joints: name of each joint of joint_states -> its outputs for position and velocity.
+    Attributes:
+        has_torque: the balancing torque with its sigma and residual.
+        points: topic -> the point of the machine whose place it tells.
+        joints: name of each joint of joint_states -> its outputs for position and velocity.
+        depths_m: topic of a point -> its z; 0 for those without an entry.
+        pieces: topic -> the output for the torque of a piece of an elastic shaft, and the frame at its far end.
+        numbers: topic -> the output of a plain number.
     """
 
     has_torque: bool
     points: dict[str, str]
     joints: dict[str, tuple[str, str]]
+    depths_m: Mapping[str, float] = field(default_factory=dict)
+    pieces: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    numbers: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def outputs(self) -> list[str]:
         """The outputs to compile the machine for."""
         torque = [TORQUE] if self.has_torque else []
         places = [f"point_{point}_{axis}_m" for point in self.points.values() for axis in "xy"]
-        return [*torque, *places, *(name for pair in self.joints.values() for name in pair)]
+        elastic = [*(output for output, _ in self.pieces.values()), *self.numbers.values()]
+        return [*torque, *places, *(name for pair in self.joints.values() for name in pair), *elastic]
 
 
 def predicted_topics(machine: AnyMachine) -> PredictedTopics:
     """The topics of a machine: needle/position and the like for each measure of a linkage, its joints, its torque.
 
     A machine of sliding elements has them as its joints, and no torque: its impacts are none that a sample could tell.
+    A machine with an elastic main shaft has the tool of every station too, such as needle_at_s3/position, and what is
+    the shaft's own (see `elastic_outputs`), each under the output's name.
     """
-    return PredictedTopics(
-        has_torque=machine.tells_torque,
-        points={f"{measure}/position": point for measure, point in machine.tools.items()},
-        joints=dict(machine.joint_outputs),
-    )
+    points = {f"{measure}/position": point for measure, point in machine.tools.items()}
+    joints = dict(machine.joint_outputs)
+    if not isinstance(machine, Machine) or machine.shaft is None:
+        return PredictedTopics(machine.tells_torque, points, joints)
+    depths, pieces, numbers = dict[str, float](), dict[str, tuple[str, str]](), dict[str, str]()
+    along = station_places_m(machine)
+    for place in machine.linkages:
+        for measure, point in machine.tools.items():
+            topic = topic_name(f"{measure}_at_{place.at}") + "/position"
+            points[topic] = f"{point}_at_{place.at}"
+            depths[topic] = float(along[machine.shaft.station(place.at, "at")])
+    for name, output in elastic_outputs(machine).items():
+        if output.kind == PIECE_TORQUE:
+            pieces[topic_name(name)] = name, f"station_{machine.shaft.pieces[output.number].to_station}"
+        elif output.kind in (TWIST, LAG, SPREAD):
+            numbers[topic_name(name)] = name
+    return PredictedTopics(machine.tells_torque, points, joints, depths, pieces, numbers)
+
+
+def topic_name(name: str) -> str:
+    """A name as the part of a topic: what ROS does not allow there becomes `_`."""
+    return _FORBIDDEN.sub("_", name)
+
+
+def is_of_an_elastic_shaft(topic: str, msgtype: str) -> bool:
+    """Whether a topic has the name and type of what a twin publishes of an elastic shaft, besides positions."""
+    return msgtype in (FLOAT64, WRENCH) and _OF_AN_ELASTIC_SHAFT.search(topic) is not None

@@ -95,7 +95,9 @@ class _Predictions:
         )
         self._joint_states = f"{namespace}/joint_states"
         self._points = {f"{namespace}/{topic}": point for topic, point in topics.points.items()}
-        self.topics = (self._torque, self._sigma, self.residual, self._joint_states, *self._points)
+        self._namespace = namespace
+        elastic = [f"{namespace}/{topic}" for topic in (*topics.pieces, *topics.numbers)]
+        self.topics = (self._torque, self._sigma, self.residual, self._joint_states, *self._points, *elastic)
 
     def write(self, samples: Samples, stamps: IntArray) -> None:
         """Write the predictions of a block at the stamps (n,) of their samples [ns]."""
@@ -104,7 +106,12 @@ class _Predictions:
             self._out.write_wrenches(self._sigma, stamps, samples.torque_sigma_Nm)
         for topic, point in self._points.items():
             x, y = samples[f"point_{point}_x_m"], samples[f"point_{point}_y_m"]
-            self._out.write_points(topic, stamps, np.stack([x, y, np.zeros(len(x))], axis=1))
+            z = np.full(len(x), self._predicted.depths_m.get(topic.removeprefix(f"{self._namespace}/"), 0.0))
+            self._out.write_points(topic, stamps, np.stack([x, y, z], axis=1))
+        for topic, (output, frame) in self._predicted.pieces.items():
+            self._out.write_wrenches(f"{self._namespace}/{topic}", stamps, samples[output], frame)
+        for topic, output in self._predicted.numbers.items():
+            self._out.write_floats(f"{self._namespace}/{topic}", stamps, samples[output])
         joints = self._predicted.joints
         position, velocity = (
             np.stack([samples[names[which]] for names in joints.values()], axis=1) for which in range(2)

@@ -14,6 +14,7 @@ from textile_twin_core.machine.elastic_outputs import (
     ANGLE,
     LAG,
     PIECE_TORQUE,
+    PLACED,
     POSITION,
     SPEED,
     SPREAD,
@@ -24,7 +25,7 @@ from textile_twin_core.shaft.states import INFLATION, ShaftStates
 from textile_twin_core.shaft.status import STATE
 from textile_twin_core.shaft.turns import TURN
 from textile_twin_core.twin.compiled import Twin
-from textile_twin_core.twin.instant import InstantPredictor
+from textile_twin_core.twin.instant import InstantPredictor, windings
 
 BALANCING = "balancing_torque_Nm"
 _INERTIAL = "torque_inertial_Nm"
@@ -96,6 +97,14 @@ class ElasticOutputs:
         shaft = machine.shaft
         assert shaft is not None
         self._stations = [shaft.station(place.at, "at") for place in machine.linkages]
+        placed = {name: output for name, output in self._elastic.items() if output.kind == PLACED}
+        self._elastic = {name: output for name, output in self._elastic.items() if name not in placed}
+        numbers = sorted({output.number for output in placed.values()})
+        self._placed = [(name, out.of_linkage, numbers.index(out.number)) for name, out in placed.items()]
+        self._placed_at = (
+            np.array([self._stations[k] for k in numbers], dtype=np.int64),
+            np.array([machine.linkages[k].phase_rad for k in numbers]),
+        )
         first = self._stations[0]
         self._ratios = np.array(shaft.speed_ratios) / shaft.speed_ratios[first]
         if machine.missing_for_torque and (self._sums or BALANCING in names):
@@ -129,8 +138,11 @@ class ElasticOutputs:
         found |= sums
         if _INERTIAL in self.names:
             found[_INERTIAL] = found[BALANCING] - sum(sums[part] for part in _PARTS)
+        found |= self._placed_outputs(motion) if self._placed else {}
+        by_station = self._by_station(motion) if self._elastic else {}
         for name, output in self._elastic.items():
-            found[name] = self._elastic_output(output, motion)
+            rows = by_station.get(output.kind)
+            found[name] = self._elastic_output(output, motion) if rows is None else rows[output.number]
         return {name: found[name] for name in self.names}
 
     def _summed(self, motion: ElasticMotion) -> dict[str, FloatArray]:
@@ -145,16 +157,17 @@ class ElasticOutputs:
                 total[name] += both[name] - alone[name] if k else alone[name]
         return total
 
+    def _by_station(self, motion: ElasticMotion) -> dict[str, FloatArray]:
+        """(stations, n) quantities of the stations, behind their gears."""
+        return {
+            ANGLE: (self._ratios * (motion.theta_rad + (TURN * motion.states.turns)[:, None])).T,
+            SPEED: (self._ratios * motion.omega_rad_s).T,
+            ACCELERATION: (self._ratios * motion.alpha_rad_s2).T,
+        }
+
     def _elastic_output(self, output: ElasticOutput, motion: ElasticMotion) -> FloatArray:
         if output.kind == PIECE_TORQUE:
             return motion.pieces_Nm[:, output.number]
-        by_station: dict[str, FloatArray] = {
-            ANGLE: motion.theta_rad + (TURN * motion.states.turns)[:, None],
-            SPEED: motion.omega_rad_s,
-            ACCELERATION: motion.alpha_rad_s2,
-        }
-        if output.kind in by_station:
-            return np.asarray(by_station[output.kind][:, output.number] * self._ratios[output.number])
         encoder = motion.states.phase_rad
         if output.kind == POSITION:
             return self._position(output, motion.theta_rad[:, self._stations[output.number]], output.number)
@@ -167,6 +180,27 @@ class ElasticOutputs:
             ]
             return np.asarray(np.max(off, axis=0) - np.min(off, axis=0))
         return np.asarray(motion.theta_rad[:, 0] - motion.theta_rad[:, -1])
+
+    def _placed_outputs(self, motion: ElasticMotion) -> dict[str, FloatArray]:
+        """(n,) outputs of single linkages, each at its own station: all linkages in one evaluation."""
+        stations, phases = self._placed_at
+        theta = np.ravel(motion.theta_rad[:, stations] + phases)
+        values = self._placed_twin.evaluate(
+            theta, np.ravel(motion.omega_rad_s[:, stations]), np.ravel(motion.alpha_rad_s2[:, stations])
+        )
+        columns = {name: value.reshape(-1, stations.size).T for name, value in values.items()}
+        for name, winding in self._placed_windings.items():
+            columns[name] = columns[name] + winding * motion.states.turns
+        return {name: columns[of_linkage][k] for name, of_linkage, k in self._placed}
+
+    @cached_property
+    def _placed_twin(self) -> Twin:
+        names = tuple(dict.fromkeys(of_linkage for _, of_linkage, _ in self._placed))
+        return Twin(self._lone, names, "exact", self._lone.scene.tolerance)
+
+    @cached_property
+    def _placed_windings(self) -> dict[str, float]:
+        return windings(self._placed_twin)
 
     def _position(self, output: ElasticOutput, angle: FloatArray, linkage: int) -> FloatArray:
         """(n,) a measure of one linkage at shaft angles [m]."""

@@ -56,7 +56,7 @@ class InstantPredictor:
 
     def __init__(self, twin: InstantTwin) -> None:
         self._twin = twin
-        self._winding = _windings(twin)
+        self._winding = windings(twin)
 
     at_once = True
     estimator = None
@@ -122,7 +122,7 @@ class InstantPredictor:
         """Nothing to forget."""
 
 
-def _windings(twin: InstantTwin) -> dict[str, float]:
+def windings(twin: InstantTwin) -> dict[str, float]:
     """Outputs that wind up with the shaft, such as its angle: their growth over one turn.
 
     Closed forms wind wherever the linkage closes, also when it does so over a part of the turn only.

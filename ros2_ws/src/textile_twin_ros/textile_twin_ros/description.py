@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import deepcopy
 
 import numpy as np
 from geometry_msgs.msg import Point
@@ -15,6 +16,7 @@ import textile_twin_core as ttc
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.loads import Backing
 from textile_twin_core.machine import AnyMachine
+from textile_twin_core.machine.linkage_row import linkage_row
 from textile_twin_core.mechanism import Travel
 from textile_twin_ros.endpoints import latched_qos
 from textile_twin_ros.twin_outputs import BASE_FRAME
@@ -54,7 +56,15 @@ class Description:
 
 
 def markers_of(machine: ttc.Machine) -> list[Marker]:
-    """The path of each tool over a turn of the shaft, and a piece of the backing at the height where it is entered."""
+    """The path of each tool over a turn of the shaft, and a piece of the backing at the height where it is entered.
+
+    With an elastic shaft they stand at every linkage.
+    """
+    markers = _markers_of_one(machine)
+    return [_moved(marker, row.number, row.z_m) for row in linkage_row(machine) for marker in markers]
+
+
+def _markers_of_one(machine: ttc.Machine) -> list[Marker]:
     markers = []
     for measure in machine.measures:
         point = measure.tool(machine.linkage.solved)
@@ -70,6 +80,14 @@ def markers_of(machine: ttc.Machine) -> list[Marker]:
                     place = np.array([x[0], y[0]]) + way * (load.entry_plane_m - travel[0])
                     markers.append(_backing(measure.name, place, way))
     return markers
+
+
+def _moved(marker: Marker, number: int, z_m: float) -> Marker:
+    """The same marker along the shaft, with a number of its own."""
+    moved = deepcopy(marker)
+    moved.id = number
+    moved.pose.position.z = float(z_m)
+    return moved
 
 
 def _marker(kind: int, namespace: str, number: int, colour: ColorRGBA) -> Marker:

@@ -23,6 +23,7 @@ TORQUE_Z = 5
 
 _ONE = np.zeros(1, np.int64)
 _STAMP = struct.Struct("<iI")
+_FLOAT64 = struct.Struct("<4sd")
 
 
 class MessageError(ValueError):
@@ -188,10 +189,10 @@ class WrenchTemplate(_Template):
 
 
 class PointTemplate(_Template):
-    """PointStamped in the plane z = 0: `message` takes x and y [m]."""
+    """PointStamped in a plane z [m]: `message` takes x and y [m]."""
 
-    def __init__(self, frame: str) -> None:
-        super().__init__(POINT, encode_points(_ONE, np.zeros((1, 3)), frame), "point", count=2)
+    def __init__(self, frame: str, z_m: float = 0.0) -> None:
+        super().__init__(POINT, encode_points(_ONE, np.array([[0.0, 0.0, z_m]]), frame), "point", count=2)
 
 
 class JointTemplate(_Template):
@@ -222,6 +223,11 @@ class HeaderTemplate:
         """The message's bytes with this stamp [ns]."""
         _STAMP.pack_into(self._bytes, 4, stamp_ns // SECOND_NS, stamp_ns % SECOND_NS)
         return bytes(self._bytes)
+
+
+def float_message(value: float) -> bytes:
+    """The bytes of a std_msgs/Float64."""
+    return _FLOAT64.pack(b"\x00\x01\x00\x00", value)
 
 
 def has_header(message_type: Any) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT
+from textile_twin_core.recordings.predicted_topics import is_of_an_elastic_shaft
 
 #: Topics that all machines share.
 SHARED = ("/diagnostics", "/clock", "/tf", "/tf_static")
@@ -59,6 +60,7 @@ def published_by_twins(topics: Mapping[str, str]) -> set[str]:
     places = {place for topic in topics if (place := _namespace(topic, (*_OF_A_TWIN, _ANGLE))) is not None}
     found = {topic for topic in topics if _namespace(topic, _OF_A_TWIN) is not None}
     found |= {topic for topic, msgtype in topics.items() if topic.endswith("/position") and msgtype == POINT}
+    found |= {topic for topic, msgtype in topics.items() if is_of_an_elastic_shaft(topic, msgtype)}
     general = {f"{place}{name}" for place in places for name in ("joint_states", *DESCRIPTIONS)} & topics.keys()
     if angles - general:
         found |= general

@@ -10,11 +10,12 @@ from typing import Protocol, TypeAlias
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual
 from textile_twin_core.machine import AnyMachine
-from textile_twin_core.recordings.message_types import JOINT_STATE, POINT, WRENCH
+from textile_twin_core.recordings.message_types import FLOAT64, JOINT_STATE, POINT, WRENCH
+from textile_twin_core.recordings.predicted_topics import predicted_topics
 from textile_twin_core.twin import ElasticTwin, HistoryTwin, Twin, idle_twin
 from textile_twin_core.twin.session import Sample
 from textile_twin_ros import contact_events
-from textile_twin_ros.messages import SECOND_NS, JointTemplate, PointTemplate, WrenchTemplate
+from textile_twin_ros.messages import SECOND_NS, JointTemplate, PointTemplate, WrenchTemplate, float_message
 
 TORQUE = "balancing_torque_Nm"
 SHAFT_FRAME = "main_shaft"
@@ -40,15 +41,16 @@ class Output(Protocol):
 
 @dataclass
 class TorqueOutput:
-    """The predicted balancing torque, or its standard deviation."""
+    """The predicted balancing torque, its standard deviation, or the torque in a piece of an elastic shaft."""
 
     topic: str
     value: Callable[[Sample], float]
     msgtype: str = WRENCH
     needs: tuple[str, ...] = (TORQUE,)
+    frame: str = SHAFT_FRAME
 
     def __post_init__(self) -> None:
-        self._template = WrenchTemplate(SHAFT_FRAME)
+        self._template = WrenchTemplate(self.frame)
 
     def message(self, sample: Sample) -> bytes:
         """A WrenchStamped."""
@@ -61,16 +63,33 @@ class PointOutput:
 
     topic: str
     point: str
+    z_m: float = 0.0
     msgtype: str = POINT
 
     def __post_init__(self) -> None:
         self.needs: tuple[str, ...] = (f"point_{self.point}_x_m", f"point_{self.point}_y_m")
         self._place = itemgetter(*self.needs)
-        self._template = PointTemplate(BASE_FRAME)
+        self._template = PointTemplate(BASE_FRAME, self.z_m)
 
     def message(self, sample: Sample) -> bytes:
         """A PointStamped."""
         return self._template.message(sample.stamp, *self._place(sample.outputs))
+
+
+@dataclass
+class NumberOutput:
+    """A plain number, such as the twist of an elastic shaft."""
+
+    topic: str
+    output: str
+    msgtype: str = FLOAT64
+
+    def __post_init__(self) -> None:
+        self.needs: tuple[str, ...] = (self.output,)
+
+    def message(self, sample: Sample) -> bytes:
+        """A Float64."""
+        return float_message(sample.outputs[self.output])
 
 
 class Thinning:
@@ -129,14 +148,25 @@ class ResidualMessages:
 def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float]) -> list[Output]:
     """The topics that a machine has, without the residual.
 
-    Each measure of a linkage (needle, beater, sley) gives the topic of its point's position.
+    Each measure of a linkage (needle, beater, sley) gives the topic of its point's position; for an elastic shaft see
+    `predicted_topics`.
     """
     outputs: list[Output] = []
     if machine.tells_torque:
         outputs.append(TorqueOutput("balancing_torque/predicted", lambda sample: sample.outputs[TORQUE]))
         outputs.append(TorqueOutput(SIGMA_TOPIC, lambda sample: sample.torque_sigma_Nm))
-    outputs += [PointOutput(f"{measure}/position", point) for measure, point in machine.tools.items()]
+    topics = predicted_topics(machine)
+    outputs += [PointOutput(topic, point, topics.depths_m.get(topic, 0.0)) for topic, point in topics.points.items()]
+    outputs += [
+        TorqueOutput(topic, _value_of(output), needs=(output,), frame=frame)
+        for topic, (output, frame) in topics.pieces.items()
+    ]
+    outputs += [NumberOutput(topic, output) for topic, output in topics.numbers.items()]
     return [*outputs, JointOutput(machine, joint_rate_hz)]
+
+
+def _value_of(output: str) -> Callable[[Sample], float]:
+    return lambda sample: sample.outputs[output]
 
 
 def topics_of(machine: AnyMachine) -> dict[str, str]:
