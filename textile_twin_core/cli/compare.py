@@ -18,6 +18,7 @@ from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Comparison, assess, compare_torque, summary_rows, verdict_lines
+from textile_twin_core.comparison.elastic_readings import without_elasticity
 from textile_twin_core.comparison.stamp_timing import widened_fit
 from textile_twin_core.files import machine_document, staged
 from textile_twin_core.machine import Machine
@@ -105,11 +106,13 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         done = stage("predicting", _PREDICTED, 2 * len(angles))
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
         stage("judging", _JUDGED, 1)
-        judged = assess(readings_of(angles, measured), machine, predicted.track)
+        known = (predicted.stamps_ns, predicted.torque_Nm, predicted.settled)
+        readings = without_elasticity(readings_of(angles, measured), machine, predicted.track, *known)
+        judged = assess(readings, machine, predicted.track)
         notes, verdict, explained = judged.notes, judged.verdict, judged.explained
         times = None if angles.recorded_ns is None else (angles.recorded_ns, angles.stamps)
         angle_topic, stamped = angles.topic, tuple(t for t in (angles.timing, measured.timing) if t is not None)
-        del judged, angles  # these and the track hold the whole recording once more
+        del judged, readings, angles  # these and the track hold the whole recording once more
         predicted = dataclasses.replace(predicted, track=None)
         if recorded:
             predicted = recorded_torque(bag, predicted, angle_topic, times)

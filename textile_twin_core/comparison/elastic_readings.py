@@ -1,0 +1,67 @@
+"""Measured torque of a machine with an elastic shaft as its rigid equation would have it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.readings import Readings
+from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.machine import AnyMachine, Machine
+from textile_twin_core.twin import compile_rigid
+
+_TORQUE = "balancing_torque_Nm"
+_FEWEST = 16
+
+
+def without_elasticity(
+    readings: Readings,
+    machine: AnyMachine,
+    track: ShaftTrack | None,
+    stamps_ns: IntArray,
+    torque_Nm: FloatArray,
+    settled: BoolArray,
+) -> Readings:
+    """Take the difference between the elastic and the rigid shaft out of the measured torque.
+
+    The residual against the rigid equation then equals that against the elastic prediction. Torques without a settled
+    prediction become NaN.
+
+    Args:
+        readings: The recording.
+        machine: Its machine; of a rigid shaft the readings come back as they are.
+        track: Motion of the encoder's station, with the encoder's own direction and zero.
+        stamps_ns, torque_Nm, settled: (n,) predictions of the elastic shaft.
+
+    Returns:
+        The readings, unchanged where the rigid equation correlates better with them than the elastic prediction.
+    """
+    if not isinstance(machine, Machine) or machine.shaft is None or track is None or stamps_ns.size < _FEWEST:
+        return readings
+    encoder, sensor = machine.sensors.encoder, machine.sensors.torque
+    origin = int(readings.angle_stamps_ns[0])
+    time = (readings.torque_stamps_ns - origin) * 1e-9 - sensor.delay_s
+    theta, omega, alpha, inside = track.at(time)
+    theta = encoder.direction * (theta - encoder.zero_rad * encoder.ratio)
+    rigid = compile_rigid(machine, [_TORQUE]).evaluate(theta, encoder.direction * omega, encoder.direction * alpha)
+    known = (stamps_ns - origin) * 1e-9
+    elastic = np.interp(time, known, torque_Nm)
+    nearest = np.clip(np.searchsorted(known, time), 0, known.size - 1)
+    good = inside & settled[nearest] & np.isfinite(readings.torque) & np.isfinite(rigid[_TORQUE]) & np.isfinite(elastic)
+    if np.count_nonzero(good) < _FEWEST:
+        return readings
+    measured, by_elastic, by_rigid = (each[good] for each in (readings.torque, elastic, rigid[_TORQUE]))
+    if abs(_correlation(measured, by_elastic)) <= abs(_correlation(measured, by_rigid)):
+        return readings
+    gain = float(np.cov(measured, by_elastic)[0, 1] / np.var(by_elastic, ddof=1))
+    torque = np.full(readings.torque.size, np.nan)
+    torque[good] = measured - gain * (by_elastic - by_rigid)
+    return replace(readings, torque=torque)
+
+
+def _correlation(one: FloatArray, other: FloatArray) -> float:
+    if not (np.ptp(one) > 0.0 and np.ptp(other) > 0.0):
+        return 0.0
+    return float(np.corrcoef(one, other)[0, 1])
