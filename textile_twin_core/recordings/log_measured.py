@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import RecordingError, how_to_install
 from textile_twin_core.recordings.log_cells import LogTable
 from textile_twin_core.recordings.log_columns import choose
@@ -121,7 +120,7 @@ def _named(path: Path, groups: dict[str, Any], table: str | None) -> list[Any]:
     return [groups[table]]
 
 
-def _put_times(log: LogTable, name: str, since: FloatArray, start: Any) -> None:
+def _put_times(log: LogTable, name: str, since: Any, start: Any) -> None:
     """Give a column its times: those of another column where they are the same, else a column of their own."""
     seconds = np.asarray(since, dtype=np.float64) + _epoch(start)
     known = next((time for time in set(log.times_of.values()) if np.array_equal(log[time], seconds)), None)
