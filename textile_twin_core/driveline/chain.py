@@ -61,7 +61,7 @@ class ShaftChain(NamedTuple):
     start_begin: IntArray
     """(2, profiles + 1): the entries of each profile in `starts`"""
     starts: FloatArray
-    """(entries,): angles in [0, 2 pi) at which loads leap, rising in each profile and direction [rad]"""
+    """(entries,): angles in [0, 2 pi) at which loads step, rising in each profile and direction [rad]"""
     coefficients: FloatArray
     """(entries, loads): coefficients of the load functions behind each start"""
     slow_rad_s: float

@@ -39,7 +39,7 @@ class FreeModes(NamedTuple):
     mass: FloatArray
     """(stations,) inertia [kg m^2]"""
     net: FloatArray
-    """(stations,) torque that is left for acceleration [N m]"""
+    """(stations,) torque that accelerates the station [N m]"""
 
 
 def free_modes(chain: ShaftChain) -> FreeModes:
@@ -163,7 +163,7 @@ def monitors(
 ) -> None:
     """Write what stays positive until something changes at once.
 
-    out: (stations + 2 hangers + 2 pieces,) per station its speed along the way it turns, or what dry friction has left;
+    out: (stations + 2 hangers + 2 pieces,) per station its speed in its direction, or the reserve of dry friction;
     per hanger its distances from the ends of its stretch; per piece those from the ends of its side of the play.
     """
     n, hangers = chain.inertia.size, chain.phase.size
@@ -222,7 +222,7 @@ def start_station(chain: ShaftChain, modes: FreeModes, y: FloatArray, i: int, tu
 def release(chain: ShaftChain, modes: FreeModes, y: FloatArray, i: int, surely: bool) -> None:
     """Let a station that stands, and whose net torque was just computed forward, start or be held by dry friction.
 
-    surely: it starts towards the side where friction has less left: the torque that pushes it passes the friction now.
+    surely: it starts, towards the side where the reserve of friction is smaller, because the torque passes it now.
     """
     angle = y[0]
     for j in range(i):

@@ -74,9 +74,9 @@ def follow_motion(
         time: (samples,) rising times [s].
         theta, omega, alpha: (samples,) motion of the station, reduced to the main shaft [rad, rad/s, rad/s^2]; a
             polynomial of degree five joins the samples.
-        station: Name of the station; that of the encoder when left out.
+        station: Name of the station; by default that of the encoder.
         torque: (samples, stations) further torques on the stations, reduced to the main shaft [N m].
-        substeps: Steps between two samples. When left out they are doubled, the last two runs extrapolated (Richardson
+        substeps: Steps between two samples. By default they are doubled, the last two runs extrapolated (Richardson
             1911), until the largest change of a piece torque is within `tolerance` of the largest torque.
         tolerance: See `substeps`.
         settled: Begin with the twist of uniform rotation; False begins without any twist.

@@ -1,7 +1,7 @@
 """What a station of the shaft feels of a linkage, over the crank angle: inertia, gravity and loads as tables.
 
 The load torque of a linkage is `sum_r c_r b_r(theta) omega^p_r` with smooth functions b_r and powers p_r of 0, 1 or 2;
-the coefficients c_r are constant between the angles at which a load leaps, and depend on the direction of rotation.
+the coefficients c_r are constant between the angles at which a load steps, and depend on the direction of rotation.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Stretches:
     """Coefficients of the load functions in one direction of rotation, constant between the angles of `starts_rad`.
 
     starts_rad: (k,) in [0, 2 pi), rising; the last stretch goes on to the first one's start. coefficients: (k, r). A
-    load without leaps has one stretch, which starts at 0.
+    load without steps has one stretch, which starts at 0.
     """
 
     starts_rad: FloatArray
@@ -46,7 +46,7 @@ class Stretches:
 
 
 class AngleProfile:
-    """Functions of one crank angle: J, J'/2, V' and the load functions, with their leaps.
+    """Functions of one crank angle: J, J'/2, V' and the load functions, with their steps.
 
     `functions` are expressions of theta: inertia J [kg m^2], half its slope, slope of the potential energy V' [N m],
     then the load functions, each with its power of the speed in `powers`. Torques of loads are positive where they help

@@ -6,8 +6,8 @@ digits):
     (J(theta_i) + I_i) (psi_i'' + alpha_0) + J'/2 omega_i^2 + V' - load_i = torque_i + torques of the pieces beside i
 
 Stiffness and damping of the pieces are implicit: one tridiagonal system for the accelerations over the step (Hairer and
-Wanner 1996, Solving Ordinary Differential Equations II, IV.7). Loads that leap within the step count with the share of
-the step on each side of the leap; backlash counts with the mean torque over the step.
+Wanner 1996, Solving Ordinary Differential Equations II, IV.7). A load that steps within the time step counts with
+the share of the time on each side; backlash counts with the mean torque over the time step.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class ChainState(NamedTuple):
 
 
 def chain_state(chain: ShaftChain) -> ChainState:
-    """A state of rest relative to the reference motion."""
+    """A state at standstill relative to the reference motion."""
     count = chain.inertia.size
     psi, speed, acceleration, lower, diagonal, upper, right = np.zeros((7, count))
     load = np.zeros(chain.coefficients.shape[1])

@@ -112,8 +112,8 @@ class ShaftPiece:
 class ShaftDrive:
     """Drive of the shaft: its station, its inertia beside the station's, and its slip.
 
-    The drive torque falls by `slip_Nms_rad` per rad/s of speed at `at` (the first station when left out). What is left
-    out is unknown and can be identified.
+    The drive torque falls by `slip_Nms_rad` per rad/s of speed at `at` (by default the first station). A value
+    of None is unknown and can be identified.
     """
 
     at: str | None = None
