@@ -42,7 +42,7 @@ def without_elasticity(
         return readings
     encoder, sensor = machine.sensors.encoder, machine.sensors.torque
     origin = int(readings.angle_stamps_ns[0])
-    time = (readings.torque_stamps_ns - origin) * 1e-9 - sensor.delay_s
+    time: FloatArray = np.asarray((readings.torque_stamps_ns - origin) * 1e-9 - sensor.delay_s, np.float64)
     theta, omega, alpha, inside = track.at(time)
     theta = encoder.direction * (theta - encoder.zero_rad * encoder.ratio)
     rigid = compile_rigid(machine, [_TORQUE]).evaluate(theta, encoder.direction * omega, encoder.direction * alpha)

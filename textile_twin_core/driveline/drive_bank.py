@@ -31,8 +31,8 @@ _SHARE = 1e-3
 """Probability that the best filter changes from one sample to the next."""
 _MOST_SURPRISE = 9.0
 """Bound of a normalised innovation squared in the scale of the noise."""
-_FIRST_SAMPLES, _MOST_SAMPLES = 50.0, 500.0
-"""Innovations over which a filter's scale is averaged, at first and at most."""
+_FIRST_SAMPLES, _MOST_SAMPLES = 100.0, 500.0
+"""Innovations over which a filter's scale is averaged, at first and at most; a scale far too large falls fast."""
 _LEAST_SCALE = 0.05
 _IDLE, _MISFIT = 0.01, 4.0
 """A filter below this probability whose scale is this many times that of the best restarts from the best."""
@@ -156,7 +156,7 @@ def update(bank: DriveBank, innovation: float, variance: float) -> None:
         surprise = off * off / spread
         log_likelihood = -0.5 * (_STUDENT + 1.0) * math.log(1.0 + surprise / _STUDENT) - 0.5 * math.log(spread)
         bank.likelihood[m] = math.exp(log_likelihood)
-        bank.samples[m] = min(bank.samples[m] + 1.0, _MOST_SAMPLES)
+        bank.samples[m] = min(bank.samples[m] + min(surprise, 1.0), _MOST_SAMPLES)
         grown = bank.scale[m] * (1.0 + (min(surprise, _MOST_SURPRISE) - 1.0) / bank.samples[m])
         bank.scale[m] = max(grown, _LEAST_SCALE)
         for j in range(5):
