@@ -15,7 +15,15 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import records
 from textile_twin_core.driveline.chain import ElasticShaft, ShaftChain
 from textile_twin_core.driveline.drive_bank import drive_bank
-from textile_twin_core.driveline.observer_step import FOLLOWING, LEAD, OBSERVER, STATE, Readings, Room, observe_readings
+from textile_twin_core.driveline.observer_step import (
+    FOLLOWING,
+    LEAD,
+    OBSERVER,
+    STATE,
+    Room,
+    ShaftReadings,
+    observe_readings,
+)
 from textile_twin_core.driveline.runs import Outputs, follow, outputs
 from textile_twin_core.driveline.step import chain_state
 
@@ -167,7 +175,7 @@ class ShaftObserver:
             self._observer[name] = 0.0
         self._observer["mode"] = FOLLOWING
 
-    def take(self, readings: Readings) -> Observed:
+    def take(self, readings: ShaftReadings) -> Observed:
         """Take readings in their order, in blocks of any size."""
         count = readings.step.size
         found, out = records(STATE, count), outputs(count, self.elastic.stations)

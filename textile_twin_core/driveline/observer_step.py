@@ -69,7 +69,7 @@ sensor's sigma [N m]."""
 
 
 @by_reference
-class Readings(NamedTuple):
+class ShaftReadings(NamedTuple):
     """Accepted readings with the motion that the shaft estimator found, arrays (n,) and (n, 9)."""
 
     step: FloatArray
@@ -110,7 +110,7 @@ def observe_readings(
     bank: DriveBank,
     observers: Records,
     room: Room,
-    readings: Readings,
+    readings: ShaftReadings,
     found: Records,
     out: Outputs,
 ) -> None:
@@ -126,7 +126,7 @@ def _take(
     bank: DriveBank,
     o: Record,
     room: Room,
-    r: Readings,
+    r: ShaftReadings,
     j: int,
     row: Record,
     out: Outputs,
@@ -183,7 +183,7 @@ def _set_drive(chain: ShaftChain, o: Record, room: Room) -> None:
 
 
 @compiled_in_place
-def _begin(bank: DriveBank, o: Record, room: Room, r: Readings, j: int) -> None:
+def _begin(bank: DriveBank, o: Record, room: Room, r: ShaftReadings, j: int) -> None:
     """Let the chain go from the static twist; what is known of the drive stays."""
     o.mode, o.since_begin, o.still = OBSERVING, 0.0, 0.0
     o.d = room.torque[int(o.drive)] * o.beta
@@ -197,7 +197,9 @@ def _begin(bank: DriveBank, o: Record, room: Room, r: Readings, j: int) -> None:
 
 
 @compiled_in_place
-def _advance(chain: ShaftChain, state: ChainState, bank: DriveBank, o: Record, room: Room, r: Readings, j: int) -> None:
+def _advance(
+    chain: ShaftChain, state: ChainState, bank: DriveBank, o: Record, room: Room, r: ShaftReadings, j: int
+) -> None:
     """Let the chain turn up to a reading, and correct it by the reading."""
     n, drive, encoder, dt = chain.inertia.size, int(o.drive), int(o.encoder), r.step[j]
     _set_drive(chain, o, room)
@@ -305,7 +307,7 @@ def _report(
     bank: DriveBank,
     o: Record,
     room: Room,
-    r: Readings,
+    r: ShaftReadings,
     j: int,
     row: Record,
     out: Outputs,

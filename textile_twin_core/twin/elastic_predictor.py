@@ -7,7 +7,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.driveline import ElasticShaft
 from textile_twin_core.driveline.observer import Observed, ShaftObserver
-from textile_twin_core.driveline.observer_step import Readings
+from textile_twin_core.driveline.observer_step import ShaftReadings
 from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.shaft.status import Records
 from textile_twin_core.twin.elastic_motion import ElasticMotion, ElasticOutputs, set_angle, state_rows
@@ -107,6 +107,6 @@ def _kept(rows: Records) -> Records:
     return found
 
 
-def _readings(rows: Records) -> Readings:
+def _readings(rows: Records) -> ShaftReadings:
     columns = ("step", "reading", "unit", "noise", "cut", "settled", "angle", "speed", "acceleration", "covariance")
-    return Readings(*(np.ascontiguousarray(rows[name]) for name in columns))
+    return ShaftReadings(*(np.ascontiguousarray(rows[name]) for name in columns))
