@@ -99,6 +99,42 @@ def test_the_whole_width_is_published(suite: Suite) -> None:
     assert len({(marker.ns, marker.id) for marker in marked[0].markers}) == len(marked[0].markers) == 6
 
 
+def test_the_live_view_draws_every_linkage(suite: Suite) -> None:
+    rerun_chunk = pytest.importorskip("rerun.chunk")
+    file, drawing = suite.folder / "narrow.yaml", suite.folder / "live.rrd"
+    file.write_text(MACHINE, encoding="utf-8")
+    view = suite.start("view_node", f"machine:={file}", f"file:={drawing}", "port:=0")
+    node = suite.node()
+    joints = node.create_publisher(JointState, "joint_states", RELIABLE)
+    suite.spin_until(lambda: joints.get_subscription_count() == 2, "both subscriptions of the view")
+    names = ["main_shaft", *(f"station_s{k}" for k in range(3, -1, -1))]
+    for number in range(50):
+        angle = 0.03 * number
+        message = JointState(name=names, position=[angle, angle - 3e-3, angle - 2e-3, angle - 1e-3, angle])
+        message.header.stamp.sec, message.header.stamp.nanosec = 20, 2_000_000 * number
+        joints.publish(message)
+    suite.spin_for(1.0)
+    assert view.end() == 0, view.words()
+    turned = {}
+    for chunk in rerun_chunk.RrdReader(str(drawing)).stream():
+        if not chunk.is_static and chunk.entity_path.startswith("/world"):
+            turned[chunk.entity_path] = chunk.to_record_batch().to_pydict()
+    assert "/world/base/shaft/line" in turned
+    cranks = {path: rows for path, rows in turned.items() if path.endswith("/links/l1")}
+    assert set(cranks) == {f"/world/base/{under}/l1" for under in ("links", "row/1/links", "row/2/links")}
+    first, _, last = (_crank_angles(cranks[path]) for path in sorted(cranks))
+    scale = np.unwrap(first - last) / 2e-3
+    np.testing.assert_allclose(scale, np.round(scale[0]), rtol=1e-3)  # the twist is drawn so many times as large
+    assert np.round(scale[0]) in {float(f"{digit}e{power}") for digit in (1, 2, 5) for power in range(5)}
+
+
+def _crank_angles(rows: dict[str, Any]) -> Any:
+    """Angles about z that were drawn."""
+    (column,) = (values for name, values in rows.items() if name.endswith("quaternion"))
+    turns = np.array([value[0] for value in column])
+    return 2.0 * np.arctan2(turns[:, 2], turns[:, 3])
+
+
 def test_the_readme_names_every_topic_of_a_wide_machine() -> None:
     root = Path(__file__).parents[2]
     machine = ttc.load_machine(root / "examples" / "wide_tufting.yaml")

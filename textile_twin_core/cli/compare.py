@@ -14,6 +14,7 @@ from textile_twin_core.cli.mistakes import BeyondLimitError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import print_rows
 from textile_twin_core.cli.places import check_output
+from textile_twin_core.cli.predicted import station_angles
 from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
@@ -161,7 +162,8 @@ def _write_form(form: str, path: Path, comparison: Comparison, machine: Machine,
     elif form == "rrd":
         from textile_twin_core.views import write_comparison_recording
 
-        write_comparison_recording(path, comparison, machine, title=arguments.bag.name)
+        stations = station_angles(arguments, machine)
+        write_comparison_recording(path, comparison, machine, title=arguments.bag.name, stations=stations)
     elif form == "html":
         _write_report(path, comparison, machine, arguments)
     else:

@@ -7,17 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from textile_twin_core.cli.arguments import shaft_settings
 from textile_twin_core.cli.compare import compare_recording
-from textile_twin_core.cli.progress import progress
-from textile_twin_core.cli.readings import read_angles, tell_unit
+from textile_twin_core.cli.predicted import columns_of, predicted_blocks, station_angles, station_joints
 from textile_twin_core.cli.sensor_options import topics_of
 from textile_twin_core.machine import AnyMachine, ContactMachine, Machine
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.predicted_topics import TORQUE
-from textile_twin_core.recordings.prediction import predictions
-from textile_twin_core.twin import Samples, compile_machine
-from textile_twin_core.twin.predictor import StampedEvent
 
 
 def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) -> None:
@@ -30,17 +25,20 @@ def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) 
         from textile_twin_core.views import write_comparison_recording
 
         comparison = compare_recording(arguments, machine)
-        write_comparison_recording(path, comparison, machine, title=arguments.bag.name)
+        turning = station_angles(arguments, machine)
+        write_comparison_recording(path, comparison, machine, title=arguments.bag.name, stations=turning)
         return
     from textile_twin_core.views import write_motion_recording
 
     # The shaft's angle comes with any output.
     outputs = [TORQUE if machine.tells_torque else next(iter(machine.joint_outputs.values()))[0]]
-    stamps, blocks, _ = _predicted(arguments, machine, outputs, arguments.shaft)
+    stations = [name for name, _ in station_joints(machine)]
+    stamps, blocks, _ = predicted_blocks(arguments, machine, [*outputs, *stations], arguments.shaft)
     theta = np.concatenate([block.theta_rad for block in blocks])
     torque = np.concatenate([block[TORQUE] for block in blocks]) if machine.tells_torque else None
     sigma = np.concatenate([block.torque_sigma_Nm for block in blocks]) if machine.tells_torque else None
-    write_motion_recording(path, machine, stamps, theta, torque, sigma, title=arguments.bag.name)
+    turned = columns_of(blocks, stations) if stations else None
+    write_motion_recording(path, machine, stamps, theta, torque, sigma, title=arguments.bag.name, stations_rad=turned)
 
 
 def _holds_torque(arguments: argparse.Namespace) -> bool:
@@ -55,23 +53,8 @@ def _write_elements(path: Path, arguments: argparse.Namespace, machine: ContactM
 
     names = list(zip(*machine.joint_outputs.values(), strict=True))
     # What it does follows from what it has done, as live.
-    stamps, blocks, events = _predicted(arguments, machine, [*names[0], *names[1]], "causal")
+    stamps, blocks, events = predicted_blocks(arguments, machine, [*names[0], *names[1]], "causal")
     positions, velocities = (
         np.concatenate([np.stack([block[name] for name in which], axis=1) for block in blocks]) for which in names
     )
     write_element_recording(path, machine, stamps, positions, velocities, events, title=arguments.bag.name)
-
-
-def _predicted(
-    arguments: argparse.Namespace, machine: AnyMachine, outputs: list[str], shaft: str
-) -> tuple[np.ndarray, list[Samples], list[StampedEvent]]:
-    """Stamps [ns] and predictions of the recorded angles, and what happened meanwhile at stops and pads."""
-    _, angles = read_angles(arguments, machine)
-    tell_unit(angles)
-    session = compile_machine(machine, outputs).session(shaft, **shaft_settings(arguments))
-    with progress(len(angles), "predicting") as done:
-        blocks, events = [], list[StampedEvent]()
-        for block in predictions(session, angles, done):
-            blocks.append(block)
-            events += session.take_events()
-    return np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks]), blocks, events

@@ -21,15 +21,34 @@ _CLOSE = 0.1
 """A path this near to a fixed point, in the machine's size, passes where its name would stand."""
 
 
-def draw_machine(stream: rr.RecordingStream, scene: MachineScene) -> None:
-    """The machine's solids, in the frame `world` (z up) that is `base` rolled by +90 degrees."""
+def draw_machine(stream: rr.RecordingStream, scene: MachineScene, names: bool = True) -> None:
+    """The machine's solids, in the frame `world` (z up) that is `base` rolled by +90 degrees, and its points' names."""
     log = stream.log
     half = float(np.sqrt(0.5))
     log("world/base", rr.Transform3D(quaternion=rr.Quaternion(xyzw=[half, 0.0, 0.0, half])), static=True)
-    log("world/base/fixed", _mesh(scene.fixed), static=True)
-    front = _depth_m(scene) + 0.02 * scene.size_m
+    log("world/base/fixed", mesh(scene.fixed), static=True)
     for part in scene.moving:
-        log(f"world/base/links/{part.name}", _mesh(part.solid), static=True)
+        log(f"world/base/links/{part.name}", mesh(part.solid), static=True)
+    front = _depth_m(scene) + 0.02 * scene.size_m
+    if names:
+        _draw_names(stream, scene, front)
+    log(
+        "world/base/paths",
+        rr.LineStrips3D(
+            [np.column_stack([path, np.full(len(path), front)]) for path in scene.paths.values()],
+            radii=[-0.8],
+            colors=[palette.FRAME],
+        ),
+        static=True,
+    )
+    if scene.backing is not None:
+        log("world/base/backing", _backing_weave(scene, scene.backing), static=True)
+
+
+def _draw_names(stream: rr.RecordingStream, scene: MachineScene, front: float) -> None:
+    """The names of points, in front of all links."""
+    log = stream.log
+    for part in scene.moving:
         label = rr.Points3D(
             [[part.length_m, 0.0, front - part.layer_m]],
             radii=[0.0],
@@ -47,17 +66,6 @@ def draw_machine(stream: rr.RecordingStream, scene: MachineScene) -> None:
         ),
         static=True,
     )
-    log(
-        "world/base/paths",
-        rr.LineStrips3D(
-            [np.column_stack([path, np.full(len(path), front)]) for path in scene.paths.values()],
-            radii=[-0.8],
-            colors=[palette.FRAME],
-        ),
-        static=True,
-    )
-    if scene.backing is not None:
-        log("world/base/backing", _backing_weave(scene, scene.backing), static=True)
 
 
 def _label_drop_m(scene: MachineScene, x: float, y: float) -> float:
@@ -244,7 +252,8 @@ def _backing_weave(scene: MachineScene, plane: BackingPlane) -> rr.LineStrips3D:
     return rr.LineStrips3D([*warp, *weft], radii=[0.0011 * size], colors=[palette.IN_BACKING])
 
 
-def _mesh(solid: Solid) -> rr.Mesh3D:
+def mesh(solid: Solid) -> rr.Mesh3D:
+    """A solid as the viewer takes it."""
     return rr.Mesh3D(
         vertex_positions=solid.vertices,
         vertex_normals=solid.normals,

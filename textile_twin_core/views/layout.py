@@ -12,6 +12,7 @@ from rerun.blueprint.encodings import TextLogColumnKind as _Kind
 from textile_twin_core.views import palette
 from textile_twin_core.views.angle_canvas import AngleCanvas
 from textile_twin_core.views.scene import MachineScene
+from textile_twin_core.views.whole_width import WholeWidth
 
 TIMELINE = "time"
 
@@ -30,6 +31,7 @@ class Layout:
         window_s: time shown before and after the cursor in the plots over time.
         turn_s: the last turn, drawn bold over the shaft angle. kept_s: how long earlier turns stay there.
         kept: the same in words. residual_title: the residual's title.
+        width: all linkages of a machine with an elastic shaft.
     """
 
     machine: str
@@ -44,11 +46,15 @@ class Layout:
     kept_s: float
     kept: str
     residual_title: str
+    width: WholeWidth | None = None
 
     def blueprint(self) -> rrb.Blueprint:
         """The layout as the viewer takes it."""
-        machine = rrb.Vertical(self._linkage(), self._log(), row_shares=[3.2, 1.0])
         plots = self._motion_plots() if self.torque is None or self.residual is None else self._torque_plots()
+        if self.width is not None:
+            above = rrb.Horizontal(self._whole_width(self.width), self._log(), column_shares=[4.0, 1.0])
+            return page(rrb.Vertical(above, plots, row_shares=[1.0, 1.7]))
+        machine = rrb.Vertical(self._linkage(), self._log(), row_shares=[3.2, 1.0])
         return page(rrb.Horizontal(machine, plots, column_shares=[1.0, 2.9]))
 
     def _torque_plots(self) -> rrb.Vertical:
@@ -127,6 +133,27 @@ class Layout:
                 kind=rrb.Eye3DKind.Orbital,
                 position=(x + 0.34 * away, -0.98 * away, y + 0.22 * away),
                 look_target=(x, 0.0, y),
+                eye_up=(0.0, 0.0, 1.0),
+            ),
+            spatial_information=rrb.SpatialInformation(target_frame="tf#/world", show_axes=False),
+        )
+
+    def _whole_width(self, width: WholeWidth) -> rrb.Spatial3DView:
+        """All linkages, seen from the side and a little from the front, so that the row goes across the view."""
+        low, high = self.scene.lower, self.scene.upper
+        x, z = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])
+        near, far = -float(width.places_m[-1]), -float(width.places_m[0])
+        y = 0.5 * (near + far)
+        away = 0.26 * (far - near) + 0.7 * (high[1] - low[1])
+        return rrb.Spatial3DView(
+            name=f"Machine: {self.machine}, {width.text}",
+            origin="world",
+            background=palette.BACKGROUND,
+            line_grid=False,
+            eye_controls=rrb.EyeControls3D(
+                kind=rrb.Eye3DKind.Orbital,
+                position=(x + away, y - 0.35 * away, z + 0.28 * away),
+                look_target=(x, y - 0.1 * (far - near), z),
                 eye_up=(0.0, 0.0, 1.0),
             ),
             spatial_information=rrb.SpatialInformation(target_frame="tf#/world", show_axes=False),

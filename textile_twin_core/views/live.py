@@ -53,7 +53,7 @@ class LiveView(LiveRecording):
         buffer_samples: int = 200_000,
     ) -> None:
         self.tells_torque = machine.tells_torque
-        super().__init__(("motion", "predicted", "measured", "residual"), flush_s, buffer_samples)
+        super().__init__(("motion", "stations", "predicted", "measured", "residual"), flush_s, buffer_samples)
         turn_s = 2.0 * np.pi / machine.nominal_speed_rad_s
         title = f"{machine.name}, live"
         self._drawing = LiveDrawing(
@@ -66,6 +66,10 @@ class LiveView(LiveRecording):
     def add_motion(self, stamps_ns: IntArray, theta_rad: FloatArray) -> None:
         """Take shaft angles (n,) of a machine whose masses are not known: stamps [ns] and the angle."""
         self._put("motion", stamps_ns, theta_rad)
+
+    def add_stations(self, stamps_ns: IntArray, stations_rad: FloatArray) -> None:
+        """Take angles (n, stations) of the stations of an elastic shaft."""
+        self._put("stations", stamps_ns, *stations_rad.T)
 
     def add_predicted(
         self, stamps_ns: IntArray, theta_rad: FloatArray, torque_Nm: FloatArray, sigma_Nm: FloatArray | None = None
@@ -85,6 +89,9 @@ class LiveView(LiveRecording):
     def _draw(self, blocks: dict[str, Block]) -> None:
         if "motion" in blocks:
             self._drawing.motion(*blocks["motion"])
+        if "stations" in blocks:
+            time, *stations = blocks["stations"]
+            self._drawing.stations(time, np.stack(stations, axis=1))
         if "predicted" in blocks:
             self._drawing.predicted(*blocks["predicted"])
         if "measured" in blocks:

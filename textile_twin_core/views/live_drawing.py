@@ -17,6 +17,7 @@ from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.motion_drawing import HISTORY_S, MotionDrawing
 from textile_twin_core.views.scene import build_scene
 from textile_twin_core.views.scribe import Scribe
+from textile_twin_core.views.whole_width import WholeWidth
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison import AngleBins
@@ -43,6 +44,7 @@ class LiveDrawing:
         title: for the summary.
         window_s: seconds before and after the cursor in the plots over time. turn_s: of the last turn, drawn bold.
         unwrapped: the angles count the turns, across gaps too; else they may be wrapped.
+        twist_rad: the largest twist of an elastic shaft that is to be seen (see `WholeWidth`).
         memory_s: scales and statistics are of the last so many seconds, to twice that; inf: of all.
     """
 
@@ -58,6 +60,7 @@ class LiveDrawing:
         turn_s: float = 0.4,
         unwrapped: bool = False,
         memory_s: float = np.inf,
+        twist_rad: float | None = None,
     ) -> None:
         self._machine, self._stream, self._limit, self._title = machine, stream, limit_Nm, title
         self._window_s, self._turn_s = window_s, turn_s
@@ -70,8 +73,10 @@ class LiveDrawing:
         self._torques = Latest(Extremes, memory_s)
         self._next_summary_s, self._not_drawn = -np.inf, 0
         torque, residual = (AngleCanvas(-_LEAST_NM, _LEAST_NM, *size) for size in (TORQUE_SIZE, RESIDUAL_SIZE))
-        self._scribe = Scribe(stream, build_scene(machine), torque, residual)
-        self._motion = MotionDrawing(machine, self._scribe, frames_hz, unwrapped)
+        scene = build_scene(machine)
+        self._scribe = Scribe(stream, scene, torque, residual)
+        self._width = None if machine.shaft is None else WholeWidth(machine, scene, twist_rad)
+        self._motion = MotionDrawing(machine, self._scribe, frames_hz, unwrapped, self._width)
 
     @property
     def layout(self) -> Layout:
@@ -89,6 +94,7 @@ class LiveDrawing:
             kept_s=HISTORY_S,
             kept=f"last {HISTORY_S:g} s",
             residual_title="Residual = measured - predicted [N m]",
+            width=self._width,
         )
 
     def prepare(self) -> None:
@@ -103,6 +109,10 @@ class LiveDrawing:
         """Draw the shaft's angle alone."""
         self._motion.draw(time, theta)
         self._summarise(float(time[-1]))
+
+    def stations(self, time: FloatArray, stations_rad: FloatArray) -> None:
+        """Draw all linkages from the angles of an elastic shaft's stations (n, stations)."""
+        self._motion.stations(time, stations_rad)
 
     def predicted(self, time: FloatArray, theta: FloatArray, torque: FloatArray, sigma: FloatArray) -> None:
         """Draw the shaft's angle and the torque predicted of it."""

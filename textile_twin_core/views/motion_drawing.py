@@ -14,6 +14,7 @@ from textile_twin_core.views.phases import Direction, inside_backing, state_chan
 from textile_twin_core.views.scene import PointPositions
 from textile_twin_core.views.scribe import Scribe
 from textile_twin_core.views.travels import Travels, lanes_for, marks_for
+from textile_twin_core.views.whole_width import WholeWidth
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -28,9 +29,13 @@ class MotionDrawing:
     """Draws one machine's motion; for one thread.
 
     `frames_hz`: the most pictures of the linkage in a second. `unwrapped`: angles count the turns, across gaps too.
+    `width`: all linkages of a machine with an elastic shaft, drawn from `stations`.
     """
 
-    def __init__(self, machine: Machine, scribe: Scribe, frames_hz: float, unwrapped: bool) -> None:
+    def __init__(
+        self, machine: Machine, scribe: Scribe, frames_hz: float, unwrapped: bool, width: WholeWidth | None = None
+    ) -> None:
+        self._width, self._width_frames = width, Frames(frames_hz)
         self._scribe, self._frames, self._unwrapped = scribe, Frames(frames_hz), unwrapped
         self.lanes, self.marks = lanes_for(machine), marks_for(machine)
         self.inside = inside_backing(self.lanes)
@@ -44,7 +49,9 @@ class MotionDrawing:
 
     def prepare(self, stream: rr.RecordingStream) -> None:
         """Draw what does not move."""
-        backdrop.draw_machine(stream, self._scribe.scene)
+        backdrop.draw_machine(stream, self._scribe.scene, names=self._width is None)
+        if self._width is not None:
+            self._width.prepare(stream)
         backdrop.style_lanes(stream, self.lanes)
         backdrop.style_travels(stream, self.travels.names)
         if self.canvas is not None:
@@ -67,7 +74,8 @@ class MotionDrawing:
         block = theta[before.size :]
         frames = self._frames.of(time)
         if frames.size:
-            self._scribe.motion(time[frames], self._positions(block[frames]))
+            if self._width is None:
+                self._scribe.motion(time[frames], self._positions(block[frames]))
             if self.canvas is not None:
                 for name, place in self.travels(block[frames]).items():
                     self._scribe.point(f"travel_angle/now_{name}", self.canvas, time[frames], block[frames], place)
@@ -81,6 +89,12 @@ class MotionDrawing:
         self._time = np.concatenate([self._time[kept:], time])
         self._theta = np.concatenate([self._theta[kept:], block])
         return times, theta, frames
+
+    def stations(self, time: FloatArray, stations_rad: FloatArray) -> None:
+        """Draw all linkages from the angles of an elastic shaft's stations (n, stations)."""
+        frames = self._width_frames.of(time)
+        if frames.size and self._width is not None:
+            self._scribe.whole_width(time[frames], self._width, stations_rad[frames])
 
     @property
     def turns(self) -> float:

@@ -12,6 +12,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.views.live_drawing import LiveDrawing
 from textile_twin_core.views.rrd_file import written
 from textile_twin_core.views.scribe import gap_times, turn_s
+from textile_twin_core.views.whole_width import largest_twist
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -30,8 +31,11 @@ def write_motion_recording(
     sigma_Nm: FloatArray | None = None,
     *,
     title: str,
+    stations_rad: FloatArray | None = None,
 ) -> None:
     """Write the motion of a machine: stamps [ns] and unwrapped shaft angles (n,), and torque and sigma with masses.
+
+    A machine with an elastic shaft is drawn by the angles (n, stations) of its stations.
 
     Raises RecordingError when the file cannot be written there.
     """
@@ -39,12 +43,17 @@ def write_motion_recording(
     time = np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)
     turn = turn_s(time, theta_rad)
     window = (_TURNS_BEFORE * turn, _TURNS_AFTER * turn)
-    drawing = LiveDrawing(machine, stream, None, _FRAMES_HZ, title=title, window_s=window, turn_s=turn, unwrapped=True)
+    twist = None if stations_rad is None else largest_twist(machine, stations_rad)
+    drawing = LiveDrawing(
+        machine, stream, None, _FRAMES_HZ, title=title, window_s=window, turn_s=turn, unwrapped=True, twist_rad=twist
+    )
     with written(stream, path, drawing.layout.blueprint()):
         stream.send_recording_name(title)
         drawing.prepare()
         for first in range(0, time.size, _BLOCK):
             part = slice(first, first + _BLOCK)
+            if stations_rad is not None:
+                drawing.stations(time[part], stations_rad[part])
             if torque_Nm is None:
                 drawing.motion(time[part], theta_rad[part])
             else:

@@ -14,18 +14,21 @@ from textile_twin_core.comparison import Comparison, summary_rows, verdict_lines
 from textile_twin_core.files.atomic import staged
 from textile_twin_core.views import backdrop
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
+from textile_twin_core.views.frames import Frames
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.phases import Direction, inside_backing, state_changes
 from textile_twin_core.views.rrd_file import written
 from textile_twin_core.views.scene import PointPositions, build_scene
 from textile_twin_core.views.scribe import Scribe, blocks, gap_times, turn_s
 from textile_twin_core.views.travels import lanes_for, marks_for
+from textile_twin_core.views.whole_width import WholeWidth, largest_twist
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
 
 APPLICATION = "textile-twin"
 _FRAME_RATE_HZ = 125.0  # of the moving linkage: 18 pictures a turn at 400 rpm
+_WIDTH_BLOCK = 4096
 _TURNS = 10
 _LIMIT = 2.0  # over the largest residual of a turn as the first turns have it, their median
 _FIRST_TURNS = 20
@@ -38,6 +41,7 @@ def write_comparison_recording(
     machine: Machine,
     *,
     title: str,
+    stations: tuple[IntArray, FloatArray] | None = None,
 ) -> Path:
     """Write what was compared as a recording that `rerun` opens: moving machine, torques, residual, summary.
 
@@ -48,6 +52,7 @@ def write_comparison_recording(
         comparison: the result of `compare_torque`.
         machine: the machine whose linkage is shown.
         title: what the recording is of, for the summary.
+        stations: of a machine with an elastic shaft, stamps (k,) [ns] and angles (k, stations) of its stations.
 
     Returns:
         The path written.
@@ -57,17 +62,24 @@ def write_comparison_recording(
         RecordingError: or not to its end.
     """
     with staged(Path(path)) as partial:
-        _write(partial, comparison, machine, title)
+        _write(partial, comparison, machine, title, stations)
     return Path(path)
 
 
-def _write(path: Path, comparison: Comparison, machine: Machine, title: str) -> None:
+def _write(
+    path: Path,
+    comparison: Comparison,
+    machine: Machine,
+    title: str,
+    stations: tuple[IntArray, FloatArray] | None,
+) -> None:
     origin = int(comparison.predicted_stamps_ns[0])
     limit = limit_of(comparison)
     predicted_s = _seconds(comparison.predicted_stamps_ns, origin)
     measured_s = _seconds(comparison.stamps_ns, origin)
     theta = comparison.predicted_theta_rad
     scene = build_scene(machine)
+    width = None if stations is None else WholeWidth(machine, scene, largest_twist(machine, stations[1]))
     lanes, marks = lanes_for(machine), marks_for(machine)
     inside = inside_backing(lanes)
     torque_canvas, residual_canvas = _canvases(comparison)
@@ -85,13 +97,16 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str) -> 
         kept_s=_TURNS * period,
         kept=f"last {_TURNS} turns",
         residual_title=f"Residual = measured - predicted [N m], limit {limit:.2f}",
+        width=width,
     )
 
     stream = rr.RecordingStream(APPLICATION, recording_id=f"{machine.name}-{origin}")
     with written(stream, path, layout.blueprint()):
         scribe = Scribe(stream, scene, torque_canvas, residual_canvas)
         stream.send_recording_name(title)
-        backdrop.draw_machine(stream, scene)
+        backdrop.draw_machine(stream, scene, names=width is None)
+        if width is not None:
+            width.prepare(stream)
         backdrop.style_series(stream)
         backdrop.style_angle_curves(stream)
         backdrop.style_lanes(stream, lanes)
@@ -102,7 +117,12 @@ def _write(path: Path, comparison: Comparison, machine: Machine, title: str) -> 
         step = max(1, int(predicted_s.size / max(predicted_s[-1] * _FRAME_RATE_HZ, 1.0)))
         frames = np.arange(0, predicted_s.size, step)
         positions = PointPositions(machine)
-        for part in blocks(frames.size):
+        if width is not None and stations is not None:
+            times = _seconds(stations[0], origin)
+            shown_at = Frames(_FRAME_RATE_HZ).of(times)
+            for part in blocks(shown_at.size, _WIDTH_BLOCK):
+                scribe.whole_width(times[shown_at[part]], width, stations[1][shown_at[part]])
+        for part in blocks(frames.size if width is None else 0):
             scribe.motion(predicted_s[frames[part]], positions(theta[frames[part]]))
         # Through the sensor, so that both curves and the residual speak of the same instant.
         shown = comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm

@@ -16,6 +16,7 @@ from textile_twin_core.views.angle_canvas import AngleCanvas, split_turns
 from textile_twin_core.views.layout import TIMELINE
 from textile_twin_core.views.phases import StateChanges
 from textile_twin_core.views.scene import MachineScene, poses
+from textile_twin_core.views.whole_width import LINKS, WholeWidth
 
 _SEGMENT = 8  # samples of a line in the plot over the shaft angle
 _MOST_SEGMENTS = 20_000
@@ -40,15 +41,24 @@ class Scribe:
         """The same recording with other scales for the plots over the shaft angle."""
         return Scribe(self.stream, self.scene, torque or self.torque_canvas, residual or self.residual_canvas)
 
-    def motion(self, time_s: FloatArray, points: dict[str, FloatArray]) -> None:
-        """The linkage at times (n,) from the positions (n, 2) of its points."""
+    def motion(self, time_s: FloatArray, points: dict[str, FloatArray], under: str = LINKS) -> None:
+        """A linkage at times (n,) from the positions (n, 2) of its points."""
         times = at_times(time_s)
         for part in self.scene.moving:
             place, angle = poses(part, points)
             zero = np.zeros_like(angle)
             turn = np.column_stack([zero, zero, np.sin(0.5 * angle), np.cos(0.5 * angle)])
             columns = rr.Transform3D.columns(translation=place.astype(np.float32), quaternion=turn.astype(np.float32))
-            self.stream.send_columns(f"world/base/links/{part.name}", times, columns)
+            self.stream.send_columns(f"{under}/{part.name}", times, columns)
+
+    def whole_width(self, time_s: FloatArray, width: WholeWidth, stations_rad: FloatArray) -> None:
+        """Every linkage and the shaft, at times (n,), from the angles of the stations (n, stations)."""
+        drawn = width.angles(stations_rad)
+        for place in width.row:
+            under = f"world/base/row/{place.number}/links" if place.number else LINKS
+            self.motion(time_s, width.points(place.number, drawn), under)
+        columns = rr.LineStrips3D.columns(strips=list(width.line(drawn).astype(np.float32)))
+        self.stream.send_columns("world/base/shaft/line", at_times(time_s), columns)
 
     def predicted(self, time_s: FloatArray, torque_Nm: FloatArray, sigma_Nm: FloatArray) -> None:
         """Predicted torque with its standard deviation (nan where unknown) over time."""

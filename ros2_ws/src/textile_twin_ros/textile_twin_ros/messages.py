@@ -137,6 +137,29 @@ class JointReader(FieldReader):
         super().__init__(JOINT_STATE, places)
 
 
+class PositionsReader(FieldReader):
+    """Reads the positions [rad or m] of several joints of JointState messages, in the order of `joints`."""
+
+    def __init__(self, joints: Sequence[str]) -> None:
+        self._order: list[int] = []
+
+        def places(layout: MessageLayout) -> list[tuple[str, int]]:
+            names = layout.names
+            for joint in joints:
+                if joint not in names or names.index(joint) >= layout.fields["position"][1]:
+                    raise OtherJointsError(f"has no position of joint '{joint}'", names)
+            numbers = [names.index(joint) for joint in joints]
+            self._order = [sorted(numbers).index(number) for number in numbers]
+            return [("position", number) for number in sorted(numbers)]
+
+        super().__init__(JOINT_STATE, places)
+
+    def positions(self, raw: bytes) -> tuple[int, list[float]]:
+        """Stamp [ns] and positions. Raises MessageError for a message that lacks one."""
+        stamp, found = self.read(raw)
+        return stamp, [float(found[k] or 0.0) for k in self._order]
+
+
 class TorqueReader(FieldReader):
     """Reads torque.z [N m] of WrenchStamped messages."""
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -11,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.twin.predictor import StampedEvent
 from textile_twin_ros.contact_events import contact_events
-from textile_twin_ros.messages import SECOND_NS
+from textile_twin_ros.messages import SECOND_NS, MessageError, PositionsReader, stamp_of
 from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Kind, Sample, SampleInput
 
 if TYPE_CHECKING:
@@ -43,10 +44,15 @@ class LinkageFeed:
     Args:
         view: what is fed.
         listen: opens an input.
+        stations: names of the stations of an elastic shaft, whose joint states come to `hear_stations`.
+        frames_hz: the most pictures a second.
     """
 
-    def __init__(self, view: LiveView, listen: Listen) -> None:
+    def __init__(self, view: LiveView, listen: Listen, stations: Sequence[str] = (), frames_hz: float = 60.0) -> None:
         self._view = view
+        self._reader = PositionsReader([f"station_{name}" for name in stations])
+        self._period_ns, self._next_ns = round(SECOND_NS / frames_hz), 0
+        self._turned: list[tuple[int, list[float]]] = []
         self._samples: dict[str, list[Sample]] = {}
         self._shift_ns = 0
         wrench, joints = TORQUE_READERS["wrench"], ANGLE_READERS["joint_state"]
@@ -65,9 +71,22 @@ class LinkageFeed:
             return self.inputs
         return [source for source in self.inputs if not source.name.endswith(("/measured", "/residual"))]
 
+    def hear_stations(self, raw: bytes) -> None:
+        """Take the angles of all stations from a message of joint_states, as often as pictures are drawn."""
+        with suppress(MessageError):  # of other joints: the input of the same topic reports it
+            stamp = stamp_of(raw)
+            if stamp >= self._next_ns or stamp < self._next_ns - SECOND_NS:
+                self._turned.append(self._reader.positions(raw))
+                self._next_ns = stamp + self._period_ns
+                del self._turned[:-_MOST_WAITING]
+
     def hand_over(self) -> None:
         """Give the view what has come since the last time."""
         self._follow_restart()
+        if self._turned:
+            turned_ns = np.array([stamp for stamp, _ in self._turned], dtype=np.int64)
+            self._view.add_stations(turned_ns + self._shift_ns, np.array([angles for _, angles in self._turned]))
+            self._turned.clear()
         self._hand_over_predictions()
         for name, add in (("measured", self._view.add_measured), ("residual", self._view.add_residual)):
             samples = self._samples.get(f"balancing_torque/{name}")

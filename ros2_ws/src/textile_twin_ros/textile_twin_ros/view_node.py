@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
+from sensor_msgs.msg import JointState
 
 from textile_twin_core.errors import TwinError
 from textile_twin_core.machine import ContactMachine
@@ -78,7 +79,12 @@ class ViewNode(Node):
         else:
             linkage = load_linkage(settings.machine)
             view = self._view = LiveView(linkage, limit_Nm=settings.limit_Nm or None, **place)
-            self._feed = LinkageFeed(view, self._listen)
+            stations = () if linkage.shaft is None else linkage.shaft.names
+            turning = LinkageFeed(view, self._listen, stations, settings.frames_hz)
+            self._feed = turning
+            if stations:
+                qos = samples_qos(depth_for(settings.rate_hz))
+                self.create_subscription(JointState, "joint_states", turning.hear_stations, qos, raw=True)
         self._monitor = f"{self.get_namespace()}/monitor_node: faults".lstrip("/")
         self._alarm = ""
         self.create_subscription(DiagnosticArray, "/diagnostics", self._hear, QoSProfile(depth=10))

@@ -1,0 +1,50 @@
+"""Predictions of the angles that a command's arguments name."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from textile_twin_core.cli.arguments import shaft_settings
+from textile_twin_core.cli.progress import progress
+from textile_twin_core.cli.readings import read_angles, tell_unit
+from textile_twin_core.machine import AnyMachine, Machine
+from textile_twin_core.recordings.prediction import predictions
+from textile_twin_core.twin import Samples, compile_machine
+from textile_twin_core.twin.predictor import StampedEvent
+
+
+def station_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[np.ndarray, np.ndarray] | None:
+    """Stamps (n,) [ns] and angles (n, stations) [rad] of an elastic shaft's stations; None on a rigid shaft."""
+    stations = [name for name, _ in station_joints(machine)]
+    if not stations:
+        return None
+    stamps, blocks, _ = predicted_blocks(arguments, machine, stations, arguments.shaft)
+    return stamps, columns_of(blocks, stations)
+
+
+def station_joints(machine: AnyMachine) -> list[tuple[str, str]]:
+    """Angle and speed of each station of an elastic shaft."""
+    shaft = machine.shaft if isinstance(machine, Machine) else None
+    return [] if shaft is None else [machine.joint_outputs[f"station_{name}"] for name in shaft.names]
+
+
+def columns_of(blocks: list[Samples], names: list[str]) -> np.ndarray:
+    """(n, names) outputs of blocks one after the other."""
+    return np.concatenate([np.stack([block[name] for name in names], axis=1) for block in blocks])
+
+
+def predicted_blocks(
+    arguments: argparse.Namespace, machine: AnyMachine, outputs: list[str], shaft: str
+) -> tuple[np.ndarray, list[Samples], list[StampedEvent]]:
+    """Stamps [ns] and predictions of the recorded angles, and what happened meanwhile at stops and pads."""
+    _, angles = read_angles(arguments, machine)
+    tell_unit(angles)
+    session = compile_machine(machine, outputs).session(shaft, **shaft_settings(arguments))
+    with progress(len(angles), "predicting") as done:
+        blocks, events = [], list[StampedEvent]()
+        for block in predictions(session, angles, done):
+            blocks.append(block)
+            events += session.take_events()
+    return np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks]), blocks, events
