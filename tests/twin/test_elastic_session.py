@@ -187,3 +187,34 @@ def test_what_cannot_be_asked() -> None:
         ttc.compile(machine, outputs=["twist_rad"]).evaluate(0.3, 20.0)
     with pytest.raises(SceneError, match="table"):
         ttc.compile(machine, method="table")
+
+
+def test_a_drive_behind_a_gear_is_the_same_drive() -> None:
+    wide = WideMachine(0.06)
+    made = record(wide, 300.0)
+    plain = declared(wide, True)
+    assert plain.shaft is not None
+    first, *others = plain.shaft.pieces
+    geared = dataclasses.replace(
+        plain.shaft,
+        pieces=(dataclasses.replace(first, gear_ratio=-2.0), *others),
+        drive=ShaftDrive(None, 0.25 * wide.drive_inertia_kgm2, 0.25 * wide.slip_Nms_rad),
+        torque_sensor=("s1", "s0"),
+    )
+    samples = observed(plain, made, (TORQUE,))
+    behind = observed(dataclasses.replace(plain, shaft=geared), made, (TORQUE, "station_s0_speed_rad_s"))
+    np.testing.assert_allclose(behind[TORQUE], -samples[TORQUE], atol=1e-6)
+    np.testing.assert_allclose(behind.torque_sigma_Nm, samples.torque_sigma_Nm, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(behind["station_s0_speed_rad_s"], -2.0 * behind.omega_rad_s, rtol=1e-9)
+
+
+def test_a_chain_that_was_lost_begins_again() -> None:
+    made = record(WideMachine(0.06), 300.0)
+    session = ttc.compile(declared(WideMachine(0.06), False), outputs=(TORQUE,)).session()
+    session.step(made.stamps_ns[:1000], made.encoder_rad[:1000])
+    observer = session._predictor._observer  # type: ignore[attr-defined]
+    observer._observer["theta"] = math.nan
+    samples = session.step(made.stamps_ns[1000:], made.encoder_rad[1000:])
+    assert np.isfinite(samples[TORQUE]).all()
+    assert not samples.settled[:200].any()
+    assert error_over_peak(samples, made, 3.0) < 0.01

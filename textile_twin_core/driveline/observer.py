@@ -16,6 +16,7 @@ from textile_twin_core.compiling import records
 from textile_twin_core.driveline.chain import ElasticShaft, ShaftChain
 from textile_twin_core.driveline.drive_bank import drive_bank
 from textile_twin_core.driveline.observer_step import (
+    FIRST_DRIVE,
     FOLLOWING,
     LEAD,
     OBSERVER,
@@ -31,8 +32,6 @@ _STABLE = 0.9
 """Share of a station's inertia that the correction of the natural frequencies may take."""
 _FREQUENCY_ERROR = 5e-4
 """Relative error of the first natural frequency that the time step may leave."""
-_FIRST_DRIVE = 0.3
-"""beta before the first reading, over its largest possible value: a drive 2.3 times as heavy as all else."""
 _MOBILITY_SIGMA = 0.3
 """Prior standard deviation of beta over its largest possible value: any drive inertia."""
 _SLIP_SIGMA = 100.0
@@ -104,7 +103,7 @@ class ShaftObserver:
     def _first_mode(self) -> tuple[float, float]:
         """First natural frequency [rad/s] and damping ratio of the free chain with mean inertias."""
         shaft, chain, inertia = self.elastic.shaft, self.elastic.chain, self._inertia.copy()
-        unknown = (1.0 / _FIRST_DRIVE - 1.0) * float(inertia.sum())
+        unknown = (1.0 / FIRST_DRIVE - 1.0) * float(inertia.sum())
         known = shaft.drive.inertia_kgm2
         inertia[shaft.drive_station] += unknown if known is None else known * self._gear
         stiffness, damping = _assembled(chain.stiffness), _assembled(chain.damping)
@@ -153,7 +152,7 @@ class ShaftObserver:
         beyond = self._inertia[piece + 1 :] if piece >= drive else self._inertia[: piece + 1]
         known = given.inertia_kgm2 is not None
         inertia, slip = (given.inertia_kgm2 or 0.0) * self._gear, (given.slip_Nms_rad or 0.0) * self._gear
-        beta = 1.0 / (others + inertia) if known else _FIRST_DRIVE / others
+        beta = 1.0 / (others + inertia) if known else FIRST_DRIVE / others
         ground = elastic.chain.viscous.copy()
         ground[drive] -= slip
         ring = _RINGING / (scales.damping_ratio * scales.first_mode_rad_s) if scales.damping_ratio > 0.0 else math.inf

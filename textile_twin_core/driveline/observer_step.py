@@ -37,6 +37,10 @@ _RETRY_SAMPLES, _NO_BETTER = 1000.0, 0.5
 _SURE = 0.25
 """Sigma of the torque over its root mean square up to which a prediction counts as settled."""
 _NEW_STRETCH = 2.0
+_LOST_RAD = math.pi
+"""Distance from the shaft estimator's angle at which the chain is lost."""
+FIRST_DRIVE = 0.3
+"""beta before the first reading, over its largest possible value: a drive 2.3 times as heavy as all else."""
 LEAD = 1.0 / 6.0
 _CHECK_SAMPLES, _FALLING = 250.0, 0.7
 """Samples between two looks at the scale of the noise, and factor below which it is falling: still learning."""
@@ -143,6 +147,9 @@ def _take(
         o.mode = FOLLOWING
     if o.mode == OBSERVING:
         _advance(chain, state, bank, o, room, r, j)
+        if not abs(o.theta + state.psi[int(o.encoder)] - r.angle[j]) < _LOST_RAD:
+            _forget(state, o)
+    if o.mode == OBSERVING:
         observe(chain, state, o.theta, o.omega, 0.0, -1, room.torque, j, out)
     else:
         o.theta, o.omega = r.angle[j], r.speed[j]
@@ -151,6 +158,17 @@ def _take(
     _report(chain, state, bank, o, room, r, j, row, out)
     if o.mode == FOLLOWING and sense and r.settled[j] > 0.5:
         _begin(bank, o, room, r, j)
+
+
+@compiled_in_place
+def _forget(state: ChainState, o: Record) -> None:
+    """Begin again after the chain was lost; an unknown drive is unknown again."""
+    o.mode, o.torque_square = FOLLOWING, 0.0
+    o.learning, o.converged, o.d, o.lam = 0.0, 0.0, 0.0, 0.0
+    if o.known_inertia == 0.0:
+        o.beta = FIRST_DRIVE / o.others
+    for i in range(state.psi.size):
+        state.psi[i] = state.speed[i] = state.acceleration[i] = 0.0
 
 
 @compiled_in_place
@@ -295,7 +313,7 @@ def _learn(bank: DriveBank, o: Record, off: float, variance: float) -> None:
     if o.tried >= _RETRY_SAMPLES:
         if o.recent > _NO_BETTER * o.early and o.recent > 4.0 * variance:
             release(bank, spread, max(o.recent / variance, 1.0))
-            o.beta = 0.3 / o.others if o.known_inertia == 0.0 else o.beta
+            o.beta = FIRST_DRIVE / o.others if o.known_inertia == 0.0 else o.beta
             o.early, o.since_release, o.converged, o.scale = o.recent, 0.0, 0.0, math.inf
         o.tried = 0.0
 
