@@ -183,6 +183,7 @@ def test_what_cannot_be_asked() -> None:
     machine = declared(WideMachine(0.06), True)
     with pytest.raises(SceneError, match="torque_piece_s0_s1_Nm"):
         ttc.compile(machine, outputs=["torque_piece_s0_s2_Nm"])
+    assert {"twist_rad", "needle_lag_rad", FAR} < set(machine.outputs)
     with pytest.raises(MotionError, match="time"):
         ttc.compile(machine, outputs=["twist_rad"]).evaluate(0.3, 20.0)
     with pytest.raises(SceneError, match="table"):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from textile_twin_core.machine.declaration import Declaration
+from textile_twin_core.machine.elastic_outputs import elastic_outputs
 from textile_twin_core.machine.event import Event
 from textile_twin_core.machine.events import machine_events
 from textile_twin_core.machine.linkage_row import linkage_row
@@ -42,8 +43,8 @@ class Machine(Declaration):
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Every output that can be asked for."""
-        return self.model.outputs
+        """Every output that can be asked for, with those of an elastic shaft."""
+        return (*self.model.outputs, *elastic_outputs(self))
 
     @property
     def shown_outputs(self) -> tuple[str, ...]:

@@ -16,7 +16,6 @@ from textile_twin_core.driveline import ElasticShaft, elastic_shaft, follow_moti
 from textile_twin_core.driveline.observer import ShaftObserver
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machine import Machine
-from textile_twin_core.machine.elastic_outputs import elastic_outputs
 from textile_twin_core.shaft import ShaftStates
 from textile_twin_core.shaft.turns import TURN
 from textile_twin_core.twin.compiled import Twin
@@ -42,10 +41,9 @@ class ElasticTwin:
 
     def __init__(self, machine: Machine, outputs: tuple[str, ...], tolerance: float) -> None:
         self.machine, self.outputs, self.tolerance = machine, outputs, tolerance
-        known = {*machine.outputs, *elastic_outputs(machine)}
         for name in outputs:
-            if name not in known:
-                near = get_close_matches(name, known, n=3) or machine.outputs[:6]
+            if name not in machine.outputs:
+                near = get_close_matches(name, machine.outputs, n=3) or machine.outputs[:6]
                 raise SceneError(f"machine '{machine.name}' has no output '{name}'; did you mean {' or '.join(near)}?")
         self.results = ElasticOutputs(machine, outputs)
 
