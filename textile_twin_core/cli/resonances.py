@@ -88,17 +88,12 @@ def _print(found: Resonances) -> None:
     if not found.critical:
         print(f"no critical speed from {low:.4g} to {high:.4g} rpm")
         return
-    severest = sorted(found.critical, key=_severity, reverse=True)[:_SHOWN_SPEEDS]
+    severest = sorted(found.critical, key=lambda each: each.severity, reverse=True)[:_SHOWN_SPEEDS]
     print(
         f"critical speeds from {low:.4g} to {high:.4g} rpm, {len(severest)} of {len(found.critical)}, severest first:"
     )
     for each in severest:
         print(f"  {_in_words(each, found)}")
-
-
-def _severity(each: CriticalSpeed) -> float:
-    """Share of the torque at resonance; without damping the share as it acts slowly."""
-    return each.share * (each.amplification if math.isfinite(each.amplification) else 1.0)
 
 
 def _in_words(each: CriticalSpeed, found: Resonances) -> str:

@@ -85,13 +85,13 @@ class OrderMap:
         return np.asarray(np.sqrt(squares.sum(axis=1) / known.sum(axis=1)))
 
     def over_speed(self, bins: int = 40) -> tuple[FloatArray, FloatArray]:
-        """Average the map in equal bins of the speed, each at least 1 % of the fastest speed wide.
+        """Average the map in equal bins of the speed, each 1 % of the fastest wide or more, at most one per window.
 
         Returns:
             Edges (b + 1,) of the bins [rad/s] and amplitudes (k, b), nan in a bin without a window.
         """
         low, high = float(self.speed_rad_s.min()), float(self.speed_rad_s.max())
-        bins = int(np.clip((high - low) / (0.01 * high), 1, bins))
+        bins = int(np.clip((high - low) / (0.01 * high), 1, min(bins, self.speed_rad_s.size)))
         slack = max(0.0, 0.005 * high - 0.5 * (high - low))
         edges = np.linspace(low - slack, high + slack, bins + 1)
         place = np.clip(np.searchsorted(edges, self.speed_rad_s, side="right") - 1, 0, bins - 1)

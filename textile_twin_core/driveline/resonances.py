@@ -56,6 +56,11 @@ class CriticalSpeed:
     amplification: float
     piece: int
 
+    @property
+    def severity(self) -> float:
+        """Share of the torque at resonance; without damping the share as it acts slowly."""
+        return self.share * (self.amplification if math.isfinite(self.amplification) else 1.0)
+
 
 @dataclass(frozen=True)
 class Resonances:

@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison import Comparison
 from textile_twin_core.comparison.orders import MAX_ORDER, PER_WINDOW, TURN, OrderMap, order_map
+from textile_twin_core.driveline import Resonances
 from textile_twin_core.views import paper
 
 _RPM = 30.0 / np.pi
@@ -43,8 +44,12 @@ def plot_orders(path: str | os.PathLike[str], maps: Mapping[str, OrderMap], *, t
     return paper.save_png(figure, path)
 
 
-def orders_figure(maps: Mapping[str, OrderMap]) -> Figure:
-    """The figure: a row of three plots for each signal, 1600 pixels wide."""
+def orders_figure(maps: Mapping[str, OrderMap], resonances: Resonances | None = None) -> Figure:
+    """The figure: a row of three plots for each signal, 1600 pixels wide.
+
+    With `resonances` of an elastic shaft the maps over the speed show its natural frequencies as lines, and dots
+    where an order of the machine's own torque meets one: the critical speeds.
+    """
     height = 0.9 + 4.1 * len(maps)
     figure = paper.new_figure(16.0, height)
     grid = figure.add_gridspec(
@@ -55,7 +60,10 @@ def orders_figure(maps: Mapping[str, OrderMap]) -> Figure:
         top = float(np.nanmax(found.amplitude[1:]))
         scale = LogNorm(max(top / _DECADES, 1e-300), max(top, 1e-299))
         _over_time(figure.add_subplot(grid[row, 0]), name, found, scale)
-        _over_speed(figure, figure.add_subplot(grid[row, 1]), found, scale)
+        over_speed = figure.add_subplot(grid[row, 1])
+        _over_speed(figure, over_speed, found, scale)
+        if resonances is not None:
+            _draw_resonances(over_speed, found, resonances)
         _spectrum(figure.add_subplot(grid[row, 2]), found)
     return figure
 
@@ -100,6 +108,32 @@ def _over_speed(figure: Figure, axes: Axes, found: OrderMap, scale: LogNorm) -> 
     axes.set_xlabel("speed, rpm", color=paper.MUTED)
     bar = figure.colorbar(shown, ax=axes, pad=0.02)
     bar.ax.tick_params(colors=paper.MUTED, labelsize=9)
+
+
+def _draw_resonances(axes: Axes, found: OrderMap, resonances: Resonances) -> None:
+    """Orders at which each mode is met, over the speed, and the critical speeds on them."""
+    low, high = (value for value in axes.get_xlim())
+    rpm = np.linspace(max(low, 1e-3 * high), high, 200)
+    top = float(found.order[-1])
+    for number, mode in enumerate(resonances.modes, start=1):
+        order = 60.0 * mode.damped_Hz / rpm
+        if not (0.0 < order.min() < top):
+            break
+        axes.plot(rpm, order, color="white", linewidth=2.0, alpha=0.5)
+        axes.plot(rpm, order, color=paper.PREDICTED, linewidth=1.0)
+        shown = np.flatnonzero(order < top)
+        k = int(shown[shown.size // 2])
+        axes.annotate(
+            f"mode {number}: {mode.damped_Hz:.4g} Hz", (rpm[k], order[k]), (0, 9), textcoords="offset points",
+            fontsize=8.5, ha="center", va="bottom", color="white", weight="bold",
+            bbox={"facecolor": paper.PREDICTED, "edgecolor": "none", "pad": 1.5},
+        )  # fmt: skip
+        met = [each for each in resonances.critical if each.mode == number and each.order < top]
+        axes.scatter(
+            [each.speed_rad_s * _RPM for each in met], [each.order for each in met], s=22.0, color="white",
+            edgecolor=paper.PREDICTED, linewidth=1.3, zorder=5,
+        )  # fmt: skip
+    axes.set_xlim(low, high)
 
 
 def _spectrum(axes: Axes, found: OrderMap) -> None:

@@ -16,12 +16,15 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from textile_twin_core.comparison import Comparison, is_as_told, summary_rows, verdict_lines
+from textile_twin_core.comparison.orders import OrderMap
+from textile_twin_core.driveline import Resonances, elastic_shaft, find_resonances
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.views.orders_picture import comparison_orders, orders_figure
 from textile_twin_core.views.plot import plot_comparison
 from textile_twin_core.views.report_figure import errors_figure
 
+_NAMED_SPEEDS = 6
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; color: #22272e; max-width: 1100px; margin: 2em auto; padding: 0 1em; }
 h1 { font-size: 1.6em; margin-bottom: 0; } h2 { font-size: 1.15em; margin: 1.6em 0 .4em; }
@@ -88,7 +91,7 @@ def write_report(
         _table(summary_rows(comparison)),
         "<h2>Where the errors lie</h2>",
         _image(_png(errors_figure(comparison))),
-        *_orders(comparison),
+        *_orders(comparison, machine),
         "<h2>Torque sensor</h2>",
         _table(sensor),
         *(["<h2>Events of the turn</h2>", _table(events)] if events else []),
@@ -121,13 +124,37 @@ def _picture(comparison: Comparison, machine: Machine, title: str) -> str:
         return _image(plot_comparison(Path(folder) / "plot.png", comparison, machine, title=title).read_bytes())
 
 
-def _orders(comparison: Comparison) -> list[str]:
-    """Order analysis of speed, measured torque and residual; nothing where the recording has too few turns."""
+def _orders(comparison: Comparison, machine: Machine) -> list[str]:
+    """Order analysis of speed, measured torque and residual; nothing where the recording has too few turns.
+
+    Over the maps of a machine with an elastic shaft stand its critical speeds.
+    """
     try:
         maps = comparison_orders(comparison)
     except RecordingError:
         return []
-    return ["<h2>Orders of the shaft</h2>", _image(_png(orders_figure(maps)))]
+    resonances = _resonances(maps["torque [N m]"], machine)
+    said = [] if resonances is None else [f"<p>{escape(_critical_words(resonances))}</p>"]
+    return ["<h2>Orders of the shaft</h2>", *said, _image(_png(orders_figure(maps, resonances)))]
+
+
+def _resonances(found: OrderMap, machine: Machine) -> Resonances | None:
+    """Natural frequencies and critical speeds in the recorded range of speeds; None on a rigid shaft."""
+    if machine.shaft is None or machine.missing_for_torque:
+        return None
+    edges, _ = found.over_speed()
+    return find_resonances(elastic_shaft(machine), (max(float(edges[0]), 1e-3 * float(edges[-1])), float(edges[-1])))
+
+
+def _critical_words(found: Resonances) -> str:
+    """The natural frequencies, and the critical speeds at which an order meets one."""
+    natural = ", ".join(f"{mode.damped_Hz:.4g} Hz" for mode in found.modes[:3])
+    worst = sorted(found.critical, key=lambda each: -each.severity)[:_NAMED_SPEEDS]
+    met = "; ".join(
+        f"{each.speed_rad_s * 30.0 / math.pi:.1f} rpm, order {each.order} meets {each.frequency_Hz:.4g} Hz"
+        for each in sorted(worst, key=lambda each: each.speed_rad_s)
+    )
+    return f"Elastic main shaft: it swings at {natural}. Critical speeds in the recorded range: {met or 'none'}."
 
 
 def _png(figure: Figure) -> bytes:
