@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.driveline import elastic_shaft, find_resonances
 from textile_twin_core.dynamics.loads import Backing
 from textile_twin_core.explore.analysis_of_contact import analyse_contact
 from textile_twin_core.explore.analysis_of_transfer import analyse_transfer
@@ -31,6 +32,9 @@ from textile_twin_core.synthesis.numbers import (
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 
 _TURN = 2.0 * math.pi
+_SLOWEST, _FASTEST = 0.2, 2.0
+_CRITICAL_SPEEDS = 4
+"""So many critical speeds are shown, of a range about the design's speed."""
 _BEAT_UP = ("beater", "reed", "sley")
 """Measures whose front is where the weft is beaten up."""
 _TORQUE = {
@@ -62,6 +66,9 @@ def analyse(design: Design) -> Analysis:
         more, forces = _forces(machine, design.speed_rad_s, theta)
         charts += more
         numbers |= forces
+    if machine.shaft is not None and not machine.missing_for_torque:
+        numbers |= _shaft_numbers(machine, design.speed_rad_s)
+        notes.append("The main shaft twists: torque and forces here are those of a rigid one.")
     return Analysis(
         theta,
         points,
@@ -141,6 +148,15 @@ def _forces(machine: Machine, speed: float, theta: FloatArray) -> tuple[list[Cha
     largest = max(reactions, key=lambda pin: float(reactions[pin].max()))
     more = {"largest_reaction_N": float(reactions[largest].max())}
     return charts, {name: float(value) for name, value in numbers.items()} | more
+
+
+def _shaft_numbers(machine: Machine, speed: float) -> dict[str, float]:
+    """First natural frequency of an elastic main shaft, and its severest critical speeds up to twice this speed."""
+    found = find_resonances(elastic_shaft(machine), (_SLOWEST * speed, _FASTEST * speed))
+    severest = sorted(found.critical, key=lambda each: -each.severity)[:_CRITICAL_SPEEDS]
+    return {"first_natural_frequency_Hz": found.modes[0].damped_Hz} | {
+        f"critical_speed_order_{each.order}_mode_{each.mode}_rad_s": each.speed_rad_s for each in severest
+    }
 
 
 def _ratios(machine: Machine) -> dict[str, float]:

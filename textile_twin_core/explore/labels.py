@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import NamedTuple
 
 
@@ -30,6 +31,7 @@ _OTHERS = {
     "torque_ripple_Nm": Label("torque ripple", "N m"),
     "largest_shaking_force_N": Label("largest shaking force", "N"),
     "rms_shaking_force_N": Label("RMS shaking force", "N"),
+    "first_natural_frequency_Hz": Label("first natural frequency of the shaft", "Hz"),
     "largest_reaction_N": Label("largest reaction", "N"),
     "element_2_largest_deceleration_m_s2": Label("largest deceleration of element 2", "m/s²"),
     "element_2_largest_deceleration_s": Label("it comes at", "ms", 1e3),
@@ -39,6 +41,7 @@ _OTHERS = {
     "impacts": Label("impacts in a cycle", ""),
     "energy_lost_J": Label("energy lost in them", "J"),
 }
+_CRITICAL = re.compile(r"critical_speed_order_(\d+)_mode_(\d+)_rad_s")
 PRINTED: dict[str, dict[str, str]] = {
     "tufting": {"needle_stroke_m": "about 33"},
     "handloom_beatup": {
@@ -67,6 +70,10 @@ def label(number: str) -> Label:
     for ending, found in _OF_MEASURES.items():
         if number.endswith(f"_{ending}"):
             return found._replace(text=f"{number.removesuffix(ending).strip('_').replace('_', ' ')} {found.text}")
+    critical = _CRITICAL.fullmatch(number)
+    if critical:
+        order, mode = critical.groups()
+        return Label(f"critical speed, order {order} meets mode {mode}", "rpm", 30.0 / math.pi)
     return Label(number, "")
 
 

@@ -14,6 +14,14 @@ from textile_twin_core import machines
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine import AnyMachine, Machine
+from textile_twin_core.synthesis.shaft_design import (
+    DIAMETER,
+    MOST_STATIONS,
+    SHAFT_PARAMETERS,
+    STATIONS,
+    shaft_values,
+    with_shaft,
+)
 from textile_twin_core.synthesis.slots import read, write
 
 _UNITS = {
@@ -45,7 +53,8 @@ _NOT_SEARCHED = ("gravity_m_s2",)
 class Parameter:
     """A number of a design: its value (None where the paper has none), unit, and the range that a slider offers.
 
-    `text` is its name in words, without the unit; `whole` says that it is 0 or 1, for no or yes.
+    `text` is its name in words, without the unit; `whole` says that it is a whole number, such as 0 or 1
+    for no or yes.
     """
 
     name: str
@@ -76,26 +85,38 @@ def _parameter(name: str, value: float | None, whole: bool = False) -> Parameter
     return Parameter(name, value, unit, low, high, text)
 
 
+def _shaft_parameters(machine: AnyMachine) -> tuple[Parameter, ...]:
+    """Diameter and stations of an elastic main shaft; a search leaves them as they are."""
+    values = shaft_values(machine)
+    found = [_parameter(DIAMETER, values[DIAMETER])] if DIAMETER in values else []
+    if STATIONS in values:
+        text = STATIONS.replace("_", " ")
+        found.append(Parameter(STATIONS, values[STATIONS], "", 1.0, float(MOST_STATIONS), text, True))
+    return tuple(found)
+
+
 class DeclaredFamily:
     """A machine of a user's own: its parameters are the numbers of its declaration."""
 
     def __init__(self, machine: AnyMachine) -> None:
         self.base = machine
         self.name = machine.name
-        self.parameters = tuple(_parameter(name, value) for name, value in read(machine).items())
+        own = tuple(_parameter(name, value) for name, value in read(machine).items())
+        self.parameters = own + _shaft_parameters(machine)
 
     def machine(self, values: Mapping[str, float]) -> AnyMachine:
         """The machine with these values. Raises MachineError where it cannot be, SceneError for an unknown name."""
-        return write(self.base, values)
+        own = {name: value for name, value in values.items() if name not in SHAFT_PARAMETERS}
+        return with_shaft(write(self.base, own), values)
 
     @property
     def searchable(self) -> tuple[str, ...]:
         """Parameters that many designs may differ in."""
-        return tuple(p.name for p in self.parameters)
+        return tuple(p.name for p in self.parameters if p.name not in SHAFT_PARAMETERS)
 
     def columns(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Values by slot of many designs."""
-        return dict(values)
+        return {name: value for name, value in values.items() if name not in SHAFT_PARAMETERS}
 
 
 class PublishedFamily:
@@ -110,27 +131,29 @@ class PublishedFamily:
             for n, v in values.items()
             if v is None or isinstance(v, (int, float))
         )
-        self._known = set(values)
+        self.parameters += _shaft_parameters(machine)
+        self._known = set(values) | set(shaft_values(machine))
 
     def machine(self, values: Mapping[str, float]) -> AnyMachine:
         """The machine with these values. Raises MachineError where it cannot be, SceneError for an unknown name."""
         for name in values:
             if name not in self._known:
                 raise SceneError(f"machine '{self.kind}' has no parameter '{name}'")
-        made = machines.create(self.kind, **self.base.choices, **{**self.base.parameters, **values})
+        own = {name: value for name, value in values.items() if name not in SHAFT_PARAMETERS}
+        made = machines.create(self.kind, **self.base.choices, **{**self.base.parameters, **own})
         kept: dict[str, Any] = {"name": self.base.name, "sensors": self.base.sensors, "scene": self.base.scene}
         if isinstance(made, Machine) and isinstance(self.base, Machine):
             if self.base.missing_for_torque and not made.missing_for_torque:
                 kept.pop("scene")
-            kept |= {"linkages": self.base.linkages}
+            kept |= {"linkages": self.base.linkages, "shaft": self.base.shaft}
         changed = {name: value for name, value in kept.items() if getattr(made, name) != value}
-        return replace(made, **changed) if changed else made
+        return with_shaft(replace(made, **changed) if changed else made, values)
 
     @property
     def searchable(self) -> tuple[str, ...]:
         """Parameters that many designs may differ in."""
         valued = [p.name for p in self.parameters if p.value is not None and not p.whole]
-        return tuple(name for name in valued if name not in _NOT_SEARCHED)
+        return tuple(name for name in valued if name not in (*_NOT_SEARCHED, *SHAFT_PARAMETERS))
 
     def columns(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Values by slot of many designs, as the paper's parameters place them; by parameter for one without slots."""
@@ -149,7 +172,7 @@ class PublishedFamily:
     def _equal_slots(self) -> dict[str, str]:
         """Slots that are one of the parameters as it stands, found by changing all of them a little."""
         assert isinstance(self.base, Machine)
-        values = {p.name: p.value for p in self.parameters if p.value}
+        values = {p.name: p.value for p in self.parameters if p.value and p.name not in SHAFT_PARAMETERS}
         nudged = {name: v * (1.0 + _NUDGE * (k + 1) / len(values)) for k, (name, v) in enumerate(values.items())}
         if "axis_ratio" in nudged:
             nudged["axis_ratio"] = values["axis_ratio"]
