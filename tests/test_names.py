@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
-from textile_twin_core.twin import compiled
+from textile_twin_core.twin import compilation
 
 
 @pytest.mark.parametrize("package", ["", ".machines", ".views", ".recordings", ".files"])
@@ -32,7 +32,7 @@ def test_the_help_of_compile_has_parameters_and_an_example_that_runs() -> None:
     assert sum(len(test.examples) for test in tests) == 3
     runner = doctest.DocTestRunner(verbose=False)
     assert sum(runner.run(test).failed for test in tests) == 0
-    assert compiled.compile_machine is ttc.compile
+    assert compilation.compile_machine is ttc.compile
 
 
 def test_objects_say_what_they_are() -> None:
