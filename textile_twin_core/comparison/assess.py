@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
 from textile_twin_core.comparison.explain import Explanation, explain
 from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
@@ -90,6 +91,10 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
     reason = nothing_to_tell(evidence)
     if reason:
         return Assessment(unit, None, (), (reason,))
+    twisting = elastic_hypothesis(evidence, machine, configured_settings(machine))
+    if twisting is not None:
+        # Fits of a rigid machine would explain the vibration by false inertias and sensors.
+        return Assessment(unit, None, (elastic_cause(twisting),), (RIGID_NOTE,))
     found = explain(evidence, configured_settings(machine), _encoder_turn(machine))
     if found is not None and found.settings.ratio != 1.0:
         found = _with_its_ratio(readings, machine, terms, unit, found)

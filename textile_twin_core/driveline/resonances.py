@@ -175,7 +175,7 @@ def find_resonances(elastic: ElasticShaft, speeds_rad_s: tuple[float, float]) ->
         raise MotionError(f"the range of speeds must rise from above 0, not {slow:g} to {fast:g} rad/s")
     modes = find_modes(elastic)
     unit = natural_frequencies(elastic.mean_inertia_kgm2, elastic.chain.stiffness)[1]
-    needed = _torques_by_power(elastic)
+    needed = needed_by_power(elastic)
     critical = []
     for k, mode in enumerate(modes):
         shares = elastic.chain.stiffness * np.abs(unit[:-1, k] - unit[1:, k]) / (TURN * mode.undamped_Hz) ** 2
@@ -194,7 +194,7 @@ def find_resonances(elastic: ElasticShaft, speeds_rad_s: tuple[float, float]) ->
     return Resonances(elastic.shaft.names, modes, speeds_rad_s, tuple(critical))
 
 
-def _torques_by_power(elastic: ElasticShaft) -> FloatArray:
+def needed_by_power(elastic: ElasticShaft) -> FloatArray:
     """(3, stations, samples) torque needed over one turn at uniform speed, by powers of the speed."""
     theta = TURN * np.arange(_SAMPLES) / _SAMPLES
     found = np.zeros((3, elastic.stations, _SAMPLES))

@@ -1,0 +1,29 @@
+"""A recording of a machine whose shaft twists, judged with a file whose shaft is rigid."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+
+import textile_twin_core as ttc
+from tests.generators.elastic_shaft import WideMachine, simulate
+from textile_twin_core.comparison import Readings, assess, calibrate
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.machine import ShaftPlace
+
+
+def test_a_shaft_that_twists_is_named_and_accuses_no_sensor() -> None:
+    wide = WideMachine(0.06)
+    made = simulate(wide, 500.0, 2.5, settle_s=1.0)
+    machine = dataclasses.replace(ttc.machines.tufting(), linkages=(ShaftPlace(),) * wide.stations)
+    readings = Readings(made.stamps_ns, made.encoder_rad, made.stamps_ns, made.measured_Nm)
+    found = assess(readings, machine)
+    assert [cause.cause for cause in found.verdict] == ["elastic_shaft"]
+    value = found.verdict[0].value
+    assert isinstance(value, dict)
+    assert value["first_mode_Hz"] == pytest.approx(wide.first_mode_rad_s / (2.0 * math.pi), rel=0.03)
+    assert value["stiffness_Nm_rad"] == pytest.approx(wide.piece_stiffness_Nm_rad / wide.stations, rel=0.4)
+    with pytest.raises(RecordingError, match="declare `shaft`"):
+        calibrate(readings, machine)
