@@ -38,6 +38,8 @@ _SAME_EFFECT = 1e-9
 """Share of the mean square of its slopes that others may fail to make up when they can carry all that it carries."""
 _FRICTION = ("constant_Nm", "viscous_Nms")
 INERTIA = "inertia_kgm2"
+_ROUNDING = 1e-6
+"""Share of the torque below which an inertia explains the rounding of an exact record."""
 _LEAST_TORQUE = 0.015  # of the measured torque's size, as torque
 
 
@@ -311,7 +313,9 @@ def _is_small(name: str, settings: Settings, configured: Settings, encoder_turn_
     if name in _LEAST:
         return bool(away < _LEAST[name])
     if name == INERTIA:  # less than declared is what errors of the acceleration look like
-        return settings.inertia_kgm2 < configured.inertia_kgm2
+        torque = away * float(np.percentile(np.abs(evidence.track.alpha_rad_s2), 95.0))
+        rounding = _ROUNDING * float(np.percentile(np.abs(evidence.torque_Nm), 95.0))
+        return settings.inertia_kgm2 < configured.inertia_kgm2 or torque < rounding
     if name != "offset_Nm":
         constant, viscous = (departure(each, settings, configured, encoder_turn_rad) for each in _FRICTION)
         viscous *= abs(settings.ratio * evidence.working_speed())
