@@ -134,6 +134,15 @@ def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
 
     Raises SceneError for a slot that is not there, MachineError where the machine cannot be so.
     """
+    changes = changed(machine, values)
+    return dataclasses.replace(machine, **changes) if changes else machine
+
+
+def changed(machine: AnyMachine, values: Mapping[str, float]) -> dict[str, Any]:
+    """The fields of the machine's declaration that hold other numbers in some slots, by name, not yet assembled.
+
+    Raises SceneError for a slot that is not there, MachineError where a part cannot be so.
+    """
     known = {slot.name: slot for slot in slots(machine)}
     entries: dict[str, dict[int | str, Any]] = {}
     for name, value in values.items():
@@ -142,8 +151,7 @@ def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
             raise SceneError(f"machine '{machine.name}' has no number '{name}'")
         held = entries.setdefault(slot.field, _entries(machine, slot.field))
         held[slot.entry] = _replaced(held[slot.entry], slot, float(value))
-    changes = {field: _field(machine, field, held) for field, held in entries.items()}
-    return dataclasses.replace(machine, **changes) if changes else machine
+    return {field: _field(machine, field, held) for field, held in entries.items()}
 
 
 def _replaced(entry: Any, slot: Slot, value: float) -> Any:

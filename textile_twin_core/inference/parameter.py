@@ -1,0 +1,56 @@
+"""A parameter of the measurement model: its nominal value, its tolerance, and what a departure from it looks like."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+ZERO = "sensors.encoder.zero_rad"
+DELAY = "sensors.torque.delay_s"
+DRIFT = "sensors.torque.drift"
+GAIN = "sensors.torque.gain"
+OFFSET = "sensors.torque.offset_Nm"
+COULOMB = "loads.shaft_friction.coulomb_Nm"
+VISCOUS = "loads.shaft_friction.viscous_Nms"
+ROTOR = "bodies.main_shaft.inertia_kgm2"
+SENSORS = (ZERO, DELAY, DRIFT, GAIN, OFFSET)
+"""Values of these are departures from the configured sensor; that of the gain is the logarithm of a factor."""
+BESIDE = (COULOMB, VISCOUS, ROTOR)
+"""Every machine has these, whether its file declares them or not."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the machine or of its sensors.
+
+    Attributes:
+        name: dotted path into the machine file.
+        kind: key of the table of priors, such as `mass`.
+        nominal: value in the machine file.
+        tolerance: standard deviation of an everyday error of the nominal value.
+        departure: standard deviation of a mistake; `widest`: that of the largest mistakes that occur.
+        probability: of a mistake in this number.
+        threshold: size of a departure from which a person cares.
+        unit: of value, tolerance and departure.
+        low: least possible value.
+    """
+
+    name: str
+    kind: str
+    nominal: float
+    tolerance: float
+    departure: float
+    widest: float
+    probability: float
+    threshold: float
+    unit: str
+    low: float = -math.inf
+
+    @property
+    def log_odds(self) -> float:
+        """Logarithm of the odds of a departure."""
+        return math.log(self.probability / (1.0 - self.probability))
+
+    def spread(self, value: float) -> float:
+        """Standard deviation of a departure of this size: a scale mixture, so that large mistakes stay possible."""
+        return min(max(abs(value - self.nominal), self.departure), self.widest)
