@@ -41,7 +41,7 @@ def errors(found: Assessment, case: Case) -> tuple[float, float]:
     """By how much zero [deg of the shaft] and delay [ms] are missed; nan where nothing was explained."""
     if found.found is None:
         return math.nan, math.nan
-    hypothesis, known = found.found.posterior.hypothesis, found.found.departures
+    hypothesis, known = found.found.posterior.hypothesis, found.found.posterior
     true = case.encoder.zero_rad * case.encoder.direction * case.encoder.ratio
     zero = math.degrees(math.remainder(hypothesis.zero_rad + known.value(ZERO) - true, 2.0 * math.pi))
     return zero, (hypothesis.delay_s + known.value(DELAY) - case.torque.delay_s) * 1e3

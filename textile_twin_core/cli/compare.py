@@ -105,7 +105,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
         stage("judging", _JUDGED, 1)
         judged = assess(readings_of(angles, measured), machine, predicted.track)
-        notes, verdict, explained = judged.notes, judged.verdict, judged.explained
+        notes, verdict, explained, seen = judged.notes, judged.verdict, judged.explained, judged.quantities
         angle_topic = angles.topic
         del judged, angles  # these and the track hold the whole recording once more
         predicted = dataclasses.replace(predicted, track=None)
@@ -129,6 +129,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         notes=(*comparison.notes, *predicted.notes, *notes),
         verdict=verdict,
         explained=explained,
+        quantities=seen,
     )
 
 

@@ -19,7 +19,7 @@ from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_tra
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE, Cause, Quantity, causes, quantities
 from textile_twin_core.inference.measurement import Hypothesis
-from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ROTOR, VISCOUS, ZERO
+from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ROTOR, VISCOUS, ZERO, gain_factor
 from textile_twin_core.inference.posterior import Posterior, infer
 from textile_twin_core.inference.record import MOST_SAMPLES, Record
 from textile_twin_core.inference.settled import Settled, settle, settled_sensors
@@ -98,11 +98,6 @@ class Judged:
         return settle(self.posterior, settled_sensors(self.posterior, self.evidence.turns_both_ways()))
 
     @cached_property
-    def departures(self) -> Settled:
-        """What departs, with all else as in the machine file, and within its tolerances."""
-        return settle(self.posterior, self.posterior.departing)
-
-    @cached_property
     def settings(self) -> Settings:
         """The settled values as settings of the record's evidence."""
         p, found = self.settled, self.posterior.hypothesis
@@ -112,8 +107,8 @@ class Judged:
             direction=1 if found.turn > 0.0 else -1,
             ratio=abs(found.turn),
             zero_rad=found.zero_rad + p.value(ZERO),
-            gain=found.gain * math.exp(p.value(GAIN)),
-            offset_Nm=found.offset_Nm + p.value(OFFSET),
+            gain=found.gain * gain_factor(p.value(GAIN)),
+            offset_Nm=found.shown_offset(p.value(OFFSET)),
             delay_s=found.delay_s + p.value(DELAY),
             drift=p.value(DRIFT),
             load=loads[0] if loads else 1.0,
@@ -166,7 +161,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
         if len(judged) < len(named):
             notes = (*notes, _PITCH)
         named = judged
-    return Assessment(unit, found, tuple(named), notes, quantities(found) if not short else ())
+    return Assessment(unit, found, tuple(named), notes, quantities(found, named) if not short else ())
 
 
 def _judged(
@@ -195,20 +190,19 @@ def _inferred(
     Where it follows the speed, errors of single accelerations are correlated with the torque; means over a tenth of a
     turn have none of them.
     """
-    found = infer(record_of(evidence), machine, configured, ratios)
-    if found is None:
-        return None, 0.0
     turning = evidence.in_blocks().thinned(_MOST_GOVERNED)
-    delays = (found.hypothesis.delay_s + found.value(DELAY), configured.delay_s)
-    governed = next((rate for rate in (torque_by_speed(turning, delay) for delay in delays) if rate), 0.0)
-    if governed:
-        found = infer(record_of(evidence, in_blocks=True), machine, configured, ratios) or found
+    governed = torque_by_speed(turning, configured.delay_s)
+    found = infer(record_of(evidence, bool(governed)), machine, configured, ratios)
+    if found is not None and not governed:
+        governed = torque_by_speed(turning, found.hypothesis.delay_s + found.value(DELAY))
+        if governed:
+            found = infer(record_of(evidence, True), machine, configured, ratios)
     return found, governed
 
 
-def record_of(evidence: Evidence, in_blocks: bool = False) -> Record:
-    """The record as the inference reads it, weighed by samples or by means over a tenth of a turn."""
-    turning = (evidence.in_blocks() if in_blocks else evidence).thinned(MOST_SAMPLES)
+def record_of(evidence: Evidence, speed_controlled: bool = False) -> Record:
+    """The record as the inference reads it, by samples, or under a controller by means over a tenth of a turn."""
+    turning = (evidence.in_blocks() if speed_controlled else evidence).thinned(MOST_SAMPLES)
     return Record(
         turning.time_s,
         turning.torque_Nm,
@@ -218,6 +212,7 @@ def record_of(evidence: Evidence, in_blocks: bool = False) -> Record:
         evidence.rest_rad_s,
         standstills(evidence),
         evidence.track.at_one_speed,
+        speed_controlled,
         turning.block_s,
     )
 

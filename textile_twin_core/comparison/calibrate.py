@@ -19,7 +19,7 @@ from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.inference.measurement import Hypothesis
-from textile_twin_core.inference.parameter import DELAY, GAIN, OFFSET, ROTOR, SENSORS, ZERO
+from textile_twin_core.inference.parameter import DELAY, GAIN, HELD, OFFSET, ROTOR, SENSORS, ZERO, gain_factor
 from textile_twin_core.inference.torque_units import nearest_gain
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.sensors import Sensors, TorqueSensor
@@ -49,7 +49,7 @@ class Calibration:
     Attributes:
         angle_unit: of the logged angle. direction, ratio, zero_rad: the encoder's.
         sign, unit_factor, unit: of the torque. gain, offset_Nm, delay_s: of the torque sensor.
-        sigma_given_file: standard deviations where all other numbers of the file are exactly right, by name.
+        given_file: the same where all other numbers of the file are exactly right, by name.
         ambiguous: what this recording cannot tell.
         rms_before_Nm, rms_after_Nm: of the residual while the shaft turns, sensors as they were and as settled.
         rms_beside_Nm: what is left when friction, loads and drift that the file does not get are taken off too.
@@ -66,7 +66,7 @@ class Calibration:
     gain: Estimate
     offset_Nm: Estimate
     delay_s: Estimate
-    sigma_given_file: Mapping[str, float]
+    given_file: Mapping[str, Estimate]
     ambiguous: tuple[Ambiguity, ...]
     rms_before_Nm: float
     rms_after_Nm: float
@@ -90,7 +90,7 @@ class Calibration:
                     "offset_Nm": dataclasses.asdict(self.offset_Nm),
                     "delay_s": dataclasses.asdict(self.delay_s),
                 },
-                "sigma_given_file": dict(self.sigma_given_file),
+                "given_file": {name: dataclasses.asdict(each) for name, each in self.given_file.items()},
                 "ambiguous": [dataclasses.asdict(each) for each in self.ambiguous],
                 "rms_before_Nm": self.rms_before_Nm,
                 "rms_after_Nm": self.rms_after_Nm,
@@ -106,8 +106,8 @@ class Calibration:
 def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> Calibration:
     """Settle direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque sensor.
 
-    Values are those that go with the machine file; standard deviations and intervals hold the truth where the file is
-    off within its tolerances (see `Settled`). `begin` hears of each stage.
+    Values, standard deviations and intervals hold where the file is off within its tolerances (see `Settled`).
+    `begin` hears of each stage.
 
     Raises RecordingError when the recording tells nothing, is of another machine, or what it asks for explains no more.
     """
@@ -120,7 +120,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     for cause in assessment.verdict:
         if cause.cause == "other_machine" and 1.0 - found.explained > NOT_THIS_MACHINE:
             raise RecordingError(f"no calibration from this recording: {cause.text}")
-    settled, s = found.settled, found.settings
+    s = found.settings
     configured, hypothesis = hypothesis_of(machine), found.posterior.hypothesis
     turned = s.direction * machine.sensors.encoder.ratio * found.ratio
     near = nearest_gain(s.gain, 1.0)
@@ -134,15 +134,15 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     zero = _estimate(found, ZERO, hypothesis.zero_rad).scaled(1.0 / turned)
     zero = zero.scaled(1.0, _whole_turns(zero.value, machine.sensors.encoder.zero_rad, TURN / abs(turned)))
     gain = _gain(found).scaled(1.0 / near.gain)
-    offset = _estimate(found, OFFSET, hypothesis.offset_Nm)
+    offset = _estimate(found, OFFSET, hypothesis.offset_Nm, hypothesis.unit)
     delay = _estimate(found, DELAY, hypothesis.delay_s)
     encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=s.direction, ratio=abs(turned))
     sensor = TorqueSensor(s.gain, offset.value, delay.value)
     given = {
-        "zero_rad": settled.sigma_given_file(ZERO) / abs(turned) if ZERO in settled.free else None,
-        "torque.gain": abs(gain.value) * settled.sigma_given_file(GAIN),
-        "torque.offset_Nm": settled.sigma_given_file(OFFSET) if OFFSET in settled.free else None,
-        "torque.delay_s": settled.sigma_given_file(DELAY) if DELAY in settled.free else None,
+        "zero_rad": _given_file(found, ZERO, hypothesis.zero_rad).scaled(1.0 / turned),
+        "torque.gain": _gain(found, given_file=True).scaled(1.0 / near.gain),
+        "torque.offset_Nm": _given_file(found, OFFSET, hypothesis.offset_Nm, hypothesis.unit),
+        "torque.delay_s": _given_file(found, DELAY, hypothesis.delay_s),
     }
     return Calibration(
         angle_unit=assessment.unit.name,
@@ -155,7 +155,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
         gain=gain,
         offset_Nm=offset,
         delay_s=delay,
-        sigma_given_file={name: sigma for name, sigma in given.items() if sigma is not None},
+        given_file=given,
         ambiguous=tuple(_ambiguous(assessment, found, abs(turned))),
         rms_before_Nm=before,
         rms_after_Nm=after,
@@ -165,21 +165,30 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     )
 
 
-def _estimate(found: Judged, name: str, configured: float) -> Estimate:
+def _estimate(found: Judged, name: str, configured: float, unit: float = 1.0) -> Estimate:
     """A settled sensor value, of which the configured one is part; without an interval where it stays as configured."""
     settled = found.settled
     if name not in settled.free:
         return Estimate(configured)
     low, high = settled.interval95(name)
-    return Estimate(configured + settled.value(name), settled.sigma(name), (configured + low, configured + high))
+    return Estimate(settled.value(name), settled.sigma(name), (low, high)).scaled(unit, configured)
 
 
-def _gain(found: Judged) -> Estimate:
-    """The gain with sign and unit; the parameter is the logarithm of a factor."""
+def _given_file(found: Judged, name: str, configured: float, unit: float = 1.0) -> Estimate:
+    """A sensor value where all other numbers are exactly as in the file."""
+    if name not in found.settled.free:
+        return Estimate(configured)
+    value, sigma = found.settled.given_file(name)
+    return Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma)).scaled(unit, configured)
+
+
+def _gain(found: Judged, given_file: bool = False) -> Estimate:
+    """The gain with sign and unit (see `gain_factor` of its parameter)."""
     settled, gain = found.settled, found.posterior.hypothesis.gain
-    value = gain * math.exp(settled.value(GAIN))
-    ends = sorted(gain * math.exp(end) for end in settled.interval95(GAIN))
-    return Estimate(value, abs(value) * settled.sigma(GAIN), (ends[0], ends[1]))
+    value, sigma = settled.given_file(GAIN) if given_file else (settled.value(GAIN), settled.sigma(GAIN))
+    factor = gain_factor(value)
+    ends = sorted(gain * gain_factor(min(value + side * 1.96 * sigma, 0.99)) for side in (-1.0, 1.0))
+    return Estimate(gain * factor, abs(gain) * factor**2 * sigma, (ends[0], ends[1]))
 
 
 def _rms(found: Judged, hypothesis: Hypothesis | None, sensors_alone: bool = False) -> float:
@@ -220,7 +229,16 @@ def _ambiguous(assessment: Assessment, found: Judged, ratio: float) -> list[Ambi
                 "no recording under this controller tells; one that holds the speed more stiffly tells better",
             )
         )
-    if OFFSET not in settled.free:
+    if HELD in p.departing:
+        ambiguous.append(
+            Ambiguity(
+                ("torque.offset_Nm", "shaft_coulomb_Nm"),
+                "the torque at rest does not go with that of the turning shaft, as where a brake holds it: no offset of"
+                " the torque sensor was taken from it",
+                _FREE_REST,
+            )
+        )
+    elif OFFSET not in settled.free:
         ambiguous.append(
             Ambiguity(
                 ("torque.offset_Nm", "shaft_coulomb_Nm"),

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from textile_twin_core.comparison.readings import AngleUnit, shown_turn
-from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ROTOR, VISCOUS, ZERO
+from textile_twin_core.inference.parameter import (
+    COULOMB,
+    DELAY,
+    DRIFT,
+    GAIN,
+    HELD,
+    OFFSET,
+    ROTOR,
+    VISCOUS,
+    ZERO,
+    gain_factor,
+)
 from textile_twin_core.inference.torque_units import nearest_gain
 
 if TYPE_CHECKING:
@@ -25,8 +38,6 @@ _SAME = 0.05
 """Part of an offset in another unit by which it may differ from the configured one."""
 FOLLOWS_NOTHING = 0.5
 """Share of the torque that even the best function of the angle leaves unexplained."""
-_SIGMAS = 3.0
-"""Standard deviations from which a departure is named."""
 _CAUSES = {
     "force": "load_force",
     "free_force": "load_force",
@@ -146,20 +157,20 @@ def _discrete(found: Judged) -> list[Cause]:
 
 def _departures(found: Judged) -> list[Cause]:
     """Departures that a person cares for, the most significant first."""
-    p, settled, named = found.posterior, found.departures, list[tuple[float, Cause]]()
+    p, named = found.posterior, list[tuple[float, Cause]]()
     for name in sorted(p.departing):
-        away, sigma = settled.departure(name), settled.sigma(name)
+        away, sigma = p.departure(name), p.sigma(name)
         if name == ZERO:
             away = _zero_departure(found)
         known = p.parameter(name)
-        if name in (COULOMB, VISCOUS) or abs(away) < max(known.threshold, _SIGMAS * sigma):
+        if name in (COULOMB, VISCOUS, HELD) or abs(away) < known.threshold:
             continue
         if name == OFFSET and _is_offset_in_unit(found):
             continue
         named.append((abs(away) / sigma, _ONE.get(name, _of_machine)(found, name)))
     if not p.departing.isdisjoint({COULOMB, VISCOUS}):
         friction, sigma = _friction_departure(found)
-        if abs(friction) > max(p.parameter(COULOMB).threshold, _SIGMAS * sigma):
+        if abs(friction) > p.parameter(COULOMB).threshold:
             named.append((abs(friction) / sigma, _friction(found)))
     named.sort(key=lambda each: -each[0])
     return [cause for _, cause in named]
@@ -171,11 +182,15 @@ def _speed(found: Judged) -> float:
 
 def _zero_departure(found: Judged) -> float:
     """How far the zero is from the configured one [rad]; whole turns of an encoder of another ratio do not count."""
-    away = found.departures.departure(ZERO)
+    away = found.posterior.departure(ZERO)
     period = 2.0 * math.pi
     if found.ratio != 1.0:
         period = min(period, found.encoder_turn_rad * found.ratio)
     return math.remainder(away, period)
+
+
+def _zero_beside(found: Judged) -> float:
+    return math.remainder(found.settled.departure(ZERO), 2.0 * math.pi)
 
 
 def _is_turn_of_encoder(found: Judged, zero_rad: float) -> bool:
@@ -211,17 +226,17 @@ def _plain_zero(found: Judged) -> Cause:
 
 def _as_zero(found: Judged) -> tuple[float, float]:
     """Departure of the zero and its standard deviation, or of the delay as a zero [rad]."""
-    settled, speed = found.departures, _speed(found)
-    if ZERO in found.posterior.departing:
-        return _zero_departure(found), settled.sigma(ZERO)
-    return math.remainder(settled.departure(DELAY) * speed, 2.0 * math.pi), settled.sigma(DELAY) * abs(speed)
+    p, speed = found.posterior, _speed(found)
+    if ZERO in p.departing:
+        return _zero_departure(found), p.sigma(ZERO)
+    return math.remainder(p.departure(DELAY) * speed, 2.0 * math.pi), p.sigma(DELAY) * abs(speed)
 
 
 def _delay(found: Judged, name: str) -> Cause:
     if found.evidence.track.at_one_speed:
         return _zero_or_delay(found, name)
-    p, settled = found.posterior, found.departures
-    away, sigma = settled.departure(DELAY), settled.sigma(DELAY)
+    p = found.posterior
+    away, sigma = p.departure(DELAY), p.sigma(DELAY)
     size = f"{abs(away) * 1e3:.2f} +- {sigma * 1e3:.2f} ms"
     text = f"the torque lags by {size} {'more' if away >= 0.0 else 'less'} than the machine file says"
     if found.settings.delay_s < 0.0:
@@ -242,7 +257,7 @@ def _zero_or_delay(found: Judged, name: str) -> Cause:
     zero, sigma = _as_zero(found)
     if _is_turn_of_encoder(found, zero):
         return _plain_zero(found)
-    delay = found.departures.departure(DELAY) if DELAY in p.departing else zero / speed
+    delay = found.posterior.departure(DELAY) if DELAY in p.departing else zero / speed
     text = (
         f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms{_or_inertia(found, delay)};"
         " the shaft turns at one speed here, a recording with a run-up would tell"
@@ -253,24 +268,25 @@ def _zero_or_delay(found: Judged, name: str) -> Cause:
 
 
 def _drift(found: Judged, name: str) -> Cause:
-    p, settled = found.posterior, found.departures
-    away, sigma = settled.departure(DRIFT), settled.sigma(DRIFT)
+    p = found.posterior
+    away, sigma = p.departure(DRIFT), p.sigma(DRIFT)
     text = f"the clocks of angle and torque drift apart by {away * 1e6:.0f} +- {sigma * 1e6:.0f} us each second"
     return Cause("clocks_drift", text, away, sigma, "", p.equivalents(DRIFT))
 
 
 def _gain(found: Judged, name: str) -> Cause:
-    settled = found.departures
-    factor = math.exp(settled.value(GAIN))
-    sigma = factor * settled.sigma(GAIN)
+    p = found.posterior
+    factor = gain_factor(p.value(GAIN))
+    sigma = factor**2 * p.sigma(GAIN)
     other, more = _equivalents(found, GAIN)
     text = f"torque gain {factor:.3f} +- {sigma:.3f} times the configured one{more}"
     return Cause("torque_gain", text, factor, sigma, GAIN, other)
 
 
 def _offset(found: Judged, name: str) -> Cause:
-    p, settled = found.posterior, found.departures
-    away, sigma = settled.departure(OFFSET), settled.sigma(OFFSET)
+    p = found.posterior
+    unit = p.hypothesis.unit
+    away, sigma = unit * p.departure(OFFSET), unit * p.sigma(OFFSET)
     text = f"torque offset {away:+.3g} +- {sigma:.2g} N m beside the configured one"
     return Cause("torque_offset", text, away, sigma, OFFSET, p.equivalents(OFFSET))
 
@@ -280,13 +296,13 @@ def _is_offset_in_unit(found: Judged) -> bool:
     p = found.posterior
     near = nearest_gain(p.hypothesis.gain, p.configured.gain)
     own = p.configured.offset_Nm * near.factor
-    sigma = found.departures.sigma(OFFSET)
+    sigma = p.hypothesis.unit * p.sigma(OFFSET)
     return bool(near.unit) and abs(found.settings.offset_Nm - own) < max(_SAME * abs(own), 4.0 * sigma)
 
 
 def _rotor(found: Judged, name: str) -> Cause:
-    p, settled = found.posterior, found.departures
-    away, sigma = settled.departure(ROTOR), settled.sigma(ROTOR)
+    p = found.posterior
+    away, sigma = p.departure(ROTOR), p.sigma(ROTOR)
     text = (
         f"{away:.3g} +- {sigma:.2g} kg m2 turn with the shaft that are not in the model, as a motor's rotor or a"
         " flywheel: add them under main_shaft of bodies in the machine file"
@@ -299,9 +315,10 @@ def _rotor(found: Judged, name: str) -> Cause:
 
 def _friction_departure(found: Judged) -> tuple[float, float]:
     """Friction at working speed beside the configured one, and its standard deviation [N m]."""
-    settled, speed = found.departures, abs(_speed(found))
-    away = settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
-    return away, settled.sigma({COULOMB: 1.0, VISCOUS: speed})
+    p, speed = found.posterior, abs(_speed(found))
+    away = p.departure(COULOMB) + speed * p.departure(VISCOUS)
+    weigh = np.array([1.0, speed])
+    return away, math.sqrt(float(weigh @ p.covariance((COULOMB, VISCOUS)) @ weigh))
 
 
 def _friction(found: Judged) -> Cause:
@@ -321,7 +338,7 @@ def _of_machine(found: Judged, name: str) -> Cause:
     """A number of the machine file that is wrong."""
     p = found.posterior
     known = p.parameter(name)
-    value, sigma = found.departures.value(name), found.departures.sigma(name)
+    value, sigma = found.posterior.value(name), found.posterior.sigma(name)
     other, more = _equivalents(found, name)
     away = f"{value:.4g} +- {sigma:.2g} {known.unit}".rstrip() + f" instead of {known.nominal:.4g}"
     text = f"{name} is wrong in the machine file: {away}{more}"
@@ -341,40 +358,44 @@ _ONE: dict[str, Callable[[Judged, str], Cause]] = {
 }
 
 
-def quantities(found: Judged) -> tuple[Quantity, ...]:
-    """What the record says of the quantities that matter, each once, with the standard deviation given the file's
-    tolerances.
+def quantities(found: Judged, verdict: Iterable[Cause]) -> tuple[Quantity, ...]:
+    """What the record says of quantities that matter, with standard deviations given the file's tolerances.
+
+    Quantities that the verdict names are left out.
     """
     p, settled, s = found.posterior, found.settled, found.settings
     one_speed, rests = found.evidence.track.at_one_speed, bool(p.measurement.record.standstills)
-    both = "not distinguishable from each other at one speed; a run-up would tell"
+    both = "zero and delay are not distinguishable at one speed, a run-up would tell"
 
-    def status(name: str, shown: str) -> str:
-        wrong = name in p.departing and abs(settled.departure(name)) > p.parameter(name).threshold
-        return f"{shown}: {'wrong in the file' if wrong else 'as the file says'}"
-
-    zero = f"{math.degrees(_zero_departure(found)):+.3f} +- {math.degrees(settled.sigma(ZERO)):.3f} deg beside the file"
-    delay = f"{s.delay_s * 1e3:.3f} +- {settled.sigma(DELAY) * 1e3:.3f} ms"
-    offset = f"{s.offset_Nm:+.3f} +- {settled.sigma(OFFSET):.3f} N m"
-    apart = "not distinguishable from friction; a standstill would tell"
     speed = abs(_speed(found))
-    friction = settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
+    friction = p.parameter(COULOMB).nominal + speed * p.parameter(VISCOUS).nominal
+    friction += settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
     sigma = settled.sigma({COULOMB: 1.0, VISCOUS: speed})
-    nominal = p.parameter(COULOMB).nominal + abs(_speed(found)) * p.parameter(VISCOUS).nominal
-    wrong = not p.departing.isdisjoint({COULOMB, VISCOUS}) and abs(friction) > p.parameter(COULOMB).threshold
-    missing = "missing in the file" if nominal == 0.0 else "wrong in the file"
-    out = [
-        Quantity("encoder zero", f"{zero}: {both}" if one_speed else status(ZERO, zero)),
-        Quantity("torque delay", f"{delay}: {both}" if one_speed else status(DELAY, delay)),
-        Quantity("torque gain", status(GAIN, f"{s.gain:.4g} +- {abs(s.gain) * settled.sigma(GAIN):.2g}")),
-        Quantity("torque offset", status(OFFSET, offset) if rests or OFFSET in p.departing else f"{offset}: {apart}"),
-        Quantity(
-            "friction",
-            f"{nominal + friction:.3f} +- {sigma:.3f} N m at working speed: {missing if wrong else 'as the file says'}",
+    same = "as the file says"
+    apart = f"{same}; not distinguishable from friction, a standstill would tell"
+    zero = f"{math.degrees(_zero_beside(found)):+.3f} +- {math.degrees(settled.sigma(ZERO)):.3f} deg beside the file"
+    rows = [
+        ((ZERO, DELAY) if one_speed else (ZERO,), "encoder zero", f"{zero}: {both if one_speed else same}"),
+        (
+            (ZERO, DELAY) if one_speed else (DELAY,),
+            "torque delay",
+            f"{s.delay_s * 1e3:.2f} +- {settled.sigma(DELAY) * 1e3:.2f} ms: {both if one_speed else same}",
         ),
+        (
+            (GAIN,),
+            "torque gain",
+            f"{s.gain:.4g} +- {abs(s.gain) * gain_factor(settled.value(GAIN)) * settled.sigma(GAIN):.2g}: {same}",
+        ),
+        (
+            (OFFSET,),
+            "torque offset",
+            f"{s.offset_Nm:+.3f} +- {p.hypothesis.unit * settled.sigma(OFFSET):.3f} N m: {same if rests else apart}",
+        ),
+        ((COULOMB, VISCOUS), "friction", f"{friction:.3f} +- {sigma:.3f} N m at working speed: {same}"),
     ]
     for known in p.measurement.parameters:
         if known.kind == "force":
             shown = f"{settled.value(known.name):.4g} +- {settled.sigma(known.name):.2g} N"
-            out.append(Quantity(known.name, status(known.name, shown)))
-    return tuple(out)
+            rows.append(((known.name,), known.name, f"{shown}: {same}"))
+    said = {cause.parameter for cause in verdict}
+    return tuple(Quantity(what, text) for names, what, text in rows if said.isdisjoint(names))

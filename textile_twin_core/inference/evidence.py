@@ -14,8 +14,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr
 
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.map_fit import Fit, prior_variance
 from textile_twin_core.inference.measurement import Measurement
+from textile_twin_core.inference.parameter import DELAY, ROTOR
 
 Departures = frozenset[str]
 EQUIVALENT_NATS = 3.0
@@ -37,17 +39,18 @@ class Choice:
 
 def log_evidence(measurement: Measurement, fit: Fit, departing: Collection[str], inflation: float) -> float:
     """Log evidence of a set of departures on the quadratic form of the likelihood about a fit."""
-    variance = prior_variance(measurement, departing, fit.x)
-    information, gradient = fit.information / inflation, fit.gradient / inflation
-    away = measurement.nominal - fit.x
-    # scaled by the prior, I + D^1/2 A D^1/2 is well conditioned
-    root = np.sqrt(variance)
-    lower = np.linalg.cholesky(np.eye(root.size) + root[:, None] * information * root)
-    u = solve_triangular(lower, root * (gradient + away / variance), lower=True, check_finite=False)
-    found = 0.5 * float(u @ u) - 0.5 * float(np.sum(away**2 / variance)) - float(np.sum(np.log(np.diag(lower))))
+    wide = [p for p in measurement.parameters if p.name in departing and p.widest > p.departure]
+    at = fit.x
+    if wide:  # the width of their prior is that at the posterior mean
+        mean = _gaussian(measurement, fit, prior_variance(measurement, departing, at), inflation)[1]
+        at = at.copy()
+        for p in wide:
+            at[measurement.place[p.name]] = mean[measurement.place[p.name]]
+    variance = prior_variance(measurement, departing, at)
+    found, mean, lower = _gaussian(measurement, fit, variance, inflation)
     bounded = [p for p in measurement.parameters if p.name in departing and np.isfinite(p.low)]
     if bounded:
-        mean = fit.x + root * solve_triangular(lower, u, lower=True, trans="T", check_finite=False)
+        root = np.sqrt(variance)
         inverse = solve_triangular(lower, np.eye(root.size), lower=True, check_finite=False)
         sigma = root * np.sqrt(np.sum(inverse**2, axis=0))
         for p in bounded:
@@ -59,15 +62,35 @@ def log_evidence(measurement: Measurement, fit: Fit, departing: Collection[str],
     return found + sum(p.log_odds for p in measurement.parameters if p.name in departing)
 
 
+def _gaussian(
+    measurement: Measurement, fit: Fit, variance: FloatArray, inflation: float
+) -> tuple[float, FloatArray, FloatArray]:
+    """Log evidence of Gaussian priors of these variances, the posterior mean, and a Cholesky factor."""
+    information, gradient = fit.information / inflation, fit.gradient / inflation
+    away = measurement.nominal - fit.x
+    # scaled by the prior, I + D^1/2 A D^1/2 is well conditioned
+    root = np.sqrt(variance)
+    lower = np.linalg.cholesky(np.eye(root.size) + root[:, None] * information * root)
+    u = solve_triangular(lower, root * (gradient + away / variance), lower=True, check_finite=False)
+    found = 0.5 * float(u @ u) - 0.5 * float(np.sum(away**2 / variance)) - float(np.sum(np.log(np.diag(lower))))
+    mean = fit.x + root * solve_triangular(lower, u, lower=True, trans="T", check_finite=False)
+    return found, np.asarray(mean), np.asarray(lower)
+
+
+def is_one(measurement: Measurement, departing: Collection[str]) -> bool:
+    """Whether a set names delay and inertia where a controller of the speed makes them look alike."""
+    return measurement.record.speed_controlled and {DELAY, ROTOR} <= set(departing)
+
+
 def choose(measurement: Measurement, fit: Fit, inflation: float, start: Collection[str] = ()) -> Choice:
     """The likeliest set of departures: add, drop and swap one, and pairs with a likely one where there is none yet."""
     names = measurement.names
     seen: dict[Departures, float] = {}
 
     def value(departing: Departures) -> float:
-        if departing not in seen:
+        if departing not in seen and not is_one(measurement, departing):
             seen[departing] = log_evidence(measurement, fit, departing, inflation)
-        return seen[departing]
+        return seen.get(departing, -np.inf)
 
     here = frozenset(start)
     best = value(here)

@@ -20,6 +20,8 @@ from textile_twin_core.inference.robust import huber_loss, huber_weights, robust
 TURN = 2.0 * np.pi
 _LONGEST = {ZERO: 0.15, DELAY: 0.01, DRIFT: 3e-4, GAIN: 0.7}
 """Longest step of one iteration: the torque is a wave of the angle."""
+_HIGHEST = {GAIN: 0.95}
+"""Beyond it the gain would be twenty times that of the nearest unit."""
 _CONVERGED, _MOST_DAMPING = 1e-3, 1e4
 _KEPT = 0.7
 """Share of the samples that a step must keep."""
@@ -107,6 +109,7 @@ def map_fit(
     index = np.array([k for k, name in enumerate(names) if free is None or name in free], dtype=np.int64)
     given = inflation or 1.0
     low = np.array([p.low for p in measurement.parameters])
+    high = np.array([_HIGHEST.get(name, np.inf) for name in names])
     variance, damping = prior_variance(measurement, departing, x), 0.0
 
     def weigh(x: FloatArray) -> _Weighed:
@@ -118,7 +121,7 @@ def map_fit(
     for _ in range(iterations):
         normal = here.information / given + np.diag(1.0 / variance)
         slope = here.gradient / given - (x - measurement.nominal) / variance
-        trial: FloatArray = np.maximum(x + _step(names, index, normal, slope, damping), low)
+        trial: FloatArray = np.clip(x + _step(names, index, normal, slope, damping), low, high)
         cost = _cost(measurement, hypothesis, trial, variance, given, here)
         if cost < here.cost + 1e-9:
             x, damping = trial, damping / 10.0 if damping > 1e-6 else 0.0

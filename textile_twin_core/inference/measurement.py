@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.inference.parameter import DELAY, DRIFT, GAIN, OFFSET, ZERO, Parameter
+from textile_twin_core.inference.parameter import DELAY, DRIFT, GAIN, HELD, OFFSET, ZERO, Parameter, gain_factor
 from textile_twin_core.inference.record import Record
 from textile_twin_core.inference.torque_model import TorqueModel
 
@@ -15,8 +15,6 @@ _ZERO_STEP, _DELAY_STEP = 5e-4, 2e-4
 """Steps of the slopes by zero [rad] and delay [s]: a sample's noise in the estimated motion averages out over them."""
 _SLOW = 0.6
 """Share of the record's slow speed from which a sample counts, so that no shift of time moves a torque of friction."""
-_HELD = 0.005
-"""Share of the working torque that dry friction may hold at standstill."""
 
 _GUARD_S, _UNCERTAIN = 1e-3, 1e-3
 """Time beside a step of the load in which stamps cannot tell its side; share of the working torque that matters."""
@@ -32,6 +30,7 @@ class Hypothesis:
         turn: direction times ratio of the shaft's angle over that of the record's motion.
         gain: of the torque sensor with sign and unit.
         zero_rad: configured zero in shaft angle. delay_s, offset_Nm: configured.
+        unit: factor of the unit in which the torque is logged, and in which a departure of the offset is.
     """
 
     turn: float
@@ -39,6 +38,11 @@ class Hypothesis:
     zero_rad: float = 0.0
     delay_s: float = 0.0
     offset_Nm: float = 0.0
+    unit: float = 1.0
+
+    def shown_offset(self, departure_Nm: float) -> float:
+        """Offset in the logged unit."""
+        return self.offset_Nm + self.unit * departure_Nm
 
     def turned(self, factor: float) -> Hypothesis:
         """The same with another direction or ratio."""
@@ -87,13 +91,13 @@ class Measurement:
         """Expected readings at the samples."""
         v = self.values(x)
         table = self.model.table(v)
-        gain = hypothesis.gain * float(np.exp(v[GAIN]))
+        gain = hypothesis.gain * gain_factor(v[GAIN])
         delay = hypothesis.delay_s + v[DELAY]
         theta, omega, alpha, good = self.states(hypothesis, delay, v[DRIFT], v[ZERO])
         found = self.model.torque(v, (theta, omega, alpha), table, slopes)
         torque = found.torque_Nm
         good = good & (np.abs(omega) > _SLOW * abs(hypothesis.turn) * self.record.slow_rad_s) & np.isfinite(torque)
-        shown = gain * torque + hypothesis.offset_Nm + v[OFFSET]
+        shown = gain * torque + hypothesis.shown_offset(v[OFFSET])
         sigma = abs(gain) * np.sqrt(found.variance)
         if not slopes:
             return Expected(shown, good, theta, sigma, None)
@@ -106,8 +110,9 @@ class Measurement:
         out[ZERO] = (at(_ZERO_STEP, 0.0) - at(-_ZERO_STEP, 0.0)) / (2.0 * _ZERO_STEP)
         out[DELAY] = (at(0.0, _DELAY_STEP) - at(0.0, -_DELAY_STEP)) / (2.0 * _DELAY_STEP)
         out[DRIFT] = out[DELAY] * (self.record.time_s - self.record.middle_s)
-        out[GAIN] = torque
-        out[OFFSET] = np.full_like(torque, 1.0 / gain)
+        out[GAIN] = torque * gain_factor(v[GAIN])
+        out[OFFSET] = np.full_like(torque, hypothesis.unit / gain)
+        out[HELD] = np.zeros_like(torque)
         columns = gain * np.stack([out[name] for name in self.names], 1)
         return Expected(shown, good & np.isfinite(columns).all(axis=1), theta, sigma, columns)
 
@@ -120,15 +125,15 @@ class Measurement:
         found = self.model.torque(v, (theta, omega, alpha), self.model.table(v), spread_rad=0.5 * guard)
         good = good & (np.abs(omega) > _SLOW * abs(hypothesis.turn) * self.record.slow_rad_s)
         good = good & (found.variance <= (_UNCERTAIN * self.working_torque_Nm) ** 2)
-        gain = hypothesis.gain * float(np.exp(v[GAIN]))
-        return self.record.torque_Nm - gain * found.torque_Nm - hypothesis.offset_Nm - v[OFFSET], good
+        gain = hypothesis.gain * gain_factor(v[GAIN])
+        return self.record.torque_Nm - gain * found.torque_Nm - hypothesis.shown_offset(v[OFFSET]), good
 
     def at_standstill(
         self, hypothesis: Hypothesis, x: FloatArray, slopes: bool = False
     ) -> tuple[FloatArray, FloatArray | None]:
         """Residuals (s,) of the readings at standstill over their standard deviations, and slopes (s, k) of the model.
 
-        The shaft then shows weight, springs and the sensor's offset; dry friction holds an unknown torque.
+        The shaft then shows weight, springs and the sensor's offset; a brake may hold more.
         """
         rests = self.record.standstills
         if not rests:
@@ -137,12 +142,13 @@ class Measurement:
         time, shown, sigma = np.array([(r.time_s, r.torque_Nm, r.sigma_Nm) for r in rests]).T
         theta = hypothesis.turn * self.record.motion.at(time)[0] - hypothesis.zero_rad - v[ZERO]
         none = np.zeros_like(theta)
-        gain = hypothesis.gain * float(np.exp(v[GAIN]))
+        gain = hypothesis.gain * gain_factor(v[GAIN])
         found = self.model.torque(v, (theta, none, none), self.model.table(v), slopes, way=none)
-        sigma = np.hypot(sigma, _HELD * abs(gain) * self.working_torque_Nm)
-        residual = (shown - gain * found.torque_Nm - hypothesis.offset_Nm - v[OFFSET]) / sigma
+        held = gain * (found.torque_Nm + v[HELD])
+        residual = (shown - held - hypothesis.shown_offset(v[OFFSET])) / sigma
         if not slopes:
             return residual, None
-        out = found.slopes | {GAIN: found.torque_Nm, OFFSET: np.full_like(none, 1.0 / gain)}
+        out = found.slopes | {GAIN: found.torque_Nm * gain_factor(v[GAIN]), HELD: none + 1.0}
+        out[OFFSET] = none + hypothesis.unit / gain
         columns = np.stack([gain * out.get(name, none) for name in self.names], 1)
         return residual, columns / sigma[:, None]

@@ -13,8 +13,10 @@ OFFSET = "sensors.torque.offset_Nm"
 COULOMB = "loads.shaft_friction.coulomb_Nm"
 VISCOUS = "loads.shaft_friction.viscous_Nms"
 ROTOR = "bodies.main_shaft.inertia_kgm2"
+HELD = "standstill.held_Nm"
+"""Torque that holds the standing shaft and is gone while it turns, as a brake's; no number of the file."""
 SENSORS = (ZERO, DELAY, DRIFT, GAIN, OFFSET)
-"""Values of these are departures from the configured sensor; that of the gain is the logarithm of a factor."""
+"""Values of these are departures from the configured sensor; of the gain see `gain_factor`."""
 BESIDE = (COULOMB, VISCOUS, ROTOR)
 """Every machine has these, whether its file declares them or not."""
 
@@ -54,3 +56,17 @@ class Parameter:
     def spread(self, value: float) -> float:
         """Standard deviation of a departure of this size: a scale mixture, so that large mistakes stay possible."""
         return min(max(abs(value - self.nominal), self.departure), self.widest)
+
+
+def gain_factor(value: float) -> float:
+    """Factor on the torque sensor's gain for a value of the parameter `GAIN`, 1 / (1 - value).
+
+    With the inverse of the gain as parameter, a gain and torques that make up for it lie on a straight line, along
+    which a fit steps freely.
+    """
+    return 1.0 / (1.0 - value)
+
+
+def gain_value(factor: float) -> float:
+    """Value of the parameter `GAIN` for a factor."""
+    return 1.0 - 1.0 / factor

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.inference.evidence import Choice, Departures, choose, log_evidence
-from textile_twin_core.inference.map_fit import Fit, map_fit
+from textile_twin_core.inference.evidence import Choice, Departures, choose, is_one, log_evidence
+from textile_twin_core.inference.map_fit import Fit, map_fit, prior_variance
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ZERO, Parameter
 from textile_twin_core.inference.priors import WorkingPoint, parameters
@@ -19,7 +19,7 @@ from textile_twin_core.inference.starts import RATIOS, TURN, hypotheses
 from textile_twin_core.inference.torque_model import TorqueModel
 from textile_twin_core.machine import Machine
 
-_ROUNDS = 8
+_ROUNDS = 5
 """Rounds of refits in which the set of departures may change."""
 _BESIDE_ZERO = (GAIN, DRIFT, COULOMB, OFFSET)
 """Departures that stay while zero and delay change places."""
@@ -60,7 +60,7 @@ class Posterior:
         return self.measurement.parameters[self.measurement.place[name]]
 
     def value(self, name: str) -> float:
-        """Value of a parameter; of a sensor its departure, of the gain the logarithm of a factor."""
+        """Value of a parameter; of a sensor its departure (of the gain see `gain_factor`)."""
         return float(self.fit.x[self.measurement.place[name]])
 
     def departure(self, name: str) -> float:
@@ -157,7 +157,7 @@ class _Search:
             queue = [(choice.departing, fit.x), *((s, fit.x) for _, s in choice.rivals[:2])]
             for name in departing:
                 queue += self._without(fit, departing, name)
-            queue = [(s, x) for s, x in queue if s not in tried]
+            queue = [(s, x) for s, x in queue if s not in tried and not is_one(m, s)]
             tried |= {s for s, _ in queue}
             if not queue:
                 break
@@ -176,6 +176,9 @@ class _Search:
         full = self.full
         m, hypothesis = self.measurement, self.top.hypothesis
         fit = map_fit(m, hypothesis, x, departing, inflation=full.inflation, scale=full.scale, relinearise=True)
+        before, after = prior_variance(m, departing, x), prior_variance(m, departing, fit.x)
+        if np.any(np.maximum(before / after, after / before) > 2.0):  # the prior's width follows the departure
+            fit = map_fit(m, hypothesis, fit.x, departing, inflation=full.inflation, scale=full.scale, relinearise=True)
         return log_evidence(self.measurement, fit, departing, full.inflation) + fit.log_likelihood, fit, departing
 
     def _ends(self, first: Departures) -> list[tuple[Departures, FloatArray]]:

@@ -12,6 +12,7 @@ from textile_twin_core.inference.parameter import (
     DELAY,
     DRIFT,
     GAIN,
+    HELD,
     OFFSET,
     ROTOR,
     VISCOUS,
@@ -44,13 +45,15 @@ PRIORS: Mapping[str, Prior] = {
     "delay": Prior(5e-5, 8e-3, 0.05, 3e-4, 0.03),
     # Quartz clocks agree to a few parts per million; clocks that are not disciplined drift by up to a thousandth.
     "drift": Prior(2e-6, 5e-4, 0.01, 2e-5),
-    # Torque sensors and their amplifiers are good to 1 %; a wrong range or bridge factor changes tens of per cent.
-    "gain": Prior(0.01, 0.3, 0.03, 0.02),
+    # Torque sensors are calibrated to a few per mille; a wrong range or bridge factor changes tens of per cent.
+    "gain": Prior(3e-3, 0.3, 0.03, 0.02),
     # Of the working torque: zero drift of a strain gauge, and a bridge that nobody balanced.
     "offset": Prior(2e-3, 0.15, 0.03, 0.015),
     # Of the working torque: bearings of a machine that runs warm, and friction that the file leaves out.
     "coulomb": Prior(3e-3, 0.15, 0.05, 0.015),
     "viscous": Prior(3e-3, 0.15, 0.03, 0.015),
+    # Of the working torque: dry friction and a brake hold a standing shaft.
+    "held": Prior(1e-3, 0.15, 0.005, 0.015),
     # Of the mean inertia: couplings; a motor's rotor or a flywheel may weigh many times the linkage.
     "rotor": Prior(3e-3, 0.3, 0.02, 0.02, 30.0),
     # Of the force: cloth and yarn vary by per cents; another quality by tens of per cent.
@@ -133,6 +136,7 @@ def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[Parameter, 
         _of("offset", OFFSET, 0.0, torque, "N m"),
         _of("coulomb", COULOMB, sum(load.coulomb_Nm for load in frictions), torque, "N m", 0.0),
         _of("viscous", VISCOUS, sum(load.viscous_Nms for load in frictions), torque / speed, "N m s", 0.0),
+        _of("held", HELD, 0.0, torque, "N m"),
         _of("rotor", ROTOR, rotor, inertia, "kg m2", 0.0),
     ]
     values, held = read(machine), {}

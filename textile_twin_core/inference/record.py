@@ -41,6 +41,7 @@ class Record:
         speed_rad_s: working speed with its sign. slow_rad_s: below it the shaft counts as standing.
         standstills: readings of the standing shaft.
         one_speed: whole turns are so alike in speed that a delay looks like a zero of the encoder.
+        speed_controlled: the torque falls as the speed rises, so that a delay looks like an inertia.
         block_s: width of the means in which residuals are weighed; 0: each sample counts by itself.
     """
 
@@ -52,6 +53,7 @@ class Record:
     slow_rad_s: float
     standstills: tuple[Standstill, ...] = ()
     one_speed: bool = False
+    speed_controlled: bool = False
     block_s: float = 0.0
 
     def thinned(self, most: int) -> Record:

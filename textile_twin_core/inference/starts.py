@@ -10,7 +10,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.map_fit import Fit, map_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
-from textile_twin_core.inference.parameter import BESIDE, DELAY, GAIN, SENSORS, ZERO
+from textile_twin_core.inference.parameter import BESIDE, DELAY, GAIN, SENSORS, ZERO, gain_factor, gain_value
 from textile_twin_core.inference.torque_units import nearest_gain
 
 TURN = 2.0 * math.pi
@@ -43,11 +43,11 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
     found: list[tuple[float, Fit]] = []
     for factor, zero, delay, hypothesis in _starts(measurement, configured, ratios):
         near = nearest_gain(factor or 1e-3, configured.gain)
-        hypothesis = replace(hypothesis, gain=near.gain)
+        hypothesis = replace(hypothesis, gain=near.gain, unit=near.factor)
         x = measurement.nominal.copy()
         x[measurement.place[ZERO]] = np.remainder(zero + np.pi, TURN) - np.pi
         x[measurement.place[DELAY]] = delay
-        x[measurement.place[GAIN]] = math.log(max(abs(factor / near.gain), 1e-3))
+        x[measurement.place[GAIN]] = gain_value(min(max(abs(factor / near.gain), 0.2), 20.0))
         fit = map_fit(coarse, hypothesis, x, free, free=free)
         fit = _in_nearest_unit(coarse, fit, configured)
         score = -0.5 * fit.count / max(fit.inflation, _TELLING) * math.log(max(fit.rms, 1e-300) ** 2)
@@ -58,12 +58,12 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
 def _in_nearest_unit(measurement: Measurement, fit: Fit, configured: Hypothesis) -> Fit:
     """The fit with its gain as a departure from the nearest unit."""
     k = measurement.place[GAIN]
-    near = nearest_gain(fit.hypothesis.gain * math.exp(fit.x[k]), configured.gain)
+    near = nearest_gain(fit.hypothesis.gain * gain_factor(float(fit.x[k])), configured.gain)
     if near.gain == fit.hypothesis.gain or near.gain * fit.hypothesis.gain <= 0.0:
         return fit
     x = fit.x.copy()
-    x[k] += math.log(fit.hypothesis.gain / near.gain)
-    return replace(fit, x=x, hypothesis=replace(fit.hypothesis, gain=near.gain))
+    x[k] = gain_value(fit.hypothesis.gain * gain_factor(float(fit.x[k])) / near.gain)
+    return replace(fit, x=x, hypothesis=replace(fit.hypothesis, gain=near.gain, unit=near.factor))
 
 
 def _odds(fit: Fit, configured: Hypothesis, measurement: Measurement) -> float:

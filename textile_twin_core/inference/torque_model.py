@@ -31,8 +31,8 @@ TURN = 2.0 * np.pi
 _NODES = 1024
 _STEP = 1e-3
 """Of a departure's standard deviation, by which a number is changed for a slope."""
-_MOVED = 0.25
-"""Departures' standard deviations from which slopes are evaluated at the new place."""
+_MOVED = 0.05
+"""Departures' standard deviations from which tables are evaluated at the new place."""
 _SPREAD_RAD = 0.03
 """Shaft angle over which a step of the load is smeared, so that the model has slopes there."""
 _BESIDE = 1e-6
@@ -72,9 +72,9 @@ class TorqueModel:
         self._theta = machine.shaft_angles(_NODES)
         self._speed = machine.nominal_speed_rad_s
         self._here: dict[str, float] = {}
-        self._nominal: tuple[FloatArray, FloatArray] | None = None
         self._linkages: dict[tuple[float, ...], tuple[Linkage, Motion]] = {}
         self.linearise({p.name: p.nominal for p in self.parameters})
+        self._slopes = self._slopes_at_nominal()
         travel = self._table[5::2]
         entry = [load.entry_plane_m for load in self._backings for _ in machine.linkages]
         self._passes = [bool(np.max(h) >= plane) for h, plane in zip(travel, entry, strict=True)]
@@ -91,28 +91,26 @@ class TorqueModel:
         return bool(np.ptp(torque) > 1e-12 * np.max(np.abs(self._table[INERTIA])) * w**2 or self._backings)
 
     def linearise(self, values: Mapping[str, float], departing: Collection[str] = ()) -> None:
-        """Evaluate tables and slopes about the values of the departing parameters, and the nominal ones of all others.
+        """Evaluate the tables about the values of the departing parameters, and the nominal ones of all others.
 
-        Nothing is evaluated while no parameter has moved far since the last time, and about the nominal values once.
+        Nothing is evaluated while no parameter has moved far since the last time. The slopes stay those at the nominal
+        values: mistakes of lengths are small beside them.
         """
         here = {p.name: values[p.name] if p.name in departing else p.nominal for p in self.tabulated}
         if self._here and not any(
             abs(here[p.name] - self._here[p.name]) > _MOVED * p.departure for p in self.tabulated
         ):
             return
-        nominal = all(here[p.name] == p.nominal for p in self.tabulated)
-        if not nominal or self._nominal is None:
-            table = self._evaluate(here)
-            slopes = np.empty((len(self.tabulated), *table.shape))
-            for k, p in enumerate(self.tabulated):
-                step = _STEP * p.departure
-                slopes[k] = (self._evaluate(here | {p.name: here[p.name] + step}) - table) / step
-            found = table, slopes
-        else:
-            found = self._nominal
-        self._here, (self._table, self._slopes) = here, found
-        if nominal:
-            self._nominal = found
+        self._here, self._table = here, self._evaluate(here)
+
+    def _slopes_at_nominal(self) -> FloatArray:
+        """Slopes (k, c, nodes) of the tables by the tabulated parameters."""
+        here = {p.name: p.nominal for p in self.tabulated}
+        slopes = np.empty((len(self.tabulated), *self._table.shape))
+        for k, p in enumerate(self.tabulated):
+            step = _STEP * p.departure
+            slopes[k] = (self._evaluate(here | {p.name: here[p.name] + step}) - self._table) / step
+        return slopes
 
     def table(self, values: Mapping[str, float]) -> FloatArray:
         """Functions of the angle (c, nodes) with these values, linear about the last linearisation."""
