@@ -31,8 +31,7 @@ def test_nothing_is_said_of_a_healthy_recording(machine: str, run_up: bool) -> N
 
 
 @pytest.mark.parametrize("mass", [0.8, 1.25])
-def test_a_rocker_of_another_mass_is_told_beside_the_sensors_that_it_seems_to_be(mass: float) -> None:
-    """The sensors are right, and what is accused of them is wrong: 40 sigma and more of the gain."""
+def test_a_rocker_of_another_mass_is_named_or_an_equivalent_and_no_sensor_is_accused(mass: float) -> None:
     case = healthy("loom", 911, duration_s=24.0)
     made, machine = record(case), told_machine(case)
     bodies = tuple(
@@ -42,11 +41,12 @@ def test_a_rocker_of_another_mass_is_told_beside_the_sensors_that_it_seems_to_be
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     told = replace(machine, bodies=bodies)
     found = calibrate(readings, told)
-    assert abs(found.gain.value - 1.0) > 40.0 * found.gain.sigma
-    assert any("repeats with the shaft's angle" in note for note in found.assessment.notes)
-    assert any("masses" in each.between for each in found.ambiguous)
-    identified = identify(readings, told)  # tells by itself what it leaves
-    assert identified.unmodelled.significant and not any("repeats" in note for note in identified.notes)
+    named = {path for cause in found.assessment.verdict for path in (cause.parameter, *cause.equivalents)}
+    assert any("l3" in path for path in named)
+    assert not any(path.startswith("sensors.") for path in named)
+    assert found.gain.value == pytest.approx(1.0, abs=3.0 * found.gain.sigma)
+    identified = identify(readings, told)  # with the file as it is
+    assert identified.unmodelled.significant
 
 
 def test_what_is_too_small_to_be_named_is_no_torque_that_repeats() -> None:

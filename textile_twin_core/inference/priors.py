@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
 from textile_twin_core.dynamics.loads import Backing, ShaftFriction
+from textile_twin_core.errors import MachineError
 from textile_twin_core.inference.parameter import (
     COULOMB,
     DELAY,
@@ -151,7 +153,26 @@ def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[Parameter, 
         name, low = parameter_path(slot), 0.0 if kind in _NOT_NEGATIVE else -math.inf
         own.append(_of(kind, name, value, scale, _unit(kind, slot), low))
         held[name] = slot
-    return tuple(own), held
+    return tuple(_with_tolerance(machine, known) for known in _checked(machine, own)), held
+
+
+def _checked(machine: Machine, known: list[Parameter]) -> list[Parameter]:
+    """The parameters, where the machine states tolerances of these alone. Raises MachineError."""
+    names = {parameter.name: parameter for parameter in known}
+    for path in machine.tolerances:
+        if path not in names or names[path].nominal == 0.0:
+            near = get_close_matches(path, names, n=3) or list(names)[:6]
+            raise MachineError(
+                f"machine '{machine.name}': tolerances.{path}: the torque depends on no number of this name that is"
+                f" not 0; did you mean {' or '.join(near)}?"
+            )
+    return known
+
+
+def _with_tolerance(machine: Machine, known: Parameter) -> Parameter:
+    """A parameter with the tolerance that the machine states for it, if it does."""
+    relative = machine.tolerances.get(known.name)
+    return known if relative is None else replace(known, tolerance=relative * abs(known.nominal))
 
 
 def _of(kind: str, name: str, nominal: float, scale: float, unit: str, low: float = -math.inf) -> Parameter:

@@ -41,7 +41,8 @@ class Declaration(Declared):
 
     Several equal linkages can sit on one shaft; torque and energy are their sums, positions and
     reactions those of the first. `shaft` makes the main shaft elastic, with the linkages at its stations; without
-    one it is rigid. `angle_near_rad` names, per link, the turn in which its printed
+    one it is rigid. `tolerances` are relative standard deviations of numbers, by dotted path such as
+    `bodies.l3.mass_kg`. `angle_near_rad` names, per link, the turn in which its printed
     angle lies; `nominal_speed_rad_s` is the shaft speed at which errors are judged; `transmitted` names
     outputs for the torque that a link applies to an arm fixed to it.
     `joint_names` names joints by link, where they are not to be called as the link.
@@ -58,6 +59,7 @@ class Declaration(Declared):
     sensors: Sensors = field(default_factory=Sensors)
     linkages: tuple[ShaftPlace, ...] = (ShaftPlace(),)
     shaft: MainShaft | None = None
+    tolerances: Mapping[str, float] = field(default_factory=dict)
     scene: Scene = field(default_factory=Scene)
     joint_names: Mapping[str, str] = field(default_factory=dict)
     angle_near_rad: Mapping[str, float] = field(default_factory=dict)
@@ -75,6 +77,10 @@ class Declaration(Declared):
             object.__setattr__(self, part, python_numbers(getattr(self, part)))
         self._check_shaft()
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "tolerances", MappingProxyType(dict(self.tolerances)))
+        for path, value in self.tolerances.items():
+            if not (math.isfinite(value) and value > 0.0):
+                raise MachineError(f"tolerances.{path}: give a positive relative standard deviation, not {value!r}")
         with reckonable(f"machine '{self.name}'"):
             names = default_joint_names(self.linkage) | dict(self.joint_names)
             object.__setattr__(self, "joint_names", MappingProxyType(names))
