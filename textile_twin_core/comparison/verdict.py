@@ -38,6 +38,8 @@ _SAME = 0.05
 """Part of an offset in another unit by which it may differ from the configured one."""
 FOLLOWS_NOTHING = 0.5
 """Share of the torque that even the best function of the angle leaves unexplained."""
+_SIGNIFICANT = 3.0
+"""Standard deviations from which friction counts as other than that of the file."""
 _CAUSES = {
     "force": "load_force",
     "free_force": "load_force",
@@ -372,6 +374,9 @@ def quantities(found: Judged, verdict: Iterable[Cause]) -> tuple[Quantity, ...]:
     friction += settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
     sigma = settled.sigma({COULOMB: 1.0, VISCOUS: speed})
     same = "as the file says"
+    nominal = p.parameter(COULOMB).nominal + speed * p.parameter(VISCOUS).nominal
+    missing = abs(friction - nominal) > max(_SIGNIFICANT * sigma, p.parameter(COULOMB).threshold)
+    of_friction = same if not missing else "wrong in the file" if nominal else "missing in the file"
     apart = f"{same}; not distinguishable from friction, a standstill would tell"
     zero = f"{math.degrees(_zero_beside(found)):+.3f} +- {math.degrees(settled.sigma(ZERO)):.3f} deg beside the file"
     rows = [
@@ -391,7 +396,7 @@ def quantities(found: Judged, verdict: Iterable[Cause]) -> tuple[Quantity, ...]:
             "torque offset",
             f"{s.offset_Nm:+.3f} +- {p.hypothesis.unit * settled.sigma(OFFSET):.3f} N m: {same if rests else apart}",
         ),
-        ((COULOMB, VISCOUS), "friction", f"{friction:.3f} +- {sigma:.3f} N m at working speed: {same}"),
+        ((COULOMB, VISCOUS), "friction", f"{friction:.3f} +- {sigma:.3f} N m at working speed: {of_friction}"),
     ]
     for known in p.measurement.parameters:
         if known.kind == "force":

@@ -22,6 +22,8 @@ _LONGEST = {ZERO: 0.15, DELAY: 0.01, DRIFT: 3e-4, GAIN: 0.7}
 """Longest step of one iteration: the torque is a wave of the angle."""
 _HIGHEST = {GAIN: 0.95}
 """Beyond it the gain would be twenty times that of the nearest unit."""
+_REACH = 6.0
+"""Widest departures' standard deviations beyond which no value is sought."""
 _CONVERGED, _MOST_DAMPING = 1e-3, 1e4
 _KEPT = 0.7
 """Share of the samples that a step must keep."""
@@ -108,13 +110,13 @@ def map_fit(
     names = measurement.names
     index = np.array([k for k, name in enumerate(names) if free is None or name in free], dtype=np.int64)
     given = inflation or 1.0
-    low = np.array([p.low for p in measurement.parameters])
-    high = np.array([_HIGHEST.get(name, np.inf) for name in names])
+    reach = np.array([_REACH * p.widest for p in measurement.parameters])
+    low = np.maximum(measurement.nominal - reach, [p.low for p in measurement.parameters])
+    high = np.minimum(measurement.nominal + reach, [_HIGHEST.get(name, np.inf) for name in names])
     variance, damping = prior_variance(measurement, departing, x), 0.0
 
     def weigh(x: FloatArray) -> _Weighed:
-        if relinearise:
-            measurement.model.linearise(measurement.values(x), departing)
+        measurement.model.linearise(measurement.values(x), departing if relinearise else ())
         return _weigh(measurement, hypothesis, x, variance, given, scale)
 
     here = weigh(x)

@@ -86,6 +86,7 @@ class Posterior:
     @property
     def explained(self) -> float:
         """Share of the torque's variance that the values explain, sample by sample."""
+        self.measurement.model.linearise(self.measurement.values(self.fit.x), self.departing)
         residual, good = self.measurement.residual(self.hypothesis, self.fit.x)
         torque = self.measurement.record.torque_Nm[good]
         return 1.0 - float(np.mean(residual[good] ** 2)) / max(float(np.var(torque)), 1e-300) if torque.size else 0.0

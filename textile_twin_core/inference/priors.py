@@ -100,6 +100,8 @@ _OF_ATTRIBUTE = {
     "exit_plane_m": "plane",
 }
 _RELATIVE = ("mass", "inertia", "length", "spring", "joint_friction", "force")
+_SHORTEST = 0.8
+"""Share of its nominal value that a length may have at least: a linkage of shorter ones is another machine."""
 _NOT_NEGATIVE = ("mass", "inertia", "spring", "joint_friction", "force", "free_force")
 _UNITS = {"mass": "kg", "inertia": "kg m2", "ground": "m", "plane": "m", "angle": "rad", "centroid": "lengths"}
 _BY_SUFFIX = {"_N_m": "N/m", "_Nm_rad": "N m/rad", "_Nms": "N m s", "_Ns_m": "N s/m", "_Nm": "N m", "_N": "N"}
@@ -151,6 +153,8 @@ def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[Parameter, 
         if kind == "free_force":
             scale = machine.loads[int(slot.entry)].force_N  # type: ignore[attr-defined]
         name, low = parameter_path(slot), 0.0 if kind in _NOT_NEGATIVE else -math.inf
+        if kind == "length":
+            low = _SHORTEST * value
         own.append(_of(kind, name, value, scale, _unit(kind, slot), low))
         held[name] = slot
     return tuple(_with_tolerance(machine, known) for known in _checked(machine, own)), held

@@ -87,7 +87,7 @@ def _starts(
     has_zero = measurement.model.depends_on_angle()
     fast = measurement.on(measurement.record.near_speed(_NEAR_SPEED, _SCAN))
     zeros = np.append(TURN * np.arange(_ZEROS) / _ZEROS - np.pi, 0.0) if has_zero else np.zeros(1)
-    found: list[tuple[float, float, float, Hypothesis]] = []
+    found: list[tuple[float, tuple[float, float], float, Hypothesis]] = []
     power = float(np.var(fast.record.torque_Nm))
     for ratio in ratios:
         if found and min(found, key=lambda each: each[0])[0] < _EXPLAINED * power:
@@ -97,16 +97,17 @@ def _starts(
             scan = _Scan(fast, hypothesis, 0.0)
             rows = sorted(((*scan.square(float(zero)), float(zero)) for zero in zeros), key=lambda each: each[0])
             kept: list[float] = []
-            for square, gain, zero in rows:
+            for square, gains, zero in rows:
                 if all(abs(math.remainder(zero - other, TURN)) > _APART_RAD for other in kept):
                     kept.append(zero)
-                    found.append((square, gain, zero, hypothesis))
+                    found.append((square, gains, zero, hypothesis))
                 if len(kept) == _KEPT:
                     break
 
-    def rank(each: tuple[float, float, float, Hypothesis]) -> float:
-        square, gain, zero, hypothesis = each
-        mistakes = (hypothesis.turn != configured.turn) + (gain * configured.gain < 0.0) + (abs(zero) > _WIDE_RAD)
+    def rank(each: tuple[float, tuple[float, float], float, Hypothesis]) -> float:
+        square, gains, zero, hypothesis = each
+        reversed_sign = all(gain * configured.gain < 0.0 for gain in gains)
+        mistakes = (hypothesis.turn != configured.turn) + reversed_sign + (abs(zero) > _WIDE_RAD)
         return square * (1.0 + _PENALTY * mistakes)
 
     found.sort(key=rank)
@@ -119,7 +120,12 @@ def _starts(
         tried = [(*_Scan(coarse, hypothesis, d).square(zero - speed * d), zero - speed * d, d) for d in delays]
         best.append((*min(tried, key=lambda each: each[0]), hypothesis))
     best.sort(key=lambda each: each[0])
-    return [each[1:] for each in best[:_RANKED]]
+    out = []
+    for _, gains, zero, delay, hypothesis in best[:_RANKED]:
+        # where force, inertia and gain are alike, they may make up for each other with the wrong sign
+        differ = gains[0] * gains[1] < 0.0
+        out += [(gain, zero, delay, hypothesis) for gain in (gains if differ else gains[:1])]
+    return out
 
 
 class _Scan:
@@ -133,8 +139,8 @@ class _Scan:
         self._shown = measurement.record.torque_Nm[good] - hypothesis.offset_Nm
         self._forces = [p.name for p in measurement.parameters if p.kind == "force"]
 
-    def square(self, zero_rad: float) -> tuple[float, float]:
-        """Mean square [N^2 m^2] and gain."""
+    def square(self, zero_rad: float) -> tuple[float, tuple[float, float]]:
+        """Mean square [N^2 m^2], and the gain beside all others and beside friction alone."""
         theta, omega, alpha = self._state
         found = self._model.torque(
             self._values, (theta - zero_rad, omega, alpha), self._table, bool(self._forces), only_forces=True
@@ -146,4 +152,6 @@ class _Scan:
         normal[np.diag_indices_from(normal)] += 1e-300
         sides = matrix.T @ self._shown
         solved = np.linalg.solve(normal, sides)
-        return float(self._shown @ self._shown - sides @ solved) / max(self._shown.size, 1), float(solved[0])
+        plain = np.linalg.solve(normal[:2, :2], sides[:2])
+        gains = float(solved[0]), float(plain[0])
+        return float(self._shown @ self._shown - sides @ solved) / max(self._shown.size, 1), gains

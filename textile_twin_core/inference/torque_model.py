@@ -72,6 +72,7 @@ class TorqueModel:
         self._theta = machine.shaft_angles(_NODES)
         self._speed = machine.nominal_speed_rad_s
         self._here: dict[str, float] = {}
+        self._nominal: tuple[dict[str, float], FloatArray] | None = None
         self._linkages: dict[tuple[float, ...], tuple[Linkage, Motion]] = {}
         self.linearise({p.name: p.nominal for p in self.parameters})
         self._slopes = self._slopes_at_nominal()
@@ -101,7 +102,9 @@ class TorqueModel:
             abs(here[p.name] - self._here[p.name]) > _MOVED * p.departure for p in self.tabulated
         ):
             return
-        self._here, self._table = here, self._evaluate(here)
+        table = self._evaluate(here)
+        if np.isfinite(table).all():  # a linkage of these lengths closes
+            self._here, self._table = here, table
 
     def _slopes_at_nominal(self) -> FloatArray:
         """Slopes (k, c, nodes) of the tables by the tabulated parameters."""
