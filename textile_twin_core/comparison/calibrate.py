@@ -248,7 +248,7 @@ def _ambiguous(assessment: Assessment, found: Judged, ratio: float) -> list[Ambi
             )
         )
     for name in p.departing.intersection(SENSORS):
-        others = [other for other in p.equivalents(name) if {name, other} != {ZERO, DELAY}]
+        others = [other for other in p.equivalents(name) if other != HELD and {name, other} != {ZERO, DELAY}]
         if others:
             ambiguous.append(
                 Ambiguity(

@@ -40,6 +40,8 @@ FOLLOWS_NOTHING = 0.5
 """Share of the torque that even the best function of the angle leaves unexplained."""
 _SIGNIFICANT = 3.0
 """Standard deviations from which friction counts as other than that of the file."""
+_CERTAIN = 4.0
+"""Standard deviations from which a force within its everyday tolerance is named."""
 _CAUSES = {
     "force": "load_force",
     "free_force": "load_force",
@@ -174,6 +176,12 @@ def _departures(found: Judged) -> list[Cause]:
         friction, sigma = _friction_departure(found)
         if abs(friction) > p.parameter(COULOMB).threshold:
             named.append((abs(friction) / sigma, _friction(found)))
+    for known in p.measurement.parameters:
+        # within the tolerance of a force, and still known better than that
+        if known.kind == "force" and known.name not in p.departing:
+            away, sigma = p.departure(known.name), p.sigma(known.name)
+            if abs(away) > max(known.threshold, _CERTAIN * sigma):
+                named.append((abs(away) / sigma, _of_machine(found, known.name)))
     named.sort(key=lambda each: -each[0])
     return [cause for _, cause in named]
 
