@@ -100,6 +100,8 @@ _OF_ATTRIBUTE = {
     "exit_plane_m": "plane",
 }
 _RELATIVE = ("mass", "inertia", "length", "spring", "joint_friction", "force")
+_NO_SIZE = 1e-50
+"""A number that is smaller has no relative tolerance, and no effect."""
 _SHORTEST = 0.8
 """Share of its nominal value that a length may have at least: a linkage of shorter ones is another machine."""
 _NOT_NEGATIVE = ("mass", "inertia", "spring", "joint_friction", "force", "free_force")
@@ -147,11 +149,13 @@ def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[Parameter, 
     for slot in slots(machine):
         kind = _kind(machine, slot)
         value = values[slot.name]
-        if not kind or (value == 0.0 and kind in _RELATIVE):
+        if not kind or (abs(value) < _NO_SIZE and kind in _RELATIVE):
             continue
         scale = abs(value) if kind in _RELATIVE else 1.0
         if kind == "free_force":
             scale = machine.loads[int(slot.entry)].force_N  # type: ignore[attr-defined]
+            if abs(scale) < _NO_SIZE:
+                continue
         name, low = parameter_path(slot), 0.0 if kind in _NOT_NEGATIVE else -math.inf
         if kind == "length":
             low = _SHORTEST * value

@@ -154,8 +154,10 @@ class TorqueModel:
         variance = np.zeros_like(torque)
         for k, passes in enumerate(self._passes):
             names = self._of_backing[k // len(self.machine.linkages)]
-            force, free, entry, leave = (
-                values[names[what]] for what in ("force_N", "free_force_N", "entry_plane_m", "exit_plane_m")
+            backing = self._backings[k // len(self.machine.linkages)]
+            force, free, entry, leave = (  # a force of 0 is no parameter
+                values[names[what]] if what in names else getattr(backing, what)
+                for what in ("force_N", "free_force_N", "entry_plane_m", "exit_plane_m")
             )
             travel, rate = rows[5 + 2 * k], rows[6 + 2 * k]
             going_in = rate * omega > 0.0
@@ -167,13 +169,14 @@ class TorqueModel:
             variance = variance + (lever * (force - free)) ** 2 * inside * (1.0 - inside)
             if slopes:
                 bump = -lever * (force - free) * np.exp(-0.5 * away**2) / (2.5066282746 * width) * passes
-                for name, column in (
-                    (names["force_N"], lever * inside),
-                    (names["free_force_N"], lever * (1.0 - inside)),
-                    (names["entry_plane_m"], bump * going_in),
-                    (names["exit_plane_m"], bump * ~going_in),
+                for what, column in (
+                    ("force_N", lever * inside),
+                    ("free_force_N", lever * (1.0 - inside)),
+                    ("entry_plane_m", bump * going_in),
+                    ("exit_plane_m", bump * ~going_in),
                 ):
-                    out[name] = out.get(name, 0.0) + column
+                    if what in names:
+                        out[names[what]] = out.get(names[what], 0.0) + column
                 factors[5 + 2 * k] = -bump
                 factors[6 + 2 * k] = np.sign(rate) * sign * (free + (force - free) * inside)
         if slopes and self.tabulated and not only_forces:
