@@ -108,7 +108,8 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
 
     Args:
         readings: The recording.
-        machine: A machine with a `shaft`; a drive whose inertia or slip is unknown starts from the observer's estimate.
+        machine: A machine with a `shaft`; inertia and slip of its drive start from the observer's
+            estimates.
         begin: Hears of each stage.
 
     Returns:
@@ -120,11 +121,16 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
     observed = _Observed(readings, machine)
     begin("observing", 0.05)
     before, _ = observed.residual(machine)
-    started = _with_drive(readings, machine)
-    scale = {name: value for name, value in _values(started).items() if value > 0.0}
-    _, settled = observed.residual(started)
+    _, settled = observed.residual(machine)
     if np.count_nonzero(settled) < _FEWEST:
         raise RecordingError("the shaft's state does not settle in this recording: record longer at working speed")
+    begin("trying stiffnesses", 0.3)
+    free = _with_unknown_drive(machine)
+    stiffness = _values(machine)[STIFFNESS]
+    tried = [_changed(free, {STIFFNESS: stiffness * factor}) for factor in _FACTORS]
+    left_by = [float(np.mean(np.abs(observed.residual(each, settled)[0][settled]))) for each in tried]
+    started = _observed_drive(readings, tried[int(np.argmin(left_by))])
+    scale = {name: value for name, value in _values(started).items() if value > 0.0}
 
     def at(logs: FloatArray) -> Machine:
         return _changed(started, {name: scale[name] * math.exp(x) for name, x in zip(scale, logs, strict=True)})
@@ -132,13 +138,7 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
     def residual(logs: FloatArray) -> FloatArray:
         return np.asarray(observed.residual(at(logs), settled)[0][settled])
 
-    begin("trying stiffnesses", 0.3)
     first = np.zeros(len(scale))
-    tried = []
-    for factor in _FACTORS:
-        first[0] = math.log(factor)
-        tried.append(float(np.mean(np.abs(residual(first)))))
-    first[0] = math.log(_FACTORS[int(np.argmin(tried))])
     begin("fitting", 0.95)
     noise = float(np.median(np.abs(residual(first)))) / 0.6745
     # The fit's variables are about 1, since the numerical slopes take steps relative to them.
@@ -226,12 +226,16 @@ def _changed(machine: Machine, values: Mapping[str, float]) -> Machine:
     return replace(machine, shaft=replace(shaft, stations=stations, pieces=pieces, drive=drive))
 
 
-def _with_drive(readings: Readings, machine: Machine) -> Machine:
-    """The machine with a drive: inertia and slip that the file leaves out are the observer's estimates."""
+def _with_unknown_drive(machine: Machine) -> Machine:
+    """The machine with a drive whose inertia and slip the observer estimates."""
     shaft = _shaft(machine)
-    if shaft.drive.inertia_kgm2 is not None and shaft.drive.slip_Nms_rad is not None:
-        return machine
+    drive = replace(shaft.drive, inertia_kgm2=None, slip_Nms_rad=None)
+    return replace(machine, shaft=replace(shaft, drive=drive))
+
+
+def _observed_drive(readings: Readings, machine: Machine) -> Machine:
+    """The machine with the drive that the observer estimates."""
     twin = compile_machine(machine, outputs=(TORQUE,))
     assert isinstance(twin, ElasticTwin)
     drive = twin.observed_drive(readings.angle_stamps_ns, readings.angle, readings.velocities)
-    return replace(machine, shaft=replace(shaft, drive=drive))
+    return replace(machine, shaft=replace(_shaft(machine), drive=drive))
