@@ -49,3 +49,22 @@ def test_after_a_rest_where_the_encoder_begins_a_delay_is_no_zero_that_is_known(
     (found,) = assess(Readings(stamps, seen(started(time, 0.0)[0]), stamps, torque), machine).verdict
     assert found.cause == "zero_or_delay" and isinstance(found.value, dict)
     assert found.value["delay_s"] == pytest.approx(late_s, rel=0.01)
+
+
+@pytest.mark.parametrize("run_up_s", [3.0, 5.0, 12.0])
+@pytest.mark.parametrize("record_s", [24.0, 120.0])
+def test_a_short_run_up_after_standstill_is_another_speed(run_up_s: float, record_s: float) -> None:
+    time = np.arange(0.0, record_s, 0.002)
+    ramp, after = np.clip(time - REST_S, 0.0, run_up_s), np.clip(time - REST_S - run_up_s, 0.0, None)
+    theta = SPEED * (ramp**2 / (2.0 * run_up_s) + after)
+    track = shaft_track((time * 1e9).astype(np.int64), seen(theta), None, origin_ns=0, encoder=Encoder())
+    assert not track.at_one_speed
+
+
+def test_a_speed_that_wanders_by_a_hundredth_is_one_speed() -> None:
+    time = np.arange(0.0, 120.0, 0.002)
+    wander = np.random.default_rng(5).normal(size=41)
+    omega = SPEED * (1.0 + 0.01 * np.interp(time, 3.0 * np.arange(41), wander))
+    theta = np.cumsum(omega) * 0.002
+    track = shaft_track((time * 1e9).astype(np.int64), seen(theta), None, origin_ns=0, encoder=Encoder())
+    assert track.at_one_speed

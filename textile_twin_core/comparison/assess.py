@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
-from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
+from textile_twin_core.comparison.evidence import Evidence, Settings
 from textile_twin_core.comparison.explain import Explanation, explain
 from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
 from textile_twin_core.comparison.left_over import repeating_note, repeating_torque
@@ -16,7 +16,7 @@ from textile_twin_core.comparison.periodic import best_periodic
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
 from textile_twin_core.comparison.search import LONGEST_DELAY_S
-from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
+from textile_twin_core.comparison.shaft_track import REST_SHARE, TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.stamp_timing import burst_verdict
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.comparison.verdict import FEWEST_ANGLES, NOT_THIS_MACHINE, Cause, causes

@@ -12,12 +12,10 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison import blocks
 from textile_twin_core.comparison.robust import robust_scale
-from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
+from textile_twin_core.comparison.shaft_track import REST_SHARE, TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
 
 _MOST_SAMPLES = 8000
-REST_SHARE = 0.05
-"""Of the fast end of the speeds: below it the shaft counts as at rest."""
 _ONE_SPEED = 0.08
 _JUMP_GUARD_S = 0.001
 """Samples this near to a jump of the load cannot tell its side."""

@@ -19,9 +19,10 @@ from textile_twin_core.twin.session import encoder_settings
 TURN = 2.0 * math.pi
 _UNSURE, _STILL = 0.1, 0.005
 _FEWEST = 8
-_SPREAD = 1.2
-_PAUSE = 20.0
-"""A turn this many times longer than the median one holds a stop."""
+_INFORMATIVE_TURNS = 1.0
+_ALIKE = 0.05
+REST_SHARE = 0.05
+"""Share of the fast speed below which the shaft counts as standing still."""
 
 
 @dataclass(frozen=True)
@@ -56,16 +57,26 @@ class ShaftTrack:
 
     @cached_property
     def at_one_speed(self) -> bool:
-        """Whether whole turns are so alike in their mean speeds that a delay is a zero of the encoder.
+        """Whether the shaft's speed varies too little for a delay to be distinguishable from a zero of the encoder.
 
-        The third fastest turn is then at most 1.2 times as fast as the third slowest, or there are too few to tell.
+        A zero shifts the angle by a constant, a delay by speed times delay. Beside a free zero the delay is therefore
+        known from the variance of the mean speed per revolution. That variance, as a share of the mean square, times
+        the revolutions made, is the number of revolutions that would give a phase alone equally well. The delay needs
+        `_INFORMATIVE_TURNS` of them; speeds within `_ALIKE` of the mean do not count.
         """
-        edges = np.flatnonzero(np.diff(np.floor(self.theta_rad / TURN)) != 0.0)
-        spans = np.sort(np.diff(self.time_s[edges]))
-        # A shaft that rests where a turn ends trembles across that place: no turn is so short.
-        spans = spans[2.0 * self.fast_rad_s * spans > TURN]
-        spans = spans[spans < _PAUSE * np.median(spans)] if spans.size else spans
-        return spans.size < _FEWEST or bool(spans[-3] <= _SPREAD * spans[2])
+        turning = np.abs(self.omega_rad_s) > REST_SHARE * self.fast_rad_s
+        turn = np.floor(self.theta_rad[turning] / TURN).astype(np.int64)
+        if turn.size == 0:
+            return True
+        step = np.minimum(np.gradient(self.time_s), self.longest_s)[turning]
+        moved = self.omega_rad_s[turning] * step
+        _, place = np.unique(2 * turn + (moved < 0.0), return_inverse=True)
+        span, way = np.bincount(place, step), np.bincount(place, moved)
+        speed = way / span
+        away = speed - way.sum() / span.sum()
+        square = float(span @ speed**2)
+        away[away**2 * span.sum() < _ALIKE**2 * square] = 0.0
+        return float(span @ away**2) / square * float(np.abs(way).sum()) < _INFORMATIVE_TURNS * TURN
 
     def between(self, first_s: float, last_s: float) -> ShaftTrack:
         """The track from one time to another; all of it where too little lies between."""
