@@ -13,6 +13,7 @@ from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Identification, identify, with_table
+from textile_twin_core.comparison.shaft_identification import ShaftIdentification, identify_shaft
 from textile_twin_core.files import save_machine_file
 
 _SHOWN = {"_rad": ("deg", 180.0 / math.pi), "_s": ("ms", 1e3), "_N": ("N", 1.0), "_Nm": ("N m", 1.0)}
@@ -50,6 +51,14 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError("--table writes a load over one turn: leave it out, --json has the table over the whole cycle")
     check_out(arguments)
     _, angles, measured = read_samples(arguments, machine)
+    if machine.shaft is not None:
+        with stages(len(angles)) as stage:
+            shaft = identify_shaft(readings_of(angles, measured), machine, lambda what, until: stage(what, until, 1))
+        write_json(arguments, machine, shaft.to_json())
+        if arguments.out is not None:
+            save_machine_file(shaft.machine, arguments.out)
+        print_rows(_rows(shaft))
+        return
     with stages(len(angles)) as stage:
         found = identify(readings_of(angles, measured), machine, lambda what, until: stage(what, until, 1))
     write_json(arguments, machine, found.to_json())
@@ -59,7 +68,8 @@ def run(arguments: argparse.Namespace) -> None:
     _print(found)
 
 
-def _print(found: Identification) -> None:
+def _rows(found: Identification | ShaftIdentification) -> list[tuple[str, str]]:
+    """Parameters and residuals in words."""
     rows = []
     for name, each in found.parameters.items():
         unit, factor = next((shown for end, shown in _SHOWN.items() if name.endswith(end)), ("", 1.0))
@@ -70,6 +80,11 @@ def _print(found: Identification) -> None:
         ("RMS error before", f"{found.rms_before_Nm:.4g} N m"),
         ("RMS error after", f"{found.rms_after_Nm:.4g} N m"),
     ]
+    return rows
+
+
+def _print(found: Identification) -> None:
+    rows = _rows(found)
     left = found.unmodelled
     over = f" over {left.cycle_turns} turns" if left.cycle_turns > 1 else ""
     if left.significant:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.driveline import ElasticShaft
 from textile_twin_core.driveline.observer import Observed, ShaftObserver
 from textile_twin_core.driveline.observer_step import ShaftReadings
+from textile_twin_core.machine.main_shaft import ShaftDrive
 from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.shaft.status import Records
 from textile_twin_core.twin.elastic_motion import ElasticMotion, ElasticOutputs, set_angle, state_rows
@@ -45,6 +48,16 @@ class ElasticPredictor:
         """The same observer, asked for other outputs."""
         self._results = results
         return self
+
+    @property
+    def drive(self) -> ShaftDrive:
+        """The drive with inertia and slip, given or estimated so far."""
+        observer = self._observer
+        return replace(
+            self._elastic.shaft.drive,
+            inertia_kgm2=observer.drive_inertia_kgm2,
+            slip_Nms_rad=max(observer.drive_slip_Nms_rad, 0.0),
+        )
 
     def predict(self, states: ShaftStates) -> Prediction:
         """What the observer makes of the readings behind the estimated states."""

@@ -18,7 +18,7 @@ from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
-from textile_twin_core.twin.predictor import AnyTwin, StampedEvent, names_text
+from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent, names_text
 from textile_twin_core.twin.sense import SENSE_SIGMAS
 
 _PIECE = 65_536
@@ -162,6 +162,11 @@ class Session:
 
     def __repr__(self) -> str:
         return f"<Session of {self.twin!r}, shaft '{self.shaft}', {self.report.text()}>"
+
+    @property
+    def predictor(self) -> Predictor:
+        """What predicts from the shaft's states."""
+        return self._predictor
 
     @property
     def report(self) -> SampleReport:
