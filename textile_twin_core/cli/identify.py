@@ -16,7 +16,15 @@ from textile_twin_core.comparison import Identification, identify, with_table
 from textile_twin_core.comparison.shaft_identification import ShaftIdentification, identify_shaft
 from textile_twin_core.files import save_machine_file
 
-_SHOWN = {"_rad": ("deg", 180.0 / math.pi), "_s": ("ms", 1e3), "_N": ("N", 1.0), "_Nm": ("N m", 1.0)}
+_SHOWN = {
+    "_Nm_rad": ("N m/rad", 1.0),
+    "_Nms_rad": ("N m s/rad", 1.0),
+    "_rad": ("deg", 180.0 / math.pi),
+    "_s": ("ms", 1e3),
+    "_N": ("N", 1.0),
+    "_Nm": ("N m", 1.0),
+}
+"""Unit and factor by the end of a name; the first that fits counts."""
 
 
 def parser() -> Parser:
