@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.shaft import create_estimator
 from textile_twin_core.shaft.count_lattice import counts_behind
 
 TURN = 2.0 * np.pi
@@ -54,28 +53,3 @@ def test_none_are_named_where_there_are_none(unit: str, decimals: int) -> None:
     for speed in (6.0, 13.7, 60.0, TURN * 500.0 / 125.0):  # the last has 125 readings a turn
         angle = logged(motion(speed, 768)[1], 0, UNITS[unit], decimals)
         assert counts_behind(np.unwrap(angle), turn=UNITS[unit]) is None
-
-
-@pytest.mark.parametrize(
-    ("counts", "unit", "decimals", "speed"),
-    [
-        (8192, "degrees", 2, 8.44),
-        (8192, "degrees", 3, 8.44),  # 22 counts a sample
-        (8192, "degrees", 4, 60.0),
-        (2500, "gon", 2, 31.0),
-        (1024, "radians", 3, 6.0),
-        (5000, "turns", 5, 16.755),
-        (65536, "degrees", 3, 16.755),
-    ],
-)
-def test_acceleration_is_that_of_the_unrounded_counts(counts: int, unit: str, decimals: int, speed: float) -> None:
-    time, theta, truth = motion(speed, 5000)
-    errors = []
-    for angle in (logged(theta, counts, TURN, 15), logged(theta, counts, UNITS[unit], decimals)):
-        estimator = create_estimator("smooth")
-        parts = [estimator.step(np.rint(time * 1e9).astype(np.int64), angle), estimator.finish()]
-        states = next(part for part in parts if len(part))
-        off = states.alpha_rad_s2 - truth[states.index]
-        errors.append(float(np.sqrt(np.mean(off[1000:-200] ** 2))))
-        assert estimator.report.resolution_rad == pytest.approx(TURN / counts, rel=1e-3)
-    assert errors[1] < 1.3 * errors[0]

@@ -8,11 +8,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.shaft.count_lattice import counts_behind
 from textile_twin_core.shaft.turns import TURN
 
 LOOK_AT = (12, 24, 48, 192, 768)  # numbers of readings at which the step is looked for
-LOOK_FOR_COUNTS = 192  # readings from which counts behind rounded readings are looked for
 UNKNOWN_STEP_RAD = 0.012  # assumed until the step is found: 9 bits
 FINEST_STEP_RAD = 1e-6  # readings of a finer step count as not rounded
 OUTLIER_RAD = 0.05  # a reading further than this from the median of five is left out
@@ -55,13 +53,10 @@ class StepFinder:
         self._readings = np.concatenate([self._readings, readings])
         if self._readings.size not in LOOK_AT:
             return None
-        counts = counts_behind(self._readings, self._period) if self._readings.size >= LOOK_FOR_COUNTS else None
-        step = encoder_step(self._stamps, self._readings, self._period) if counts is None else self._period / counts
-        before = self.step
+        step, before = encoder_step(self._stamps, self._readings, self._period), self.step
         self.step = before if step is None else step
         last = self._readings.size == LOOK_AT[-1]
-        sure = counts is not None
-        sure |= self.step is not None and self.step > 0.0 and not _is_decimal(self.step)
+        sure = self.step is not None and self.step > 0.0 and not _is_decimal(self.step)
         self._known = self.step is not None and (last or (sure and self._has_different_moves(self.step)))
         if self._known or last:
             self._readings = self._stamps = np.zeros(0)  # a shaft that hardly moved: the search begins again
