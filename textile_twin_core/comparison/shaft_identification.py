@@ -120,8 +120,7 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
     """
     observed = _Observed(readings, machine)
     begin("observing", 0.05)
-    before, _ = observed.residual(machine)
-    _, settled = observed.residual(machine)
+    before, settled = observed.residual(machine)
     if np.count_nonzero(settled) < _FEWEST:
         raise RecordingError("the shaft's state does not settle in this recording: record longer at working speed")
     begin("trying stiffnesses", 0.3)
