@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.shaft.count_lattice import counts_behind
+from textile_twin_core.shaft import create_estimator
+from textile_twin_core.shaft.count_lattice import count_lattice
 
 TURN = 2.0 * np.pi
 UNITS = {"degrees": 360.0, "turns": 1.0, "gon": 400.0, "radians": TURN}
@@ -43,8 +44,13 @@ def test_counts_are_named(counts: int, unit: str) -> None:
         (2, 3, 4, 5, 6), ((6.0, True), (60.0, True), (13.7, False)) * 2, strict=False
     ):
         angle = logged(motion(speed, 768)[1], counts, turn, decimals, wrapped)
-        found = counts_behind(np.unwrap(angle), turn=turn)
-        assert found == (counts if is_shown(counts, turn, decimals) else None), (decimals, speed)
+        found = count_lattice(np.unwrap(angle), turn)
+        shown = is_shown(counts, turn, decimals)
+        assert (found.counts if found else None) == (counts if shown else None), (decimals, speed)
+        if found is not None:
+            off = found.restored(angle) - logged(motion(speed, 768)[1], counts, 1.0, 15, wrapped)
+            off = np.mod(off - off[0] + np.pi, TURN) - np.pi
+            assert np.abs(off).max() < 1e-9, (decimals, speed)  # every reading, beside a common offset
 
 
 @pytest.mark.parametrize("unit", UNITS)
@@ -52,4 +58,25 @@ def test_counts_are_named(counts: int, unit: str) -> None:
 def test_none_are_named_where_there_are_none(unit: str, decimals: int) -> None:
     for speed in (6.0, 13.7, 60.0, TURN * 500.0 / 125.0):  # the last has 125 readings a turn
         angle = logged(motion(speed, 768)[1], 0, UNITS[unit], decimals)
-        assert counts_behind(np.unwrap(angle), turn=UNITS[unit]) is None
+        assert count_lattice(np.unwrap(angle), UNITS[unit]) is None
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_restored_readings_give_the_acceleration_of_unrounded_ones(unit: str) -> None:
+    time, theta, truth = motion(13.7, 2000)
+    own = logged(theta, 3600, 1.0, 15)
+    rounded = logged(theta, 3600, UNITS[unit], 4)
+    found = count_lattice(np.unwrap(rounded), UNITS[unit])
+    readings = rounded if found is None else found.restored(rounded)  # 0.1 degree is a count of itself
+    assert _error(time, readings, truth) < 1.001 * _error(time, own, truth)
+
+
+def _error(time: FloatArray, angle: FloatArray, truth: FloatArray) -> float:
+    """RMS error of the smooth acceleration [rad/s^2], without the ends."""
+    estimator = create_estimator("smooth")
+    stamps = 10**9 + np.rint(time * 1e9).astype(np.int64)
+    parts = [estimator.step(stamps, angle), estimator.finish()]
+    alpha = np.concatenate([part.alpha_rad_s2 for part in parts])
+    place = np.searchsorted(stamps, np.concatenate([part.stamps for part in parts]))
+    inner = (place > 200) & (place < time.size - 200)
+    return float(np.sqrt(np.mean((alpha - truth[place])[inner] ** 2)))

@@ -35,7 +35,7 @@ from textile_twin_core.recordings.log_shaft import edge_angles, force_torque, to
 from textile_twin_core.recordings.log_speed import EncoderSpeed, encoder_speed
 from textile_twin_core.recordings.log_units import spelled, unit_in_name
 from textile_twin_core.recordings.recording import Progress
-from textile_twin_core.shaft.count_lattice import counts_behind
+from textile_twin_core.shaft.count_lattice import count_lattice
 
 _FIRST_NS = 1_000_000_000
 """Stamp of the first row of a log whose time is none of the day: 0 means in ROS that there is no stamp."""
@@ -185,8 +185,8 @@ class _Import:
         known = np.isfinite(values)
         converted, unit, words = angle_radians(name, angle.unit, values[known])
         theta = np.full(values.shape, np.nan)
-        theta[known] = converted
-        self._words["angle"] = f"column '{name}', {words}{_counts(converted, unit)}{self._without(name, known)}"
+        theta[known], counts = _own_readings(converted, unit)
+        self._words["angle"] = f"column '{name}', {words}{counts}{self._without(name, known)}"
         stamps, here = self._with_stamps(theta, seconds, clock, "angle")
         speed, omega = self._speed(stamps, theta, here, clock)
         self._mapping = replace(self._mapping, angle=replace(angle, unit=unit), speed=speed)
@@ -312,9 +312,10 @@ def _amiss(steps: IntArray) -> str:
     return f"{told}: {what}; where rows are evenly spaced give --rate" if told else ""
 
 
-def _counts(angle: FloatArray, unit: str) -> str:
-    """In words the encoder's counts behind angles (n,) [rad] that were logged with so many decimals of a unit."""
-    moving = np.flatnonzero(np.diff(angle) != 0.0)
-    angle = angle[moving[:_LATTICE]]
-    counts = counts_behind(np.unwrap(angle), turn=ANGLE_TURNS[unit]) if unit in ANGLE_TURNS else None
-    return "" if counts is None else f", rounded readings of an encoder of {counts} counts a turn"
+def _own_readings(angle: FloatArray, unit: str) -> tuple[FloatArray, str]:
+    """The encoder's readings behind angles (n,) [rad] logged with so many decimals, and its counts in words."""
+    moving = angle[:-1][np.diff(angle) != 0.0][:_LATTICE]
+    lattice = count_lattice(np.unwrap(moving), ANGLE_TURNS[unit]) if unit in ANGLE_TURNS else None
+    if lattice is None:
+        return angle, ""
+    return lattice.restored(angle), f", rounded readings of an encoder of {lattice.counts} counts a turn: restored"
