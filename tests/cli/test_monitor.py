@@ -146,7 +146,7 @@ def test_a_recording_that_is_given_with_a_file_of_it_is_watched_once(
     for _ in range(2):
         assert main(["monitor", str(tmp_path / "bag"), str(file), *options]) == 0
         out, err = capsys.readouterr()
-        assert f"{file}: is part of the recording {tmp_path / 'bag'}, which is watched once" in err
+        assert f"{file}: is part of the recording {tmp_path / 'bag'}, which is read once" in err
         assert out.count("turns watched, ") == 1
         turns = parquet.read_table(table)["turn"].to_pylist()
         assert len(turns) == len(set(turns)) > 10

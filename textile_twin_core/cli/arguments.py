@@ -51,9 +51,15 @@ def add_machine(parser: argparse.ArgumentParser, option: bool, required: bool = 
     )
 
 
-def add_recording(parser: argparse.ArgumentParser, shaft: str | None = None, also: str = "") -> None:
-    """BAG, its topics, and with a default for `shaft` how the shaft's motion is estimated."""
-    parser.add_argument("bag", metavar="BAG", type=Path, help=f"a rosbag2 folder, an .mcap or a .db3 file{also}")
+def add_recording(
+    parser: argparse.ArgumentParser, shaft: str | None = None, also: str = "", several: bool = False
+) -> None:
+    """BAG or several, the topics, and with a default for `shaft` how the shaft's motion is estimated."""
+    text = f"a rosbag2 folder, an .mcap or a .db3 file{also}"
+    if several:
+        parser.add_argument("bags", metavar="BAG", type=Path, nargs="+", help=f"{text}, or a folder of recordings")
+    else:
+        parser.add_argument("bag", metavar="BAG", type=Path, help=text)
     add_recording_topics(parser)
     if shaft is not None:
         parser.add_argument(

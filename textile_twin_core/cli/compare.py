@@ -5,18 +5,22 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from textile_twin_core.cli import compare_quantity
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number, shaft_settings
-from textile_twin_core.cli.mistakes import BeyondLimitError
+from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import print_rows
 from textile_twin_core.cli.places import check_output
 from textile_twin_core.cli.predicted import station_angles
 from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
+from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Comparison, assess, compare_torque, summary_rows, verdict_lines
 from textile_twin_core.comparison.elastic_readings import without_elasticity
@@ -50,7 +54,7 @@ def parser() -> Parser:
         "Holds the measured torque of a recording against the predicted one: errors, delay, errors by shaft angle.",
         "textile-twin compare bags/tufting_160rpm_synthetic --machine tufting --png comparison.png",
     )
-    add_recording(parser, shaft="smooth")
+    add_recording(parser, shaft="smooth", several=True)
     add_machine(parser, option=True)
     add_sensors(parser)
     parser.add_argument(
@@ -73,6 +77,7 @@ def parser() -> Parser:
         )
     for form, what in _FORMS.items():
         parser.add_argument(f"--{form}", type=Path, metavar="FILE", help=f"write {what}; is replaced when it is there")
+    add_batch(parser)
     return parser
 
 
@@ -80,6 +85,12 @@ def run(arguments: argparse.Namespace) -> None:
     """Compare, print the table, write what was asked for."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
+    if not one_recording(arguments):
+        for option in ("quantity", "rrd", "png", "html"):
+            if getattr(arguments, option) is not None:
+                raise UsageError(f"--{option} is for one recording; of several give --parquet or --json")
+        run_batch(arguments, machine, comparing, _line, lambda numbers: _beyond(numbers["torque"], arguments))
+        return
     for form in _FORMS:
         check_output(f"--{form}", getattr(arguments, form), f".{form}")
     if arguments.quantity is not None:
@@ -97,6 +108,19 @@ def run(arguments: argparse.Namespace) -> None:
         _write(partial, comparison, machine, arguments)
     _print(comparison)
     _check_limits(comparison, arguments)
+
+
+def comparing(job: BatchJob) -> dict[str, Any]:
+    """Compare one recording of several; the numbers as --json writes them."""
+
+    def work(arguments: argparse.Namespace, machine: Machine) -> dict[str, Any]:
+        numbers = compare_recording(arguments, machine, arguments.predicted == "recorded").to_json()
+        # A column has one type: what is no number stands in the text of the verdict.
+        for cause in numbers["verdict"]:
+            cause["value"] = cause["value"] if isinstance(cause["value"], int | float) else None
+        return numbers
+
+    return quietly(job, work)
 
 
 def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded: bool = False) -> Comparison:
@@ -189,14 +213,30 @@ def _write_report(path: Path, comparison: Comparison, machine: Machine, argument
 
 
 def _check_limits(comparison: Comparison, arguments: argparse.Namespace) -> None:
+    if beyond := _beyond(dataclasses.asdict(comparison.errors), arguments):
+        raise BeyondLimitError(beyond)
+
+
+def _beyond(errors: Mapping[str, Any], arguments: argparse.Namespace) -> str:
+    """The limits that the errors are beyond; empty where there is none."""
     beyond = []
     for option, (field, what) in _LIMITS.items():
         limit = getattr(arguments, option.replace("-", "_"))
-        value = getattr(comparison.errors, field)
+        value = math.nan if errors[field] is None else errors[field]
         if limit is not None and not (value >= limit if option.startswith("min") else value <= limit):
             beyond.append(f"{what} {value:.6g} is beyond --{option} {limit:g}")
-    if beyond:
-        raise BeyondLimitError("; ".join(beyond))
+    return "; ".join(beyond)
+
+
+def _line(numbers: Mapping[str, Any]) -> str:
+    """The numbers of one recording of several in a line."""
+    torque, verdict = numbers["torque"], numbers["verdict"]
+    causes = ", ".join(cause["cause"] for cause in verdict) or "nothing found"
+    share = math.nan if torque["rms_over_peak"] is None else torque["rms_over_peak"] * 100.0
+    return (
+        f"RMS error {torque['rms_error_Nm']:.4g} N m, {share:.2f} % of the peak, over {numbers['revolutions']:.0f}"
+        f" revolutions; verdict: {causes}"
+    )
 
 
 def _print(comparison: Comparison) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Mapping
+from typing import Any
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.mistakes import UsageError
@@ -11,10 +13,12 @@ from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import add_outputs, check_out, print_rows, write_json
 from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, readings_of
+from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Identification, identify, with_table
 from textile_twin_core.comparison.shaft_identification import ShaftIdentification, identify_shaft
 from textile_twin_core.files import save_machine_file
+from textile_twin_core.machine import Machine
 
 _SHOWN = {
     "_Nm_rad": ("N m/rad", 1.0),
@@ -37,7 +41,7 @@ def parser() -> Parser:
         "textile-twin calibrate.",
         "textile-twin identify bags/tufting_160rpm_synthetic --machine my_machine.yaml --json identified.json",
     )
-    add_recording(parser)
+    add_recording(parser, several=True)
     add_machine(parser, option=True)
     add_sensors(parser)
     add_outputs(parser, machine_required=False)
@@ -46,6 +50,7 @@ def parser() -> Parser:
         action="store_true",
         help="with --out: also write the torque by shaft angle that nobody modelled, as a load",
     )
+    add_batch(parser)
     return parser
 
 
@@ -53,27 +58,53 @@ def run(arguments: argparse.Namespace) -> None:
     """Identify, write, tell."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
+    if not one_recording(arguments):
+        for option in ("out", "table"):
+            if getattr(arguments, option):
+                raise UsageError(f"--{option} is for one recording; of several give --parquet or --json")
+        run_batch(arguments, machine, identifying, _line)
+        return
     if arguments.table and arguments.out is None:
         raise UsageError("--table writes into the machine file: give --out too")
     if arguments.table and machine.sensors.encoder.cycle_turns > 1:
         raise UsageError("--table writes a load over one turn: leave it out, --json has the table over the whole cycle")
     check_out(arguments)
-    _, angles, measured = read_samples(arguments, machine)
-    if machine.shaft is not None:
-        with stages(len(angles)) as stage:
-            shaft = identify_shaft(readings_of(angles, measured), machine, lambda what, until: stage(what, until, 1))
-        write_json(arguments, machine, shaft.to_json())
-        if arguments.out is not None:
-            save_machine_file(shaft.machine, arguments.out)
-        print_rows(_rows(shaft))
-        return
-    with stages(len(angles)) as stage:
-        found = identify(readings_of(angles, measured), machine, lambda what, until: stage(what, until, 1))
+    found = identify_recording(arguments, machine)
     write_json(arguments, machine, found.to_json())
+    if isinstance(found, ShaftIdentification):
+        if arguments.out is not None:
+            save_machine_file(found.machine, arguments.out)
+        print_rows(_rows(found))
+        return
     if arguments.out is not None:
         written = with_table(found.machine, found.unmodelled) if arguments.table else found.machine
         save_machine_file(written, arguments.out)
     _print(found)
+
+
+def identify_recording(arguments: argparse.Namespace, machine: Machine) -> Identification | ShaftIdentification:
+    """Identify what the recording `bag` of the arguments can tell of the machine, or of its elastic shaft."""
+    _, angles, measured = read_samples(arguments, machine)
+    fit = identify if machine.shaft is None else identify_shaft
+    with stages(len(angles)) as stage:
+        return fit(readings_of(angles, measured), machine, lambda what, until: stage(what, until, 1))
+
+
+def identifying(job: BatchJob) -> dict[str, Any]:
+    """Identify from one recording of several; the numbers as --json writes them."""
+    return quietly(job, lambda arguments, machine: identify_recording(arguments, machine).to_json())
+
+
+def _line(numbers: Mapping[str, Any]) -> str:
+    """The numbers of one recording of several in a line."""
+    before, after = (
+        "unknown" if numbers[name] is None else f"{numbers[name]:.4g}" for name in ("rms_before_Nm", "rms_after_Nm")
+    )
+    lost = ", ".join(numbers["not_identifiable"])
+    return (
+        f"{len(numbers['parameters'])} parameters, RMS error {before} N m before and {after} N m after"
+        + f"; not identifiable: {lost}" * bool(lost)
+    )
 
 
 def _rows(found: Identification | ShaftIdentification) -> list[tuple[str, str]]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from difflib import get_close_matches
 
 from textile_twin_core.errors import TwinError
 
 _MOST_WORDS = 12
+_COLLECTED: ContextVar[list[str] | None] = ContextVar("collected", default=None)
 
 
 class UsageError(TwinError):
@@ -20,9 +23,30 @@ class BeyondLimitError(TwinError):
 
 
 def tell(*notices: str) -> None:
-    """Each notice as one line on stderr, beside what the command gives."""
-    for notice in notices:
-        print("textile-twin: " + " ".join(notice.split()), file=sys.stderr)
+    """Each notice as one line on stderr, beside what the command gives; within `collected` into its list."""
+    lines = [" ".join(notice.split()) for notice in notices]
+    collected = _COLLECTED.get()
+    if collected is not None:
+        collected += lines
+        return
+    for line in lines:
+        print(f"textile-twin: {line}", file=sys.stderr)
+
+
+@contextmanager
+def collected() -> Iterator[list[str]]:
+    """Collect notices in a list, and show no progress: for work on one recording of many."""
+    notices: list[str] = []
+    token = _COLLECTED.set(notices)
+    try:
+        yield notices
+    finally:
+        _COLLECTED.reset(token)
+
+
+def is_collecting() -> bool:
+    """Whether notices are collected."""
+    return _COLLECTED.get() is not None
 
 
 def nearest(given: str, known: Iterable[str]) -> str:

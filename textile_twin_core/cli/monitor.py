@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import os
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording_topics, count
@@ -13,13 +12,13 @@ from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError, tell
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.places import check_output
 from textile_twin_core.cli.progress import on_terminal, stages
+from textile_twin_core.cli.recording_batch import add_workers, failed_line, memory_line
 from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
 from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.files import staged
+from textile_twin_core.recordings.job_pool import Outcome
 from textile_twin_core.recordings.monitored import Job, Watched, names_of, samples_of, trend_table, watch_bags
-
-_MOST_NAMED = 5
-"""Recordings that could not be watched of which the error speaks by name."""
+from textile_twin_core.recordings.recording_folder import recordings_in
 
 
 def parser() -> Parser:
@@ -42,12 +41,7 @@ def parser() -> Parser:
         "--parquet", type=Path, metavar="FILE", help="write the trend of every turn; is replaced when it is there"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the alarms; is replaced when it is there")
-    parser.add_argument(
-        "--workers", type=count, default=os.cpu_count() or 1, metavar="N", help="processes (default: one per core)"
-    )
-    parser.add_argument(
-        "--dask", metavar="ADDRESS", help="scheduler of a Dask cluster that does it, such as tcp://host:8786"
-    )
+    add_workers(parser)
     return parser
 
 
@@ -57,21 +51,24 @@ def run(arguments: argparse.Namespace) -> None:
 
     check_output("--parquet", arguments.parquet, ".parquet")
     check_output("--json", arguments.json, ".json")
-    bags = _recordings(arguments.bags)
+    bags, notices = recordings_in(arguments.bags)
+    tell(*notices)
     settings = WatchSettings(learn_turns=arguments.learn)
     topics = topics_of(arguments)
     jobs = [Job(bag.resolve(), machine, settings, topics) for bag in bags]
-    watched = _watch(jobs, arguments)
+    outcomes = _watch(jobs, arguments)
+    watched = [outcome.result for outcome in outcomes if outcome.result is not None]
     watched.sort(key=lambda each: str(each.bag))
     for name, each in zip(names_of(watched), watched, strict=True):
         _tell(name, each)
+    if len(watched) > 1:
+        print(memory_line(outcomes))
     _write(arguments, watched)
     unread = [each for each in watched if each.error]
     if unread and len(watched) == 1:
         raise UsageError(unread[0].error)
     # Who reads the exit code alone must not take what was not watched for healthy.
-    missing = f"{len(unread)} of {len(watched)} recordings could not be watched: " if unread else ""
-    missing += ", ".join(each.bag.name for each in unread[:_MOST_NAMED]) + (" ..." if len(unread) > _MOST_NAMED else "")
+    missing = failed_line([each.bag.name for each in unread], len(watched), "watched")
     alarms = sum(len(each.alarms) for each in watched)
     if alarms:
         where = sum(bool(each.alarms) for each in watched)
@@ -81,28 +78,10 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError(missing)
 
 
-def _recordings(given: list[Path]) -> list[Path]:
-    """The recordings that paths stand for."""
-    found: list[Path] = []
-    for path in given:
-        inside = sorted(path.iterdir()) if path.is_dir() and not (path / "metadata.yaml").exists() else []
-        folders = [entry for entry in inside if (entry / "metadata.yaml").exists()]
-        files = [entry for entry in inside if entry.suffix == ".mcap"]
-        if inside and not folders and not files:
-            raise UsageError(f"{path}: no recording in this folder")
-        # A folder of files alone is one recording that has lost its metadata.
-        found += sorted(folders + files) if folders else [path]
-    each = {path.resolve(): path for path in found}  # each once, however often it is named
-    parts = [path for place, path in each.items() if place.suffix == ".mcap" and place.parent in each]
-    for path in parts:
-        tell(f"{path}: is part of the recording {path.parent}, which is watched once")
-    return [path for path in each.values() if path not in parts]
-
-
-def _watch(jobs: list[Job], arguments: argparse.Namespace) -> list[Watched]:
+def _watch(jobs: list[Job], arguments: argparse.Namespace) -> list[Outcome[Watched]]:
     """All recordings watched, in the order in which they were ready."""
     samples = {job.bag: samples_of(job) for job in jobs} if on_terminal() else {}
-    watched: list[Watched] = []
+    watched: list[Outcome[Watched]] = []
     total = 2 * sum(samples.values())  # each is taken, and watched when all are there
     with stages(total) as stage:
         done = stage("watching", 1.0, total)
@@ -116,7 +95,7 @@ def _watch(jobs: list[Job], arguments: argparse.Namespace) -> list[Watched]:
 
         for each in watch_bags(jobs, arguments.workers, arguments.dask, count):
             watched.append(each)
-            over += 2 * samples.get(each.bag, 0)
+            over += 2 * samples.get(jobs[each.index].bag, 0)
             count(over - counted)  # other processes count nothing, nor does what could not be watched to its end
     return watched
 

@@ -9,6 +9,8 @@ from typing import Never
 
 from tqdm import tqdm
 
+from textile_twin_core.cli.mistakes import is_collecting
+
 _LONG = 5_000
 """Samples that take about two seconds on a slow computer."""
 _PARTS = 1000
@@ -18,7 +20,7 @@ Stage = Callable[[str, float, int], "Callable[[int], object] | None"]
 
 def on_terminal() -> bool:
     """Whether there is somebody to show a bar to."""
-    return sys.stderr.isatty()
+    return sys.stderr.isatty() and not is_collecting()
 
 
 @contextmanager

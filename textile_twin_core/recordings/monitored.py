@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
-from multiprocessing import get_context
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +13,14 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.fault_watch import Alarm, WatchSettings
 from textile_twin_core.comparison.monitor import monitor_recording
-from textile_twin_core.errors import RecordingError, TwinError, how_to_install
+from textile_twin_core.errors import TwinError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag import open_bag
+from textile_twin_core.recordings.job_pool import Outcome, run_jobs
 from textile_twin_core.recordings.machine_topics import MachineTopics, unit_notes
 from textile_twin_core.recordings.recorded_clock import on_one_clock
 from textile_twin_core.recordings.recording import Progress
+from textile_twin_core.recordings.recording_folder import recording_names
 from textile_twin_core.recordings.sample_times import evenly_timed
 
 _MOST_LEFT = 0.5
@@ -105,45 +106,26 @@ def _foreign(columns: Mapping[str, FloatArray | IntArray], torque_Nm: FloatArray
 
 def watch_bags(
     jobs: Sequence[Job], workers: int = 1, scheduler: str | None = None, progress: Progress | None = None
-) -> Iterator[Watched]:
-    """Watch recordings, those first that are ready first.
+) -> Iterator[Outcome[Watched]]:
+    """Watch recordings by `run_jobs`, in the order in which they are ready; an error stands in the result.
 
     Args:
-        jobs: the recordings. workers: processes on this machine.
-        scheduler: address of a Dask cluster, which then does it.
+        jobs: the recordings.
+        workers: processes on this computer.
+        scheduler: address of a Dask cluster, which then watches them.
         progress: as in `monitor_recording`, of recordings that are watched by this process.
-
-    Raises RecordingError when the cluster cannot be reached or its package is missing.
     """
-    if scheduler is not None:
-        yield from _on_cluster(jobs, scheduler)
-    elif workers < 2 or len(jobs) < 2:
-        yield from (watch_bag(job, progress) for job in jobs)
-    else:
-        # Spawned, not forked: the readers and compiled loops hold threads.
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            for done in as_completed([pool.submit(watch_bag, job) for job in jobs]):
-                yield done.result()
-
-
-def _on_cluster(jobs: Sequence[Job], scheduler: str) -> Iterator[Watched]:
-    try:
-        from dask.distributed import Client, as_completed
-    except ModuleNotFoundError as error:
-        raise RecordingError(f"--dask needs the package distributed; {how_to_install('distributed')}") from error
-    try:
-        client = Client(scheduler, timeout=10)
-    except (OSError, ValueError) as error:
-        raise RecordingError(f"--dask {scheduler}: no scheduler answers there ({error})") from error
-    with client:
-        for future in as_completed(client.map(watch_bag, jobs, pure=False)):
-            yield future.result()
+    alone = scheduler is None and (workers < 2 or len(jobs) < 2)
+    function = partial(watch_bag, progress=progress) if alone else watch_bag
+    for outcome in run_jobs(function, jobs, workers, scheduler):
+        if outcome.result is None:
+            outcome = replace(outcome, result=Watched(jobs[outcome.index].bag, {}, (), outcome.error))
+        yield outcome
 
 
 def names_of(watched: Sequence[Watched]) -> list[str]:
-    """What each recording is called: its name, or its whole path where another has the same name."""
-    names = [each.bag.name for each in watched]
-    return [str(each.bag) if names.count(name) > 1 else name for each, name in zip(watched, names, strict=True)]
+    """The name of each recording (see `recording_names`)."""
+    return recording_names([each.bag for each in watched])
 
 
 def trend_table(watched: Sequence[Watched]) -> dict[str, FloatArray | IntArray | list[str]]:
