@@ -9,18 +9,27 @@ lock="${lock:-requirements.lock}"
 
 fail() { echo "$(basename "$0"): $*" >&2; exit 2; }
 
-is_suitable() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2> /dev/null; }
+is_suitable() { # PYTHON [MINOR]: whether it is 3.11 to 3.MINOR
+    "$1" -c "import sys; sys.exit(not (3, 11) <= sys.version_info < (3, ${2:-14} + 1))" 2> /dev/null
+}
 
-# The first Python 3.11 to 3.13 that starts: a name in PATH may be an empty shim.
+# The first Python 3.11 to 3.13 that starts, else 3.14, for which there are no wheels of ROS: a name in PATH may be an
+# empty shim.
 find_python() {
-    local name
-    for name in ${PYTHON:-} python3 python3.13 python3.12 python3.11; do
-        if is_suitable "$name"; then
-            echo "$name"
-            return
-        fi
+    local name newest
+    if [ -n "${PYTHON:-}" ] && is_suitable "$PYTHON"; then
+        echo "$PYTHON"
+        return
+    fi
+    for newest in 13 14; do
+        for name in python3 python3.13 python3.12 python3.11 python3.14; do
+            if is_suitable "$name" "$newest"; then
+                echo "$name"
+                return
+            fi
+        done
     done
-    fail "Python 3.11, 3.12 or 3.13 is needed, found $(python3 --version 2>&1 || true); install one, or name it: PYTHON=/path/to/python3.12 $0"
+    fail "Python 3.11 to 3.14 is needed, found $(python3 --version 2>&1 || true); install one, or name it: PYTHON=/path/to/python3.12 $0"
 }
 
 # What the environment is made of: it is brought up to date when one of these changes or when the folder has moved.
