@@ -104,7 +104,7 @@ def test_yokes_near_their_dead_centres(slot_rad: float) -> None:
     direction, place = (0.6, 0.8), (0.02, -0.01)
     dyad = RPPDyad("block", "yoke", "A", "Q", ("S", "T"), (0.05, 0.1), place, direction, slot_rad)
     motion = Linkage({"O": (0.0, 0.0)}, (Crank("crank", "O", "A", 0.1), dyad)).solved
-    ways = dyad.ways(motion)
+    positions = dyad.positions(motion)
     dead = math.atan2(0.8, 0.6) + slot_rad + math.pi / 2.0
     for theta in (dead + distance for distance in NEAR):
         with mp.workdps(DIGITS):
@@ -114,7 +114,7 @@ def test_yokes_near_their_dead_centres(slot_rad: float) -> None:
             angle = mp.mpf(slot_rad) if slot_rad != math.pi / 2.0 else mp.pi / 2
             across = [mp.im(z) / mp.sin(angle) for z in seen]
             along = [mp.re(z) - mp.cos(angle) * t for z, t in zip(seen, across, strict=True)]
-        for values in by_every_back_end([*ways.along, *ways.across], theta):
+        for values in by_every_back_end([*positions.along, *positions.across], theta):
             for value, exact in zip(values, [*along, *across], strict=True):
                 assert abs(value - exact) < 4e-16 * (0.1 / math.sin(slot_rad) + abs(value)), theta
 
@@ -128,7 +128,7 @@ def test_guides_that_come_near_to_parallel(lean: float) -> None:
     (closeness,) = check_assembly(linkage)
     assert closeness.margin == pytest.approx(math.sin(lean), rel=1e-9)
     assert closeness.transmission_angle_rad == pytest.approx(lean, rel=1e-6)
-    ways = dyad.crossing(linkage.solved).ways
+    positions = dyad.crossing(linkage.solved).positions
     for theta in (low * 1.0000001, 0.5 * (low + high), high * 0.9999999):
         with mp.workdps(DIGITS):
             angle = mp.mpf(theta)
@@ -139,7 +139,7 @@ def test_guides_that_come_near_to_parallel(lean: float) -> None:
 
             exact = [mp.diff(lambda t, k=k: place(t)[k], angle, n) for k in (0, 1) for n in (0, 1, 2)]
         sine = math.sin(theta)
-        for values in by_every_back_end([*ways[0], *ways[1]], theta):
+        for values in by_every_back_end([*positions[0], *positions[1]], theta):
             for k, (value, truth) in enumerate(zip(values, exact, strict=True)):
                 assert abs(value - truth) < 4e-15 / sine ** (k % 3 + 2), (theta, k)
 

@@ -1,6 +1,6 @@
 """Planar linkages as chains of groups: position and derivatives over the shaft angle, in closed form.
 
-One line a name: a group in a file of its own is known to machines, machine files and URDF once it is listed here.
+A group that is listed here is known to machines, machine files and URDF. One line per name.
 """
 
 from textile_twin_core.mechanism.assembly import Closeness as Closeness

@@ -1,4 +1,4 @@
-"""The angle of a link as a continuous function of the shaft angle, without jumps at +-180 degrees."""
+"""The angle of a link as a continuous (unwrapped) function of the shaft angle."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SAMPLES = 721
 
 
 def full_turns(angle: Expr, motion: Motion) -> int:
-    """Turns that an angle makes while the main shaft turns once; 0 where the motion's range is no full turn."""
+    """Count the turns that an angle makes per revolution of the main shaft; 0 if the motion covers no full turn."""
     if not motion.turns_fully:
         return 0
     begin, end = (interpret([angle], {"theta": theta}, math)[0] for theta in motion.range_rad)
@@ -25,10 +25,10 @@ def full_turns(angle: Expr, motion: Motion) -> int:
 
 
 def link_angle(link: LinkMotion, motion: Motion, near_rad: float = 0.0) -> Expr:
-    """The angle of a link of a motion from +x, counter-clockwise [rad].
+    """Express the angle of a link from +x, counter-clockwise, as a function of theta [rad].
 
-    A link that swings keeps within its range, whose middle lies within half a turn of `near_rad`;
-    one that turns with the shaft winds up with it.
+    The angle of a swinging link is continuous; the middle of its range lies within half a turn of `near_rad`. The angle
+    of a link that turns with the shaft grows from turn to turn.
     """
     if link.angle is not None:
         return link.angle

@@ -1,4 +1,4 @@
-"""Assembly: does the chain close over its whole range, and how near does it come to a change point."""
+"""Assembly check: whether the chain closes over its whole range, and its distance from a change point."""
 
 from __future__ import annotations
 
@@ -20,15 +20,19 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Closeness:
-    """How near one group comes to opening, over the range of the shaft angle.
+    """Distance of one group from the position in which it opens, over the range of the shaft angle.
 
-    margin: the smallest closure value over its scale (0: change point or toggle), at the shaft angle theta_rad.
-    distance_m: how far the group is then from where it opens, as where a dyad's links lie in one line, or its rod
-    across the guide; there the motion's own error grows as rounding over distance. transmission_range_rad: smallest
-    and largest angle between coupler and rocker, or between rod and guide normal; transmission_angle_rad: the one
-    farthest from a right angle, folded to 0..90 deg. grashof: class of a four-bar linkage, by which links turn fully;
-    None for other groups. passes: whether its branch goes on smoothly where all links come into one line; passing: the
-    branches that would.
+    Near that position the error of the computed motion grows as rounding over `distance_m`.
+
+    Attributes:
+        margin: smallest closure value over its scale; 0 is a change point or a toggle.
+        theta_rad: shaft angle of the smallest closure value.
+        distance_m: distance there from the position that opens the group, for example a dyad's links in one line.
+        transmission_range_rad: smallest and largest angle between coupler and rocker, or between rod and guide normal.
+        transmission_angle_rad: the transmission angle farthest from a right angle, folded to 0 .. 90 deg.
+        grashof: Grashof class of a four-bar linkage; None for other groups.
+        passes: whether the branch continues smoothly through the position with all links in one line.
+        passing: the branches that would continue smoothly there.
     """
 
     group: str
@@ -43,14 +47,15 @@ class Closeness:
 
     @property
     def is_dead_point(self) -> bool:
-        """Whether motion and forces are not determined at theta_rad, to rounding."""
+        """True if motion and forces are undetermined at `theta_rad`, to rounding."""
         return self.margin <= _ROUNDING and not self.passes
 
 
 def check_assembly(linkage: Linkage) -> tuple[Closeness, ...]:
-    """Closeness of every group that can open, over the linkage's range of the shaft angle.
+    """Measure how close each group comes to opening, over the linkage's range of the shaft angle.
 
-    Raises MachineError with the shaft angle where the chain opens.
+    Raises:
+        MachineError: with the shaft angle, where the chain opens.
     """
     motion, range_rad = linkage.solved, linkage.range_rad
     reports = []
@@ -74,7 +79,7 @@ def check_assembly(linkage: Linkage) -> tuple[Closeness, ...]:
 
 
 def _opens_at(closure: Closure, range_rad: tuple[float, float], lowest_rad: float) -> str:
-    """Where a chain opens as the shaft turns forward, in words; it is open at `lowest_rad`, if nowhere else."""
+    """Describe where the chain opens as the shaft turns forward; `lowest_rad` is an angle at which it is open."""
     value = closure.value
     thetas = np.sort(np.append(np.linspace(*range_rad, _SAMPLES), lowest_rad))
     closed = values_over(value, thetas) >= 0.0

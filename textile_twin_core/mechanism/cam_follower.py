@@ -1,4 +1,4 @@
-"""Cam and follower: a plate cam that swings or slides a roller or a flat face, after any law of motion."""
+"""Cam and follower: a plate cam moves a roller or a flat face, which swings or slides, by any law of motion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 @dataclass(frozen=True)
 class SecondRoller:
-    """The roller of a conjugate cam, on the same follower: at a place along its link and across it to the left [m]."""
+    """Roller of a conjugate cam on the same follower, by its position along the link and across it to the left [m]."""
 
     place_m: tuple[float, float]
     radius_m: float
@@ -33,50 +33,64 @@ class SecondRoller:
 
 @dataclass(frozen=True)
 class CamContact:
-    """Where a cam presses on the follower, relative to the cam's axis, as the cam turns at unit speed.
+    """Contact of cam and follower in the frame of the cam's axis, with the cam at unit speed.
 
-    point: the roller's centre, or where a flat face touches [m]; surface: where the cam is touched [m]; normal: unit
-    vector from the cam to the follower; gives: how the follower's point there moves per unit of lift, or of `lifts`
-    -1 against it; radius: of the cam's curvature there [m], positive where it bulges; spare: what vanishes where the
-    cam would be undercut.
+    Attributes:
+        point: centre of the roller, or contact point of a flat face [m].
+        surface: contact point on the cam [m].
+        normal: unit vector from the cam to the follower.
+        velocity: velocity of the follower's point per unit of lift; reversed where `lifts` is -1.
+        radius: radius of curvature of the cam [m]; positive where the cam is convex.
+        margin: margin against undercutting; 0 at its limit.
+        lifts: +1 for the roller that lifts the follower, -1 for the one that returns it.
     """
 
     point: Vector
     surface: Vector
     normal: Vector
-    gives: Vector
+    velocity: Vector
     radius: Expr
-    spare: Expr
+    margin: Expr
     lifts: float = 1.0
 
     @property
     def push(self) -> Expr:
-        """Work of a unit force of contact per unit of motion away from the cam."""
-        return self.normal.dot(self.gives)
+        """Work of a unit contact force per unit of motion away from the cam."""
+        return self.normal.dot(self.velocity)
 
     @property
     def pressure_angle(self) -> Expr:
-        """From the follower's motion to the normal, counter-clockwise [rad]."""
-        return atan2(self.gives.cross(self.normal), self.push)
+        """Angle from the follower's motion to the normal, counter-clockwise [rad]."""
+        return atan2(self.velocity.cross(self.normal), self.push)
 
 
 @dataclass(frozen=True)
 class CamFollower(PlainGroup):
-    """A cam `cam` on the fixed axis `at`, and its follower: a link that swings about `pivot` or slides in a guide.
+    """A cam `cam` on the fixed axis `at`, and a follower that swings about `pivot` or slides in a guide.
 
-    The cam stands at the angle of the shaft `driven_by` plus `phase_rad`; its link reaches from the axis to `mark` on
-    its base circle. A swinging follower is a link of `length_m` from the fixed point `pivot` to `end`, on the `side`
-    of the line from `at` to `pivot` that is named. A sliding one reaches from `end` by `length_m` along
-    `guide_direction` to `tip`; its guide passes the axis at `offset_m`, to the left of its direction. `end` is the
-    centre of the roller; with a flat face (`face` "flat") the link of a swinging follower is parallel to the face,
-    which lies `offset_m` from the pivot towards the cam, and that of a sliding one square to it.
-    The lift [m or rad] is 0 on the base circle and grows away from it, by `strokes` or a `table` over the cam's
-    angle. With a `second` roller on a conjugate cam, fixed to the first, the follower is moved both ways, and either
-    cam presses as needed; without one nothing holds it on the cam but what is declared, such as a spring.
+    The cam's angle is that of the shaft `driven_by` plus `phase_rad`. The cam's link reaches from the axis to `mark` on
+    its base circle. The point `end` is the centre of the roller.
 
-    Pressure angle and curvature follow from the follower's velocity and acceleration relative to the cam (Norton, Cam
-    Design and Manufacturing Handbook, 2009, ch. 7 has them kind by kind). Raises MachineError where the cam would be
-    undercut: where a roller is larger than the radius of its centre's path, or a flat face meets a radius below 0.
+    A swinging follower is a link of `length_m` from the fixed point `pivot` to `end`, on the named `side` of the line
+    from `at` to `pivot`. With a flat face (`face` "flat") the link is parallel to the face, which lies `offset_m` from
+    the pivot towards the cam.
+
+    A sliding follower reaches from `end` by `length_m` along `guide_direction` to `tip`. Its guide passes the axis at
+    `offset_m`, to the left of its direction. A flat face is perpendicular to the link.
+
+    The lift [m or rad] is 0 on the base circle and positive away from it; `strokes` or a `table` give it over the cam's
+    angle. A `second` roller on a conjugate cam, fixed to the first cam, returns the follower, and either cam carries
+    the load. With one roller, only declared loads such as a spring press the follower onto the cam.
+
+    Pressure angle and curvature follow from the follower's velocity and acceleration relative to the cam.
+
+    Raises:
+        MachineError: where the cam is undercut, that is, where a roller is larger than the radius of its centre's path
+            or the radius under a flat face is negative.
+
+    References:
+        Norton, Cam Design and Manufacturing Handbook, 2nd ed. 2009, chapter 7: the same quantities for each kind of
+        cam.
     """
 
     cam: str
@@ -125,7 +139,7 @@ class CamFollower(PlainGroup):
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """The cam's axis, the follower's pivot and the centre of its roller."""
+        """Axis of the cam, pivot of the follower and centre of its roller."""
         return (self.at, *(() if self.pivot is None else (self.pivot,)), *(() if self._is_flat else (self.end,)))
 
     @cached_property
@@ -146,7 +160,7 @@ class CamFollower(PlainGroup):
 
     @property
     def _sense(self) -> float:
-        """1 where a swinging follower lifts counter-clockwise."""
+        """+1 where a swinging follower lifts counter-clockwise, -1 otherwise."""
         return -1.0 if self.side == "left" else 1.0
 
     @property
@@ -154,7 +168,7 @@ class CamFollower(PlainGroup):
         return Crank(self.cam, self.at, self.mark, self.base_radius_m, self.phase_rad, self.driven_by)
 
     def solve(self, motion: Motion) -> None:
-        """Add cam and follower, their points, pressure angle, radius of curvature and the cam's outline."""
+        """Add cam and follower, their points, the pressure angle, the radius of curvature and the cam's outline."""
         self._crank.solve(motion)
         cam = motion.links[self.cam]
         p, q = cam.first, cam.second
@@ -163,7 +177,7 @@ class CamFollower(PlainGroup):
         direction = self._direction(motion, lift)
         if self.tip is not None:
             axis = motion.points[self.at].position
-            end = axis + self.offset_m * direction.turned_left() + (self._rest(motion) + lift) * direction
+            end = axis + self.offset_m * direction.turned_left() + (self._base_position(motion) + lift) * direction
             motion.add_point(self.end, PointMotion.sliding(end, direction, first, second), self.name)
             tip = PointMotion.sliding(end + self.length_m * direction, direction, first, second)
             zero = const(0.0)
@@ -184,11 +198,12 @@ class CamFollower(PlainGroup):
                 f"outline_{self.cam}{ending}_y_m": cam.direction.cross(contact.surface),
             }
 
-    def _rest(self, motion: Motion) -> float:
-        """Where the follower stands on the base circle.
+    def _base_position(self, motion: Motion) -> float:
+        """Compute the follower's position on the base circle.
 
-        Of a sliding one the way of `end` from the axis along the guide [m]; of a swinging one, at the pivot, the angle
-        between arm and axis, with a flat face that between the face's normal and the line of centres [rad].
+        For a sliding follower: the distance of `end` from the axis along the guide [m]. For a swinging follower: the
+        angle at the pivot between arm and cam axis; with a flat face, the angle between the face's normal and the line
+        of centres [rad].
         """
         reach = self.base_radius_m + self.roller_radius_m
         if self.pivot is None:
@@ -205,7 +220,7 @@ class CamFollower(PlainGroup):
         return math.acos(share)
 
     def _centres(self, motion: Motion) -> tuple[float, float]:
-        """Length [m] and angle [rad] of the line from the cam's axis to the pivot."""
+        """Compute length [m] and angle [rad] of the line from the cam's axis to the pivot."""
         assert self.pivot is not None
         (ox, oy), (cx, cy) = (motion.fixed_point(name, self.name) for name in (self.at, self.pivot))
         if (ox, oy) == (cx, cy):
@@ -213,16 +228,16 @@ class CamFollower(PlainGroup):
         return math.hypot(cx - ox, cy - oy), math.atan2(cy - oy, cx - ox)
 
     def _direction(self, motion: Motion, lift: Expr) -> Vector:
-        """Of the follower's link."""
+        """Express the direction of the follower's link at a lift."""
         if self.guide_direction is not None:
             norm = math.hypot(*self.guide_direction)
             return Vector.of(self.guide_direction[0] / norm, self.guide_direction[1] / norm)
-        line, rest, sense = self._centres(motion)[1], self._rest(motion), self._sense
-        at_rest = line - sense * (rest + math.pi / 2.0) if self._is_flat else line + math.pi + sense * rest
+        line, base, sense = self._centres(motion)[1], self._base_position(motion), self._sense
+        at_rest = line - sense * (base + math.pi / 2.0) if self._is_flat else line + math.pi + sense * base
         return Vector(cos(lift), sense * sin(lift)).rotated(*unit_direction(at_rest))
 
     def _contacts(self, motion: Motion) -> Iterator[CamContact]:
-        """Each contact, the lifting one first."""
+        """Yield each contact, first the one that lifts the follower."""
         cam, link = motion.links[self.cam], motion.links[self.follower]
         lift, slope, bend = self.law.over(cam.direction)
         if self._is_flat:
@@ -239,7 +254,10 @@ class CamFollower(PlainGroup):
             yield _roller_contact(start + lever, slope * moves, bends, lifts * moves, radius, lifts)
 
     def _flat_contact(self, motion: Motion, lift: Expr, slope: Expr, bend: Expr) -> CamContact:
-        """Of the face's distance from the axis over the direction of its normal (the cam's support function)."""
+        """Locate the contact of a flat face by the support function of the cam.
+
+        The support function is the distance of the face from the axis, over the direction of its normal.
+        """
         link, axis = motion.links[self.follower], motion.points[self.at].position
         if self._slides:
             normal = link.direction
@@ -249,7 +267,7 @@ class CamFollower(PlainGroup):
         normal = self._sense * link.direction.turned_left()
         arm = motion.points[link.start].position - axis
         swing, swing_rate = self._sense * slope, self._sense * bend
-        turning = swing - 1.0  # of the normal against the cam, per angle of the cam
+        turning = swing - 1.0  # rate of the normal relative to the cam, per unit of cam angle
         away, beside = arm.dot(normal), arm.dot(normal.turned_left())
         distance = away - self.offset_m
         rate = swing * beside / turning
@@ -259,14 +277,14 @@ class CamFollower(PlainGroup):
         return CamContact(point, point, normal, self._sense * (point - arm).turned_left(), radius, radius)
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """The cam must not be undercut, and must press the follower on its way."""
+        """Require a cam without undercut and a pressure angle below 90 degrees."""
         found = []
         undercut = f"has a cam '{self.cam}' that is undercut"
         remedy = "take a larger base circle, a smaller roller or a longer stroke"
         cuts = "the flat face" if self._is_flat else "the roller"
         for contact in self._contacts(motion):
             scale = self.base_radius_m if self._is_flat else 1.0
-            found.append(Closure(f"{cuts} cuts it away", contact.spare, scale, undercut, "it begins", remedy))
+            found.append(Closure(f"{cuts} cuts it away", contact.margin, scale, undercut, "it begins", remedy))
             lever = 1.0 if self._slides else self.length_m
             jams, how = f"jams the follower '{self.follower}'", "the pressure angle comes to 90 deg"
             beside = remedy if contact.lifts > 0.0 else "the second roller lies across the cam's axis from the first"
@@ -274,24 +292,24 @@ class CamFollower(PlainGroup):
         return tuple(found)
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
-        """By the pressure angle of the first contact, which is a right angle less the transmission angle."""
+        """Take the transmission angle as a right angle less the pressure angle of the first contact."""
         angle = next(self._contacts(motion)).pressure_angle
         most = -smallest_value(-angle, motion.range_rad)[1]
         least = smallest_value(angle, motion.range_rad)[1]
         value, radius = smallest[0], self.roller_radius_m
-        spare = value if self._is_flat else radius * value / (1.0 - value) if value < 1.0 else math.inf
-        return Transmission(min(max(spare, 0.0), self.base_radius_m), (math.pi / 2.0 - most, math.pi / 2.0 - least))
+        margin = value if self._is_flat else radius * value / (1.0 - value) if value < 1.0 else math.inf
+        return Transmission(min(max(margin, 0.0), self.base_radius_m), (math.pi / 2.0 - most, math.pi / 2.0 - least))
 
     @property
     def contact_forces(self) -> tuple[ContactForce, ...]:
-        """One that is lost where the follower lifts off; of conjugate cams two that take turns."""
+        """One force, lost where the follower lifts off; with conjugate cams two forces that alternate."""
         force, lift_off = f"contact_force_{self.follower}", f"{self.follower}_lifts_off"
         if self.second is None:
             return (ContactForce(f"{force}_N", lift_off),)
         return ContactForce(f"{force}_N", lift_off), ContactForce(f"{force}_second_N", f"{lift_off}_second")
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """The cam turns about its axis; the follower swings or slides."""
+        """Return the turning joint of the cam and the turning or sliding joint of the follower."""
         if self.pivot is not None:
             return pivot(motion, self.cam, self.at), pivot(motion, self.follower, self.pivot)
         x, y = motion.fixed_point(self.at, self.name)
@@ -301,7 +319,7 @@ class CamFollower(PlainGroup):
         return pivot(motion, self.cam, self.at), guide(self.follower, origin, (ux, uy))
 
     def balance(self, wrenches: Wrenches) -> None:
-        """The force of contact, without friction, balances the follower along its motion; what is left is borne."""
+        """Solve the frictionless contact force along the follower's motion, and the reactions of pivot or guide."""
         motion = wrenches.motion
         along = motion.links[self.follower].direction
         (cam_force, cam_moment), (force, moment) = wrenches.on(self.cam), wrenches.on(self.follower)
@@ -313,12 +331,12 @@ class CamFollower(PlainGroup):
             needed = [select(first, needed[0], zero), select(first, zero, needed[1])]
         pressed = Vector.of(0.0, 0.0)
         torque = cam_moment
-        for told, size, contact in zip(self.contact_forces, needed, contacts, strict=True):
-            wrenches.contacts[told.output] = size
+        for pressing, size, contact in zip(self.contact_forces, needed, contacts, strict=True):
+            wrenches.contacts[pressing.output] = size
             pressed += size * contact.normal
             torque = torque - size * contact.point.cross(contact.normal)
         if not self._is_flat:
-            wrenches.reactions[self.end] = needed[0] * contacts[0].normal  # what hangs there too does not change it
+            wrenches.reactions[self.end] = needed[0] * contacts[0].normal  # unchanged by later links on this point
         if self.pivot is not None:
             wrenches.add_reaction(self.pivot, -pressed - force)
         else:
@@ -332,14 +350,14 @@ class CamFollower(PlainGroup):
 
 
 def _roller_contact(
-    centre: Vector, first: Vector, second: Vector, gives: Vector, radius: float, lifts: float
+    centre: Vector, first: Vector, second: Vector, velocity: Vector, radius: float, lifts: float
 ) -> CamContact:
-    """Of a roller whose centre has these derivatives by the cam's angle: its path on the cam is run clockwise."""
+    """Locate the contact of a roller from the derivatives of its centre, whose path on the cam runs clockwise."""
     along = first - centre.turned_left()
     bends = second + centre - 2.0 * along.turned_left()
     speed = sqrt(along.dot(along))
     normal = (1.0 / speed) * along.turned_left()
     turning = bends.cross(along)
     cubed = speed * speed * speed
-    spare = 1.0 - radius * (turning / cubed)
-    return CamContact(centre, centre - radius * normal, normal, gives, cubed / turning - radius, spare, lifts)
+    margin = 1.0 - radius * (turning / cubed)
+    return CamContact(centre, centre - radius * normal, normal, velocity, cubed / turning - radius, margin, lifts)

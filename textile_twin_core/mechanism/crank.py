@@ -16,7 +16,7 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 class Crank(PlainGroup):
     """A crank of `length_m` from the fixed point `at` to the point `end`.
 
-    It stands at the angle of the shaft `driven_by` plus `phase_rad`.
+    Its angle is that of the shaft `driven_by` plus `phase_rad`.
     """
 
     name: str
@@ -54,15 +54,15 @@ class Crank(PlainGroup):
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """Its centre."""
+        """The crank's centre."""
         return (self.at,)
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """It turns about its centre."""
+        """Return the turning joint at the crank's centre."""
         return (pivot(motion, self.name, self.at),)
 
     def balance(self, wrenches: Wrenches) -> None:
-        """The centre bears the force, the shaft the moment."""
+        """Pass the force to the centre and the moment to the shaft."""
         force, moment = wrenches.on(self.name)
         wrenches.add_reaction(self.at, -force)
         wrenches.add_torque(self.driven_by, moment)

@@ -1,8 +1,8 @@
-"""A crank's end and a fixed pivot: the way from one to the other in half-angle form, exact where the two nearly meet.
+"""Vector from a crank's end to a fixed pivot in half-angle form, exact where the two nearly coincide.
 
 With phi from the ground line to the crank, c = cos(phi/2), s = sin(phi/2), g the length of the ground line and r that
-of the crank: D^2 = (g - r)^2 + 4 g r s^2 is the distance squared. In the frame turned by phi/2 from the ground line
-the way from the crank's end to the pivot is ((g - r) c, -(g + r) s). Both keep their digits where g and r nearly agree.
+of the crank, the squared distance is D^2 = (g - r)^2 + 4 g r s^2. In the frame turned by phi/2 from the ground line the
+vector from the crank's end to the pivot is ((g - r) c, -(g + r) s). Neither cancels where g is close to r.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ class CrankPivot:
 
     @property
     def exact_lengths(self) -> tuple[Any, Any]:
-        """Ground line and crank, exactly [m]."""
+        """Lengths of ground line and crank as exact fractions [m]."""
         (cx, cy), (gx, gy) = self.circle.centre, self.ground
         return exact_length(exact(gx) - exact(cx), exact(gy) - exact(cy)), exact(self.circle.radius)
 
     @property
     def half_angle(self) -> tuple[Expr, Expr]:
-        """c and s."""
+        """The cosine c and sine s of half the crank angle."""
         x, y = self._ground_direction
         angle = real.atan2(y, x)
         gc, gs, half = real.cos(angle / 2.0), real.sin(angle / 2.0), self.circle.half
@@ -50,18 +50,18 @@ class CrankPivot:
 
     @property
     def rise(self) -> float:
-        """Ground line less crank [m]."""
+        """Length of the ground line less that of the crank [m]."""
         g, crank = self.exact_lengths
         return rounded(g - crank)
 
     @property
     def swing(self) -> float:
-        """4 g r [m^2]."""
+        """The product 4 g r [m^2]."""
         return 4.0 * self.ground_length * self.circle.radius
 
     @property
     def apart(self) -> Vector:
-        """From the crank's end to the fixed joint [m], without cancellation where the two nearly meet."""
+        """Vector from the crank's end to the fixed joint [m], free of cancellation."""
         g, crank = self.exact_lengths
         x, y = self._ground_direction
         angle = real.atan2(y, x) / 2.0
@@ -71,7 +71,7 @@ class CrankPivot:
 
     @property
     def apart_from_ground_line(self) -> Vector:
-        """From the crank's end to the fixed joint, in the frame with x along the ground line [m]."""
+        """Vector from the crank's end to the fixed joint, in the frame with x along the ground line [m]."""
         (c, s), crank = self.half_angle, self.circle.radius
         return Vector(self.ground_length - crank * (c * c - s * s), (-2.0 * crank) * (c * s))
 
@@ -83,10 +83,10 @@ class CrankPivot:
 
     @property
     def ends_nearly_meet(self) -> bool:
-        """Whether the crank's end comes close to the fixed joint."""
+        """True if the crank's end comes close to the fixed joint."""
         return abs(self.rise) < _CLOSE * self.ground_length
 
     @property
     def distance_squared(self) -> Expr:
-        """D^2 [m^2]."""
+        """Squared distance D^2 of crank end and fixed joint [m^2]."""
         return self.swing * (square(self.half_angle[1]) + self.rise**2 / self.swing)

@@ -16,11 +16,11 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 @dataclass(frozen=True)
 class GearMesh:
-    """Where the pitch ellipses touch and how steep they stand there.
+    """Contact of the pitch ellipses.
 
-    The pitch radii [m] lie on the centre line; `along` is its unit vector from driver to driven gear.
-    `steepness` is the tangent of the angle from the normal of the centre line, counter-clockwise, to the
-    common tangent of the ellipses.
+    The pitch radii [m] lie on the centre line; `along` is its unit vector from driver to driven gear. `steepness` is
+    the tangent of the angle from the normal of the centre line, counter-clockwise, to the common tangent of the
+    ellipses.
     """
 
     along: Vector
@@ -31,18 +31,20 @@ class GearMesh:
 
 @dataclass(frozen=True)
 class EllipticGearPair(PlainGroup):
-    """Gear `driver` turns with the shaft `driven_by` about the point `at`, gear `driven` about `driven_at`.
+    """Gear `driver`, which turns with the shaft `driven_by` about the point `at`, and gear `driven` about `driven_at`.
 
-    Half the distance of the two points is the major half axis a of both pitch ellipses, `axis_ratio` k = b/a
-    with e^2 = 1 - k^2. A gear is a link from its axis to its other focus, given a name in `ends`; its
-    centroid is mid-link. `driven` is a shaft as well: its angle is that of its link, and it turns the other
-    way. `mesh` names the point where the ellipses touch, on the centre line. `phase_rad` says how far the
-    driver, at shaft angle 0, stands past the smallest ratio of the pair. With f1, f2 counted from there
+    Half the distance of the two points is the major half axis a of both pitch ellipses; `axis_ratio` is k = b/a, and
+    e^2 = 1 - k^2. Each gear is a link from its axis to its other focus, named in `ends`; its centroid is mid-link. The
+    gear `driven` is a shaft as well, with the angle of its link, and turns opposite to the driver. `mesh` names the
+    contact point of the ellipses, on the centre line. `phase_rad` is the driver's angle past the smallest ratio of the
+    pair, at shaft angle 0. With the angles f1, f2 counted from the smallest ratio
 
-        tan(f2/2) = (1 - e)/(1 + e) tan(f1/2),  df2/df1 = (1 - e^2)/(1 + e^2 + 2 e cos f1),
+        tan(f2/2) = (1 - e)/(1 + e) tan(f1/2),  df2/df1 = (1 - e^2)/(1 + e^2 + 2 e cos f1).
 
-    which Zhao, Ren and Chen 2011 write with an arc cosine (Eq. 4). The teeth press along the common tangent
-    turned by `pressure_angle_rad` towards the gear that is pressed.
+    The teeth press along the common tangent turned by `pressure_angle_rad` towards the gear that is pressed.
+
+    References:
+        Zhao, Ren and Chen 2011, Eq. 4: the same relation with an arc cosine.
     """
 
     driver: str
@@ -76,12 +78,12 @@ class EllipticGearPair(PlainGroup):
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """Both axes, and where the teeth press."""
+        """Both axes and the contact point of the teeth."""
         return self.at, self.driven_at, self.mesh
 
     @property
     def eccentricity(self) -> float:
-        """e of the pitch ellipses."""
+        """Numerical eccentricity e of the pitch ellipses."""
         return real.sqrt((1.0 - self.axis_ratio) * (1.0 + self.axis_ratio))
 
     @property
@@ -91,13 +93,13 @@ class EllipticGearPair(PlainGroup):
         return (1.0 - e) / (1.0 + e), (1.0 + e) / (1.0 - e)
 
     def driven_turn(self, driver_turn_rad: float) -> float:
-        """f2 at f1, both from the smallest ratio, unwound over any number of turns [rad]."""
+        """Compute f2 at f1, both unwrapped and counted from the smallest ratio [rad]."""
         e = self.eccentricity
         c, s = real.cos(driver_turn_rad / 2.0), real.sin(driver_turn_rad / 2.0)
         return driver_turn_rad - 2.0 * real.atan2(2.0 * e * s * c, (1.0 + e) * c * c + (1.0 - e) * s * s)
 
     def solve(self, motion: Motion) -> None:
-        """Add both gears, their other foci, the driven shaft and the point where they touch."""
+        """Add both gears, their other foci, the driven shaft and the contact point."""
         distance, line = self._centre_line(motion)
         shaft = motion.rotation(self.driven_by, self.name)
         half, e = self._half_turn(motion), self.eccentricity
@@ -129,17 +131,17 @@ class EllipticGearPair(PlainGroup):
         motion.add_point(self.mesh, self._touching_point(motion), self.name)
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """Both gears turn about their axes."""
+        """Return the turning joints of both gears."""
         return pivot(motion, self.driver, self.at), pivot(motion, self.driven, self.driven_at)
 
     def balance(self, wrenches: Wrenches) -> None:
-        """The driven gear's moment gives the force of the teeth, on the flank that bears."""
+        """Solve the tooth force, on the loaded flank, from the driven gear's moment."""
         mesh = self.contact(wrenches.motion)
         driver_force, driver_moment = wrenches.on(self.driver)
         driven_force, driven_moment = wrenches.on(self.driven)
         load = driven_moment + wrenches.torque_on.pop(self.driven, const(0.0))
         across = load / mesh.driven_radius
-        # the flank that bears turns the force away from the common tangent so that it pushes the gears apart
+        # the loaded flank turns the force away from the common tangent, so that it pushes the gears apart
         k = real.tan(self.pressure_angle_rad)
         pressing = (mesh.steepness - k) / (1.0 + k * mesh.steepness)
         other = (mesh.steepness + k) / (1.0 - k * mesh.steepness)
@@ -151,7 +153,7 @@ class EllipticGearPair(PlainGroup):
         wrenches.add_torque(self.driven_by, driver_moment - mesh.driver_radius * across)
 
     def contact(self, motion: Motion) -> GearMesh:
-        """The pitch radii and the common tangent over the motion."""
+        """Express the pitch radii and the common tangent over the motion."""
         distance, line = self._centre_line(motion)
         half, e = self._half_turn(motion), self.eccentricity
         c, s = half.x, half.y
@@ -177,17 +179,17 @@ class EllipticGearPair(PlainGroup):
         return PointMotion.sliding(position, mesh.along, first, second)
 
     def _half_turn(self, motion: Motion) -> Vector:
-        """Direction of half the driver's turn from the smallest ratio."""
+        """Express the direction of half the driver's angle from the smallest ratio."""
         shaft = motion.rotation(self.driven_by, self.name)
         return shaft.half.rotated(*unit_direction(self.phase_rad / 2.0))
 
     def _width(self, half: Vector) -> Expr:
-        """1 + e cos f1, without cancellation for a flat ellipse."""
+        """Express 1 + e cos f1 without cancellation for a flat ellipse."""
         e = self.eccentricity
         return (1.0 + e) * (half.x * half.x) + (1.0 - e) * (half.y * half.y)
 
     def _centre_line(self, motion: Motion) -> tuple[float, float]:
-        """Length and direction of the line from the driver's axis to the driven gear's [m, rad]."""
+        """Compute length and angle of the line from the driver's axis to the driven gear's [m, rad]."""
         axes = [motion.point(name, self.name) for name in (self.at, self.driven_at)]
         if not all(axis.is_fixed for axis in axes):
             raise MachineError(f"gears '{self.name}': '{self.at}' and '{self.driven_at}' must be fixed to the ground")

@@ -16,17 +16,17 @@ _ROUNDING = 1e-13
 
 
 def values_over(value: Expr, theta: FloatArray) -> FloatArray:
-    """The values (n,) of an expression of theta at (n,) angles [rad]; NaN where it has none."""
+    """Evaluate an expression of theta at (n,) angles [rad]; NaN where it is undefined."""
     with np.errstate(invalid="ignore", divide="ignore"):
         found = interpret([value], {"theta": theta}, Numpy)[0]
     return np.array(np.broadcast_to(np.asarray(found, dtype=np.float64), theta.shape))
 
 
 def smallest_value(value: Expr, range_rad: tuple[float, float]) -> tuple[float, float]:
-    """Where an expression of theta is smallest in a range [rad], and how small, to rounding.
+    """Find the angle [rad] of an expression's smallest value in a range, and that value, to rounding.
 
-    A grid closes in on each of its minima that may be the smallest one between its samples. Where the expression has no
-    value, the angle and minus infinity.
+    A grid is refined around each of its minima that may hold the smallest value. Where the expression is undefined, the
+    result is that angle and minus infinity.
     """
     theta = np.linspace(*range_rad, _SAMPLES)
     found = values_over(value, theta)
@@ -36,8 +36,11 @@ def smallest_value(value: Expr, range_rad: tuple[float, float]) -> tuple[float, 
 
 
 def _lowest(found: FloatArray) -> list[int]:
-    """Samples beside which the smallest value may lie: below them by less than they lie below their neighbours."""
-    before, after = np.append(found[1], found[:-1]), np.append(found[1:], found[-2])  # mirrored at both ends
+    """Select the samples that may lie beside the minimum.
+
+    A sample qualifies if its value less its drop to a neighbour is below the lowest sample.
+    """
+    before, after = np.append(found[1], found[:-1]), np.append(found[1:], found[-2])  # mirror the grid at both ends
     reach = found - (np.maximum(before, after) - found)
     least = float(found.min()) - _ROUNDING * float(np.ptp(found))
     others = np.flatnonzero((found <= before) & (found <= after) & (reach < least))
@@ -45,7 +48,7 @@ def _lowest(found: FloatArray) -> list[int]:
 
 
 def _closing_in(value: Expr, theta: FloatArray, found: FloatArray, i: int) -> tuple[float, float]:
-    """The smallest value beside sample i of the grid."""
+    """Refine the smallest value beside sample i of the grid."""
     best = (float(theta[i]), float(found[i]))
     for _ in range(_ROUNDS - 1):
         low, high = float(theta[max(i - 1, 0)]), float(theta[min(i + 1, theta.size - 1)])

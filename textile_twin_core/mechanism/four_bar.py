@@ -1,15 +1,16 @@
-"""The dyad on a crank with fixed ground: the four-bar linkage in half-angle form, derivatives included.
+"""Four-bar linkage in half-angle form: a dyad on a crank with a fixed ground joint, and its derivatives.
 
-With phi from the ground line to the crank, c = cos(phi/2), s = sin(phi/2), a = 4 g l1:
-P = P0 + a c^2 and Q = Q0 + a s^2 are Heron's factors (2 l2 l3 sin mu = sqrt(P Q) = R), D^2 = Q + (l2 - l3)^2
-is the distance of the outer joints squared. The line of the outer joints turns at l1 (2 g s^2 - (g - l1)) / D^2
-per unit of the crank, and coupler and rocker turn against it at tau (E -+ 1) with E = (l2^2 - l3^2) / D^2,
-tau = g l1 sin(phi) / R. Since tau' = g l1 (Q0 c^2 P - P0 s^2 Q) / R^3, neither speed nor acceleration loses
-digits near a change point, where P0 or Q0 is small and the textbook forms divide rounding by rounding; and since the
-constants of all sums are rounded once, none are lost with rods much longer than the crank.
+With phi from the ground line to the crank, c = cos(phi/2), s = sin(phi/2), a = 4 g l1: P = P0 + a c^2 and Q = Q0 + a
+s^2 are Heron's factors (2 l2 l3 sin mu = sqrt(P Q) = R), and D^2 = Q + (l2 - l3)^2 is the squared distance of the outer
+joints. The line of the outer joints turns at l1 (2 g s^2 - (g - l1)) / D^2 per unit of crank angle. Coupler and rocker
+turn relative to that line at tau (E -+ 1) with E = (l2^2 - l3^2) / D^2 and tau = g l1 sin(phi) / R.
 
-Where P0 = Q0 = 0 (parallelogram, kite) all links come into one line twice a turn. The smooth continuation through
-these change points has R = +-a c s, which changes its sign there instead of touching zero, and so tau = +-1/2.
+The derivative tau' = g l1 (Q0 c^2 P - P0 s^2 Q) / R^3 keeps full precision near a change point, where P0 or Q0 is small
+and the textbook forms divide rounding errors by each other. The constants of all sums are rounded once, which also
+keeps precision where the rods are much longer than the crank.
+
+Where P0 = Q0 = 0 (parallelogram, kite) all links lie in one line twice a turn. The smooth continuation through these
+change points has R = +-a c s, which changes sign there instead of touching zero, and tau = +-1/2.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _SAME = 1e-14
 
 @dataclass(frozen=True)
 class Rates:
-    """First and second derivatives of two links' angles."""
+    """First and second derivatives of the angles of two links."""
 
     first: tuple[Expr, Expr]
     second: tuple[Expr, Expr]
@@ -40,8 +41,10 @@ class Rates:
 class FourBar(CrankPivot):
     """A crank on a circle, a fixed far joint and the lengths of coupler and rocker; `side` is +1 left, -1 right.
 
-    With `passing` it goes smoothly through its change points; `side` then speaks of phi from 0 to pi.
-    Raises MachineError for `passing` where the links do not come into one line twice a turn.
+    With `passing` the linkage moves smoothly through its change points; `side` then refers to phi between 0 and pi.
+
+    Raises:
+        MachineError: for `passing` if the links do not lie in one line twice a turn.
     """
 
     coupler: float
@@ -74,14 +77,14 @@ class FourBar(CrankPivot):
 
     @property
     def passing_branches(self) -> tuple[str, ...]:
-        """Branches that go smoothly through change points; none where the links come into one line but once a turn."""
+        """Branches that move smoothly through change points; empty if the links lie in one line only once a turn."""
         if self._neighbours_equal:
             return ("left_passing",)
         return ("left_passing", "right_passing") if self._opposite_sides_equal else ()
 
     @property
     def is_parallelogram(self) -> bool:
-        """Whether the rocker stays parallel to the crank all the way round."""
+        """True if the rocker stays parallel to the crank over the whole turn."""
         return self.passing and self.side > 0.0 and self._opposite_sides_equal
 
     @property
@@ -93,7 +96,7 @@ class FourBar(CrankPivot):
 
     @property
     def grashof(self) -> str:
-        """The linkage's class by Grashof's criterion; a difference within rounding is a change point."""
+        """Grashof class of the linkage; a difference within rounding counts as a change point."""
         lengths = {
             "crank-rocker": self.circle.radius,
             "double-rocker": self.coupler,
@@ -110,12 +113,12 @@ class FourBar(CrankPivot):
 
     @property
     def _lengths(self) -> tuple[Any, Any, Any, Any]:
-        """Ground, crank, coupler and rocker, exactly [m]: their differences vanish near change points."""
+        """Exact lengths of ground, crank, coupler and rocker [m]; their differences vanish near change points."""
         return *self.exact_lengths, exact(self.coupler), exact(self.rocker)
 
     @property
     def shares(self) -> tuple[Expr, Expr]:
-        """1 - E and 1 + E: (D^2 -+ (l2^2 - l3^2)) / D^2."""
+        """The factors 1 - E and 1 + E, each (D^2 -+ (l2^2 - l3^2)) / D^2."""
         g, l1, l2, l3 = self._lengths
         swing, inverse = self.swing, self.swing / self.distance_squared
         less, more = (rounded((g - l1) ** 2 + sign * (l2**2 - l3**2)) for sign in (-1, 1))
@@ -124,7 +127,7 @@ class FourBar(CrankPivot):
 
     @property
     def heron_constants(self) -> tuple[float, float]:
-        """P0 and Q0 [m^2], rounded once: their factors vanish near change points."""
+        """The constants P0 and Q0 [m^2], rounded once; their factors vanish near change points."""
         if self.passing:
             return 0.0, 0.0
         g, l1, l2, l3 = self._lengths
@@ -132,14 +135,14 @@ class FourBar(CrankPivot):
 
     @property
     def heron_factors(self) -> tuple[Expr, Expr]:
-        """P and Q [m^2]."""
+        """Heron's factors P and Q [m^2]."""
         (c, s), (p0, q0) = self.half_angle, self.heron_constants
         swing = self.swing
         return swing * (c * c + p0 / swing), swing * (s * s + q0 / swing)
 
     @property
     def root(self) -> Expr:
-        """R [m^2]; its sign is the branch."""
+        """The root R [m^2]; its sign is the branch."""
         if self.passing:
             c, s = self.half_angle
             return (self.side * self.swing) * (c * s)
@@ -147,7 +150,7 @@ class FourBar(CrankPivot):
         return self.side * sqrt(stretched * folded)
 
     def _relative_rate(self) -> tuple[Expr, Expr]:
-        """tau and its derivative with respect to the crank's angle."""
+        """The rate tau and its derivative with respect to the crank angle."""
         if self.passing:
             return const(self.side * 0.5), const(0.0)
         swing = self.side * self.ground_length * self.circle.radius
@@ -158,7 +161,7 @@ class FourBar(CrankPivot):
         return (2.0 * swing) * (c * s * inverse), swing * (bend * (inverse * (inverse * inverse)))
 
     def rates(self) -> Rates:
-        """Derivatives of the angles of coupler and rocker with respect to the crank's."""
+        """Derivatives of the angles of coupler and rocker with respect to the crank angle."""
         l1, l2, l3, g, rise = self.circle.radius, self.coupler, self.rocker, self.ground_length, self.rise
         (c, s), (less, more), swing = self.half_angle, self.shares, self.swing
         inverse = swing / self.distance_squared
@@ -166,7 +169,7 @@ class FourBar(CrankPivot):
         tau, tau_slope = self._relative_rate()
         growth = c * s * inverse  # (D^2)' / D^2
         bend = growth * (inverse * (0.5 * rise * (g + l1) / swing - ((l2 - l3) * (l2 + l3) / swing) * tau))
-        if l2 >= l3:  # E >= 0: the smaller share is the coupler's, and none is lost in the other's
+        if l2 >= l3:  # E >= 0: the smaller share belongs to the coupler and is not lost beside the larger one
             first, second = line - tau * less, bend - tau_slope * less
             return Rates((first, first + 2.0 * tau), (second, second + 2.0 * tau_slope))
         first, second = line + tau * more, bend + tau_slope * more
@@ -174,5 +177,5 @@ class FourBar(CrankPivot):
 
 
 def _same(a: float, b: float) -> bool:
-    """Whether two lengths differ by no more than the rounding of coordinates."""
+    """Return whether two lengths differ by no more than the rounding of coordinates."""
     return abs(a - b) <= _SAME * max(a, b)

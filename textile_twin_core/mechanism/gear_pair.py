@@ -1,8 +1,8 @@
-"""Gear pair: two round gears of any ratio, external or internal, on fixed axes or on a link that carries them.
+"""Gear pair: two round gears of any ratio, external or internal, on fixed axes or on a planet carrier.
 
-Seen from the link that carries both axes the gears turn in the ratio of their teeth, phi_2 - phi_c = k (phi_1 - phi_c)
-with k = -z1/z2 for external and z1/z2 for internal teeth (Willis 1841). So phi_2 = (1 - k) phi_c + k phi_1, and its
-derivatives likewise.
+Relative to the link that carries both axes the gears turn in the ratio of their teeth (Willis 1841), phi_2 - phi_c = k
+(phi_1 - phi_c), with k = -z1/z2 for external and z1/z2 for internal teeth. Therefore phi_2 = (1 - k) phi_c + k phi_1,
+and likewise for its derivatives.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 @dataclass(frozen=True)
 class Turning:
-    """An angle [rad] and its derivatives by theta."""
+    """An angle [rad] and its derivatives with respect to theta."""
 
     angle: Expr
     first: Expr
@@ -36,7 +36,7 @@ _STILL = Turning(const(0.0), const(0.0), const(0.0))
 
 @dataclass(frozen=True)
 class CentreLine:
-    """From the driver's axis to the driven gear's: length [m], unit vector, and the angle of the carrying link."""
+    """Line from the driver's axis to the driven gear's: length [m], unit vector, and angle of the carrying link."""
 
     length: float
     direction: Vector
@@ -45,7 +45,7 @@ class CentreLine:
 
 @dataclass(frozen=True)
 class PitchCircle:
-    """Of a gear fixed to a link, or to no link of its own (None): its centre, by point, and radius [m]."""
+    """Pitch circle of a gear: the link it is fixed to (None for a gear without a link), centre point and radius [m]."""
 
     link: str | None
     centre: str
@@ -55,24 +55,24 @@ class PitchCircle:
 
 @dataclass(frozen=True)
 class GearPair(PlainGroup):
-    """A gear `driven` on the axis `driven_at`, rolled by a gear on the axis `at`.
+    """A gear `driven` on the axis `driven_at`, meshing with a driving gear on the axis `at`.
 
-    The driving gear is fixed to the earlier link `driver`, which turns about `at`; with "main_shaft" it sits on the
-    main shaft, and without a driver it stands still, as the sun or the ring of a planetary gear. Both axes are fixed to
-    the ground, or one link reaches from one to the other. `teeth` are those of the driving and the driven gear; with
-    `internal` the larger gear is a ring with teeth inside.
+    The driving gear is fixed to the earlier link `driver`, which turns about `at`. With "main_shaft" it sits on the
+    main shaft; without a driver it stands still, as the sun or ring of a planetary gear. Both axes are fixed to the
+    ground, or one link reaches from one axis to the other. `teeth` are the numbers of the driving and the driven gear;
+    with `internal` the larger gear is a ring with internal teeth.
 
-    The driven gear's link reaches from its axis to the new point `end`, by `length_m`. It stands at `phase_rad` where
-    the angles of driver and carrying link are 0, and `driven` is a shaft as well, for cranks. `mesh` names the point
-    where the pitch circles touch. The teeth press at `pressure_angle_rad` to the common tangent, so as to part the
-    pitch circles.
+    The driven gear's link reaches from its axis to the new point `end`, by `length_m`. Its angle is `phase_rad` where
+    the angles of driver and carrying link are 0. The gear `driven` is a shaft as well, for cranks. `mesh` names the
+    point where the pitch circles touch. The tooth force acts at `pressure_angle_rad` to the common tangent and pushes
+    the gears apart.
 
-    A gear that does not turn a whole number of times while the main shaft turns once comes back only after several
-    turns: it is refused, since a machine here is a function of the angle of one turn.
+    A machine here is a periodic function of the main shaft's angle. A gear that makes no whole number of turns per
+    revolution of the main shaft is therefore rejected.
 
     Raises:
-        MachineError: for teeth, lengths or a pressure angle that cannot be; when it is solved, for axes that nothing
-            keeps apart, a gear that nothing turns, and turns that do not repeat with the main shaft.
+        MachineError: for impossible teeth, lengths or pressure angle; when solved, for axes whose distance is not
+            fixed, a gear without a drive, and turns that do not repeat with the main shaft.
 
     Example:
         >>> planet = GearPair("planet", "O", "A", "D", 0.03, (60, 20), internal=True)  # in a ring that stands still
@@ -112,12 +112,12 @@ class GearPair(PlainGroup):
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """The driven gear's axis, where the teeth press, and the axis of a gear on the main shaft."""
+        """Axis of the driven gear, contact point of the teeth, and the axis of a gear on the main shaft."""
         return (*((self.at,) if self.driver == MAIN_SHAFT else ()), self.driven_at, self.mesh)
 
     @property
     def ratio(self) -> Fraction:
-        """Speed of the driven gear over the driver's, both against the link that carries them."""
+        """Speed of the driven gear over the driver's, both relative to the carrying link."""
         return Fraction(int(self.teeth[0]), self._driven_sign * int(self.teeth[1]))
 
     @property
@@ -125,19 +125,22 @@ class GearPair(PlainGroup):
         return 1 if self.internal else -1
 
     def pitch_radii(self, distance_m: float) -> tuple[float, float]:
-        """From either axis to where the gears touch, along the line from the driver's axis to the driven one's [m]."""
+        """Compute the signed distances of the axes from the mesh point along the line of centres [m].
+
+        The direction from the driver's axis to the driven gear's is positive.
+        """
         driver, driven = self.teeth[0], self._driven_sign * self.teeth[1]
         return distance_m * driver / (driver - driven), distance_m * driven / (driver - driven)
 
     def pitch_circles(self, motion: Motion) -> tuple[PitchCircle, PitchCircle]:
-        """Those of the driving and the driven gear, in a motion that was solved."""
+        """Return the pitch circles of the driving and the driven gear in a solved motion."""
         driver, driven = (abs(radius) for radius in self.pitch_radii(self.centre_line(motion).length))
         link = self.driver if self.driver in motion.links else None
         ring = self.internal and driver > driven, self.internal and driven > driver
         return PitchCircle(link, self.at, driver, ring[0]), PitchCircle(self.driven, self.driven_at, driven, ring[1])
 
     def solve(self, motion: Motion) -> None:
-        """Add the driven gear, its end, its shaft and the point where the gears touch."""
+        """Add the driven gear, its end, its shaft and the mesh point."""
         line, driver = self.centre_line(motion), self._driver(motion)
         centre, k = motion.points[self.driven_at], self.ratio
         share, rest = float(k), float(1 - k)
@@ -180,7 +183,7 @@ class GearPair(PlainGroup):
         return LinkMotion("", self.at, self.mesh, radius, line.direction, p, q).end_motion(start)
 
     def centre_line(self, motion: Motion) -> CentreLine:
-        """From the driver's axis to the driven gear's. Raises MachineError where nothing keeps the two apart."""
+        """Express the line between the axes. Raises MachineError if the distance of the axes is not fixed."""
         one, two = (motion.point(name, self.name) for name in (self.at, self.driven_at))
         if one.is_fixed and two.is_fixed:
             (ox, oy), (ax, ay) = one.fixed_position(), two.fixed_position()
@@ -215,11 +218,11 @@ class GearPair(PlainGroup):
         return _turning(link, motion)
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """The driven gear turns about its axis."""
+        """Return the turning joint of the driven gear."""
         return (pivot(motion, self.driven, self.driven_at),)
 
     def balance(self, wrenches: Wrenches) -> None:
-        """The driven gear's moment gives the force of the teeth; its axis and the driver bear the rest."""
+        """Solve the tooth force from the driven gear's moment; its axis and the driver bear the reactions."""
         motion = wrenches.motion
         line = self.centre_line(motion)
         to_driver, to_driven = self.pitch_radii(line.length)
@@ -246,7 +249,7 @@ def _turning(link: LinkMotion, motion: Motion) -> Turning:
 
 
 def _wrapped(motion: Motion) -> Expr:
-    """The shaft angle within half a turn of the middle of a range that is no full turn."""
+    """Express the shaft angle wrapped to half a turn around the middle of a range shorter than a full turn."""
     middle = 0.5 * sum(motion.range_rad)
     theta = THETA - middle
     return atan2(sin(theta), cos(theta)) + middle

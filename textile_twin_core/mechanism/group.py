@@ -1,4 +1,4 @@
-"""The Group protocol: the piece from which every linkage is put together, and checks they share."""
+"""The Group protocol, from whose implementations every linkage is assembled, and shared checks."""
 
 from __future__ import annotations
 
@@ -19,10 +19,14 @@ MAIN_SHAFT = "main_shaft"
 
 @dataclass(frozen=True)
 class Closure:
-    """What must not become negative for a group to close; 0 is a change point or toggle.
+    """A quantity that must stay positive for a group to close; 0 is a change point or a toggle.
 
-    `how` says how the chain opens, `scale` is the size of the value's terms; `fails`, `begins` and `remedy` are words
-    of the message where it opens. At a `limit`, as the end of a slot, the chain ends, but nothing is ill-conditioned.
+    Attributes:
+        how: how the chain opens, in words.
+        value: the quantity over theta.
+        scale: size of the quantity's terms.
+        fails, begins, remedy: words of the error message.
+        limit: whether the chain ends there without becoming ill-conditioned, as at the end of a slot.
     """
 
     how: str
@@ -36,9 +40,9 @@ class Closure:
 
 @dataclass(frozen=True)
 class ContactForce:
-    """A force by which one body of a group presses on another [N]: the output's name, and the event of its loss.
+    """A force by which one body of a group presses on another [N]: name of the output, and of the event of its loss.
 
-    It can only press: where it would turn negative the bodies part.
+    The force can only press: the bodies part where it would become negative.
     """
 
     output: str
@@ -47,9 +51,9 @@ class ContactForce:
 
 @runtime_checkable
 class Group(Protocol):
-    """A structural group: from what stands before it, closed-form motion of what it adds, and the forces in it.
+    """A structural group: closed-form motion of the parts it adds to the earlier groups, and the forces in it.
 
-    Implementations are frozen dataclasses whose fields are the declaration; `PlainGroup` fills in what most have not.
+    Implementations are frozen dataclasses whose fields are the declaration. `PlainGroup` has the usual defaults.
     """
 
     @property
@@ -59,53 +63,53 @@ class Group(Protocol):
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """The points at which this group's links turn on each other, on the ground or on earlier groups."""
+        """Points at which the group's links turn on each other, on the ground or on earlier groups."""
         ...
 
     @property
     def contact_forces(self) -> tuple[ContactForce, ...]:
-        """The forces that `balance` books in `wrenches.contacts`."""
+        """Forces that `balance` writes to `wrenches.contacts`."""
         ...
 
     def solve(self, motion: Motion) -> None:
-        """Add this group's points, links, turning shafts and further quantities to the motion."""
+        """Add the group's points, links, turning shafts and further quantities to the motion."""
         ...
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """What must stay positive for the group to close, in a motion that was solved; empty if it always does."""
+        """Return the quantities that must stay positive in a solved motion; empty for a group that always closes."""
         ...
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
-        """How well a group with closures passes its force on, from the smallest value of each of them."""
+        """Compute the transmission of a group with closures, given the smallest value of each closure."""
         ...
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """A joint of the robot description for each link of the group, in a motion that was solved."""
+        """Return a joint of the robot description for each link of the group, in a solved motion."""
         ...
 
     def balance(self, wrenches: Wrenches) -> None:
-        """Balance this group's links under what acts on them, when all later groups are balanced.
+        """Solve the joint forces of the group's links, after all later groups have been solved.
 
-        Books the forces in its pins, guides and contacts, and puts their opposites on the links and shafts that
-        carry it.
+        Writes the forces in pins, guides and contacts, and applies their opposites to the links and shafts that carry
+        the group.
         """
         ...
 
 
 class PlainGroup:
-    """Base of groups, for what most of them need not tell: no contact that could part, no angle at which it opens."""
+    """Base class with the usual defaults: no contact that can part, no position in which the group opens."""
 
     @property
     def contact_forces(self) -> tuple[ContactForce, ...]:
-        """None."""
+        """Empty: no contact of the group can part."""
         return ()
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """None: it always closes."""
+        """Return no closures: the group always closes."""
         return ()
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
-        """Not asked of a group without closures."""
+        """Raise NotImplementedError: a group without closures has no transmission angle."""
         raise NotImplementedError(f"{type(self).__name__} has closures: it must tell its transmission too")
 
 

@@ -1,4 +1,4 @@
-"""A straight guide as it moves: on the ground, or on a link that an earlier group has made."""
+"""A straight guide and its motion, on the ground or on a link of an earlier group."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 @dataclass(frozen=True)
 class Seen:
-    """A point as its guide sees it: place along the guide and to the left of it [m], with two derivatives by theta."""
+    """A point in the frame of its guide: position along it and to its left [m], with two derivatives by theta."""
 
     along: tuple[Expr, Expr, Expr]
     across: tuple[Expr, Expr, Expr]
@@ -24,9 +24,10 @@ class Seen:
 
 @dataclass(frozen=True)
 class GuideLine:
-    """The line through `origin` along the unit vector `direction`, which turns as `first` and `second` say.
+    """The line through `origin` along the unit vector `direction`, which turns at the rates `first` and `second`.
 
-    place_m, axis: point and unit vector in the frame of the guide's link `on`, or of the ground where that is None.
+    `place_m` and `axis` are point and unit vector in the frame of the guide's link `on`, or of the ground if `on` is
+    None.
     """
 
     origin: PointMotion
@@ -41,9 +42,12 @@ class GuideLine:
     def of(
         cls, motion: Motion, on: str | None, point_m: tuple[float, float], along: tuple[float, float], asked_by: str
     ) -> GuideLine:
-        """A guide through a point along a vector, both in the frame of the link `on` (start point, x along the link).
+        """Place a guide through a point along a vector.
 
-        Raises MachineError for a link that is not there yet.
+        Both are in the frame of the link `on`: origin at its start point, x along the link.
+
+        Raises:
+            MachineError: for an unknown link.
         """
         axis = unit(along)
         if on is None:
@@ -57,7 +61,7 @@ class GuideLine:
         return cls(place, direction.rotated(*axis), link.first, link.second, point_m, axis, on)
 
     def seen(self, point: PointMotion) -> Seen:
-        """A point relative to the guide."""
+        """Express a point in the frame of the guide."""
         e, n, p, q = self.direction, self.direction.turned_left(), self.first, self.second
         d = point.position - self.origin.position
         x, y = d.dot(e), d.dot(n)
@@ -68,7 +72,7 @@ class GuideLine:
         return Seen((x, x1, x2), (y, y1, y2))
 
     def point(self, way: Expr, first: Expr, second: Expr) -> PointMotion:
-        """The point at a way along the guide [m], with the way's derivatives."""
+        """Express the point at a position along the guide [m], given the position's derivatives."""
         e, p, q = self.direction, self.first, self.second
         if self.on is None:
             return PointMotion.sliding(self.origin.position + way * e, e, first, second)
@@ -78,13 +82,13 @@ class GuideLine:
         return PointMotion(self.origin.position + way * e, along, bend, along.dot(along), along.dot(bend))
 
     def joint(self, slider: str) -> Joint:
-        """The joint by which a slider slides in the guide."""
+        """Return the sliding joint of a slider in the guide."""
         return guide(slider, self.place_m, self.axis, self.on)
 
     def bear(self, wrenches: Wrenches, slider: str, at: Vector, across: Expr, moment: Expr) -> None:
-        """Book what the guide puts on a slider at a place: a force to the left of its direction [N], a moment [N m].
+        """Apply the guide's reaction on a slider: a force to the left of its direction [N] and a moment [N m].
 
-        The opposites go on the guide's link.
+        The opposites act on the guide's link.
         """
         wrenches.guide_reactions[slider] = across
         wrenches.transmitted[slider] = moment
@@ -96,13 +100,13 @@ class GuideLine:
 
 
 def unit(vector: tuple[float, float]) -> tuple[float, float]:
-    """The vector with the length 1."""
+    """Normalise a vector to length 1."""
     norm = real.hypot(*vector)
     return vector[0] / norm, vector[1] / norm
 
 
 def check_guide(what: str, point_m: tuple[float, float], direction: tuple[float, float]) -> None:
-    """Raise MachineError unless point and direction of a guide are finite and the direction has a length."""
+    """Raise MachineError unless point and direction of a guide are finite and the direction is not zero."""
     for value in (*point_m, *direction):
         check_finite(value, f"{what}: guide")
     if real.hypot(*direction) == 0.0:
@@ -110,13 +114,13 @@ def check_guide(what: str, point_m: tuple[float, float], direction: tuple[float,
 
 
 def check_slot(what: str, slot_m: tuple[float, float] | None) -> None:
-    """Raise MachineError unless the ends of a slot rise and are finite."""
+    """Raise MachineError unless the ends of a slot are finite and increasing."""
     if slot_m is not None and not -math.inf < slot_m[0] < slot_m[1] < math.inf:
         raise MachineError(f"{what}: slot_m must be two rising, finite distances in metres, not {list(slot_m)!r}")
 
 
 def slot_ends(slider: str, way: Expr, slot_m: tuple[float, float] | None) -> tuple[Closure, ...]:
-    """What stays positive while a slider keeps within the ends of its slot."""
+    """Return the closures that are positive while a slider stays within the ends of its slot."""
     if slot_m is None:
         return ()
     low, high = slot_m

@@ -1,4 +1,4 @@
-"""Joints of the robot description: how the links of a group are connected."""
+"""Joints of the robot description: the connections of a group's links."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ Kind = Literal["continuous", "prismatic", "fixed"]
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint from `parent_link` to `child_link`; the child's frame lies at its start point, x along it.
+    """A joint from `parent_link` to `child_link`, whose frames begin at the links' start points with x along the link.
 
     `origin_m` and `origin_angle_rad` place the joint in the parent's frame, and `axis` is a unit vector of that frame.
-    The value of a continuous joint is the angle between the frames, that of a prismatic one the slider's distance
-    from the guide's point along the guide.
+    The value of a continuous joint is the angle between the frames; the value of a prismatic joint is the slider's
+    distance from the guide's point along the guide.
     """
 
     name: str
@@ -30,7 +30,7 @@ class Joint:
 
 
 def pivot(motion: Motion, link: str, point: str) -> Joint:
-    """The joint by which a link turns about a point of the ground, or about the end of an earlier link."""
+    """Return the joint by which a link turns about a point of the ground, or about the end of an earlier link."""
     carrier = motion.carrier(point)
     if carrier is None:
         return Joint(link, "continuous", BASE, link, motion.points[point].fixed_position())
@@ -38,8 +38,8 @@ def pivot(motion: Motion, link: str, point: str) -> Joint:
 
 
 def guide(link: str, point_m: tuple[float, float], axis: tuple[float, float], on: str | None = None) -> Joint:
-    """The joint by which a link slides along the line through a point in the direction of `axis`.
+    """Return the joint by which a link slides along the line through a point in the direction of `axis`.
 
-    The guide belongs to the link `on`, in whose frame both are given, or to the ground where that is None.
+    Both are given in the frame of the guide's link `on`, or of the ground if `on` is None.
     """
     return Joint(link, "prismatic", on or BASE, link, point_m, axis=axis)

@@ -1,4 +1,4 @@
-"""Laws of motion made of strokes with dwells between them, each stroke by a standard law of cam design."""
+"""Laws of motion made of strokes and dwells, each stroke by a standard law of cam design."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ LawName = Literal[
 
 
 def _modified_sine(stroke: float, angle: float) -> Parts:
-    """Standard modified sine: a quarter-period of acceleration four times as fast at each end (peak 5.528)."""
+    """Build the standard modified sine, with quarter-periods of four times the frequency at its ends (peak 5.528)."""
     unit = stroke / (4.0 + math.pi)
     slope = math.pi * unit / angle
     eighth = angle / 8.0
     fast, slow = 4.0 * math.pi / angle, 4.0 * math.pi / (3.0 * angle)
-    # phases are given at the start of each section
+    # each phase refers to the start of its section
     return [
         (0.0, Section((0.0, slope), -unit / 4.0, fast, 0.0)),
         (eighth, Section((2.0 * unit + slope * eighth, slope), -9.0 * unit / 4.0, slow, math.pi / 2.0)),
@@ -32,16 +32,17 @@ def _modified_sine(stroke: float, angle: float) -> Parts:
 
 
 def _cycloidal(stroke: float, angle: float) -> Parts:
-    """Standard cycloidal law: one full sine of acceleration (peak 2 pi)."""
+    """Build the standard cycloidal law: one full sine of acceleration (peak 2 pi)."""
     return [(0.0, Section((0.0, stroke / angle), -stroke / TURN, TURN / angle, 0.0))]
 
 
 def _modified_trapezoid(stroke: float, angle: float) -> Parts:
-    """Modified trapezoid: constant acceleration between quarter sines of an eighth of the stroke each (peak 4.888).
+    """Build the modified trapezoid: constant acceleration between quarter sines (peak 4.888).
 
-    Its first half is integrated from s'' = a sin(4 pi u), a, a cos(4 pi (u - 3/8)); the second mirrors it.
+    Each quarter sine takes an eighth of the stroke. The first half is integrated from s'' = a sin(4 pi u), a, a cos(4
+    pi (u - 3/8)); the second half mirrors the first.
     """
-    peak = 8.0 * math.pi / (2.0 + math.pi)  # of s'' for a unit stroke over a unit turn
+    peak = 8.0 * math.pi / (2.0 + math.pi)  # peak of s'' for a unit stroke over a unit turn
     w = 4.0 * math.pi
     amplitude = peak / (w * w)
     speed = peak / w
@@ -62,12 +63,12 @@ def _polynomial(*coefficients: float) -> Callable[[float, float], Parts]:
 
 
 def _simple_harmonic(stroke: float, angle: float) -> Parts:
-    """Half a cosine; its acceleration leaps where a dwell joins it."""
+    """Build half a cosine; its acceleration is discontinuous at a dwell."""
     return [(0.0, Section((0.5 * stroke,), -0.5 * stroke, math.pi / angle, math.pi / 2.0))]
 
 
 def _stretched(section: Section, stroke: float, angle: float) -> Section:
-    """A section of a unit stroke over a unit turn, for this stroke over this angle."""
+    """Scale a section of the unit stroke over a unit turn to this stroke and angle."""
     polynomial = tuple(stroke * c / angle**k for k, c in enumerate(section.polynomial))
     return Section(polynomial, stroke * section.amplitude, section.frequency / angle, section.phase)
 
@@ -86,7 +87,7 @@ NAMES = tuple(_RISES)
 
 @dataclass(frozen=True)
 class Stroke:
-    """From the angle `start_rad` of the shaft or cam on, over `turn_rad`, to the position `to`, by a standard law."""
+    """A stroke from the shaft or cam angle `start_rad`, over `turn_rad`, to the position `to`, by a standard law."""
 
     start_rad: float
     turn_rad: float
@@ -95,9 +96,11 @@ class Stroke:
 
 
 def law_of_strokes(strokes: Sequence[Stroke], name: str = "strokes", rest: float = 0.0) -> MotionLaw:
-    """From the position `rest` at angle 0 stroke by stroke, with dwells between them, back to it within one turn.
+    """Build a law that starts at the position `rest` at angle 0, follows the strokes, and dwells between them.
 
-    Raises MachineError when a law is unknown, strokes overlap or leave the turn, or the last does not lead back.
+    Raises:
+        MachineError: for an unknown law, strokes that overlap or leave the turn, and a last stroke that does not return
+            to `rest`.
     """
     for stroke in strokes:
         if stroke.law not in _RISES:

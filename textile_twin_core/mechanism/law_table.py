@@ -16,31 +16,37 @@ from textile_twin_core.mechanism.motion_law import TURN, MotionLaw, Section
 _FIT_KNOTS_LARGEST = 8192
 _LOOKS = 4097
 _MOST_RINGING = 1.5
-"""Of what the points span; six of a sine curve show seven eighths of its height at least."""
+"""Largest range of the spline over that of its points; six points on a sine span at least 7/8 of its range."""
 
 
 @dataclass(frozen=True)
 class LiftTable:
-    """A position [m, or rad of what swings] at rising angles of a shaft or cam [rad], over one turn."""
+    """A position [m, or rad for a swinging follower] at increasing angles of a shaft or cam [rad], over one turn."""
 
     angle_rad: tuple[float, ...]
     lift: tuple[float, ...]
 
     @cached_property
     def law(self) -> MotionLaw:
-        """The spline through it (see from_table)."""
+        """The spline through the table (see `from_table`)."""
         return from_table(np.array(self.angle_rad), np.array(self.lift))
 
 
 def from_table(theta_rad: FloatArray, position_m: FloatArray, name: str = "table") -> MotionLaw:
-    """Law through a user's own points over one turn: periodic quintic spline, continuous up to the fourth derivative.
+    """Fit a law through the points of a table over one turn: a periodic quintic spline, C4 continuous.
 
-    The angles increase from the first to at most one turn later; a last point one turn after the first repeats it.
-    Raises MachineError when they do not, when values are not finite, when fewer than six points are given, or too few
-    for their bends, so that the spline swings far beyond them.
+    Args:
+        theta_rad: (n,) increasing angles [rad] within one turn; a last point one turn after the first repeats the
+            first.
+        position_m: (n,) positions [m, or rad for an angle].
+        name: name of the law.
+
+    Raises:
+        MachineError: for fewer than six points, angles that do not increase or exceed one turn, values that are not
+            finite, and points so sparse that the spline overshoots them.
     """
     angles = np.asarray(theta_rad, dtype=float)
-    positions = np.array(position_m, dtype=float)  # a copy, whose last value is set
+    positions = np.array(position_m, dtype=float)  # a copy, as the last value is overwritten
     if angles.ndim != 1 or angles.shape != positions.shape or angles.size < 6:
         raise MachineError(
             f"the motion table has shapes {angles.shape} and {positions.shape}; give two lists of at least 6 values"
@@ -70,7 +76,7 @@ def _periodic_spline(angles: FloatArray, positions: FloatArray) -> scipy.interpo
 
 
 def _check_between(spline: scipy.interpolate.PPoly, angles: FloatArray, positions: FloatArray) -> None:
-    """Raises MachineError where the spline spans more than `_MOST_RINGING` of what its points do."""
+    """Raise MachineError if the range of the spline exceeds `_MOST_RINGING` times that of its points."""
     over_turn = spline(np.linspace(angles[0], angles[-1], _LOOKS))
     least, most = float(positions.min()), float(positions.max())
     rounding = 1e-12 * max(abs(least), abs(most))
@@ -82,9 +88,10 @@ def _check_between(spline: scipy.interpolate.PPoly, angles: FloatArray, position
 
 
 def from_function(function: Callable[[float], float], name: str = "function") -> MotionLaw:
-    """Law fitted to a user's periodic function of the shaft angle, halved until off its knots it errs below 1e-12.
+    """Fit a law to a periodic function of the shaft angle, halving the spacing until the error is below 1e-12.
 
-    The error is relative to the function's range; where the function has kinks the finest fit is used as it is.
+    The error is measured between the knots, relative to the function's range. If the function has kinks, the finest fit
+    is used as it is.
     """
     count = 64
     while True:
@@ -102,7 +109,7 @@ def from_function(function: Callable[[float], float], name: str = "function") ->
 
 
 def _from_spline(spline: scipy.interpolate.PPoly, angles: FloatArray, name: str) -> MotionLaw:
-    """The spline's pieces as sections over [0, 2 pi), the piece that contains 2 pi split in two."""
+    """Convert the spline to sections over [0, 2 pi); the piece that contains 2 pi is split."""
     wrapped: list[tuple[float, Section]] = []
     for k in range(angles.size - 1):
         coefficients = spline.c[::-1, spline.x.searchsorted(angles[k], side="right") - 1].tolist()
@@ -115,7 +122,7 @@ def _from_spline(spline: scipy.interpolate.PPoly, angles: FloatArray, name: str)
 
 
 def _shifted(polynomial: list[float], offset: float) -> tuple[float, ...]:
-    """Coefficients of p(offset + t) in powers of t, by repeated synthetic division."""
+    """Expand p(offset + t) in powers of t by repeated synthetic division."""
     result = list(polynomial)
     for start in range(len(result) - 1):
         for power in range(len(result) - 2, start - 1, -1):

@@ -1,4 +1,4 @@
-"""Linkage: ground points and a chain of groups on one shaft, checked to close over its whole range."""
+"""Linkage: ground points and a chain of groups on one shaft."""
 
 from __future__ import annotations
 
@@ -29,10 +29,13 @@ _NEW_POINTS = ("end", "tip", "ends", "tips", "mesh", "mark")
 
 @dataclass(frozen=True)
 class Linkage:
-    """Ground points [m] by name and groups, each built on what stands before it.
+    """Ground points [m] by name, and groups, each built on earlier points and links.
 
-    `range_rad` is the range of the shaft angle over which the chain is to be used.
-    Raises MachineError when a group refers to what is not there yet.
+    `range_rad` is the range of the shaft angle over which the chain is used.
+
+    Raises:
+        MachineError: for a point that is not finite, an empty chain or a bad range; when solved, for a group that
+            refers to an unknown part.
     """
 
     points: Mapping[str, tuple[float, float]]
@@ -52,14 +55,14 @@ class Linkage:
             raise MachineError(f"range_rad must be two rising, finite angles, not {self.range_rad!r}")
 
     def motion(self, phase_rad: float = 0.0) -> Motion:
-        """The motion of all points and links over theta, for a linkage set on the shaft at a phase."""
+        """Solve the motion of all points and links over theta, for a linkage mounted at a phase of the shaft."""
         try:
             return self.motion_in_order(phase_rad)
         except UnknownPartError as error:
             raise _in_order(self, error) from None
 
     def motion_in_order(self, phase_rad: float = 0.0) -> Motion:
-        """The motion, as `motion` gives it. Raises UnknownPartError for a group that names what comes after it."""
+        """Solve the motion as `motion` does. Raises UnknownPartError for a group that refers to a later group."""
         half = Vector(cos(0.5 * THETA), sin(0.5 * THETA)).rotated(*unit_direction(phase_rad / 2.0))
         motion = Motion(range_rad=self.range_rad)
         motion.rotations[MAIN_SHAFT] = Rotation(half, THETA + phase_rad, const(1.0), const(0.0))
@@ -78,17 +81,17 @@ class Linkage:
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """The turning joints, by point, in the order of the groups; free ends are none."""
+        """Turning joints by point, in the order of the groups; free ends are not pins."""
         return tuple(dict.fromkeys(pin for group in self.groups for pin in group.pins))
 
     @cached_property
     def joints(self) -> tuple[Joint, ...]:
-        """The joints of the robot description, named by their links, parents before children."""
+        """Joints of the robot description, named by their links, parents before children."""
         return tuple(joint for group in self.groups for joint in group.joints(self.solved))
 
     @cached_property
     def shaft_link(self) -> str | None:
-        """The first link that turns about a fixed point as the main shaft does; None where there is none."""
+        """First link that turns about a fixed point with the main shaft, or None."""
         for joint in self.joints:
             turns = self.solved.links[joint.child_link].first
             if joint.parent_link == BASE and turns.is_constant and turns.value == 1.0:
@@ -97,7 +100,7 @@ class Linkage:
 
 
 def _in_order(linkage: Linkage, error: MachineError) -> MachineError:
-    """What to say where a group names a part that is made later, or by groups that need each other."""
+    """Word the error for a group that refers to a later part, or for groups that need each other."""
     waiting, order = list(linkage.groups), list[Group]()
     while waiting:
         ready = next((group for group in waiting if _solves([*order, group], linkage)), None)
@@ -118,7 +121,7 @@ def _solves(groups: list[Group], linkage: Linkage) -> bool:
 
 
 def _beyond_dyads(waiting: list[Group], error: MachineError) -> MachineError:
-    """A triad or more, where each of the groups waits for a point that another one of them makes."""
+    """Word the error for a triad or more, where each group waits for a point of another one."""
     made = {name: group for group in waiting for name in _new_points(group)}
     if len(waiting) < 2 or not all(_words(group) & made.keys() - set(_new_points(group)) for group in waiting):
         return error

@@ -1,4 +1,4 @@
-"""Measures: the displacements that people read off a machine, such as a needle's depth or a sley's arc."""
+"""Measures: displacements read off a machine, such as a needle's depth or a sley's arc."""
 
 from __future__ import annotations
 
@@ -30,27 +30,28 @@ class Displacement:
 
 @runtime_checkable
 class Measure(Protocol):
-    """A named displacement of a machine; it gives NAME_position_m, _velocity_m_s, _acceleration_m_s2."""
+    """A named displacement of a machine, with the outputs NAME_position_m, _velocity_m_s and _acceleration_m_s2."""
 
     @property
     def name(self) -> str:
-        """What is measured: needle, beater, sley."""
+        """Name of the measured part, such as needle, beater or sley."""
         ...
 
     def displacement(self, motion: Motion) -> Displacement:
-        """The displacement over the motion."""
+        """Express the displacement over the motion."""
         ...
 
     def tool(self, motion: Motion) -> str:
-        """The point of the machine whose way it is, such as a needle's tip."""
+        """Return the point whose displacement is measured, such as a needle's tip."""
         ...
 
 
 @dataclass(frozen=True)
 class Travel:
-    """The distance of a point from a fixed point, along a fixed direction.
+    """Distance of a point from a fixed point, along a fixed direction.
 
-    Raises MachineError for a direction that is none, or an origin that moves.
+    Raises:
+        MachineError: for a direction that is zero or not finite, or an origin that moves.
     """
 
     name: str
@@ -63,7 +64,7 @@ class Travel:
             raise MachineError(f"measure '{self.name}': direction must be a finite vector that is not zero")
 
     def displacement(self, motion: Motion) -> Displacement:
-        """The point's distance along the direction."""
+        """Express the point's distance along the direction."""
         norm = real.hypot(*self.direction)
         x, y = self.direction[0] / norm, self.direction[1] / norm
         p, o = motion.point(self.point, self.name), motion.point(self.origin, self.name)
@@ -77,17 +78,19 @@ class Travel:
         return Displacement(along(offset.x, offset.y), along(p.first.x, p.first.y), along(p.second.x, p.second.y))
 
     def tool(self, motion: Motion) -> str:
-        """The point itself."""
+        """Return the point itself."""
         return self.point
 
 
 @dataclass(frozen=True)
 class Arc:
-    """The arc of a point on a rocking link, from the end of its swing where `sense` says the rear is.
+    """Arc travelled by a point of a rocking link, from the rear end of its swing.
 
-    `radius_m` is the point's distance from the link's pivot; `sense` +1 counts the arc
-    counter-clockwise from the clockwise end of the swing, -1 the other way.
-    Raises MachineError for a radius that is no length, another sense, or a link that turns round.
+    `radius_m` is the point's distance from the link's pivot. With `sense` +1 the arc counts counter-clockwise from the
+    clockwise end of the swing, with -1 clockwise from the other end.
+
+    Raises:
+        MachineError: for a radius that is not positive, another sense, or a link that rotates fully.
     """
 
     name: str
@@ -101,7 +104,7 @@ class Arc:
             raise MachineError(f"measure '{self.name}': sense must be 1 or -1, not {self.sense!r}")
 
     def displacement(self, motion: Motion) -> Displacement:
-        """Arc length from the rear point."""
+        """Express the arc length from the rear point."""
         link = motion.link(self.link, self.name)
         angle = link_angle(link, motion)
         begin, end = values_over(angle, np.array(motion.range_rad))
@@ -114,12 +117,15 @@ class Arc:
         return Displacement(swing.position - _least(swing, motion.range_rad), swing.first, swing.second)
 
     def tool(self, motion: Motion) -> str:
-        """The link's end."""
+        """Return the link's end."""
         return motion.link(self.link, self.name).end
 
 
 def _least(swing: Displacement, range_rad: tuple[float, float]) -> Expr:
-    """The smallest value of a displacement, which follows its parameters by Newton's method from where it lies now."""
+    """Express the minimum of a displacement as a function of its parameters.
+
+    Newton's method follows the minimum from its angle at the present parameters.
+    """
     place, least = smallest_value(swing.position, range_rad)
     if all(node.op != "parameter" for node in topological_order([swing.position])):
         return const(least)

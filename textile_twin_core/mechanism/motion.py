@@ -1,7 +1,7 @@
-"""What a mechanism does over the shaft angle: points and links with first and second derivatives.
+"""Motion of a mechanism over the shaft angle: points and links with first and second derivatives.
 
-Every quantity h is a function of the shaft angle theta alone; with h' and h'' its time derivatives
-are h' omega and h'' omega^2 + h' alpha. The functions are expressions, exact and without iteration.
+Every quantity h is a function of the shaft angle theta alone. With its derivatives h' and h'', its time derivatives are
+h' omega and h'' omega^2 + h' alpha. The functions are closed-form expressions.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from textile_twin_core.expression.real import number_of
 from textile_twin_core.mechanism.vector import ZERO, Vector
 
 FULL_TURN = (0.0, 2.0 * math.pi)
-"""The range of the shaft angle of machines that turn round [rad]."""
+"""Range of the shaft angle for machines that rotate fully [rad]."""
 
 
 class UnknownPartError(MachineError):
-    """A group names a point or link that no earlier group has made."""
+    """A group refers to a point or link that no earlier group has made."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Rotation:
 
 @dataclass(frozen=True)
 class Circle:
-    """A crank end's path: centre, radius, the half-angle direction of the crank, and the shaft that turns it.
+    """Path of a crank's end: centre, radius, the half-angle direction of the crank, and the shaft that turns it.
 
-    It is kept for the half-angle forms of what hangs on the crank.
+    Groups mounted on the crank use it for their half-angle forms.
     """
 
     centre: tuple[float, float]
@@ -58,8 +58,8 @@ class Circle:
 class PointMotion:
     """A point: position [m] and its derivatives with respect to theta [m, m].
 
-    `speed_squared` is |h'|^2 and `speed_product` h'.h'' in the shortest form that the group knows;
-    `circle` is set where the point rides on a crank, `along`, a unit vector, where it moves on a line.
+    `speed_squared` is |h'|^2 and `speed_product` is h'.h'', in the shortest form known to the group. `circle` is set
+    for a point on a crank; `along`, a unit vector, for a point that moves on a line.
     """
 
     position: Vector
@@ -72,29 +72,29 @@ class PointMotion:
 
     @classmethod
     def fixed(cls, x: float, y: float) -> PointMotion:
-        """A point of the ground."""
+        """Return a point of the ground."""
         return cls(Vector.of(x, y), ZERO, ZERO, const(0.0), const(0.0))
 
     @classmethod
     def sliding(cls, position: Vector, along: Vector, first: Expr, second: Expr) -> PointMotion:
-        """A point that moves on a line, by the derivatives of its way along the line's unit vector."""
+        """Return a point that moves on a line, given the derivatives of its distance along the line."""
         return cls(position, first * along, second * along, first * first, first * second, along=along)
 
     @property
     def is_fixed(self) -> bool:
-        """Whether it belongs to the ground."""
+        """True if the point belongs to the ground."""
         return self.first.is_zero
 
     def fixed_position(self) -> tuple[float, float]:
-        """The coordinates of a fixed point [m]."""
+        """Return the coordinates of a fixed point [m]."""
         return number_of(self.position.x), number_of(self.position.y)
 
 
 @dataclass(frozen=True)
 class Sliding:
-    """A slider's way in its guide: the derivative of the way along the slider's direction, and the guide's link.
+    """A slider's motion in its guide: the derivative of its position along its own direction, and the guide's link.
 
-    `on` is None for a guide on the ground.
+    `on` is None if the guide is on the ground.
     """
 
     first: Expr
@@ -105,8 +105,8 @@ class Sliding:
 class LinkMotion:
     """A link from point `start` to point `end`: direction, and first and second derivative of its angle.
 
-    `angle` is set where the angle itself is known without a direction: on a turning shaft. `sliding` is set where the
-    link slides along its own direction.
+    `angle` is set where the angle is known in itself, on a turning shaft. `sliding` is set where the link slides along
+    its own direction.
     """
 
     name: str
@@ -120,7 +120,7 @@ class LinkMotion:
     sliding: Sliding | None = None
 
     def end_motion(self, start: PointMotion) -> PointMotion:
-        """The motion of the link's end, given its start's."""
+        """Compute the motion of the link's end from that of its start."""
         r, u, p, q = self.length, self.direction, self.first, self.second
         normal = u.turned_left()
         first = start.first + (r * p) * normal
@@ -134,10 +134,10 @@ class LinkMotion:
 
 @dataclass
 class Motion:
-    """All points, links and rotations found so far, by name, in the order of the groups.
+    """All points, links and rotations solved so far, by name, in the order of the groups.
 
-    `quantities` are what groups tell beside these, such as a pressure angle, by the name of the output. `range_rad` is
-    the range of the shaft angle over which all are to be used.
+    `quantities` are further results of the groups, such as a pressure angle, by output name. `range_rad` is the range
+    of the shaft angle over which the motion is used.
     """
 
     points: dict[str, PointMotion] = field(default_factory=dict)
@@ -148,12 +148,12 @@ class Motion:
 
     @property
     def turns_fully(self) -> bool:
-        """Whether the range is a full turn, over which all but winding angles repeats itself."""
+        """True if the range is a full turn, over which every quantity except an unwrapped angle is periodic."""
         low, high = self.range_rad
         return high - low >= (1.0 - 1e-12) * 2.0 * math.pi
 
     def point(self, name: str, asked_by: str) -> PointMotion:
-        """A known point. Raises UnknownPartError when no earlier group or ground point has the name."""
+        """Return a known point. Raises UnknownPartError if no earlier group or ground point has the name."""
         try:
             return self.points[name]
         except KeyError:
@@ -163,7 +163,7 @@ class Motion:
             ) from None
 
     def link(self, name: str, asked_by: str) -> LinkMotion:
-        """A known link. Raises UnknownPartError when no earlier group has it."""
+        """Return a known link. Raises UnknownPartError if no earlier group has it."""
         try:
             return self.links[name]
         except KeyError:
@@ -173,7 +173,7 @@ class Motion:
             ) from None
 
     def rotation(self, name: str, asked_by: str) -> Rotation:
-        """A known turning shaft. Raises MachineError when there is none of the name."""
+        """Return a known turning shaft. Raises MachineError for an unknown name."""
         try:
             return self.rotations[name]
         except KeyError:
@@ -181,23 +181,26 @@ class Motion:
             raise MachineError(f"group '{asked_by}': no shaft '{name}'; known shafts: {known}") from None
 
     def add_point(self, name: str, point: PointMotion, made_by: str) -> None:
-        """Add a new point. Raises MachineError when the name is taken."""
+        """Add a new point. Raises MachineError if the name is taken."""
         if name in self.points:
             raise MachineError(f"group '{made_by}': point '{name}' exists already; give it another name")
         self.points[name] = point
 
     def fixed_point(self, name: str, asked_by: str) -> tuple[float, float]:
-        """The coordinates [m] of a known point of the ground. Raises MachineError for one that moves."""
+        """Return the coordinates [m] of a ground point. Raises MachineError for a point that moves."""
         point = self.point(name, asked_by)
         if not point.is_fixed:
             raise MachineError(f"group '{asked_by}': point '{name}' must be fixed to the ground")
         return point.fixed_position()
 
     def carrier(self, point: str) -> tuple[LinkMotion, float] | None:
-        """The link on which a point lies, and how far along it [m]; None for a point of the ground.
+        """Return the link on which a point lies and its distance from the link's start [m].
 
-        The last one made that ends there, as the rocker after its coupler; else the first that starts there. Raises
-        MachineError for a point that moves along no link, as that where gears touch.
+        This is the last link that ends at the point, such as the rocker after its coupler, or else the first that
+        starts there. The result is None for a point of the ground.
+
+        Raises:
+            MachineError: for a point that belongs to no link, such as the mesh point of gears.
         """
         if self.points[point].is_fixed:
             return None
@@ -210,7 +213,7 @@ class Motion:
         raise MachineError(f"point '{point}' is fixed to no link: no force can act there, and nothing be hung on it")
 
     def add_link(self, link: LinkMotion, made_by: str) -> None:
-        """Add a new link. Raises MachineError when the name is taken."""
+        """Add a new link. Raises MachineError if the name is taken."""
         if link.name in self.links:
             raise MachineError(f"group '{made_by}': link '{link.name}' exists already; give it another name")
         self.links[link.name] = link

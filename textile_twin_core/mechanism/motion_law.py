@@ -1,4 +1,4 @@
-"""A law of motion over one turn of a shaft or cam, in analytic sections: as numbers and as expressions."""
+"""Law of motion over one turn of a shaft or cam, in analytic sections, as numbers and as expressions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TURN = 2.0 * math.pi
 
 @dataclass(frozen=True)
 class Section:
-    """One analytic section of a law of motion: x(s) = sum_k polynomial[k] s^k + amplitude sin(frequency s + phase)."""
+    """Analytic section of a law of motion: x(s) = sum_k polynomial[k] s^k + amplitude sin(frequency s + phase)."""
 
     polynomial: tuple[float, ...] = (0.0,)
     amplitude: float = 0.0
@@ -27,7 +27,7 @@ class Section:
     phase: float = 0.0
 
     def value(self, s: float, derivative: int = 0) -> float:
-        """The law or its derivative with respect to s."""
+        """Evaluate the section or its derivative with respect to s."""
         total = 0.0
         for power in range(len(self.polynomial) - 1, derivative - 1, -1):
             total = total * s + self.polynomial[power] * math.perm(power, derivative)
@@ -38,16 +38,16 @@ class Section:
 
     @cached_property
     def arrays(self) -> tuple[FloatArray, FloatArray]:
-        """Its polynomial, and its wave (amplitude, frequency, phase)."""
+        """The polynomial as an array, and amplitude, frequency and phase of the sine as another."""
         return np.array(self.polynomial, dtype=float), np.array([self.amplitude, self.frequency, self.phase])
 
 
 @dataclass(frozen=True)
 class MotionLaw:
-    """Position (a length [m] or an angle [rad]) over one turn of the shaft, in sections that are analytic each.
+    """Position (a length [m] or an angle [rad]) over one turn of the shaft, in analytic sections.
 
     Section k holds from starts_rad[k] to starts_rad[k+1] (the last one to 2 pi), as a function of the angle past its
-    start; the first starts at 0. Angles of any turn are accepted.
+    start; the first section starts at 0. Wrapped and unwrapped angles are accepted.
     """
 
     name: str
@@ -55,21 +55,21 @@ class MotionLaw:
     sections: tuple[Section, ...]
 
     def evaluate(self, theta_rad: float, derivative: int = 0) -> float:
-        """Position at a shaft angle, or its derivative with respect to the angle."""
+        """Evaluate the position at a shaft angle, or its derivative with respect to the angle."""
         angle = theta_rad % TURN
         k = bisect_right(self.starts_rad, angle) - 1
         return self.sections[k].value(angle - self.starts_rad[k], derivative)
 
     def width(self, k: int) -> float:
-        """How far section k reaches [rad]."""
+        """Return the width of section k [rad]."""
         end = self.starts_rad[k + 1] if k + 1 < len(self.starts_rad) else TURN
         return end - self.starts_rad[k]
 
     def over(self, direction: Vector) -> tuple[Expr, Expr, Expr]:
-        """Position and its first and second derivative by the angle of a direction, as expressions of that.
+        """Express the position and its first and second derivative over the angle of a direction.
 
-        The coefficients of the section in force are looked up, so all sections together cost what one does and a
-        search among their starts.
+        The coefficients of the active section are looked up by a search among the starts, so that the cost is that of
+        one section.
         """
         wrapped = atan2(direction.y, direction.x)
         angle = select(at_least(wrapped, 0.0), wrapped, wrapped + TURN)
@@ -92,7 +92,7 @@ class MotionLaw:
 
 
 def _chosen(values: Sequence[float], starts: Sequence[float], angle: Expr) -> Expr:
-    """The value of the section that an angle lies in, by halving."""
+    """Select the value of the section that contains an angle, by bisection."""
     if all(value == values[0] for value in values):
         return const(values[0])
     middle = len(values) // 2

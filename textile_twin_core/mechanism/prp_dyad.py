@@ -1,4 +1,4 @@
-"""PRP dyad: two sliders pinned to each other, each on a guide of its own (Assur group of class II, fifth kind)."""
+"""PRP dyad: two sliders pinned to each other, each on its own guide (Assur group of class II, fifth kind)."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 @dataclass(frozen=True)
 class Guide:
-    """A straight guide through `point_m` along `direction`, in the frame of the link `on` or, without one, the ground.
+    """A straight guide through `point_m` along `direction`, in the frame of the link `on`, or of the ground if None.
 
-    `slot_m` are the distances from the point between which the slider must stay.
+    `slot_m` are the two distances from the point between which the slider must stay.
     """
 
     on: str | None = None
@@ -35,21 +35,21 @@ class Guide:
 
 @dataclass(frozen=True)
 class GuideCrossing:
-    """Where two guides cross: the sine between them, and each slider's way [m] with two derivatives by theta."""
+    """Crossing of two guides: the sine between them, and each slider's position [m] with two derivatives by theta."""
 
     sine: Expr
-    ways: tuple[tuple[Expr, Expr, Expr], tuple[Expr, Expr, Expr]]
+    positions: tuple[tuple[Expr, Expr, Expr], tuple[Expr, Expr, Expr]]
 
 
 @dataclass(frozen=True)
 class PRPDyad(PlainGroup):
     """Two sliders pinned to each other at the new point `end`, where their guides cross.
 
-    Each slider's link goes from there along its guide to its point of `tips`; `lengths_m` are those of the sliders.
-    At least one guide belongs to a link that moves.
+    Each slider's link goes from there along its guide to its point of `tips`, by its length in `lengths_m`. At least
+    one guide belongs to a link that moves.
 
     Raises:
-        MachineError: for lengths, guides or slots that cannot be, and for two guides on one link.
+        MachineError: for impossible lengths, guides or slots, and for two guides on one link.
 
     Example:
         >>> ram = PRPDyad(("die", "ram"), "D", ("S", "E"), (0.05, 0.3), (Guide("lever"), Guide(None, (0.0, 0.22))))
@@ -82,40 +82,40 @@ class PRPDyad(PlainGroup):
         return (self.end,)
 
     def lines(self, motion: Motion) -> tuple[GuideLine, GuideLine]:
-        """Both guides as they move."""
+        """Express both guides over the motion."""
         one, two = (GuideLine.of(motion, g.on, g.point_m, g.direction, self.name) for g in self.guides)
         return one, two
 
     def crossing(self, motion: Motion) -> GuideCrossing:
-        """The sliders' ways, from the loop's closure and its derivatives."""
+        """Solve the sliders' positions from the loop closure and its derivatives."""
         one, two = self.lines(motion)
         sine = one.direction.cross(two.direction)
 
-        def ways(between: Vector) -> tuple[Expr, Expr]:
+        def positions(between: Vector) -> tuple[Expr, Expr]:
             return between.cross(two.direction) / sine, between.cross(one.direction) / sine
 
-        way = ways(two.origin.position - one.origin.position)
+        way = positions(two.origin.position - one.origin.position)
         carried = [
             line.origin.first + (x * line.first) * line.direction.turned_left()
             for line, x in zip((one, two), way, strict=True)
         ]
-        rate = ways(carried[1] - carried[0])
+        rate = positions(carried[1] - carried[0])
         bent = [
             line.origin.second
             + (2.0 * (v * line.first) + x * line.second) * line.direction.turned_left()
             - (x * (line.first * line.first)) * line.direction
             for line, x, v in zip((one, two), way, rate, strict=True)
         ]
-        bend = ways(bent[1] - bent[0])
+        bend = positions(bent[1] - bent[0])
         return GuideCrossing(sine, ((way[0], rate[0], bend[0]), (way[1], rate[1], bend[1])))
 
     def solve(self, motion: Motion) -> None:
         """Add both sliders, their joint and their tips."""
-        lines, ways = self.lines(motion), self.crossing(motion).ways
-        straight = 1 if lines[1].on is None else 0  # the guide on the ground, if one is
-        motion.add_point(self.end, lines[straight].point(*ways[straight]), self.name)
+        lines, positions = self.lines(motion), self.crossing(motion).positions
+        straight = 1 if lines[1].on is None else 0  # the guide on the ground, if there is one
+        motion.add_point(self.end, lines[straight].point(*positions[straight]), self.name)
         for slider, tip, length, line, (way, rate, bend) in zip(
-            self.sliders, self.tips, self.lengths_m, lines, ways, strict=True
+            self.sliders, self.tips, self.lengths_m, lines, positions, strict=True
         ):
             slides = Sliding(rate, line.on)
             link = LinkMotion(slider, self.end, tip, length, line.direction, line.first, line.second, None, slides)
@@ -123,19 +123,19 @@ class PRPDyad(PlainGroup):
             motion.add_point(tip, line.point(way + length, rate, bend), self.name)
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """The guides must not come parallel; the sliders must stay within their slots."""
+        """Require guides that are not parallel, and sliders within their slots."""
         found = self.crossing(motion)
         sines = values_over(found.sine, np.linspace(*motion.range_rad, 9))
         sense = 1.0 if float(np.median(sines)) >= 0.0 else -1.0
         parallel = f"the guides of '{self.sliders[0]}' and '{self.sliders[1]}' come parallel"
         ends = (
             slot_ends(slider, way[0], guide.slot_m)
-            for slider, way, guide in zip(self.sliders, found.ways, self.guides, strict=True)
+            for slider, way, guide in zip(self.sliders, found.positions, self.guides, strict=True)
         )
         return Closure(parallel, sense * found.sine, 1.0), *(end for both in ends for end in both)
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
-        """By the angle between the guides; its distance is how far they part over the shorter slider's length."""
+        """Take the angle between the guides; the distance is how far they diverge over the shorter slider's length."""
         one, two = self.lines(motion)
         cosine = one.direction.dot(two.direction)
         least, most = smallest_value(cosine, motion.range_rad)[1], -smallest_value(-cosine, motion.range_rad)[1]
@@ -144,12 +144,12 @@ class PRPDyad(PlainGroup):
         return Transmission(math.sin(near) * min(self.lengths_m), (max(low, near), min(high, math.pi - near)))
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """Each slider slides along its guide."""
+        """Return the sliding joint of each slider."""
         one, two = self.lines(motion)
         return one.joint(self.sliders[0]), two.joint(self.sliders[1])
 
     def balance(self, wrenches: Wrenches) -> None:
-        """Each slider's own direction gives one component of the force in their joint."""
+        """Solve the force in the sliders' joint from each slider's balance along its guide."""
         motion = wrenches.motion
         one, two = self.lines(motion)
         (first_force, first_moment), (second_force, second_moment) = (wrenches.on(s) for s in self.sliders)
@@ -157,6 +157,6 @@ class PRPDyad(PlainGroup):
         left_one, left_two = one.direction.turned_left(), two.direction.turned_left()
         joint = (1.0 / one.direction.cross(two.direction)) * (along_two * left_one - along_one * left_two)
         at = motion.points[self.end].position
-        wrenches.add_reaction(self.end, joint)  # what the first slider exerts on the second
+        wrenches.add_reaction(self.end, joint)  # force of the first slider on the second
         one.bear(wrenches, self.sliders[0], at, (joint - first_force).dot(left_one), -first_moment)
         two.bear(wrenches, self.sliders[1], at, -(joint + second_force).dot(left_two), -second_moment)

@@ -1,4 +1,7 @@
-"""Numbers of a declaration as Python's: of numpy's float32 there is no fraction, and what it enters becomes one."""
+"""Conversion of the numpy numbers in a declaration to Python numbers.
+
+numpy.float32 has no exact fraction, and every result that it enters becomes a float32.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +17,16 @@ _P = ParamSpec("_P")
 
 
 def python_numbers(value: Any) -> Any:
-    """A value with numpy's numbers in it as Python's, in tuples, mappings and dataclasses too; itself if it has none.
+    """Convert numpy numbers to Python's in tuples, mappings and dataclasses.
 
-    float64 stays, which is a Python float.
+    A value without such numbers is returned itself. numpy.float64 stays, since it is a Python float.
     """
     if isinstance(value, (np.floating, np.integer)) and not isinstance(value, float):
         return int(value) if isinstance(value, np.integer) else float(value)
     if type(value) is tuple:
-        held = dict(enumerate(value))
-        changed = _changed(held)
-        return tuple({**held, **changed}.values()) if changed else value
+        entries = dict(enumerate(value))
+        changed = _changed(entries)
+        return tuple({**entries, **changed}.values()) if changed else value
     if isinstance(value, Mapping):
         changed = _changed(value)
         return {**value, **changed} if changed else value
@@ -34,7 +37,7 @@ def python_numbers(value: Any) -> Any:
 
 
 def with_python_numbers(factory: Callable[_P, _T]) -> Callable[_P, _T]:
-    """A function that is given Python's numbers for numpy's."""
+    """Wrap a function so that it receives Python numbers for numpy numbers."""
 
     @wraps(factory)
     def given(*values: _P.args, **named: _P.kwargs) -> _T:
@@ -43,5 +46,5 @@ def with_python_numbers(factory: Callable[_P, _T]) -> Callable[_P, _T]:
     return given
 
 
-def _changed(held: Mapping[Any, Any]) -> dict[Any, Any]:
-    return {key: entry for key, old in held.items() if (entry := python_numbers(old)) is not old}
+def _changed(entries: Mapping[Any, Any]) -> dict[Any, Any]:
+    return {key: entry for key, old in entries.items() if (entry := python_numbers(old)) is not old}

@@ -41,15 +41,15 @@ class RigidArm(PlainGroup):
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """None: it is fixed to its link."""
+        """Empty: the arm is fixed to its link."""
         return ()
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """It is mounted on its link."""
+        """Return the fixed mounting of the arm on its link."""
         return (Joint(f"{self.name}_mount", "fixed", self.on, self.name, (0.0, 0.0), self.angle_rad),)
 
     def balance(self, wrenches: Wrenches) -> None:
-        """The link that it is fixed to bears force and moment."""
+        """Pass force and moment to the link that carries the arm."""
         force, moment = wrenches.on(self.name)
         wrenches.transmitted[self.name] = -moment
         wrenches.add(self.on, force, moment)

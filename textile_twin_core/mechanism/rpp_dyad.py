@@ -20,14 +20,14 @@ _LEAST_SINE = 1e-3
 class RPPDyad(PlainGroup):
     """A block pinned at `from_point`, in a straight slot of a slider on a guide.
 
-    The slot stands at `slot_angle_rad` to the guide, counter-clockwise. The new point `end` is where slot and guide
-    cross: the slider's link goes from there along the guide to the second of `tips`, the block's from its pin along the
+    The slot is at `slot_angle_rad` to the guide, counter-clockwise. Slot and guide cross at the new point `end`. The
+    slider's link goes from `end` along the guide to the second of `tips`; the block's link goes from its pin along the
     slot to the first. `lengths_m` are those of block and slider. The guide is the line through `guide_point_m` along
-    `guide_direction`, on the ground or, with `guide_on`, in the frame of that link. `slot_m` are the distances along
-    the slot from the guide between which the pin must stay.
+    `guide_direction`, on the ground or, with `guide_on`, in the frame of that link. `slot_m` are the two distances
+    along the slot from the guide between which the pin must stay.
 
     Raises:
-        MachineError: for lengths, a guide or a slot that cannot be, and a slot parallel to the guide.
+        MachineError: for impossible lengths, guide or slot, and for a slot parallel to the guide.
 
     Example:
         >>> yoke = RPPDyad("block", "yoke", "A", "Q", ("S", "T"), (0.04, 0.3), (0.0, 0.0), (1.0, 0.0))
@@ -70,15 +70,15 @@ class RPPDyad(PlainGroup):
 
     @property
     def axis(self) -> tuple[float, float]:
-        """The guide's unit direction, in the frame that it is declared in."""
+        """Unit direction of the guide, in the frame of its declaration."""
         return unit(self.guide_direction)
 
     def guide(self, motion: Motion) -> GuideLine:
-        """The guide as it moves."""
+        """Express the guide over the motion."""
         return GuideLine.of(motion, self.guide_on, self.guide_point_m, self.guide_direction, self.name)
 
-    def ways(self, motion: Motion) -> Seen:
-        """Way of the slider along its guide, and of the pin along the slot from the guide [m]."""
+    def positions(self, motion: Motion) -> Seen:
+        """Express the slider's position along its guide, and the pin's along the slot from the guide [m]."""
         cosine, sine = unit_direction(self.slot_angle_rad)
         seen = self.guide(motion).seen(motion.point(self.from_point, self.name))
         x0, x1, x2 = seen.along
@@ -86,41 +86,41 @@ class RPPDyad(PlainGroup):
         return Seen((x0 - cosine * t0, x1 - cosine * t1, x2 - cosine * t2), (t0, t1, t2))
 
     def solve(self, motion: Motion) -> None:
-        """Add block and slider, the point where their guides cross, and their tips."""
-        pin, line, ways = motion.point(self.from_point, self.name), self.guide(motion), self.ways(motion)
+        """Add block and slider, the crossing of their guides, and their tips."""
+        pin, line, positions = motion.point(self.from_point, self.name), self.guide(motion), self.positions(motion)
         slot = line.direction.rotated(*unit_direction(self.slot_angle_rad))
         (block_length, slider_length), (block_tip, tip) = self.lengths_m, self.tips
         p, q = line.first, line.second
-        across, along = Sliding(ways.across[1], self.slider), Sliding(ways.along[1], self.guide_on)
+        across, along = Sliding(positions.across[1], self.slider), Sliding(positions.along[1], self.guide_on)
         block = LinkMotion(self.block, self.from_point, block_tip, block_length, slot, p, q, sliding=across)
         slider = LinkMotion(self.slider, self.end, tip, slider_length, line.direction, p, q, sliding=along)
         motion.add_link(block, self.name)
         motion.add_link(slider, self.name)
-        way, *rates = ways.along
+        way, *rates = positions.along
         motion.add_point(self.end, line.point(way, *rates), self.name)
         motion.add_point(tip, line.point(way + slider_length, *rates), self.name)
         motion.add_point(block_tip, block.end_motion(pin), self.name)
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """It always closes, but for the ends of its slot."""
-        return slot_ends(self.block, self.ways(motion).across[0], self.slot_m)
+        """Return the ends of the slot; the dyad closes everywhere else."""
+        return slot_ends(self.block, self.positions(motion).across[0], self.slot_m)
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """The slider slides along its guide, the block along the slider's slot."""
+        """Return the sliding joints of the slider on its guide and of the block in the slot."""
         return self.guide(motion).joint(self.slider), guide(
             self.block, (0.0, 0.0), unit_direction(self.slot_angle_rad), self.slider
         )
 
     def balance(self, wrenches: Wrenches) -> None:
-        """The slider's own direction gives the force across the slot; along it the pin bears what acts on the block."""
+        """Solve the force across the slot from the slider's balance; the pin bears the block's load along the slot."""
         motion = wrenches.motion
-        line, (way, *_) = self.guide(motion), self.ways(motion).across
+        line, (way, *_) = self.guide(motion), self.positions(motion).across
         _, sine = unit_direction(self.slot_angle_rad)
         across: Vector = motion.links[self.block].direction.turned_left()
         block_force, block_moment = wrenches.on(self.block)
         slider_force, slider_moment = wrenches.on(self.slider)
         size = (1.0 / sine) * slider_force.dot(line.direction)
-        pressed = size * across  # all that the block puts on the slider
+        pressed = size * across  # total force of the block on the slider
         pin = pressed - block_force
         wrenches.guide_reactions[self.block] = -size
         wrenches.transmitted[self.block] = -block_moment

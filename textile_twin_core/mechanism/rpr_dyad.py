@@ -1,15 +1,15 @@
 """RPR dyad: a slider on a moving lever, both pinned (Assur group of class II, third kind).
 
 With d from the lever's pivot to the slider's pin, D its length and e the pin's offset to the left of the slot's line
-through the pivot, the pin stands at s = +-sqrt(D^2 - e^2) along the slot, whose unit vector is u = (s - i e) d / D^2.
-In the frame of the slot d' = (s' - e p) + i s p gives the rates. On a crank of length r whose axis is g from the fixed
+through the pivot, the pin is at s = +-sqrt(D^2 - e^2) along the slot, whose unit vector is u = (s - i e) d / D^2. In
+the frame of the slot d' = (s' - e p) + i s p gives the rates. On a crank of length r whose axis is g from the fixed
 pivot, with phi from the ground line, k = sin(phi/2) and S0 = (|g - r| - e)(|g - r| + e),
 
     D^2 = (g - r)^2 + 4 g r k^2,  s^2 = S0 + 4 g r k^2,  s s' = g r sin(phi),
     p = r (r - g + 2 g k^2) / D^2 + e s' / D^2,  s s'' = g r (S0 cos^2(phi/2) - k^2 s^2) / s^2,
-    p' = 2 g r k cos(phi/2) (g - r)(g + r) / D^4 + e (s'' - 2 s'^2 s / D^2) / D^2:
+    p' = 2 g r k cos(phi/2) (g - r)(g + r) / D^4 + e (s'' - 2 s'^2 s / D^2) / D^2.
 
-no term loses digits where the pin passes close by the pivot (g near r), as a Whitworth's does at its quick return.
+No term cancels where the pin passes close by the pivot (g near r), as in the quick return of a Whitworth linkage.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _SAMPLES = 181
 
 @dataclass(frozen=True)
 class PinInSlot:
-    """How the pin stands in the slot: D^2 and s, s', s'' [m], and u, p, q of the slot's direction."""
+    """Position of the pin in the slot: D^2 and s, s', s'' [m], and u, p, q of the slot's direction."""
 
     distance_squared: Expr
     way: tuple[Expr, Expr, Expr]
@@ -50,17 +50,18 @@ class PinInSlot:
 
 @dataclass(frozen=True)
 class RPRDyad(PlainGroup):
-    """A slider pinned at `from_point`, and a lever from `pivot` to the new point `end` on which it slides.
+    """A slider pinned at `from_point`, on a lever from `pivot` to the new point `end`.
 
-    `lengths_m` are those of slider and lever. The lever's direction is that of its slot, and the slider's link lies in
-    the same direction, from its pin to the new point `tip`. The pin lies `offset_m` to the left of the slot's line
-    through the pivot. `branch` says whether the pin is ahead of the pivot along the lever ("forward") or behind it.
-    `slot_m` are the distances along the lever, from the pivot, between which the pin must stay. Either pin may be
-    fixed: a crank that drives a slotted lever has its end for `from_point`, an oscillating cylinder is a slider whose
-    pin is fixed, on a piston rod whose `pivot` is the crank's end.
+    `lengths_m` are those of slider and lever. The lever's direction is that of its slot. The slider's link has the same
+    direction, from its pin to the new point `tip`. The pin lies `offset_m` to the left of the slot's line through the
+    pivot. `branch` says whether the pin is ahead of the pivot along the lever ("forward") or behind it. `slot_m` are
+    the two distances along the lever, from the pivot, between which the pin must stay.
+
+    Either pin may be fixed. A crank that drives a slotted lever has its end as `from_point`. An oscillating cylinder is
+    a slider with a fixed pin, on a piston rod whose `pivot` is the crank's end.
 
     Raises:
-        MachineError: for lengths, a slot or a branch that cannot be.
+        MachineError: for impossible lengths, slot or branch.
 
     Example:
         >>> whitworth = (Crank("crank", "O", "A", 0.11), RPRDyad("block", "lever", "A", "C", "B", "T", (0.03, 0.2)))
@@ -96,7 +97,7 @@ class RPRDyad(PlainGroup):
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """The slider's pin and the lever's pivot."""
+        """Pin of the slider and pivot of the lever."""
         return self.from_point, self.pivot
 
     def solve(self, motion: Motion) -> None:
@@ -115,7 +116,7 @@ class RPRDyad(PlainGroup):
         motion.add_point(self.tip, slider.end_motion(pin), self.name)
 
     def slot(self, motion: Motion) -> PinInSlot:
-        """How the pin stands in the slot over the motion."""
+        """Express the pin's position in the slot over the motion."""
         pin, centre = motion.points[self.from_point], motion.points[self.pivot]
         for end, other, towards in ((pin, centre, -1.0), (centre, pin, 1.0)):
             if end.circle is not None and other.is_fixed:
@@ -125,7 +126,7 @@ class RPRDyad(PlainGroup):
         return self._between(pin, centre)
 
     def _on_crank(self, crank: CrankPivot, towards: float) -> PinInSlot:
-        """Where one pin is fixed and the other one a crank's end; d is `towards` times the way between them."""
+        """Solve the slot for one fixed pin and one on a crank's end; d is `towards` times the vector between them."""
         e, shaft = self.offset_m, crank.circle.shaft
         g, r = crank.ground_length, crank.circle.radius
         exact_g, exact_r = crank.exact_lengths
@@ -135,7 +136,7 @@ class RPRDyad(PlainGroup):
         s_squared = squared if e == 0.0 else crank.swing * (square(k) + clear / crank.swing)
         s = self._sense * sqrt(s_squared)
         inverse, inverse_squared = 1.0 / s, 1.0 / squared
-        rate = (0.5 * crank.swing) * (k * c * inverse)  # s' by the crank's angle
+        rate = (0.5 * crank.swing) * (k * c * inverse)  # s' with respect to the crank angle
         bend = (g * r) * ((clear * (c * c) - (k * k) * s_squared) * inverse * (inverse * inverse))
         p = (r * ((2.0 * g) * (k * k) - crank.rise)) * inverse_squared
         q = (0.5 * crank.swing * crank.rise * rounded(exact_g + exact_r)) * (
@@ -150,7 +151,7 @@ class RPRDyad(PlainGroup):
         return PinInSlot(squared, way, self._along(d, s, squared), p * w, q * (w * w) + p * v)
 
     def _between(self, pin: PointMotion, centre: PointMotion) -> PinInSlot:
-        """For any motion of the two pins, from the loop's closure."""
+        """Solve the slot for any motion of the two pins, from the loop closure."""
         d, v, w = (getattr(pin, k) - getattr(centre, k) for k in ("position", "first", "second"))
         squared, e = d.dot(d), self.offset_m
         distance = sqrt(squared)
@@ -163,7 +164,7 @@ class RPRDyad(PlainGroup):
         return PinInSlot(squared, (s, rate, w.dot(u) + e * q + s * (p * p)), u, p, q)
 
     def _along(self, d: Vector, s: Expr, squared: Expr) -> Vector:
-        """u."""
+        """Compute the slot's unit vector u."""
         if self.offset_m == 0.0:
             return (1.0 / s) * d
         return (1.0 / squared) * (s * d - self.offset_m * d.turned_left())
@@ -173,7 +174,7 @@ class RPRDyad(PlainGroup):
         return 1.0 if self.branch == "forward" else -1.0
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """The pin must not come onto the pivot, or nearer to it than its offset, and stay within the slot."""
+        """Require a pin farther from the pivot than its offset, and within the slot."""
         slot, e = self.slot(motion), self.offset_m
         how = f"the pin of '{self.slider}' comes to '{self.pivot}'" + (" within offset_m" if e else "")
         scale = float(values_over(slot.distance_squared, np.linspace(*motion.range_rad, _SAMPLES)).max())
@@ -181,7 +182,7 @@ class RPRDyad(PlainGroup):
         return Closure(how, s_squared, scale), *slot_ends(self.slider, slot.way[0], self.slot_m)
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
-        """By the angle between the slot's normal and the way on which its lever carries the pin."""
+        """Take the angle between the slot's normal and the direction in which the lever moves the pin."""
         slot, e = self.slot(motion), abs(self.offset_m)
         least = math.sqrt(max(smallest[0], 0.0))
         most = math.sqrt(-smallest_value(-(slot.distance_squared - e * e), motion.range_rad)[1])
@@ -190,17 +191,17 @@ class RPRDyad(PlainGroup):
         return Transmission(away, angles)
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """The lever turns about its pivot, the slider slides on the lever."""
+        """Return the turning joint of the lever and the sliding joint of the slider."""
         return pivot(motion, self.lever, self.pivot), guide(self.slider, (0.0, self.offset_m), (1.0, 0.0), self.lever)
 
     def balance(self, wrenches: Wrenches) -> None:
-        """The moments about the pivot give the force across the slot; along it the pin bears the slider's load."""
+        """Solve the force across the slot from the moments about the pivot; the pin bears the load along it."""
         motion = wrenches.motion
         slot = self.slot(motion)
         normal = slot.direction.turned_left()
         slider_force, slider_moment = wrenches.on(self.slider)
         lever_force, lever_moment = wrenches.on(self.lever)
-        pressed = (-((slider_moment + lever_moment) / slot.way[0])) * normal  # all that the slider puts on the lever
+        pressed = (-((slider_moment + lever_moment) / slot.way[0])) * normal  # total force of the slider on the lever
         pin, centre = pressed - slider_force, -pressed - lever_force
         wrenches.guide_reactions[self.slider] = (slider_moment + lever_moment) / slot.way[0]
         wrenches.transmitted[self.slider] = -slider_moment

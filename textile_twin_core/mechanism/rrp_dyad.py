@@ -21,13 +21,13 @@ Sense = Literal["forward", "backward"]
 
 @dataclass(frozen=True)
 class RRPDyad(PlainGroup):
-    """A rod from point `from_point` to the slider's joint `end`, and the slider on to its point `tip`.
+    """A rod from point `from_point` to the slider's joint `end`, and a slider from there to its point `tip`.
 
-    `lengths_m` are those of rod and slider. The guide is the line through `guide_point_m` along
-    `guide_direction`; the slider's tip lies in that direction from its joint. `branch` says whether
-    the rod points along the guide's direction or against it. With `guide_on` the guide belongs to that link, and
-    point and direction are in the link's frame (its start point, x along it). `slot_m` are the distances from
-    `guide_point_m` between which the joint must stay.
+    `lengths_m` are those of rod and slider. The guide is the line through `guide_point_m` along `guide_direction`; the
+    slider's tip lies in that direction from its joint. `branch` says whether the rod points along the guide's direction
+    or against it. With `guide_on` the guide belongs to that link, and point and direction are in the link's frame
+    (start point, x along the link). `slot_m` are the two distances from `guide_point_m` between which the joint must
+    stay.
     """
 
     rod: str
@@ -62,15 +62,15 @@ class RRPDyad(PlainGroup):
 
     @property
     def axis(self) -> tuple[float, float]:
-        """The guide's unit direction, in the frame that it is declared in."""
+        """Unit direction of the guide, in the frame of its declaration."""
         return unit(self.guide_direction)
 
     def guide(self, motion: Motion) -> GuideLine:
-        """The guide as it moves."""
+        """Express the guide over the motion."""
         return GuideLine.of(motion, self.guide_on, self.guide_point_m, self.guide_direction, self.name)
 
     def reach(self, motion: Motion) -> Expr:
-        """The rod's extent along the guide; its sign is the branch [m]."""
+        """Express the rod's extent along the guide; its sign is the branch [m]."""
         start = motion.points[self.from_point]
         crank = self._slider_crank(start)
         if crank is not None:
@@ -79,7 +79,7 @@ class RRPDyad(PlainGroup):
         return self._sense * sqrt((length - offset) * (length + offset))
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """The dyad opens when the rod does not reach the guide."""
+        """Require a rod that reaches the guide, and a joint within the slot."""
         start, length = motion.points[self.from_point], self.lengths_m[0]
         crank, seen = self._slider_crank(start), self.guide(motion).seen(start)
         offset = seen.across[0]
@@ -89,16 +89,16 @@ class RRPDyad(PlainGroup):
         return Closure(how, less, length), Closure(how, more, length), *ends
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
-        """By the angle between rod and guide normal; its distance is the rod start's from where it just reaches."""
+        """Take the angle between rod and guide normal; the distance is the rod start's from the limit of reach."""
         less, more = (max(value, 0.0) for value in smallest)
         return Transmission(min(less, more), transmission_angles(less, more, 2.0 * self.lengths_m[0]))
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """The rod turns about its start, the slider slides along the guide."""
+        """Return the turning joint of the rod and the sliding joint of the slider."""
         return pivot(motion, self.rod, self.from_point), self.guide(motion).joint(self.slider)
 
     def balance(self, wrenches: Wrenches) -> None:
-        """The slider's own direction and the rod's moment about its start give the force in their joint."""
+        """Solve the joint force from the slider's balance along its guide and the rod's moment about its start."""
         motion = wrenches.motion
         start, line = motion.points[self.from_point], self.guide(motion)
         along, across = line.direction, line.direction.turned_left()
@@ -131,7 +131,7 @@ class RRPDyad(PlainGroup):
         seen, reach = line.seen(start), self.reach(motion)
         offset, drift, _ = seen.across
         u = (1.0 / rod_length) * (reach * along - offset * across)
-        p, q = self._rod_rates(motion)  # of the rod against the guide
+        p, q = self._rod_rates(motion)  # rate of the rod relative to the guide
         way = seen.along[0] + reach
         rates = seen.along[1] + offset * p, seen.along[2] + offset * q + drift * p
         slides = Sliding(rates[0], self.guide_on)
@@ -144,7 +144,7 @@ class RRPDyad(PlainGroup):
         motion.add_point(self.tip, line.point(way + slider_length, *rates), self.name)
 
     def _rod_rates(self, motion: Motion) -> tuple[Expr, Expr]:
-        """First and second derivative, with respect to theta, of the rod's angle against the guide."""
+        """Express the first and second derivative, by theta, of the rod's angle relative to the guide."""
         start = motion.points[self.from_point]
         crank = self._slider_crank(start)
         if crank is not None and start.circle is not None:

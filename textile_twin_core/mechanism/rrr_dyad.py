@@ -24,18 +24,17 @@ Branch = Literal["left", "right", "left_passing", "right_passing"]
 class RRRDyad(PlainGroup):
     """A coupler from point `from_point` and a rocker from point `ground` that meet in the new point `end`.
 
-    `lengths_m` are those of coupler and rocker; `branch` says on which side of the line from
-    `from_point` to `ground` the end lies. The branch cannot change while the chain moves.
+    `lengths_m` are those of coupler and rocker. `branch` says on which side of the line from `from_point` to `ground`
+    the end lies; the branch stays the same over the motion.
 
-    A parallelogram or kite on a crank comes to change points, twice a turn, where all its links lie in one
-    line and it could go on as either of two linkages. With "left_passing" or "right_passing" it goes on smoothly,
-    so that a parallelogram stays one ("left_passing") or an antiparallelogram stays crossed ("right_passing"):
-    the end changes sides there, and the side named is that while the crank turns through the half turn to the
-    left of the ground link. At the change points themselves joint forces are not determined.
+    A parallelogram or kite on a crank reaches two change points per turn. All links lie in one line there, and the
+    motion can continue on two branches. With "left_passing" or "right_passing" it continues smoothly: a parallelogram
+    remains a parallelogram ("left_passing"), and an antiparallelogram remains crossed ("right_passing"). The end then
+    changes sides at the change points; the named side holds for the crank's half turn to the left of the ground link.
+    Joint forces are undetermined at the change points.
 
-    The triangle's area comes from the two factors of Heron's formula,
-    P = (l2 + l3)^2 - D^2 and Q = D^2 - (l2 - l3)^2 with D the distance of the outer joints,
-    and on a crank from its half angle (see `four_bar`).
+    The triangle's area comes from the two factors of Heron's formula, P = (l2 + l3)^2 - D^2 and Q = D^2 - (l2 - l3)^2
+    with D the distance of the outer joints. On a crank both come from the half angle (see `four_bar`).
     """
 
     coupler: str
@@ -60,7 +59,7 @@ class RRRDyad(PlainGroup):
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """Its outer joints, and the joint between its links."""
+        """The outer joints, and the joint between the links."""
         return self.from_point, self.ground, self.end
 
     def solve(self, motion: Motion) -> None:
@@ -84,14 +83,14 @@ class RRRDyad(PlainGroup):
         coupler = LinkMotion(self.coupler, self.from_point, self.end, l2, u2, rates.first[0], rates.second[0])
         rocker = LinkMotion(self.rocker, self.ground, self.end, l3, u3, rates.first[1], rates.second[1])
         end = rocker.end_motion(c)
-        if four_bar is not None and four_bar.is_parallelogram:  # the rocker is a crank to what follows
+        if four_bar is not None and four_bar.is_parallelogram:  # later groups may use the rocker as a crank
             end = replace(end, circle=replace(four_bar.circle, centre=c.fixed_position(), radius=l3))
         motion.add_link(coupler, self.name)
         motion.add_link(rocker, self.name)
         motion.add_point(self.end, end, self.name)
 
     def _check_apart(self, a: PointMotion, c: PointMotion) -> None:
-        """Raise MachineError where the outer joints, or the axis of the crank and the rocker's, are one place."""
+        """Raise MachineError if the outer joints, or the axes of crank and rocker, coincide."""
         if self.from_point == self.ground:
             raise MachineError(f"dyad '{self.name}': from and ground are one point, '{self.ground}'; name two")
         axis = a.fixed_position() if a.is_fixed else None if a.circle is None else a.circle.centre
@@ -103,7 +102,7 @@ class RRRDyad(PlainGroup):
             )
 
     def _directions(self, a: PointMotion, c: PointMotion) -> tuple[Vector, Vector]:
-        """Unit vectors along coupler and rocker, by the triangle over the line of the outer joints."""
+        """Express the unit vectors of coupler and rocker from the triangle over the line of the outer joints."""
         (l2, l3), four_bar, squared = self.lengths_m, self._four_bar(a, c), self.distance_squared(a, c)
         if four_bar is None:
             share = ((l2 - l3) * (l2 + l3)) / squared
@@ -113,7 +112,7 @@ class RRRDyad(PlainGroup):
         d, frame = c.position - a.position, (1.0, 0.0)
         if four_bar is not None and four_bar.ends_nearly_meet:
             d = four_bar.apart
-        elif four_bar is not None:  # along the ground line the crank's half angle gives all
+        elif four_bar is not None:  # in the frame of the ground line the crank's half angle suffices
             d, frame = four_bar.apart_from_ground_line, four_bar.ground_direction
         along, normal = self.root(a, c) * (1.0 / squared), d.turned_left()
         u2 = ((0.5 / l2) * more) * d + ((0.5 / l2) * along) * normal
@@ -137,7 +136,7 @@ class RRRDyad(PlainGroup):
         return self.branch.endswith("passing")
 
     def _rates(self, a: PointMotion, c: PointMotion, u2: Vector, u3: Vector) -> Rates:
-        """Derivatives of the links' angles for any motion of the outer joints, from the loop's closure."""
+        """Solve the derivatives of the links' angles from the loop closure, for any motion of the outer joints."""
         l2, l3 = self.lengths_m
         inverse = 2.0 / self.root(a, c)  # 1 / (l2 l3 sin)
         stretched, folded = self.heron_factors(a, c)
@@ -151,7 +150,7 @@ class RRRDyad(PlainGroup):
         return Rates((p2, p3), (q2, q3))
 
     def root(self, a: PointMotion, c: PointMotion) -> Expr:
-        """2 l2 l3 times the sine of the angle from coupler to rocker; its sign is the branch [m^2]."""
+        """Express 2 l2 l3 times the sine of the angle from coupler to rocker; its sign is the branch [m^2]."""
         four_bar = self._four_bar(a, c)
         if four_bar is not None:
             return four_bar.root
@@ -159,7 +158,7 @@ class RRRDyad(PlainGroup):
         return self._side * sqrt(stretched * folded)
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
-        """The dyad opens when its outer joints are too far apart or too close."""
+        """Require outer joints that are neither too far apart nor too close."""
         stretched, folded = self.heron_factors(motion.points[self.from_point], motion.points[self.ground])
         scale = sum(self.lengths_m) ** 2
         return (
@@ -168,7 +167,7 @@ class RRRDyad(PlainGroup):
         )
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
-        """By the angle between coupler and rocker; its distance is the outer joints' from where all lies in a line."""
+        """Take the angle between coupler and rocker; the distance is that from the position in one line."""
         stretched, folded = (max(value, 0.0) for value in smallest)
         (l2, l3), whole = self.lengths_m, 4.0 * self.lengths_m[0] * self.lengths_m[1]
         longest, shortest = l2 + l3, abs(l2 - l3)
@@ -185,11 +184,11 @@ class RRRDyad(PlainGroup):
         )
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
-        """Coupler and rocker turn about their outer joints."""
+        """Return the turning joints of coupler and rocker at the outer joints."""
         return pivot(motion, self.coupler, self.from_point), pivot(motion, self.rocker, self.ground)
 
     def balance(self, wrenches: Wrenches) -> None:
-        """Moments about the outer joints leave two equations for the force between the links."""
+        """Solve the force between the links from the moments about the outer joints."""
         motion = wrenches.motion
         coupler, rocker = motion.links[self.coupler], motion.links[self.rocker]
         coupler_force, coupler_moment = wrenches.on(self.coupler)
@@ -200,7 +199,7 @@ class RRRDyad(PlainGroup):
         ) * coupler.direction
         start = joint - coupler_force
         ground = -joint - rocker_force
-        # what the coupler exerts on all others; forces between the rocker and what later groups hang there are others
+        # force of the coupler on all other links, without those between the rocker and later groups at the pin
         wrenches.reactions[self.end] = joint
         wrenches.add_reaction(self.from_point, start)
         wrenches.add_reaction(self.ground, ground)
@@ -208,7 +207,7 @@ class RRRDyad(PlainGroup):
         wrenches.pull_on_point(self.ground, -ground)
 
     def distance_squared(self, a: PointMotion, c: PointMotion) -> Expr:
-        """D^2 of the outer joints [m^2]."""
+        """Express the squared distance D^2 of the outer joints [m^2]."""
         four_bar = self._four_bar(a, c)
         if four_bar is not None:
             return four_bar.distance_squared
@@ -216,7 +215,7 @@ class RRRDyad(PlainGroup):
         return d.dot(d)
 
     def heron_factors(self, a: PointMotion, c: PointMotion) -> tuple[Expr, Expr]:
-        """P and Q: both are positive where the dyad closes; P = 0 stretched, Q = 0 folded [m^2]."""
+        """Express P and Q [m^2]; both are positive where the dyad closes, P = 0 if stretched, Q = 0 if folded."""
         four_bar = self._four_bar(a, c)
         if four_bar is not None:
             return four_bar.heron_factors
@@ -227,7 +226,7 @@ class RRRDyad(PlainGroup):
 
 
 def _driven(rates: Rates, shaft: Rotation) -> Rates:
-    """From derivatives with respect to the crank's angle to those with respect to theta."""
+    """Convert derivatives with respect to the crank angle to derivatives with respect to theta."""
     p, q = shaft.first, shaft.second
     (p2, p3), (q2, q3) = rates.first, rates.second
     return Rates((p2 * p, p3 * p), (q2 * (p * p) + p2 * q, q3 * (p * p) + p3 * q))

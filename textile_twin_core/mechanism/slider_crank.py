@@ -1,9 +1,9 @@
-"""The rod and slider on a crank: the slider-crank linkage in half-angle form, derivatives included.
+"""Slider-crank linkage in half-angle form: rod and slider on a crank, and their derivatives.
 
-With chi from the guide to the crank, a = cos(chi/2) - sin(chi/2), b = cos(chi/2) + sin(chi/2): the rod's
-length minus and plus its start's offset from the guide are L = L0 + r a^2 and M = M0 + r b^2, its reach along
-the guide R = sqrt(L M), and it turns at -r a b / R; the derivative of that, -r (M0 a^2 L - L0 b^2 M) / (2 R^3),
-keeps its digits near the change point of equal crank and rod, where L0 or M0 is small.
+With chi from the guide to the crank, a = cos(chi/2) - sin(chi/2) and b = cos(chi/2) + sin(chi/2), the rod's length
+minus and plus its start's offset from the guide are L = L0 + r a^2 and M = M0 + r b^2. The rod's reach along the guide
+is R = sqrt(L M), and it turns at -r a b / R. The derivative of that, -r (M0 a^2 L - L0 b^2 M) / (2 R^3), keeps full
+precision near the change point of equal crank and rod, where L0 or M0 is small.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class SliderCrank:
 
     @property
     def half_angle_sums(self) -> tuple[Expr, Expr]:
-        """a and b."""
+        """The terms a and b."""
         c, s = self._turned_half()
         return c - s, c + s
 
@@ -39,7 +39,7 @@ class SliderCrank:
 
     @property
     def margins(self) -> tuple[float, float]:
-        """L0 and M0 [m], rounded once; the centre's offset is its distance from the guide, to the left of it."""
+        """The constants L0 and M0 [m], rounded once; the centre's offset is its distance to the left of the guide."""
         ax, ay = (exact(v) for v in self.axis)
         (cx, cy), (gx, gy) = self.circle.centre, self.guide_point
         x, y = exact(cx) - exact(gx), exact(cy) - exact(gy)
@@ -48,18 +48,18 @@ class SliderCrank:
 
     @property
     def factors(self) -> tuple[Expr, Expr]:
-        """L and M [m]; both are positive where the rod reaches the guide."""
+        """The factors L and M [m]; both are positive where the rod reaches the guide."""
         (a, b), (less, more), r = self.half_angle_sums, self.margins, self.circle.radius
         return r * (a * a) + less, r * (b * b) + more
 
     @property
     def reach(self) -> Expr:
-        """The rod's extent along the guide, with the sign of the branch [m]."""
+        """Extent of the rod along the guide, with the sign of the branch [m]."""
         less, more = self.factors
         return self.sense * sqrt(less * more)
 
     def rod_rates(self) -> tuple[Expr, Expr]:
-        """First and second derivative of the rod's angle with respect to the crank's."""
+        """Express the first and second derivative of the rod's angle with respect to the crank angle."""
         (a, b), (less0, more0), r = self.half_angle_sums, self.margins, self.circle.radius
         less, more = self.factors
         inverse = 1.0 / self.reach

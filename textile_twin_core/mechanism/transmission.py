@@ -1,4 +1,4 @@
-"""Transmission: how near a group comes to opening and at which angle it passes its force on."""
+"""Transmission: distance of a group from opening, and the angle at which it transmits force."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Transmission:
-    """Of one group, over the range of the shaft angle.
+    """Transmission quality of one group over the range of the shaft angle.
 
-    distance_m: how far it is, at its nearest, from where it opens. range_rad: smallest and largest transmission angle.
-    grashof: class of a four-bar linkage, by which links turn fully; None elsewhere. passes: whether its branch goes on
-    smoothly where all links come into one line; passing: the branches that would.
+    Attributes:
+        distance_m: smallest distance from the position in which the group opens.
+        range_rad: smallest and largest transmission angle.
+        grashof: Grashof class of a four-bar linkage; None for other groups.
+        passes: whether the branch continues smoothly through the position with all links in one line.
+        passing: the branches that would continue smoothly there.
     """
 
     distance_m: float
@@ -29,10 +32,14 @@ class Transmission:
 
 
 def transmission_angles(stretched: float, folded: float, whole: float) -> tuple[float, float]:
-    """Smallest and largest transmission angle of a dyad [rad].
+    """Compute the smallest and largest transmission angle of a dyad [rad].
 
-    Its two closure values add up to the constant `whole`: over that they are cos^2 and sin^2 of half the angle. Given
-    are the smallest value of each.
+    The two closure values add up to the constant `whole`; their shares are cos^2 and sin^2 of half the angle.
+
+    Args:
+        stretched: smallest value of the first closure.
+        folded: smallest value of the second closure.
+        whole: sum of the two closures at any angle.
     """
     smallest, rest = (2.0 * math.asin(min(1.0, math.sqrt(v / whole))) for v in (folded, stretched))
     return smallest, math.pi - rest

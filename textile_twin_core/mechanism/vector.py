@@ -15,7 +15,7 @@ from textile_twin_core.expression.graph import Number, as_expr
 class Vector:
     """A vector (x, y) of the plane.
 
-    One that was turned by a declared angle remembers from what, so that further turns become one.
+    A vector rotated by declared angles stores its source, so that successive rotations combine into one.
     """
 
     x: Expr
@@ -25,7 +25,7 @@ class Vector:
 
     @classmethod
     def of(cls, x: Expr | Number, y: Expr | Number) -> Vector:
-        """From expressions or numbers."""
+        """Build a vector from expressions or numbers."""
         return cls(as_expr(x), as_expr(y))
 
     def __add__(self, other: Vector) -> Vector:
@@ -41,19 +41,19 @@ class Vector:
         return Vector(factor * self.x, factor * self.y)
 
     def dot(self, other: Vector) -> Expr:
-        """The scalar product."""
+        """Compute the scalar product."""
         return self.x * other.x + self.y * other.y
 
     def cross(self, other: Vector) -> Expr:
-        """The z component of the vector product."""
+        """Compute the z component of the vector product."""
         return self.x * other.y - self.y * other.x
 
     def turned_left(self) -> Vector:
-        """The vector turned by +90 degrees."""
+        """Rotate the vector by +90 degrees."""
         return Vector(-self.y, self.x)
 
     def rotated(self, cosine: float, sine: float) -> Vector:
-        """The vector turned by the angle with this cosine and sine."""
+        """Rotate the vector by the angle with this cosine and sine."""
         if (cosine, sine) == (1.0, 0.0):
             return self
         source, (c, s) = self.source or self, self.turn
@@ -62,7 +62,7 @@ class Vector:
 
     @property
     def is_zero(self) -> bool:
-        """Whether both components are the constant 0."""
+        """True if both components are the constant 0."""
         return self.x is ZERO.x and self.y is ZERO.y
 
 
@@ -70,7 +70,7 @@ ZERO = Vector(const(0.0), const(0.0))
 
 
 def unit_direction(angle_rad: float) -> tuple[float, float]:
-    """Cosine and sine of a declared angle, exact at whole multiples of 90 degrees."""
+    """Compute cosine and sine of a declared angle, exact at whole multiples of 90 degrees."""
     if isinstance(angle_rad, real.Symbolic):
         return real.cos(angle_rad), real.sin(angle_rad)
     quarters = angle_rad / (math.pi / 2)
@@ -80,7 +80,7 @@ def unit_direction(angle_rad: float) -> tuple[float, float]:
 
 
 def exact_length(x: Any, y: Any) -> Any:
-    """The length of a vector, to 60 digits for differences of lengths that nearly cancel; symbolic ones too."""
+    """Compute a vector's length to 60 digits, for differences of nearly equal lengths; accepts symbolic numbers."""
     if isinstance(x, real.Symbolic) or isinstance(y, real.Symbolic):
         return real.hypot(x, y)
     squared, scale = x * x + y * y, 1 << 240

@@ -1,4 +1,4 @@
-"""Forces and moments gathered on links while Newton-Euler's equations are solved from the outside in."""
+"""Forces and moments on the links, accumulated while the Newton-Euler equations are solved from the outside in."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from textile_twin_core.mechanism.vector import ZERO, Vector
 
 @dataclass
 class Wrenches:
-    """Per link the sum of applied and inertia forces [N] and their moment about the link's start point [N m].
+    """Sum of applied and inertia forces per link [N], and their moment about the link's start point [N m].
 
-    `torque_on` gathers moments on turning shafts, `reactions` the joint forces found, by pin; `guide_reactions` those
-    of sliders, to the left of their direction, by link; `transmitted` moments by rigid arm or slider; `contacts` the
-    forces by which groups press on each other, by output.
+    Attributes:
+        torque_on: moments on turning shafts, by shaft.
+        reactions: solved joint forces, by pin.
+        guide_reactions: guide forces on sliders, positive to the left of their direction, by link.
+        transmitted: moments passed on by a rigid arm or slider, by link.
+        contacts: forces by which groups press on each other, by output.
     """
 
     motion: Motion
@@ -28,7 +31,7 @@ class Wrenches:
     contacts: dict[str, Expr] = field(default_factory=dict)
 
     def on(self, link: str) -> tuple[Vector, Expr]:
-        """What has been gathered on a link."""
+        """Return the accumulated force and moment on a link."""
         return self.force.get(link, ZERO), self.moment.get(link, const(0.0))
 
     def add(self, link: str, force: Vector, moment: Expr) -> None:
@@ -41,7 +44,7 @@ class Wrenches:
         self.add(link.name, force, lever.cross(force))
 
     def pull_on_point(self, point: str, force: Vector) -> None:
-        """Put a force on the link that carries a joint; what acts on the ground is dropped."""
+        """Apply a force to the link that carries a joint; forces on the ground are dropped."""
         carrier = self.motion.carrier(point)
         if carrier is not None:
             link, along = carrier
@@ -52,5 +55,5 @@ class Wrenches:
         self.torque_on[shaft] = self.torque_on.get(shaft, const(0.0)) + torque
 
     def add_reaction(self, pin: str, force: Vector) -> None:
-        """Book what the ground or the first link at a pin exerts there; the links that hang on it add up."""
+        """Add the force that the ground, or the first link at a pin, exerts on a link that turns on that pin."""
         self.reactions[pin] = self.reactions.get(pin, ZERO) + force
