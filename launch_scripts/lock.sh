@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Writes the lock files anew from pyproject.toml: one version of each dependency for Python 3.11 to 3.14, with hashes.
-# requirements.lock is what demonstration and suite run with; requirements-tests.lock the same with what tests need;
-# requirements-peers.lock what the bench compares with.
+# requirements.lock is what demonstration and suite run with; requirements-tests.lock the same with what tests and the docs
+# site need; requirements-peers.lock what the bench compares with.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -19,7 +19,7 @@ lock() { # FILE EXTRA.. [-- OPTION..]
         --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --quiet \
         --output-file "$file" "${@:2}"
 }
-lock requirements-tests.lock ros files view design plc logs cluster dev -- "$@"
+lock requirements-tests.lock ros files view design plc logs cluster docs dev -- "$@"
 lock requirements.lock ros files view design plc -- --constraint requirements-tests.lock # the same versions
 lock requirements-kilted.lock kilted files view design plc logs dev -- "$@"
 lock requirements-peers.lock files design dev peers -- "$@"

@@ -15,7 +15,7 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 LOCKS = {
     "requirements.lock": "ros files view design plc",
-    "requirements-tests.lock": "ros files view design plc logs cluster dev",
+    "requirements-tests.lock": "ros files view design plc logs cluster docs dev",
     "requirements-kilted.lock": "kilted files view design plc logs dev",
     "requirements-peers.lock": "files design dev peers",
 }

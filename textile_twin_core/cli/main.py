@@ -43,6 +43,11 @@ _ALSO = {"explore": ("files", "design")}
 _TRACE = "TEXTILE_TWIN_TRACEBACK"
 
 
+def module_of(command: str) -> str:
+    """Name of the module that holds a command's `parser` and `run`."""
+    return f"textile_twin_core.cli.{_MODULES.get(command, command)}"
+
+
 def _help() -> str:
     width = max(map(len, COMMANDS))
     lines = [f"  {name:{width}}  {text}" for name, text in COMMANDS.items()]
@@ -109,7 +114,7 @@ def _run(given: list[str]) -> int:
     name = given[0]
     if name not in COMMANDS:
         raise TwinError(f"no command '{name}'; {nearest(name, COMMANDS)}")
-    command = import_module(f"textile_twin_core.cli.{_MODULES.get(name, name)}")
+    command = import_module(module_of(name))
     command.run(command.parser().parse_args(given[1:]))
     return 0
 
