@@ -9,11 +9,11 @@ fail() { echo "colcon.sh: $*" >&2; exit 2; }
 
 case "${1:-}" in
     -h | --help)
-        echo "usage: launch_scripts/colcon.sh [COLCON BUILD OPTIONS]    after: . /opt/ros/jazzy/setup.bash"
+        echo "usage: launch_scripts/colcon.sh [COLCON BUILD OPTIONS]    after: . /opt/ros/lyrical/setup.bash"
         exit
         ;;
 esac
-[ -n "${AMENT_PREFIX_PATH:-}" ] || fail "no ROS installation is sourced; first: . /opt/ros/jazzy/setup.bash"
+[ -n "${AMENT_PREFIX_PATH:-}" ] || fail "no ROS installation is sourced; first: . /opt/ros/lyrical/setup.bash (or jazzy)"
 python="${PYTHON:-/usr/bin/python3}" # that for which ROS is built
 "$python" -c 'import rclpy' 2> /dev/null || fail "$python does not find rclpy; name ROS's Python: PYTHON=/path/to/python3 $0"
 

@@ -1,9 +1,8 @@
 # Sourced by the other scripts: makes .venv from a lock file when it is missing or out of date, and clears the way for the
-# ROS wheels. A script that needs more than what runs (requirements.lock) names its lock before: lock=requirements-tests.lock;
-# and its environment where that is another: environment=.venv-kilted.
+# ROS wheels. A script that needs more than what runs (requirements.lock) names its lock before: lock=requirements-tests.lock.
 
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
-venv="$root/${environment:-.venv}"
+venv="$root/.venv"
 ros_package="$root/ros2_ws/src/textile_twin_ros"
 lock="${lock:-requirements.lock}"
 

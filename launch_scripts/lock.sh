@@ -21,5 +21,4 @@ lock() { # FILE EXTRA.. [-- OPTION..]
 }
 lock requirements-tests.lock ros files view design plc logs cluster docs dev -- "$@"
 lock requirements.lock ros files view design plc -- --constraint requirements-tests.lock # the same versions
-lock requirements-kilted.lock kilted files view design plc logs dev -- "$@"
 lock requirements-peers.lock files design dev peers -- "$@"

@@ -1,15 +1,8 @@
 #!/usr/bin/env bash
 # Checks everything: style, types, the order of the packages, then the tests. Arguments go to pytest: -m "not slow" for
-# the quicker ones, -n 0 for one after the other. With --ros kilted before them the nodes alone are tested, on the wheels
-# of that distribution, in an environment of its own.
+# the quicker ones, -n 0 for one after the other.
 set -euo pipefail
 lock=requirements-tests.lock
-nodes_alone=()
-if [ "${1:-}" = --ros ]; then
-    [ "${2:-}" = kilted ] || { echo "test.sh: --ros ${2:-}: there is kilted; without --ros it is jazzy" >&2; exit 2; }
-    lock=requirements-kilted.lock environment=.venv-kilted nodes_alone=(tests/ros)
-    shift 2
-fi
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
@@ -52,4 +45,4 @@ compiling=$!
 launch_scripts/checks.sh
 wait "$compiling" || true
 # Side by side on all processors, but for what tests/conftest.py keeps in one row.
-python -m pytest -n auto ${nodes_alone[@]+"${nodes_alone[@]}"} "$@"
+python -m pytest -n auto "$@"

@@ -16,7 +16,6 @@ ROOT = Path(__file__).parents[2]
 LOCKS = {
     "requirements.lock": "ros files view design plc",
     "requirements-tests.lock": "ros files view design plc logs cluster docs dev",
-    "requirements-kilted.lock": "kilted files view design plc logs dev",
     "requirements-peers.lock": "files design dev peers",
 }
 PYTHONS = ("3.11.0", "3.12.0", "3.13.0", "3.14.0")

@@ -32,12 +32,14 @@ class MessageSchema:
 def message_schema(msgtype: str) -> MessageSchema:
     """Schema of a type such as sensor_msgs/msg/JointState.
 
-    Common types come with the rosbags library, as in ROS 2 Jazzy; others are read from the ROS packages that
-    AMENT_PREFIX_PATH lists. Raises RecordingError for a type found in neither.
+    Common types come with the rosbags library, as in the distribution that ROS_DISTRO names, else in ROS 2 Jazzy.
+    Others are read from the ROS packages that AMENT_PREFIX_PATH lists. Raises RecordingError for a type found in
+    neither.
     """
     from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS2_JAZZY)
+    sourced = f"ROS2_{os.environ.get('ROS_DISTRO', '').upper()}"
+    store = get_typestore(getattr(Stores, sourced, Stores.ROS2_JAZZY))
     if msgtype in store.types:
         return MessageSchema(store.generate_msgdef(msgtype, ros_version=2)[0], store.hash_rihs01(msgtype))
     return _installed_schema(msgtype)
