@@ -12,7 +12,7 @@ from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import add_outputs, check_out, print_rows, write_json
 from textile_twin_core.cli.progress import stages
-from textile_twin_core.cli.readings import read_samples, readings_of
+from textile_twin_core.cli.readings import read_samples, read_second, readings_of
 from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Identification, identify, with_table
@@ -84,10 +84,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 def identify_recording(arguments: argparse.Namespace, machine: Machine) -> Identification | ShaftIdentification:
     """Identify what the recording `bag` of the arguments can tell of the machine, or of its elastic shaft."""
-    _, angles, measured = read_samples(arguments, machine)
+    bag, angles, measured = read_samples(arguments, machine)
     fit = identify if machine.shaft is None else identify_shaft
+    readings = readings_of(angles, measured, read_second(arguments, machine, bag))
     with stages(len(angles)) as stage:
-        return fit(readings_of(angles, measured), machine, lambda what, until: stage(what, until, 1))
+        return fit(readings, machine, lambda what, until: stage(what, until, 1))
 
 
 def identifying(job: BatchJob) -> dict[str, Any]:
@@ -119,6 +120,9 @@ def _rows(found: Identification | ShaftIdentification) -> list[tuple[str, str]]:
         ("RMS error before", f"{found.rms_before_Nm:.4g} N m"),
         ("RMS error after", f"{found.rms_after_Nm:.4g} N m"),
     ]
+    if isinstance(found, ShaftIdentification) and math.isfinite(found.second_rms_rad[0]):
+        before, after = (math.degrees(each) for each in found.second_rms_rad)
+        rows.append(("second encoder, RMS error", f"{before:.3g} deg before, {after:.3g} deg after"))
     return rows
 
 

@@ -63,6 +63,10 @@ def parser() -> Parser:
     for kind, units in _KINDS.items():
         parser.add_argument(f"--{kind}", metavar="COLUMN", help=f"column of the {kind}{_NONE.get(kind, '')}")
         parser.add_argument(f"--{kind}-unit", metavar="UNIT", help=units)
+    parser.add_argument(
+        "--second-angle", metavar="COLUMN", help="column of a second encoder at `second_encoder_at` of an elastic shaft"
+    )
+    parser.add_argument("--second-angle-unit", metavar="UNIT", help="as --angle-unit, which counts unless given")
     parser.add_argument("--mapping", type=Path, metavar="FILE", help="columns, units and times from an earlier import")
     parser.add_argument(
         "--time-fraction",
@@ -174,6 +178,10 @@ def _mapping(arguments: argparse.Namespace) -> LogMapping:
         column, unit = getattr(arguments, kind), getattr(arguments, f"{kind}_unit")
         channel = getattr(mapping, kind) if column is None else Channel(column)
         channels[kind] = replace(channel, unit=unit, scale=None) if unit else channel
+    if arguments.second_angle is not None:
+        channels["second_angle"] = Channel(arguments.second_angle, arguments.second_angle_unit or "")
+    else:
+        channels["second_angle"] = mapping.second_angle
     if arguments.torque_scale is not None:
         channels["torque"] = replace(channels["torque"], scale=arguments.torque_scale)
     if arguments.torque_time is not None:
@@ -217,7 +225,12 @@ def _refuse_what_does_nothing(arguments: argparse.Namespace) -> None:
         for other in others:
             if getattr(arguments, option) and getattr(arguments, other):
                 raise UsageError(f"--{option} and --{other} cannot both be told: leave one out".replace("_", "-"))
-    alone = [("quantity_unit", "quantity"), ("drive_force_scale", "drive_force"), ("drive_force_zero", "drive_force")]
+    alone = [
+        ("quantity_unit", "quantity"),
+        ("second_angle_unit", "second_angle"),
+        ("drive_force_scale", "drive_force"),
+        ("drive_force_zero", "drive_force"),
+    ]
     for option, what in alone:
         if getattr(arguments, option) is not None and not getattr(arguments, what):
             raise UsageError(f"--{option} goes with --{what}".replace("_", "-"))

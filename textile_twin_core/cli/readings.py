@@ -7,10 +7,11 @@ import argparse
 from textile_twin_core.cli.mistakes import tell
 from textile_twin_core.cli.sensor_options import topics_of
 from textile_twin_core.comparison import Readings
-from textile_twin_core.machine import AnyMachine
+from textile_twin_core.comparison.readings import SecondAngle
+from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.bag import Bag
-from textile_twin_core.recordings.machine_topics import unit_notes
+from textile_twin_core.recordings.machine_topics import SECOND_ANGLE_TOPIC, unit_notes
 from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
 from textile_twin_core.recordings.sample_times import evenly_timed, evenly_timed_angles
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
@@ -49,7 +50,19 @@ def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Ba
     return bag, angles, measured
 
 
-def readings_of(angles: AngleSamples, measured: TorqueSamples) -> Readings:
+def read_second(arguments: argparse.Namespace, machine: AnyMachine, bag: Bag) -> SecondAngle | None:
+    """The second encoder's angles where machine and recording have one."""
+    if not isinstance(machine, Machine) or machine.shaft is None or machine.shaft.second_encoder_at is None:
+        return None
+    seen = topics_of(arguments).read_second_angles(bag)
+    if seen is None:
+        tell(f"the recording has no topic {SECOND_ANGLE_TOPIC}: the second encoder is not used")
+    return None if seen is None else SecondAngle(seen.stamps, seen.angles_rad)
+
+
+def readings_of(angles: AngleSamples, measured: TorqueSamples, second: SecondAngle | None = None) -> Readings:
     """Samples as the comparison takes them."""
     stamped = tuple(each.timing for each in (angles, measured) if each.timing is not None)
-    return Readings(angles.stamps, angles.angles_rad, measured.stamps, measured.torque_Nm, angles.velocities, stamped)
+    return Readings(
+        angles.stamps, angles.angles_rad, measured.stamps, measured.torque_Nm, angles.velocities, stamped, second
+    )

@@ -32,11 +32,20 @@ _MOST, _ALIKE = 0.7, 0.1
 
 
 @dataclass(frozen=True)
+class SecondAngle:
+    """Angles (n,) of the second encoder of an elastic shaft as logged [rad], with their stamps in ns."""
+
+    stamps_ns: IntArray
+    angle: FloatArray
+
+
+@dataclass(frozen=True)
 class Readings:
     """One recording: angles (n,) as logged and torque (m,) as logged, each with its stamps in ns.
 
     velocities: (n,) speed as logged, None where there is none.
     stamped: topics that were stamped in bursts, whose times are reconstructed.
+    second: of the encoder at `second_encoder_at` of an elastic shaft; None without one.
     """
 
     angle_stamps_ns: IntArray
@@ -45,6 +54,7 @@ class Readings:
     torque: FloatArray
     velocities: FloatArray | None = None
     stamped: tuple[StampTiming, ...] = ()
+    second: SecondAngle | None = None
 
     def __post_init__(self) -> None:
         for values, what in ((self.angle, "shaft angles"), (self.torque, "torque samples")):

@@ -9,20 +9,26 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import least_squares
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.readings import Readings
+from textile_twin_core.comparison.readings import Readings, SecondAngle
 from textile_twin_core.comparison.result import plain
+from textile_twin_core.comparison.robust import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.stage import Begin, unheard
 from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
+from textile_twin_core.driveline import elastic_shaft
+from textile_twin_core.driveline.drive_bank import MEMORIES
+from textile_twin_core.driveline.observer import ShaftObserver
+from textile_twin_core.driveline.observer_step import shaft_readings
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine, MainShaft
-from textile_twin_core.twin import compile_machine
-from textile_twin_core.twin.elastic import ElasticTwin
+from textile_twin_core.machine.main_shaft import ShaftDrive
+from textile_twin_core.shaft import create_estimator
+from textile_twin_core.twin.session import encoder_settings
 
-TORQUE = "balancing_torque_Nm"
 STIFFNESS, DAMPING = "shaft_stiffness_Nm_rad", "shaft_damping_Nms_rad"
 INERTIA, SLIP = "drive_inertia_kgm2", "drive_slip_Nms_rad"
 _NAMES = (STIFFNESS, DAMPING, INERTIA, SLIP)
@@ -35,6 +41,8 @@ _STEP = 1e-3
 _WIDEST = 1.5
 """Largest change of a logarithm in the fit."""
 _FEWEST = 256
+_FINER = 2
+"""Time steps of the fit in one of the live observer."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +53,7 @@ class ShaftIdentification:
         parameters: by name; stiffness and damping are those of the whole shaft from end to end.
         rms_before_Nm, rms_after_Nm: residual of the machine as configured, and with the estimates.
         machine: the machine with the estimates. notes: what a reader should know.
+        second_rms_rad: residual of a second encoder's angle before and after; NaN without one.
     """
 
     parameters: Mapping[str, Estimate]
@@ -52,6 +61,7 @@ class ShaftIdentification:
     rms_after_Nm: float
     machine: Machine
     notes: tuple[str, ...]
+    second_rms_rad: tuple[float, float]
 
     def to_json(self) -> dict[str, Any]:
         """One object of plain lists and numbers."""
@@ -65,46 +75,117 @@ class ShaftIdentification:
                 "notes": list(self.notes),
             }
         )
+        if math.isfinite(self.second_rms_rad[0]):
+            found["second_encoder"] = dict(zip(("rms_before_rad", "rms_after_rad"), self.second_rms_rad, strict=True))
         return found
 
 
 class _Observed:
-    """Torque of the shaft's observer under values of the parameters, beside the measured one."""
+    """Residuals of the shaft's observer under values of the parameters: torque, and angle at a second encoder.
+
+    The readings pass the shaft estimator once; each evaluation observes them with a rescaled chain and the time step of
+    the machine as configured, so that the torque is smooth in the parameters.
+    """
 
     def __init__(self, readings: Readings, machine: Machine) -> None:
-        self._readings, self._machine = readings, machine
-        sensor = machine.sensors.torque
-        good = np.isfinite(readings.torque)
-        self._time_ns = readings.torque_stamps_ns[good] - round(sensor.delay_s * 1e9)
-        self.torque = (readings.torque[good] - sensor.offset_Nm) / sensor.gain
-        self.turn: IntArray = np.zeros(0, dtype=np.int64)
-
-    def residual(self, machine: Machine, settled: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """Measured less predicted torque about its mean, and where it counts: where the prediction has settled."""
-        session = compile_machine(machine, outputs=(TORQUE,)).session("causal")
-        samples = session.step(self._readings.angle_stamps_ns, self._readings.angle, self._readings.velocities)
-        stamps = np.asarray(samples.stamps, dtype=np.int64)
+        self._elastic = elastic_shaft(machine)
+        self._speed, self.configured = machine.nominal_speed_rad_s, _values(machine)
+        self.scales = ShaftObserver(self._elastic, self._speed).scales
+        encoder, sensor = machine.sensors.encoder, machine.sensors.torque
+        turned = encoder.direction * encoder.ratio
+        velocities = None if readings.velocities is None else readings.velocities * turned
+        estimator = create_estimator("causal", **encoder_settings(encoder))
+        angle = (readings.angle - encoder.zero_rad) * turned
+        states = estimator.step(readings.angle_stamps_ns, angle, velocities)
+        stamps = np.asarray(states.stamps, dtype=np.int64)
         if stamps.size < _FEWEST:
             raise RecordingError(f"only {stamps.size} shaft angles can be used: record longer")
-        origin = int(stamps[0])
-        time, known = (self._time_ns - origin) * 1e-9, (stamps - origin) * 1e-9
-        predicted = np.interp(time, known, samples[TORQUE])
-        if settled is None:
-            near = np.clip(np.searchsorted(known, time), 1, known.size - 1)
-            beside = known[near] - known[near - 1] < 2.5 * float(np.median(np.diff(known)))
-            within = (time >= known[0]) & (time <= known[-1]) & samples.settled[near] & samples.settled[near - 1]
-            settled = within & beside
-            self.turn = np.floor(np.interp(time, known, samples.theta_rad) / TURN).astype(np.int64)
-        left = self.torque - predicted
-        return left - float(np.mean(left[settled])), settled
+        self._rows, origin = shaft_readings(states.rows), int(stamps[0])
+        self._turns = states.rows["origin"].copy()
+        good = np.isfinite(readings.torque)
+        torque_ns = readings.torque_stamps_ns[good] - round(sensor.delay_s * 1e9)
+        self._time: FloatArray = (torque_ns - origin).astype(np.float64) * 1e-9
+        self._known: FloatArray = (stamps - origin).astype(np.float64) * 1e-9
+        self.torque = (readings.torque[good] - sensor.offset_Nm) / sensor.gain
+        near = np.clip(np.searchsorted(self._known, self._time), 1, self._known.size - 1)
+        beside = self._known[near] - self._known[near - 1] < 2.5 * float(np.median(np.diff(self._known)))
+        self._near = near
+        self._within = (self._time >= self._known[0]) & (self._time <= self._known[-1]) & beside
+        self._turn = np.floor(np.interp(self._time, self._known, states.theta_rad) / TURN).astype(np.int64)
+        self.settled = self._within
+        self._second: FloatArray | None = None
+        if readings.second is not None:
+            self._second_time, self._second = _second_angles(readings.second, machine, origin, self._known)
+            self._nearest = np.searchsorted(self._known, self._second_time)
+            self._second_turn = np.floor(np.interp(self._second_time, self._known, states.theta_rad) / TURN)
+            self._second_settled = np.ones(self._second.size, np.bool_)
+
+    @property
+    def turns(self) -> IntArray:
+        """(n + m,) turn of the shaft of each residual."""
+        if self._second is None:
+            return np.asarray(self._turn[self.settled])
+        return np.concatenate([self._turn[self.settled], self._second_turn[self._second_settled].astype(np.int64)])
+
+    def observer(
+        self, values: Mapping[str, float | None], finer: int = 1, memories: FloatArray = MEMORIES
+    ) -> ShaftObserver:
+        """An observer under values of the parameters (None: of the drive, to be estimated), with finer time steps."""
+        stiffness, damping = (
+            (values[name] or 0.0) / self.configured[name] if self.configured[name] > 0.0 else 1.0
+            for name in (STIFFNESS, DAMPING)
+        )
+        elastic = self._elastic.rescaled(stiffness, damping, ShaftDrive(None, values[INERTIA], values[SLIP]))
+        scales = replace(self.scales, substep_s=self.scales.substep_s / finer)
+        return ShaftObserver(elastic, self._speed, scales, memories)
+
+    def residual(self, observer: ShaftObserver, first: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Settled measured torques (n,) [N m] and second angles (m,) [rad] less predicted ones, about their means.
+
+        `first`: find where the prediction has settled.
+        """
+        observed, shaft = observer.take(self._rows), self._elastic.shaft
+        piece, sign = shaft.torque_piece
+        torque = sign * self._elastic.piece_torques(observed.motion.pieces)[:, piece]
+        if first:
+            settled = observed.found["settled"] > 0.5
+            self.settled = self._within & settled[self._near] & settled[self._near - 1]
+        left = (self.torque - np.interp(self._time, self._known, torque))[self.settled]
+        if self._second is None or shaft.second_encoder_station is None:
+            return _about_mean(left), np.empty(0)
+        if first:
+            self._second_settled = settled[self._nearest]
+        motion, station = observed.motion, shaft.second_encoder_station
+        angle = observed.found["angle"] + TURN * self._turns
+        angle = angle + motion.psi[:, station] - motion.psi[:, shaft.encoder_station]
+        at = CubicHermiteSpline(self._known, angle, motion.omega[:, station])(self._second_time)
+        return _about_mean(left), _about_mean((self._second - at)[self._second_settled])
+
+
+def _about_mean(values: FloatArray) -> FloatArray:
+    return np.asarray(values - np.mean(values) if values.size else values)
+
+
+def _second_angles(
+    second: SecondAngle, machine: Machine, origin_ns: int, known: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Times [s] within those known and unwrapped angles [rad] of the second encoder, reduced to the main shaft."""
+    encoder = machine.sensors.second_encoder
+    good = np.isfinite(second.angle)
+    good[good] = np.diff(second.stamps_ns[good], prepend=np.iinfo(np.int64).min // 2) > 0
+    time = (second.stamps_ns[good] - origin_ns) * 1e-9
+    angle = (second.angle[good] - encoder.zero_rad) * encoder.direction * encoder.ratio
+    within = (time >= known[0]) & (time <= known[-1])
+    return time[within], np.unwrap(angle, period=TURN * encoder.ratio)[within]
 
 
 def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard) -> ShaftIdentification:
     """Fit stiffness and damping of the shaft, inertia and slip of its drive.
 
     All pieces keep their proportions. The residual is that of the observer's torque, so the encoder at one station is
-    enough. The fit starts from the configured values, with stiffnesses up to 27 % around it tried first; sensors, loads
-    and masses are as configured. Intervals by `uncertainty_by_turns`.
+    enough; with a second encoder also that of its angle, whose zero is free, each over its own scale. The fit starts
+    from the configured values, with stiffnesses up to 27 % around it tried first; sensors, loads and masses are as
+    configured. Intervals by `uncertainty_by_turns`, and as far as half the time step moves the estimates.
 
     Args:
         readings: The recording.
@@ -118,61 +199,74 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
     Raises:
         RecordingError: For a recording without enough settled predictions.
     """
+    begin("observing", 0.1)
     observed = _Observed(readings, machine)
-    begin("observing", 0.05)
-    before, settled = observed.residual(machine)
-    if np.count_nonzero(settled) < _FEWEST:
+    shaft, configured = _shaft(machine), observed.configured
+    drive: dict[str, float | None] = {INERTIA: shaft.drive.inertia_kgm2, SLIP: shaft.drive.slip_Nms_rad}
+    before, second_before = observed.residual(observed.observer(configured | drive), first=True)
+    if before.size < _FEWEST:
         raise RecordingError("the shaft's state does not settle in this recording: record longer at working speed")
-    begin("trying stiffnesses", 0.3)
-    free = _with_unknown_drive(machine)
-    stiffness = _values(machine)[STIFFNESS]
-    tried = [_changed(free, {STIFFNESS: stiffness * factor}) for factor in _FACTORS]
-    left_by = [float(np.mean(np.abs(observed.residual(each, settled)[0][settled]))) for each in tried]
-    started = _observed_drive(readings, tried[int(np.argmin(left_by))])
-    scale = {name: value for name, value in _values(started).items() if value > 0.0}
+    begin("trying stiffnesses", 0.5)
+    unknown: dict[str, float | None] = {INERTIA: None, SLIP: None}
+    tried = [configured[STIFFNESS] * factor for factor in _FACTORS]
+    left_by = [
+        float(np.mean(np.abs(observed.residual(observed.observer({**configured, **unknown, STIFFNESS: each}))[0])))
+        for each in tried
+    ]
+    started: dict[str, float | None] = {**configured, STIFFNESS: tried[int(np.argmin(left_by))]}
+    learner = observed.observer(started | {name: value for name, value in drive.items() if value is None})
+    observed.residual(learner)
+    started |= {INERTIA: learner.drive_inertia_kgm2, SLIP: max(learner.drive_slip_Nms_rad, 0.0)}
+    scale = {name: value for name, value in started.items() if value is not None and value > 0.0}
 
-    def at(logs: FloatArray) -> Machine:
-        return _changed(started, {name: scale[name] * math.exp(x) for name, x in zip(scale, logs, strict=True)})
+    def at(logs: FloatArray) -> dict[str, float | None]:
+        return started | {name: scale[name] * math.exp(x) for name, x in zip(scale, logs, strict=True)}
 
-    def residual(logs: FloatArray) -> FloatArray:
-        return np.asarray(observed.residual(at(logs), settled)[0][settled])
+    def parts(x: FloatArray, memory: FloatArray, finer: int = _FINER) -> tuple[FloatArray, FloatArray]:
+        return observed.residual(observed.observer(at(x - 1.0), finer, memory))
 
-    first = np.zeros(len(scale))
+    def residual(x: FloatArray, memory: FloatArray, weight: float, finer: int = _FINER) -> FloatArray:
+        torque, angle = parts(x, memory, finer)
+        return np.concatenate([torque, weight * angle])
+
     begin("fitting", 0.95)
-    noise = float(np.median(np.abs(residual(first)))) / 0.6745
-    # The fit's variables are about 1, since the numerical slopes take steps relative to them.
-    found = least_squares(
-        lambda x: residual(x - 1.0) / noise, 1.0 + first, diff_step=_STEP,
-        x_scale=[_SCALES[name] for name in scale], bounds=(first + 1.0 - _WIDEST, first + 1.0 + _WIDEST), xtol=1e-6,
-    )  # fmt: skip
-    left, logs = found.fun * noise, found.x - 1.0
-    slopes = -found.jac * noise
-    error = compile_machine(at(logs), outputs=(TORQUE,)).reached_error * float(np.sqrt(np.mean(observed.torque**2)))
-    spread = uncertainty_by_turns(slopes, left, observed.turn[settled]).wider(list(_biases(slopes, error)))
+    x = np.ones(len(scale))
+    for _ in range(2):
+        # One filter of the bank: the weights of several change abruptly with the parameters.
+        filters = [np.array([each]) for each in MEMORIES]
+        memory = min(filters, key=lambda each: float(np.sum(parts(x, each)[0] ** 2)))
+        torque, angle = parts(x, memory)
+        weight = robust_scale(torque) / robust_scale(angle) if angle.size else 0.0
+        # The fit's variables are about 1, since the numerical slopes take steps relative to them.
+        found = least_squares(
+            residual, x, args=(memory, weight), diff_step=_STEP, x_scale=[_SCALES[name] for name in scale],
+            bounds=(1.0 - _WIDEST, 1.0 + _WIDEST), xtol=1e-6,
+        )  # fmt: skip
+        x = found.x
+    logs, left, slopes = x - 1.0, found.fun, -found.jac
+    moved = np.linalg.pinv(slopes) @ (residual(x, memory, weight, 2 * _FINER) - left)
+    spread = uncertainty_by_turns(slopes, left, observed.turns).wider([moved])
     parameters = {}
     for k, name in enumerate(scale):
         value = scale[name] * math.exp(logs[k])
         parameters[name] = spread.estimate(k, 0.0).scaled(value, value)
+    torque, angle = parts(x, memory)
     return ShaftIdentification(
         parameters,
-        float(np.sqrt(np.mean(before[settled] ** 2))),
-        float(np.sqrt(np.mean(left**2))),
-        at(logs),
+        _rms(before),
+        _rms(torque),
+        _changed(machine, {name: each.value for name, each in parameters.items()}),
         tuple(
             f"{name} is 0 in the machine file: give a first value to estimate it"
             for name in _NAMES
             if name not in scale
         ),
+        (_rms(second_before), _rms(angle)),
     )
 
 
-def _biases(slopes: FloatArray, error_Nm: float) -> FloatArray:
-    """(k, k) by how much an error of the predicted torque of that root mean square may move each estimate.
-
-    The worst error has the pattern of the estimate's row of the pseudo-inverse; it counts as two standard deviations.
-    """
-    rows = np.linalg.norm(np.linalg.pinv(slopes), axis=1)
-    return np.asarray(np.diag(0.5 * error_Nm * math.sqrt(len(slopes)) * rows))
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else math.nan
 
 
 def _shaft(machine: Machine) -> MainShaft:
@@ -223,18 +317,3 @@ def _changed(machine: Machine, values: Mapping[str, float]) -> Machine:
         slip_Nms_rad=values.get(SLIP, shaft.drive.slip_Nms_rad),
     )
     return replace(machine, shaft=replace(shaft, stations=stations, pieces=pieces, drive=drive))
-
-
-def _with_unknown_drive(machine: Machine) -> Machine:
-    """The machine with a drive whose inertia and slip the observer estimates."""
-    shaft = _shaft(machine)
-    drive = replace(shaft.drive, inertia_kgm2=None, slip_Nms_rad=None)
-    return replace(machine, shaft=replace(shaft, drive=drive))
-
-
-def _observed_drive(readings: Readings, machine: Machine) -> Machine:
-    """The machine with the drive that the observer estimates."""
-    twin = compile_machine(machine, outputs=(TORQUE,))
-    assert isinstance(twin, ElasticTwin)
-    drive = twin.observed_drive(readings.angle_stamps_ns, readings.angle, readings.velocities)
-    return replace(machine, shaft=replace(_shaft(machine), drive=drive))

@@ -7,7 +7,7 @@ rigid shaft has the same reduced angle everywhere. Torques, stiffnesses and iner
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from textile_twin_core.compiling import by_reference
 from textile_twin_core.driveline.profile import TURN, AngleProfile, linkage_profile, main_shaft_profile, tabulate
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machine import Machine, MainShaft
+from textile_twin_core.machine.main_shaft import ShaftDrive
 
 _TABLE_TOLERANCE = 1e-11
 _SLOW = 1e-4
@@ -106,6 +107,18 @@ class ElasticShaft:
         for station, number in zip(self.hanger_stations, self.chain.profile.tolist(), strict=True):
             found[station] += float(self.profiles[number].sampled[0].min())
         return found
+
+    def rescaled(self, stiffness: float, damping: float, drive: ShaftDrive) -> ElasticShaft:
+        """The shaft with all stiffnesses and dampings times a factor, and with another drive at the same station."""
+        now, chain = self.shaft.drive, self.chain
+        gear, station = self.ratios[self.shaft.drive_station] ** 2, self.shaft.drive_station
+        inertia, viscous = chain.inertia.copy(), chain.viscous.copy()
+        inertia[station] += gear * ((drive.inertia_kgm2 or 0.0) - (now.inertia_kgm2 or 0.0))
+        viscous[station] += gear * ((drive.slip_Nms_rad or 0.0) - (now.slip_Nms_rad or 0.0))
+        changed = chain._replace(
+            inertia=inertia, viscous=viscous, stiffness=stiffness * chain.stiffness, damping=damping * chain.damping
+        )
+        return replace(self, shaft=replace(self.shaft, drive=replace(drive, at=now.at)), chain=changed)
 
     def piece_torques(self, reduced: FloatArray) -> FloatArray:
         """(.., pieces) torques in the pieces from those reduced to the main shaft [N m]."""

@@ -65,9 +65,9 @@ class DriveBank(NamedTuple):
     """(5,) room"""
 
 
-def drive_bank(slip_sigma: float, mobility_sigma: float) -> DriveBank:
+def drive_bank(slip_sigma: float, mobility_sigma: float, memories: FloatArray = MEMORIES) -> DriveBank:
     """A bank before the first sample, with prior standard deviations of lambda and beta (0: known)."""
-    count = MEMORIES.size
+    count = memories.size
     ones = np.ones(count)
     prior, step = np.array((slip_sigma, mobility_sigma)), np.zeros((2, 5))
     return DriveBank(
@@ -77,7 +77,7 @@ def drive_bank(slip_sigma: float, mobility_sigma: float) -> DriveBank:
         samples=_FIRST_SAMPLES * ones,
         probability=ones / count,
         likelihood=ones.copy(),
-        memory=MEMORIES.astype(np.float64),
+        memory=memories.astype(np.float64),
         prior=prior,
         step=step,
         mean=np.zeros(5),

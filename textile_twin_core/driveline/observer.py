@@ -14,7 +14,7 @@ import scipy
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import records
 from textile_twin_core.driveline.chain import ElasticShaft, ShaftChain
-from textile_twin_core.driveline.drive_bank import drive_bank
+from textile_twin_core.driveline.drive_bank import MEMORIES, drive_bank
 from textile_twin_core.driveline.observer_step import (
     FIRST_DRIVE,
     FOLLOWING,
@@ -80,10 +80,18 @@ class ShaftObserver:
     Args:
         elastic: The shaft, from `elastic_shaft`.
         nominal_speed_rad_s: Speed at which the step's error is measured.
+        scales: Times and errors to take over from a similar shaft; computed unless given.
+        memories: Samples over which each filter of the bank takes the drive torque for constant.
     """
 
-    def __init__(self, elastic: ElasticShaft, nominal_speed_rad_s: float) -> None:
-        self.elastic, self._speed = elastic, nominal_speed_rad_s
+    def __init__(
+        self,
+        elastic: ElasticShaft,
+        nominal_speed_rad_s: float,
+        scales: ObserverScales | None = None,
+        memories: FloatArray = MEMORIES,
+    ) -> None:
+        self.elastic, self._speed, self._given, self._memories = elastic, nominal_speed_rad_s, scales, memories
         shaft = elastic.shaft
         drive, self._gear = shaft.drive_station, elastic.ratios[shaft.drive_station] ** 2
         self._inertia = elastic.mean_inertia_kgm2.copy()
@@ -95,6 +103,8 @@ class ShaftObserver:
     @cached_property
     def scales(self) -> ObserverScales:
         """Times and errors that follow from the machine."""
+        if self._given is not None:
+            return self._given
         first, ratio = self._first_mode()
         full = float(np.sqrt(self._most_lead / LEAD).min())
         step = math.sqrt(full**2 + 12.0 * _FREQUENCY_ERROR / first**2)
@@ -145,6 +155,7 @@ class ShaftObserver:
         self._bank = drive_bank(
             _SLIP_SIGMA if given.slip_Nms_rad is None else 0.0,
             _MOBILITY_SIGMA / others if given.inertia_kgm2 is None else 0.0,
+            self._memories,
         )
         self._room = Room(self._inertia, np.zeros(elastic.stations), self._most_lead, np.zeros((4, 5)))
         self._observer: Any = records(OBSERVER)

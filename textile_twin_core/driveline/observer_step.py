@@ -93,6 +93,12 @@ class ShaftReadings(NamedTuple):
     covariance: FloatArray
 
 
+def shaft_readings(rows: Records) -> ShaftReadings:
+    """Readings from rows of the shaft estimator's states."""
+    columns = ("step", "reading", "unit", "noise", "cut", "settled", "angle", "speed", "acceleration", "covariance")
+    return ShaftReadings(*(np.ascontiguousarray(rows[name]) for name in columns))
+
+
 @by_reference
 class Room(NamedTuple):
     """Arrays of the observer beside chain, state and bank."""

@@ -77,10 +77,11 @@ class TorqueSensor:
 
 @dataclass(frozen=True)
 class Sensors:
-    """The sensors on the shaft."""
+    """The sensors on the shaft; `second_encoder` is the one at `second_encoder_at` of an elastic shaft."""
 
     encoder: Encoder = Encoder()
     torque: TorqueSensor = TorqueSensor()
+    second_encoder: Encoder = Encoder()
 
 
 @dataclass(frozen=True)

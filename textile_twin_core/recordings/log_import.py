@@ -34,6 +34,7 @@ from textile_twin_core.recordings.log_mapping import NO_COLUMN, Channel, Clock, 
 from textile_twin_core.recordings.log_shaft import edge_angles, force_torque, tooth_edges
 from textile_twin_core.recordings.log_speed import EncoderSpeed, encoder_speed
 from textile_twin_core.recordings.log_units import spelled, unit_in_name
+from textile_twin_core.recordings.machine_topics import SECOND_ANGLE_TOPIC
 from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.shaft.count_lattice import count_lattice
 
@@ -119,6 +120,8 @@ class _Import:
         self._write_angle(angle, seconds, clock)
         if torque is not None:
             self._write_torque(torque, clock)
+        if self._mapping.second_angle.column != NO_COLUMN:
+            self._write_second_angle(self._mapping.second_angle, clock)
         for output, channel in self._mapping.quantities.items():
             self._write_quantity(output, channel, clock)
         return self._mapping, self._words
@@ -200,6 +203,21 @@ class _Import:
         stamps, here, torque = self._own_stamps(replace(torque, unit=unit), values, clock, "torque")
         self._out.write_wrenches("balancing_torque/measured", stamps, values[here])
         self._mapping = replace(self._mapping, torque=torque)
+        self._progress(values.size)
+
+    def _write_second_angle(self, channel: Channel, clock: Clock) -> None:
+        """The angle of the second encoder, in the first one's unit unless another is given."""
+        name = channel.column
+        refuse_unknown(name, self._table)
+        values = self._table[name].copy()
+        known = np.isfinite(values)
+        wished = spelled(channel.unit) or unit_in_name(name) or self._mapping.angle.unit
+        converted, unit, words = angle_radians(name, wished, values[known])
+        values[known], counts = _own_readings(converted, unit)
+        self._words["second angle"] = f"column '{name}', {words}{counts}{self._without(name, known)}"
+        stamps, here, channel = self._own_stamps(replace(channel, unit=unit), values, clock, "second angle")
+        self._out.write_joint_states(SECOND_ANGLE_TOPIC, stamps, ["main_shaft"], values[here])
+        self._mapping = replace(self._mapping, second_angle=channel)
         self._progress(values.size)
 
     def _write_quantity(self, output: str, channel: Channel, clock: Clock) -> None:

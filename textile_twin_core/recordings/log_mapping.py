@@ -74,6 +74,7 @@ class LogMapping:
     angle: Channel = Channel()
     torque: Channel = Channel()
     speed: Channel = Channel()
+    second_angle: Channel = Channel(NO_COLUMN)
     quantities: Mapping[str, Channel] = field(default_factory=dict)
     text: TextTable | None = None
     signals: LongForm | None = None
@@ -88,8 +89,8 @@ class LogMapping:
 
     @property
     def channels(self) -> list[Channel]:
-        """Angle, torque, speed and the other quantities."""
-        return [self.angle, self.torque, self.speed, *self.quantities.values()]
+        """Angle, torque, speed, the second encoder's angle and the other quantities."""
+        return [self.angle, self.torque, self.speed, self.second_angle, *self.quantities.values()]
 
 
 _HEAD = """\
@@ -98,6 +99,7 @@ _HEAD = """\
 # The next log of the same logger is read with it, too; nothing is guessed then.
 """
 _CHANNELS = ("angle", "torque", "speed")
+_SECOND = "second_angle"
 
 
 def mapping_path(out: Path) -> Path:
@@ -115,6 +117,8 @@ def write_mapping(path: Path, mapping: LogMapping, log: str) -> None:
     content["time"] = _plain(mapping.clock)
     for kind in _CHANNELS:
         content[kind] = _channel(getattr(mapping, kind))
+    if mapping.second_angle.column != NO_COLUMN:
+        content[_SECOND] = _channel(mapping.second_angle)
     if mapping.quantities:
         content["quantities"] = {name: _channel(each) for name, each in mapping.quantities.items()}
     with staged(path) as partial:
@@ -124,7 +128,7 @@ def write_mapping(path: Path, mapping: LogMapping, log: str) -> None:
 def read_mapping(path: Path) -> LogMapping:
     """Read a mapping. Raises RecordingError, one line, for a file that is missing, no YAML, or has an unknown key."""
     content = read_yaml(path, RecordingError)
-    known = {"text", "signals", "time", *_CHANNELS, "quantities"}
+    known = {"text", "signals", "time", *_CHANNELS, _SECOND, "quantities"}
     _check(path, "", content, known)
     quantities = content.get("quantities") or {}
     if not isinstance(quantities, dict):
@@ -133,6 +137,7 @@ def read_mapping(path: Path) -> LogMapping:
     return LogMapping(
         _made(path, "time", Clock, content.get("time") or {}),
         **{kind: _read_channel(path, kind, content.get(kind, {})) for kind in _CHANNELS},
+        second_angle=_read_channel(path, _SECOND, content.get(_SECOND)),
         quantities={str(name): _read_channel(path, str(name), each) for name, each in quantities.items()},
         text=None if text is None else _made(path, "text", TextTable, text),
         signals=None if signals is None else _made(path, "signals", LongForm, signals),

@@ -17,6 +17,7 @@ from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 from textile_twin_core.twin.references import Reading, Reference, reference_of
 
 ANGLE_TOPIC = "main_shaft/angle"
+SECOND_ANGLE_TOPIC = "main_shaft/second_angle"
 MEASURED_TOPIC = "balancing_torque/measured"
 
 
@@ -84,6 +85,14 @@ class MachineTopics:
         kept = angles.angles_rad.copy()
         kept[ahead] = np.nan
         return replace(angles, angles_rad=kept)
+
+    def read_second_angles(self, bag: Bag) -> AngleSamples | None:
+        """The angles of the second encoder as it measures them; None where the recording has none."""
+        topic = beside(bag, bag.find_topic(self.angle).name, SECOND_ANGLE_TOPIC)
+        if topic not in bag.topics and f"/{topic}" not in bag.topics:
+            return None
+        seen = bag.read_angles(topic, self.joint)
+        return replace(seen, angles_rad=seen.angles_rad * self.angle_unit_rad)
 
     def torque_in(self, bag: Bag) -> str:
         """The measured torque's topic in this recording."""

@@ -9,7 +9,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.driveline import ElasticShaft
 from textile_twin_core.driveline.observer import Observed, ShaftObserver
-from textile_twin_core.driveline.observer_step import ShaftReadings
+from textile_twin_core.driveline.observer_step import shaft_readings
 from textile_twin_core.machine.main_shaft import ShaftDrive
 from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.shaft.status import Records
@@ -74,7 +74,7 @@ class ElasticPredictor:
         if self._held:
             stamps, rows = (np.concatenate(parts) for parts in zip(*self._held, strict=True))
             self._held = []
-            self._observer.take(_readings(rows))
+            self._observer.take(shaft_readings(rows))
             self._observer.restart()
             prediction = self._observed(stamps, rows)
         self._observer.restart()
@@ -94,7 +94,7 @@ class ElasticPredictor:
         self._observer.reset()
 
     def _observed(self, stamps: np.ndarray, rows: Records) -> Prediction:
-        observed = self._observer.take(_readings(rows))
+        observed = self._observer.take(shaft_readings(rows))
         motion = self._motion(stamps, rows, observed)
         piece, _ = self._elastic.shaft.torque_piece
         sigma = observed.found["sigma"] / abs(self._elastic.ratios[piece + 1])
@@ -118,8 +118,3 @@ def _kept(rows: Records) -> Records:
     for name in _KEPT.names or ():
         found[name] = rows[name]
     return found
-
-
-def _readings(rows: Records) -> ShaftReadings:
-    columns = ("step", "reading", "unit", "noise", "cut", "settled", "angle", "speed", "acceleration", "covariance")
-    return ShaftReadings(*(np.ascontiguousarray(rows[name]) for name in columns))
