@@ -1,4 +1,4 @@
-"""Bodies: mass, centroid and inertia of what a link carries."""
+"""Bodies: mass, centroid and inertia carried by a link."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from textile_twin_core.mechanism import MAIN_SHAFT
 class Body:
     """A rigid body on a link.
 
-    `centroid` is given as fractions of the link's length, along it from its start and across it to
-    the left; `inertia_kgm2` is about the centroid. A point mass has inertia 0; a counterweight on a crank is a
-    point mass with a negative fraction. On the main shaft itself (`on` "main_shaft") a body is a flywheel: it
-    is balanced, its weight rests in its own bearings, and it is there once for all linkages.
+    `centroid` is given as fractions of the link's length, along the link from its start and across it to the left.
+    `inertia_kgm2` is about the centroid; that of a point mass is 0. A counterweight on a crank is a point mass with a
+    negative fraction.
+
+    A body on the main shaft itself (`on` "main_shaft") is a flywheel: balanced, with its weight carried by its own
+    bearings, and counted once for all linkages.
     """
 
     on: str
@@ -33,16 +35,16 @@ class Body:
 
     @classmethod
     def flywheel(cls, inertia_kgm2: float, mass_kg: float = 0.0) -> Body:
-        """A balanced rotor on the main shaft."""
+        """Return a balanced rotor on the main shaft."""
         return cls(MAIN_SHAFT, mass_kg, inertia_kgm2)
 
     @property
     def is_flywheel(self) -> bool:
-        """Whether it turns with the main shaft itself."""
+        """True for a body on the main shaft itself."""
         return self.on == MAIN_SHAFT
 
     @classmethod
     def bar(cls, on: str, length_m: float, density_kg_m3: float, width_m: float, thickness_m: float) -> Body:
-        """A straight bar of rectangular section over the whole link; `width_m` lies in the plane of motion."""
+        """Return a straight bar of rectangular section over the whole link; `width_m` lies in the plane of motion."""
         mass = density_kg_m3 * length_m * width_m * thickness_m
         return cls(on, mass, mass * (length_m**2 + width_m**2) / 12.0)

@@ -1,4 +1,4 @@
-"""Forward motion: torque in, motion out, with the loads' leaps and standstill located exactly and energy booked."""
+"""Forward motion from a drive torque, with exact load steps and standstills and an energy account."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from textile_twin_core.errors import MotionError
 _MOST_EVENTS = 1_000_000
 _TINY = 1e-8
 _ENERGY_ERROR = 2.0
-"""Error of a step's energy account, over tolerance times energy: a speed that is off by the tolerance makes as much."""
+"""Largest energy error of a step over tolerance times energy, as caused by a relative speed error of the tolerance."""
 _HELPS = 0.1
-"""A half of a step whose error is no less than so much of the whole one's is no better: at a toggle all are inexact."""
+"""Halving a step must at smallest reduce its error to this share of the whole step's; at a toggle it does not."""
 _ROUNDING = 1e-15
 _SCAN = 1000
-"""Looks at a shaft at rest, over the time left, for the torque that moves it."""
+"""Evaluations of the torque on a shaft at standstill, over the remaining time, in search of its start."""
 
 
 class Drive:
-    """One run: the shaft's state (angle, speed, work of the drive, work of each load) advanced from event to event."""
+    """One run: angle, speed, work of the drive and work of each load, integrated from event to event."""
 
     def __init__(
         self,
@@ -45,8 +45,8 @@ class Drive:
         self.evaluations = self.steps = 0
 
     def run(self, theta0: float, omega0: float, times: FloatArray) -> DriveResult:
-        """Integrate over the rising times and give the motion there. Raises MotionError where it runs away."""
-        # Trial steps far too long overflow; they are made anew, shorter, and no number of theirs is kept.
+        """Integrate over the increasing times and return the motion there. Raises MotionError for a runaway."""
+        # Trial steps that are far too long overflow; the integrator discards and shortens them.
         with np.errstate(over="ignore", invalid="ignore"):
             return self._run(theta0, omega0, times)
 
@@ -61,7 +61,7 @@ class Drive:
         direction = before = int(np.sign(omega0))
         for _ in range(_MOST_EVENTS):
             if direction == 0:
-                direction, moment = self._leave_rest(time, state)
+                direction, moment = self._leave_standstill(time, state)
                 if direction * before < 0 and moment == time:
                     self._note("reverses", time, state)
                 time = moment
@@ -71,11 +71,11 @@ class Drive:
             time, direction = self._advance(time, state, direction)
         else:
             raise MotionError(f"the shaft has met {_MOST_EVENTS} events by {time:.6g} s; ask for a shorter time")
-        self._record_rest(math.inf, state)
+        self._record_standstill(math.inf, state)
         return self._result()
 
     def _error_scales(self, theta0: float, omega0: float) -> FloatArray:
-        """Absolute errors that count as 1: an angle of 1 rad, and speed and energy as large as they will be."""
+        """Compute absolute errors that count as 1: an angle of 1 rad, and the expected largest speed and energy."""
         turn = [found for angle in np.linspace(0.0, TURN, 37).tolist() if (found := self._energies_of_speed_one(angle))]
         turn.append(self._energies_of_speed_one(theta0) or self._refuse(theta0, float(self._times[0])))
         inertia = 2.0 * min(kinetic for kinetic, _ in turn)
@@ -89,7 +89,7 @@ class Drive:
         return scales
 
     def _energies_of_speed_one(self, theta: float) -> tuple[float, float] | None:
-        """Kinetic (at 1 rad/s) and potential energy [J]; None where the chain is open."""
+        """Compute kinetic (at 1 rad/s) and potential energy [J]; None where the chain is open."""
         try:
             return self.equation.energies(theta, 1.0)
         except (ValueError, ZeroDivisionError):
@@ -108,7 +108,7 @@ class Drive:
 
     def _slopes(self, time: float, state: FloatArray, stretch: Stretch) -> FloatArray:
         theta, omega = float(state[0]), float(state[1])
-        if not math.isfinite(theta):  # a trial step far too long: NaN makes the integrator shorten it
+        if not math.isfinite(theta):  # NaN makes the integrator shorten a trial step that is far too long
             return np.full(state.size, math.nan)
         if self.equation.is_open(stretch):
             self._refuse(theta, time)
@@ -120,8 +120,8 @@ class Drive:
         alpha = (torque + sum(loads) - half_slope * omega * omega - weight) / inertia
         return np.array([omega, alpha, torque * omega, *(load * omega for load in loads)])
 
-    def _leave_rest(self, time: float, state: FloatArray) -> tuple[int, float]:
-        """Direction in which the shaft starts from rest, and when; 0 when nothing moves it any more."""
+    def _leave_standstill(self, time: float, state: FloatArray) -> tuple[int, float]:
+        """Find the direction and time at which the shaft starts from standstill; direction 0 if it stays there."""
 
         def pushed(moment: float) -> int:
             for direction in (1, -1):
@@ -141,13 +141,13 @@ class Drive:
                 continue
             while low < (middle := 0.5 * (low + high)) < high:
                 low, high = (low, middle) if pushed(middle) else (middle, high)
-            self._record_rest(high, state)
+            self._record_standstill(high, state)
             self._note("starts", high, state)
             return pushed(high), high
         return 0, end
 
     def _advance(self, time: float, state: FloatArray, direction: int) -> tuple[float, int]:
-        """Integrate to the next event or the end; `state` is moved there. Returns time and direction (0: at rest)."""
+        """Integrate `state` in place to the next event or the end; return time and direction (0 at standstill)."""
         stretch = self.equation.stretch(float(state[0]), direction)
         bound = stretch.bound(direction)
         end = min([b for b in self.breaks if b > time] + [float(self._times[-1])])
@@ -171,7 +171,7 @@ class Drive:
         stretch: Stretch,
         direction: int,
     ) -> tuple[float, int]:
-        """Go from the beginning of the last step exactly onto what came first: standstill or the stretch's end."""
+        """Advance exactly from the start of the last step to the first event: standstill or the stretch's end."""
         dense, bound, time = solver.dense_output(), stretch.bound(direction), float(solver.t)
         which, target = 1, 0.0
         if direction * solver.y[1] <= 0.0:
@@ -181,7 +181,7 @@ class Drive:
             time = _root(lambda t: dense(t)[0] - bound, begin, time)
         pieces: list[scipy.integrate.DenseOutput] = []
         end = start
-        for _ in range(5):  # Newton's method, each time with a step of its own
+        for _ in range(5):  # Newton's method, with a separate integration step per iteration
             if not time > begin:
                 break
             end, pieces = self._cross(begin, start, time, stretch)
@@ -190,7 +190,7 @@ class Drive:
             if abs(late) > 0.5 * (time - begin):
                 break
             time -= late
-            if abs(late) < _TINY * (time - begin):  # a straight line is exact to rounding there
+            if abs(late) < _TINY * (time - begin):  # linear interpolation is exact to rounding at this distance
                 end = end - late * slopes
                 break
         for piece in pieces:
@@ -206,7 +206,7 @@ class Drive:
     def _cross(
         self, begin: float, start: FloatArray, end: float, stretch: Stretch
     ) -> tuple[FloatArray, list[scipy.integrate.DenseOutput]]:
-        """From the state at one time to that at another, in one step if its error allows."""
+        """Integrate the state from one time to another, in one step if its error allows."""
         solver, pieces = self._solver(begin, start, end, stretch, end - begin), []
         while solver.status == "running":
             solver = self._step(solver, stretch)
@@ -226,12 +226,12 @@ class Drive:
         )
 
     def _step(self, solver: scipy.integrate.DOP853, stretch: Stretch) -> scipy.integrate.DOP853:
-        """One step, and the solver that stands at its end.
+        """Make one step and return the solver at its end.
 
-        The integrator's own estimate of the error is now and then far too small (its two parts cancel); the energy
-        account, which the integrator does not know, tells most of these, and the step is made anew by halves.
+        The integrator's own error estimate is occasionally far too small, where its two parts cancel. The energy
+        account is an independent check: a step that violates it is repeated in halves.
         """
-        begin, start, end, least = float(solver.t), solver.y.copy(), solver.t_bound, math.inf
+        begin, start, end, smallest = float(solver.t), solver.y.copy(), solver.t_bound, math.inf
         while True:
             message = solver.step()
             self.steps += 1
@@ -241,21 +241,21 @@ class Drive:
                     f"{solver.y[1]:.6g} rad/s ({message}); is the drive torque smooth and the tolerance not too small?"
                 )
             lost = self._lost_energy(start, solver.y)
-            if lost <= 1.0 or lost > _HELPS * least:
-                self._tell(float(solver.t))
+            if lost <= 1.0 or lost > _HELPS * smallest:
+                self._report_progress(float(solver.t))
                 self._refuse_runaway(solver)
                 return solver
-            least = lost
+            smallest = lost
             solver = self._solver(begin, start, end, stretch, 0.5 * (solver.t - begin))
 
-    def _tell(self, now: float) -> None:
-        """Report the share of the time that is done."""
+    def _report_progress(self, now: float) -> None:
+        """Report the completed share of the time."""
         if self._report is not None:
             first, last = float(self._times[0]), float(self._times[-1])
             self._report((now - first) / (last - first))
 
     def _refuse_runaway(self, solver: scipy.integrate.DOP853) -> None:
-        """Raises MotionError where the shaft is faster than any, or its speed no number."""
+        """Raise MotionError if the speed exceeds the limit or is not finite."""
         omega = float(solver.y[1])
         if not abs(omega) <= self.fastest_rad_s:
             raise MotionError(
@@ -264,7 +264,7 @@ class Drive:
             )
 
     def _lost_energy(self, start: FloatArray, end: FloatArray) -> float:
-        """What a step loses of the energy account, over what tolerance and rounding allow."""
+        """Return a step's energy error beyond the allowance for tolerance and rounding."""
         before, after = ([*self.equation.energies(*y[:2].tolist()), *(-y[2:]).tolist()] for y in (start, end))
         size = float(self._scales[-1]) + max(before[0], after[0])
         rounding = _ROUNDING * math.fsum(abs(part) for part in (*before, *after))
@@ -272,14 +272,14 @@ class Drive:
         return float(lost / (_ENERGY_ERROR * self.tolerance * size + rounding))
 
     def _record(self, dense: scipy.integrate.DenseOutput, stretch: Stretch) -> None:
-        """The motion at the times asked up to the end of a step."""
+        """Record the motion at the requested times up to the end of a step."""
         while self._next < self._times.size and self._times[self._next] <= dense.t_max:
             time = float(self._times[self._next])
             state = dense(time)
             self._write(state, float(self._slopes(time, state, stretch)[1]), time)
 
-    def _record_rest(self, until: float, state: FloatArray) -> None:
-        """Standstill at the times asked before another."""
+    def _record_standstill(self, until: float, state: FloatArray) -> None:
+        """Record standstill at the requested times before `until`."""
         while self._next < self._times.size and self._times[self._next] < until:
             self._write(state, 0.0, float(self._times[self._next]))
 
@@ -312,7 +312,7 @@ class Drive:
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function crosses zero; an end of the range where rounding hides the crossing."""
+    """Find the zero of a function; an end of the range where rounding hides the change of sign."""
     if function(low) * function(high) > 0.0:
         return high
     return float(scipy.optimize.brentq(function, low, high, xtol=1e-300, rtol=1e-14))

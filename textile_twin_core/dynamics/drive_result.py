@@ -1,4 +1,4 @@
-"""What a drive gives: the motion at the times asked, what happened on the way, and where the energy went."""
+"""Result of a drive run: motion at the requested times, events, and the energy account."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from textile_twin_core.arrays import FloatArray
 
 @dataclass(frozen=True)
 class DriveEvent:
-    """Something that happened: a load `leaps` (`loads` says which), the shaft `stops`, `starts` or `reverses`."""
+    """An event of the run: a load steps (kind "leaps", load names in `loads`), the shaft stops, starts or reverses."""
 
     kind: str
     time_s: float
@@ -21,11 +21,14 @@ class DriveEvent:
 
 @dataclass(frozen=True)
 class DriveResult:
-    """Motion of the shaft at the times asked, (n,) arrays, and its energy account.
+    """Motion of the shaft at the requested times, (n,) arrays, and its energy account.
 
-    alpha_rad_s2 and drive_torque_Nm belong to the same instants. drive_work_J is what the drive has put in since
-    the first time, load_work_J what each load has (friction: negative), by load. evaluations counts those of
-    the equation of motion, steps the integrator's.
+    Attributes:
+        alpha_rad_s2, drive_torque_Nm: acceleration and drive torque at the same instants.
+        drive_work_J: work of the drive since the first time.
+        load_work_J: work of each load by name; negative for friction.
+        evaluations: number of evaluations of the equation of motion.
+        steps: number of steps of the integrator.
     """
 
     time_s: FloatArray
@@ -43,7 +46,7 @@ class DriveResult:
 
     @property
     def energy_error_J(self) -> FloatArray:
-        """(n,) energy gained that no work accounts for [J]: the integrator's error."""
+        """(n,) energy gain that no work explains [J]: the integrator's error."""
         energy = self.kinetic_energy_J + self.potential_energy_J
         account: FloatArray = energy - energy[0] - self.drive_work_J
         for work in self.load_work_J.values():

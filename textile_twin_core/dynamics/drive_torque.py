@@ -1,4 +1,4 @@
-"""Drive torques given as tables: over time, and over the shaft angle."""
+"""Drive torques as tables over time and over the shaft angle."""
 
 from __future__ import annotations
 
@@ -22,9 +22,19 @@ DriveTorque = Callable[[float, float, float], float]
 
 @dataclass(frozen=True)
 class TorqueOverTime:
-    """A drive torque as straight lines between the points of a table, constant before and after it.
+    """A drive torque that is piecewise linear over time, and constant before and after its table.
 
-    Raises MotionError for a table that is too short or whose times do not rise.
+    Args:
+        time_s: (n,) increasing times [s].
+        torque_Nm: (n,) torques [N m].
+
+    Raises:
+        MotionError: for a table that is too short or whose times do not increase.
+
+    Example:
+        >>> ramp = TorqueOverTime((0.0, 1.0), (0.0, 20.0))
+        >>> ramp(0.5, theta=0.0, omega=0.0)
+        10.0
     """
 
     time_s: tuple[float, ...]
@@ -48,7 +58,7 @@ class TorqueOverTime:
         return self.time_s
 
     def __call__(self, time: float, theta: float, omega: float) -> float:
-        """The torque at a time."""
+        """Return the torque at a time [N m]."""
         k = bisect_right(self.time_s, time)
         if k == 0 or k == len(self.time_s):
             return self.torque_Nm[0 if k == 0 else -1]
@@ -59,7 +69,23 @@ class TorqueOverTime:
 
 @dataclass(frozen=True)
 class TorqueOverAngle:
-    """A drive torque as a periodic table over the shaft angle (see PeriodicTable)."""
+    """A drive torque as a smooth periodic function through a table over the shaft angle (see PeriodicTable).
+
+    Args:
+        angle_rad: (n,) increasing angles over at most one turn [rad].
+        torque_Nm: (n,) torques [N m].
+        harmonics: length of the Fourier series; None takes the fewest that meet every value.
+
+    Raises:
+        MachineError: for a table of fewer than three angles, angles that do not increase, or values that no series
+            meets.
+
+    Example:
+        >>> import math
+        >>> pull = TorqueOverAngle((0.0, math.pi / 2, math.pi, 3 * math.pi / 2), (12.0, 10.0, 8.0, 10.0))
+        >>> round(pull(time=0.0, theta=math.pi / 2, omega=0.0), 9)
+        10.0
+    """
 
     angle_rad: tuple[float, ...]
     torque_Nm: tuple[float, ...]
@@ -77,5 +103,5 @@ class TorqueOverAngle:
         return lambda theta: function(theta)[0]
 
     def __call__(self, time: float, theta: float, omega: float) -> float:
-        """The torque at a shaft angle."""
+        """Return the torque at a shaft angle [N m]."""
         return self._function(theta)

@@ -1,4 +1,4 @@
-"""The equation of motion of a shaft, smooth between the angles at which its loads leap."""
+"""Equation of motion of a shaft, smooth between the angles at which its loads are discontinuous."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ _STATE = ("theta", "omega")
 _LEAPING = ("sign", "at_least")
 _SAMPLES = 2880
 _OPEN = 2.0
-"""Stands for a step's value where the chain is open."""
-_SHIFT = 0.377  # of a sample, so that no sample lies on a round angle
+"""Value of a load's step where the chain is open."""
+_SHIFT = 0.377  # share of a sample spacing, so that no sample lies on a round angle
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """A range of the shaft angle [rad] over which no load leaps, and the leaping factors' values in it."""
+    """A range of the shaft angle [rad] without a load step, and the values of the stepping factors in it."""
 
     lower: float
     upper: float
     values: tuple[float, ...]
 
     def bound(self, direction: int) -> float:
-        """The end that the shaft turns towards."""
+        """Return the end of the range in the direction of rotation."""
         return self.upper if direction > 0 else self.lower
 
 
 class MotionEquation:
-    """J alpha + J'/2 omega^2 + V' = drive torque + sum of the loads' torques on the shaft.
+    """The equation J alpha + J'/2 omega^2 + V' = drive torque + sum of the loads' torques on the shaft.
 
     `load_torques` may hold steps (sign, at_least, the corner of an absolute value) that depend on the shaft angle and
-    the direction of rotation; each is found over one turn, to the rounding of the angle.
+    the direction of rotation. Each is located over one turn, to the rounding of the angle.
     """
 
     def __init__(
@@ -52,27 +52,27 @@ class MotionEquation:
         self._leaps, smooth, corners = split_leaps(loads)
         names = [f"leap_{k}" for k in range(len(self._leaps))]
         self.load_torques: tuple[Expr, ...] = tuple(smooth)
-        """Torque of each load on the shaft, with its leaping factors as the variables `leaps`."""
+        """Torque of each load on the shaft, with its stepping factors as the variables `leaps`."""
         self.leaps: tuple[Expr, ...] = tuple(variable(name) for name in names)
         self.load_count = len(smooth)
         self.terms = compile_scalar([inertia, half_slope, potential_slope, *smooth], [*_STATE, *names])
-        """J, J'/2, V' and each load's torque at (theta, omega, leaping factors)."""
+        """J, J'/2, V' and each load's torque at (theta, omega, stepping factors)."""
         self._energy = compile_scalar([inertia, potential], ["theta"])
         reached = [topological_order([load]) for load in loads]
         needed = [set(topological_order([*nodes, *(corners[n] for n in nodes if n in corners)])) for nodes in reached]
         self._owners = [{i for i, nodes in enumerate(needed) if leap in nodes} for leap in self._leaps]
 
     def is_open(self, stretch: Stretch) -> bool:
-        """Whether the chain does not close over a stretch."""
+        """Return whether the chain fails to close over a stretch."""
         return len(stretch.values) < len(self._leaps)
 
     def energies(self, theta: float, omega: float) -> tuple[float, float]:
-        """Kinetic and potential energy [J]."""
+        """Compute kinetic and potential energy [J]."""
         inertia, potential = self._energy(theta)
         return 0.5 * inertia * omega * omega, potential
 
     def stretch(self, theta: float, direction: int) -> Stretch:
-        """The stretch that the shaft is in, or on whose beginning it stands, turning in a direction (1 or -1)."""
+        """Return the stretch that contains the angle, or begins there in the direction of rotation (1 or -1)."""
         angles, values = self.survey(direction)
         if not angles:
             return Stretch(-math.inf, math.inf, values[0])
@@ -87,14 +87,14 @@ class MotionEquation:
         return Stretch(bounds[i], bounds[i + 1], values[(i - 1) % len(angles)])
 
     def survey(self, direction: int) -> tuple[list[float], list[tuple[float, ...]]]:
-        """Angles in [0, 2 pi) at which loads leap, rising, and the leaping factors' values after each.
+        """Locate the load steps: increasing angles in [0, 2 pi), and the values of the stepping factors after each.
 
-        The values are empty where the chain does not close; without leaps there is one stretch and no angle.
+        The values are empty where the chain does not close. Without steps there is one stretch and no angle.
         """
         return self._forward if direction > 0 else self._backward
 
     def leaping_loads(self, before: Stretch, after: Stretch) -> tuple[int, ...]:
-        """Numbers of the loads that leap between two neighbouring stretches."""
+        """Return the numbers of the loads that step between two neighbouring stretches."""
         changed = [k for k, pair in enumerate(zip(before.values, after.values, strict=False)) if pair[0] != pair[1]]
         return tuple(sorted(set().union(*(self._owners[k] for k in changed))))
 
@@ -107,12 +107,12 @@ class MotionEquation:
         return self._survey(-1.0)
 
     def _survey(self, omega: float) -> tuple[list[float], list[tuple[float, ...]]]:
-        """Angles in [0, 2 pi) of the leaps, rising, and the factors' values after each."""
+        """Locate the load steps at a speed, as `survey` does."""
         if not self._leaps:
             return [], [()]
         levels = [level(leap) for leap in self._leaps]
-        steps_and_levels = _looks([*self._leaps, *levels], omega)
-        slopes = _looks(derivative(levels, variable("theta")), omega)
+        steps_and_levels = _sampler([*self._leaps, *levels], omega)
+        slopes = _sampler(derivative(levels, variable("theta")), omega)
 
         def values(angle: FloatArray) -> FloatArray:
             steps, level = np.split(steps_and_levels(angle), 2)
@@ -122,7 +122,7 @@ class MotionEquation:
         theta = np.linspace(_SHIFT * step, TURN + _SHIFT * step, _SAMPLES + 1)
         sampled = values(theta)
         between = np.diff(sampled, axis=1) != 0.0
-        # between two equal looks a level may come to its threshold and go back: where it turns, a third look tells
+        # a level may touch its threshold between two equal samples: a third sample at its turning point shows that
         with np.errstate(invalid="ignore"):
             approach = np.split(steps_and_levels(theta), 2)[1] * slopes(theta)
             row, place = np.nonzero((approach[:, :-1] < 0.0) & (approach[:, 1:] > 0.0) & ~between)
@@ -132,7 +132,7 @@ class MotionEquation:
         low = np.concatenate([theta[places], theta[place], turning])
         high = np.concatenate([theta[places + 1], turning, theta[place + 1]])
         found = _first_change(values, rows, low, high)
-        angles = _apart(sorted((found[~np.isnan(found)] % TURN).tolist()))
+        angles = _merged(sorted((found[~np.isnan(found)] % TURN).tolist()))
         ends = [*angles[1:], angles[0] + TURN] if angles else []
         middles = [0.5 * (a + b) for a, b in zip(angles, ends, strict=True)] or [float(theta[0])]
         columns = values(np.array(middles)).T.tolist()
@@ -140,32 +140,32 @@ class MotionEquation:
 
 
 def split_leaps(loads: Sequence[Expr], name: str = "leap_{}") -> tuple[list[Expr], list[Expr], dict[Expr, Expr]]:
-    """Take the steps of loads out of them.
+    """Split loads into their steps and smooth expressions of variables that stand for the steps.
 
     Args:
         loads: torques of the loads.
-        name: of the variables that stand for the steps, by their number.
+        name: format of the variables' names, by number.
 
     Returns:
-        The steps (sign, at_least), the loads smooth between them in terms of the variables, and the signs that stand
-        for the corners of absolute values.
+        The steps (sign, at_least), the loads in terms of the variables, and the signs that stand for the corners of
+        absolute values.
     """
     corners = {node: sign(node.args[0]) for node in topological_order(loads) if node.op == "abs"}
     leaps = [node for node in topological_order([*loads, *corners.values()]) if node.op in _LEAPING]
     new = {node: variable(name.format(k)) for k, node in enumerate(leaps)}
-    for node, side in corners.items():  # innermost first; |x| is sign(x) x
+    for node, side in corners.items():  # innermost first, with |x| = sign(x) x
         argument, value = substitute([node.args[0], side], new)
         new[node] = argument * value
     return leaps, substitute(loads, new), corners
 
 
 def level(leap: Expr) -> Expr:
-    """What is zero where a step leaps."""
+    """Express the quantity that is zero where a step occurs."""
     return leap.args[0] if leap.op == "sign" else leap.args[0] - leap.args[1]
 
 
-def _looks(expressions: Sequence[Expr], omega: float) -> Callable[[FloatArray], FloatArray]:
-    """The expressions (rows) at shaft angles (columns); NaN where the chain is open."""
+def _sampler(expressions: Sequence[Expr], omega: float) -> Callable[[FloatArray], FloatArray]:
+    """Return a function that evaluates the expressions (rows) at shaft angles (columns); NaN for an open chain."""
     program = Loop(expressions, list(_STATE))
 
     def look(theta: FloatArray) -> FloatArray:
@@ -181,9 +181,9 @@ def _looks(expressions: Sequence[Expr], omega: float) -> Callable[[FloatArray], 
 def _first_change(
     function: Callable[[FloatArray], NDArray[Any]], rows: IntArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """The first double after each `low` at which its row of the function differs from there; NaN where none does.
+    """Find the first double after each `low` at which its row of the function changes its value; NaN if none.
 
-    By bisection of all at once, up to each `high`.
+    All rows are bisected at once, up to each `high`.
     """
     column = np.arange(rows.size)
     begin = function(low)[rows, column]
@@ -197,8 +197,8 @@ def _first_change(
         low, high = np.where(inside & same, middle, low), np.where(inside & ~same, middle, high)
 
 
-def _apart(angles: list[float]) -> list[float]:
-    """Angles with those of one leap, which differ by rounding, taken as one."""
+def _merged(angles: list[float]) -> list[float]:
+    """Merge angles of the same step, which differ by rounding."""
     kept: list[float] = []
     for angle in angles:
         if not kept or angle - kept[-1] > 1e-12:

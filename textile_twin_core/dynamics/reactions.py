@@ -1,8 +1,8 @@
-"""Joint reactions, group by group from the last to the first, in closed form (Newton-Euler).
+"""Joint reactions in closed form (Newton-Euler), group by group from the last to the first.
 
-Each group balances its own links with what later groups put on them, books the forces in its pins
-and hands their opposites to the links that carry it. What is left on the shaft is the
-balancing torque, by another way than the reduction.
+Each group balances its own links under the forces of later groups, writes the forces in its pins, and applies their
+opposites to the links that carry it. The remaining moment on the shaft is the balancing torque, on a route independent
+of the reduction.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 def centroid_lever(link: LinkMotion, body: Body) -> Vector:
-    """From the link's start point to the body's centroid [m]."""
+    """Express the vector from the link's start point to the body's centroid [m]."""
     along, across = body.centroid
     u = link.direction
     return (along * link.length) * u + (across * link.length) * u.turned_left()
 
 
 def inertia_force(motion: Motion, body: Body, shaft: ShaftState) -> tuple[Vector, Expr]:
-    """D'Alembert force -m a [N] at the centroid and couple -I alpha_k [N m] of a body."""
+    """Express the d'Alembert force -m a [N] at the centroid and the couple -I alpha_k [N m] of a body."""
     link = motion.links[body.on]
     start = motion.points[link.start]
     lever = centroid_lever(link, body)
@@ -38,7 +38,7 @@ def inertia_force(motion: Motion, body: Body, shaft: ShaftState) -> tuple[Vector
 
 
 def gather(motion: Motion, bodies: Iterable[Body], gravity: Vector, shaft: ShaftState) -> Wrenches:
-    """Weights and inertia forces of all bodies on their links."""
+    """Sum the weights and inertia forces of all bodies on their links."""
     wrenches = Wrenches(motion)
     for body in bodies:
         if body.is_flywheel:
@@ -55,6 +55,6 @@ def gather(motion: Motion, bodies: Iterable[Body], gravity: Vector, shaft: Shaft
 
 
 def balance(groups: Iterable[Group], wrenches: Wrenches) -> None:
-    """Balance every group, the last first; reactions and shaft torque are in `wrenches` then."""
+    """Balance every group, the last first, and leave reactions and shaft torque in `wrenches`."""
     for group in reversed(tuple(groups)):
         group.balance(wrenches)

@@ -1,8 +1,8 @@
 """Reduction to one degree of freedom: J(theta) alpha + J'(theta)/2 omega^2 + V'(theta).
 
-Each body is replaced by two masses at the ends of its link and a correction of inertia, which has the
-same energy (dynamically equivalent masses). The speeds of the joints are what the groups know
-in their shortest form, so that no centroid is ever followed.
+Each body is replaced by two masses at the ends of its link and a correction of inertia with the same energy
+(dynamically equivalent masses). The groups provide the joints' speeds in their shortest form, so that no centroid has
+to be computed.
 """
 
 from __future__ import annotations
@@ -21,10 +21,13 @@ from textile_twin_core.mechanism.vector import Vector
 
 @dataclass(frozen=True)
 class Reduction:
-    """What the bodies of a linkage are to the shaft.
+    """Inertia and potential of a linkage's bodies, reduced to the shaft.
 
-    inertia: equivalent inertia J [kg m^2]; half_slope: J'/2 [kg m^2/rad]; potential: V [J], zero at
-    height 0 of the frame; potential_slope: V' [N m].
+    Attributes:
+        inertia: equivalent inertia J [kg m^2].
+        half_slope: J'/2 [kg m^2/rad].
+        potential: V [J], zero at height 0 of the frame.
+        potential_slope: V' [N m].
     """
 
     inertia: Expr
@@ -34,7 +37,7 @@ class Reduction:
 
 
 def reduce_bodies(motion: Motion, bodies: Iterable[Body], gravity: Vector) -> Reduction:
-    """The reduction of bodies on a solved motion. Raises MachineError for a body on an unknown link."""
+    """Reduce bodies on a solved motion to the shaft. Raises MachineError for a body on an unknown link."""
     mass_at: dict[str, float] = defaultdict(float)
     inertia_of: dict[str, float] = defaultdict(float)
     zero = const(0.0)
@@ -88,14 +91,14 @@ def reduce_bodies(motion: Motion, bodies: Iterable[Body], gravity: Vector) -> Re
 
 
 class _Sum:
-    """A weighted sum in which equal terms are met once, as the two ends of a slider."""
+    """A weighted sum that merges equal terms, such as the two ends of a slider."""
 
     def __init__(self) -> None:
         self._weights: dict[Expr, float] = defaultdict(float)
 
     def add(self, weight: float, term: Expr) -> None:
-        factor, rest = scaled(term)
-        self._weights[rest] += weight * factor
+        factor, base = scaled(term)
+        self._weights[base] += weight * factor
 
     def total(self) -> Expr:
         result = const(0.0)

@@ -14,7 +14,7 @@ INPUTS = ("theta", "omega", "alpha")
 
 @dataclass(frozen=True)
 class ShaftState:
-    """Angle [rad], speed [rad/s], acceleration [rad/s^2] of the main shaft and the speed's square."""
+    """Angle [rad], speed [rad/s] and acceleration [rad/s^2] of the main shaft, and the squared speed."""
 
     theta: Expr = THETA
     omega: Expr = OMEGA

@@ -1,4 +1,4 @@
-"""A contact machine: bodies on springs and dampers between stops and pads, pushed along by what the shaft drives."""
+"""A contact machine: bodies on springs and dampers between stops and pads, moved by an element on the shaft."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from textile_twin_core.contact import (
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machine.contact_urdf import contact_urdf
 from textile_twin_core.machine.declared import Declared
-from textile_twin_core.machine.event import Event
+from textile_twin_core.machine.protocol import Event
 from textile_twin_core.machine.sensors import Scene, Sensors
 from textile_twin_core.machine.sizes import reckonable
 from textile_twin_core.mechanism.group import check_finite
@@ -51,14 +51,21 @@ bodies are is no function of the shaft angle."""
 _MOTION_OF_ALL = Scene(outputs=())
 _MILLI = 1e3
 _FASTEST_HZ = 3e6
-"""Rates of springs and dampers that are still followed in seconds."""
+"""Fastest rate of springs and dampers that is integrated within seconds."""
 
 
 @dataclass(frozen=True)
 class DrivenElement:
-    """What the shaft moves along the line: by `strokes`, a `table` or a `law` of the shaft angle, one of the three.
+    """Element moved along the line by the shaft, with exactly one of `strokes`, a `table` or a `law`.
 
-    Positions are counted from where it stands at the shaft angle 0 with strokes, and as given otherwise [m].
+    With strokes, positions are counted from the place at shaft angle 0 [m]; with a table or law they are as given.
+
+    Attributes:
+        name: name of the element.
+        strokes: strokes over one turn, each by a standard law.
+        table: positions [m] at shaft angles [rad].
+        law: law of motion.
+        mass_kg: mass of the element [kg]; 0 leaves its inertia out of force and torque.
     """
 
     name: str
@@ -80,7 +87,7 @@ class DrivenElement:
 
     @cached_property
     def motion(self) -> MotionLaw:
-        """Its position over the shaft angle."""
+        """Position over the shaft angle."""
         if self.law is not None:
             return self.law
         return law_of_strokes(self.strokes) if self.table is None else self.table.law
@@ -88,12 +95,24 @@ class DrivenElement:
 
 @dataclass(frozen=True)
 class ContactMachine(Declared):
-    """Bodies on a line, springs, one-sided stops and pads between them, the frame and what the shaft drives.
+    """Bodies on a line, with springs, one-sided stops and pads between them, the frame and the driven element.
 
-    `start_m` says where the bodies are at the shaft angle 0, at rest; bodies without a place start at 0. `axis` is the
-    direction of the line in the machine's frame. `parameters` and `choices` are those of a machine of the catalogue.
-    A scene without outputs asks for the motion of all. Raises MachineError for a name that is unknown or used twice,
-    and for masses that are too light for what holds them to be followed; ContactError for a start beyond a stop.
+    Attributes:
+        start_m: positions of the bodies at shaft angle 0, at standstill [m]; 0 by default.
+        axis: direction of the line in the machine's frame.
+        parameters, choices: numeric and textual parameters of a machine of the catalogue.
+        scene: default request; without outputs it asks for the motion of all elements.
+
+    Raises:
+        MachineError: for an unknown or repeated name, and for masses too light for their springs and dampers to be
+            integrated.
+        ContactError: for a start beyond a stop.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> run = ttc.machines.needle_transfer().simulate()
+        >>> run.positions.shape[0]  # two bodies, then the driven element
+        3
     """
 
     name: str
@@ -136,7 +155,7 @@ class ContactMachine(Declared):
             self.integrator().check(self.start)
 
     def _check_stiffness(self) -> None:
-        """Refuse what would have to be followed in steps below a microsecond."""
+        """Raise MachineError for rates that need steps below a microsecond."""
         masses = {body.name: body.mass_kg for body in self.bodies}
         held = [(s.lower, s.upper, s.stiffness_N_m / _MILLI, s.damping_Ns_m) for s in self.springs]
         for pad in self.pads:
@@ -152,71 +171,71 @@ class ContactMachine(Declared):
 
     @property
     def elements(self) -> tuple[str, ...]:
-        """What moves: the driven element, then the bodies."""
+        """Moving elements: the driven element, then the bodies."""
         return (self.driven.name, *(body.name for body in self.bodies))
 
     @property
     def law(self) -> MotionLaw:
-        """The driven element's position over the shaft angle."""
+        """Position of the driven element over the shaft angle."""
         return self.driven.motion
 
     @property
     def start(self) -> tuple[float, ...]:
-        """Positions of the bodies at the shaft angle 0 [m]."""
+        """Positions of the bodies at shaft angle 0 [m]."""
         return tuple(self.start_m.get(body.name, 0.0) for body in self.bodies)
 
     @cached_property
     def model(self) -> ContactModel:
-        """Its parts for the integrator: rows are the bodies, then the driven element."""
+        """The integrator's contact model; rows are the bodies, then the driven element."""
         return ContactModel(self.driven.name, self.bodies, self.springs, self.stops, self.pads)
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Every output by name."""
+        """Names of all outputs."""
         return (*(f"{element}_{motion}" for element in self.elements for motion in MOTION), *DRIVE)
 
     @property
     def shown_outputs(self) -> tuple[str, ...]:
-        """Those that its scene names."""
+        """Outputs named by the scene."""
         return self.scene.outputs
 
     @property
     def has_history(self) -> bool:
-        """Springs and stops remember what went before."""
+        """True: springs and stops depend on earlier samples."""
         return True
 
     @property
     def missing_for_torque(self) -> tuple[str, ...]:
-        """Nothing: without a mass the driven element has no inertia."""
+        """Empty: a driven element without a mass has no inertia."""
         return ()
 
     @property
     def tells_torque(self) -> bool:
-        """No: its impacts are none that a sample could tell."""
+        """False: impacts act as impulses between samples."""
         return False
 
     @property
     def tools(self) -> Mapping[str, str]:
-        """None: its elements are joints."""
+        """Empty: the elements are joints."""
         return {}
 
     @property
     def joint_outputs(self) -> Mapping[str, tuple[str, str]]:
-        """Each element slides: its position and velocity."""
+        """Position and velocity of each element, by joint."""
         return {element: (f"{element}_position_m", f"{element}_velocity_m_s") for element in self.elements}
 
     def events(self) -> tuple[Event, ...]:
-        """None beforehand: impacts and touches come with the motion, from `simulate` or a twin."""
+        """Empty: impacts and touches come with the motion, from `simulate` or a twin."""
         return ()
 
     def urdf(self) -> str:
-        """The robot description (URDF): elements that slide; limits are those of one cycle at nominal speed."""
+        """Build the robot description (URDF): sliding elements with the limits of one cycle at nominal speed."""
         run = self.simulate(times=np.linspace(0.0, TURN / self.nominal_speed_rad_s, 4801))
         masses = {body.name: body.mass_kg for body in self.bodies} | {self.driven.name: self.driven.mass_kg}
         return contact_urdf(self.name, run, masses, self.axis)
 
     def integrator(self, tolerance: float = 1e-13) -> ContactIntegrator:
-        """An integrator for its contact model."""
+        """Return an integrator for the contact model."""
         return ContactIntegrator(self.model, tolerance)
 
     def simulate(
@@ -226,10 +245,19 @@ class ContactMachine(Declared):
         speed_rad_s: float | None = None,
         tolerance: float = 1e-13,
     ) -> ContactRun:
-        """Run at constant shaft speed from the declared start, theta = 0, to `end_s` (one cycle by default).
+        """Simulate at constant shaft speed from the declared start, theta = 0, to `end_s` (one cycle by default).
 
-        `times` [s] are where motion is wanted, by default the ends of the integrator's own segments. Rows of the
-        result: the bodies, then the driven element. Raises ContactError for times outside of the run.
+        Args:
+            end_s: end of the run [s].
+            times: times of the returned motion [s]; by default the ends of the integrator's own segments.
+            speed_rad_s: shaft speed [rad/s]; nominal by default.
+            tolerance: tolerance of the integrator.
+
+        Returns:
+            The run; rows are the bodies, then the driven element.
+
+        Raises:
+            ContactError: for times outside the run.
         """
         speed = self.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
         if end_s is None:

@@ -1,4 +1,4 @@
-"""A contact machine driven by samples of the shaft: state that lives between samples, outputs at each of them."""
+"""Motion of a contact machine driven by shaft samples: state between samples, and outputs at each of them."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _SAME_ANGLE = 1e-13
 
 
 class ContactMotion:
-    """Integrates the machine in the order of the samples, in blocks of any size; the blocks do not change the numbers.
+    """Integrator of a contact machine over samples in their order; the size of the blocks does not change the result.
 
-    Between two samples the shaft angle is the quintic through both angles, speeds and accelerations, and the driven
-    element follows its law of motion at that angle; at constant speed that is the law itself, without interpolation
-    error.
-    The first sample finds the machine as it would be after the shaft had turned smoothly from the declared start
-    at theta = 0 to it. The same holds after a gap in which the shaft made more than half a turn: nothing says how.
-    `events` collects what happened, on the samples' clock, until somebody takes it.
+    Between two samples the shaft angle is the quintic through both angles, speeds and accelerations. The driven element
+    follows its law of motion at that angle; at constant speed there is no interpolation error.
+
+    The first sample finds the machine as if the shaft had turned smoothly from the declared start at theta = 0. The
+    same holds after a gap of more than half a turn, over which the motion is unknown. `events` collects events on the
+    samples' clock until they are taken.
     """
 
     def __init__(self, machine: ContactMachine, outputs: Sequence[str] | None = None, tolerance: float = 1e-13) -> None:
@@ -55,23 +55,25 @@ class ContactMotion:
         self._count = 0
 
     def reset(self) -> None:
-        """Forget everything: the next sample is a first one."""
+        """Restart: treat the next sample as the first."""
         self._state = self._last = None
         self.events = []
         self.restarts = self._count = 0
 
     def take_events(self) -> list[ContactEvent]:
-        """What has happened since the last time, on the samples' clock; it is not kept."""
+        """Return and clear the events since the last call, on the samples' clock."""
         events, self.events = self.events, []
         return events
 
     def step(
         self, times_s: FloatArray, theta_rad: FloatArray, omega_rad_s: FloatArray, alpha_rad_s2: FloatArray
     ) -> dict[str, FloatArray]:
-        """Outputs by name, arrays (samples,), at samples of the shaft given as four arrays of one shape (samples,).
+        """Compute the outputs, arrays (samples,) by name, at samples of the shaft given as four arrays (samples,).
 
-        Angles may be wrapped or not. Raises MotionError, with the running number of the sample, when times do not
-        increase or a value is not finite.
+        Wrapped and unwrapped angles are accepted.
+
+        Raises:
+            MotionError: with the sample's number, if times do not increase or a value is not finite.
         """
         columns = [np.atleast_1d(np.asarray(c, dtype=float)) for c in (times_s, theta_rad, omega_rad_s, alpha_rad_s2)]
         if any(column.ndim != 1 or column.shape != columns[0].shape for column in columns):
@@ -87,14 +89,14 @@ class ContactMotion:
         return self._outputs(samples, found, drive)
 
     def _along(self, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Motion of the elements (3, elements, n) and force of the drive (n,) along samples (5, n)."""
+        """Compute the motion of the elements (3, elements, n) and the drive force (n,) along samples (5, n)."""
         found = np.empty((3, len(self.machine.elements), samples.shape[1]))
         drive = np.zeros(samples.shape[1])
         first = 0
         while first < samples.shape[1]:
             last = self._last
             sample = samples[:, first].tolist()
-            way = 0.0 if last is None else _way(last, sample)
+            way = 0.0 if last is None else _angle_between(last, sample)
             if last is None or abs(way) > math.pi:
                 self.restarts += last is not None
                 logs = [self._begin(*sample[:4])]
@@ -125,15 +127,15 @@ class ContactMotion:
             before = time_s
 
     def _advance(self, last: list[float], sample: list[float]) -> list[Log]:
-        """Carry the machine on to a sample: at constant speed where that leads there, else along a quintic.
+        """Advance the machine to a sample, at constant speed if that leads there, else along a quintic.
 
-        Time counts from the last sample, and the angle ends at the phase from which the next advance begins: neither
-        hours nor turns take digits from the motion in between.
+        Time counts from the last sample, and the angle ends at the phase from which the next call begins. The precision
+        is therefore independent of elapsed hours and turns.
         """
         assert self._state is not None
         self._state.clock[0] = 0.0
         self._origin_s = last[0]
-        span, way = sample[0] - last[0], _way(last, sample)
+        span, way = sample[0] - last[0], _angle_between(last, sample)
         start, omega = last[1], last[2]
         if last[3] == sample[3] == 0.0 and omega == sample[2] and abs(way - omega * span) <= _SAME_ANGLE:
             return self._follow((start, omega), 0.0, span)
@@ -141,7 +143,7 @@ class ContactMotion:
         return self._follow(quintic(span, (start, omega, last[3]), end), 0.0, span)
 
     def _follow(self, theta_series: tuple[float, ...], start_s: float, end_s: float) -> list[Log]:
-        """Advance over one polynomial of the shaft angle; events go to the list, on the samples' clock."""
+        """Advance over one polynomial of the shaft angle and collect events on the samples' clock."""
         assert self._state is not None
         logs: list[Log] = []
         for piece in law_pieces(self.machine.law, start_s, end_s, theta_series):
@@ -150,7 +152,7 @@ class ContactMotion:
         return logs
 
     def _begin(self, time: float, theta: float, omega: float, alpha: float) -> Log:
-        """Bring the machine from its declared start to a first sample, along a smooth motion of the shaft."""
+        """Bring the machine from its declared start to the first sample along a smooth shaft motion."""
         machine = self.machine
         kept = len(self.events)
         angle = theta % TURN
@@ -169,7 +171,7 @@ class ContactMotion:
         return self._integrator.advance(self._state.copy(), piece).log
 
     def _read(self, logs: list[Log], times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position, velocity, acceleration (3, elements, times) and the drive's force; at an event, as before it."""
+        """Read position, velocity, acceleration (3, elements, times) and the drive force, just before any event."""
         motion, force = np.empty((3, len(self.machine.elements), times.size)), np.empty(times.size)
         for number, log in enumerate(logs):
             read_motion(self._integrator.plant, log, times, number == 0, motion, force)
@@ -203,22 +205,22 @@ class ContactMotion:
 
 
 def phase(angle: FloatArray) -> FloatArray:
-    """Angles [rad] without their whole turns, in about [0, 2 pi], exact to the angles' own rounding."""
-    rest = np.fmod(angle, TURN)  # exact, in the float64 period
-    turns = np.rint((angle - rest) / TURN)
-    rest = np.where(rest < 0.0, rest + TURN, rest)
-    return np.asarray(rest - turns * _TURN_TAIL)
+    """Reduce angles [rad] by whole turns to about [0, 2 pi], exact to the angles' own rounding."""
+    wrapped = np.fmod(angle, TURN)  # exact with respect to the float64 period
+    turns = np.rint((angle - wrapped) / TURN)
+    wrapped = np.where(wrapped < 0.0, wrapped + TURN, wrapped)
+    return np.asarray(wrapped - turns * _TURN_TAIL)
 
 
-def _way(last: list[float], sample: list[float]) -> float:
-    """Angle that the shaft made between two samples, from phase to phase, of the turns that their speeds say."""
+def _angle_between(last: list[float], sample: list[float]) -> float:
+    """Compute the angle between two samples, from phase to phase, with the whole turns that their speeds imply."""
     expected = 0.5 * (last[2] + sample[2]) * (sample[0] - last[0])
     way = sample[1] - last[1]
     return way + TURN * round((expected - way) / TURN)
 
 
 def _straight(last: list[float], samples: FloatArray) -> int:
-    """How many of the samples (at least 1, at most a turn of them) continue the last one at one constant speed."""
+    """Count the samples (at least 1, at most one turn) that continue the last one at one constant speed."""
     if last[3] != 0.0 or samples[3, 0] != 0.0 or samples[2, 0] != last[2]:
         return 1
     time, _, omega, alpha, theta = samples
@@ -232,10 +234,10 @@ def _straight(last: list[float], samples: FloatArray) -> int:
 
 
 def measured_error(machine: ContactMachine, outputs: Sequence[str], tolerance: float) -> float:
-    """Error over peak, of the worst of the outputs, over one cycle at the declared speed: measured, not promised.
+    """Measure the error over peak of the worst output, over one cycle at the declared speed.
 
-    The same samples are integrated with a tolerance a thousand times tighter (1e-16 at the tightest). Three times
-    the largest difference is given, and not less than 1e-15: bounces enlarge rounding, other samples fall otherwise.
+    The same samples are integrated with a tolerance a thousand times tighter (1e-16 at the tightest). The result is
+    three times the largest difference, and at least 1e-15, since bounces amplify rounding and other samples differ.
     """
     times = np.linspace(0.0, TURN / machine.nominal_speed_rad_s, 4801)
     speed = np.full(times.size, machine.nominal_speed_rad_s)

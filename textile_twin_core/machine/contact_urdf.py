@@ -14,13 +14,13 @@ from textile_twin_core.mechanism.joint import BASE
 
 
 def contact_urdf(name: str, run: ContactRun, masses_kg: Mapping[str, float], axis: tuple[float, float]) -> str:
-    """The URDF text: each element as a bar that slides along `axis`, within the limits of a run."""
+    """Build the URDF text: each element as a bar that slides along `axis`, within the limits of a run."""
     rows = {element: row for element, row in run.model.index.items() if element in masses_kg}
     strokes = {element: run.positions[row] for element, row in rows.items()}
     length = max(float(np.ptp(positions)) for positions in strokes.values())
     robot = Robot(name, length * BAR_WIDTH_SHARE)
     for element, positions in sorted(strokes.items()):
-        # It only slides: its inertia, which nobody declares, is that of a rod.
+        # A sliding element has no declared inertia: take that of a rod.
         mass = masses_kg[element]
         robot.bar(element, length, [Body(element, mass, mass * length**2 / 12.0)])
         fastest = float(np.abs(run.velocities[rows[element]]).max())

@@ -1,4 +1,4 @@
-"""The declaration of a linkage machine: what a user says of it, checked as far as that says it itself."""
+"""Declaration of a linkage machine, with the checks that need no motion."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from textile_twin_core.dynamics.body import Body
 from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machine.declared import Declared
-from textile_twin_core.machine.joints import default_joint_names, named_joints
 from textile_twin_core.machine.main_shaft import MainShaft, ShaftPlace
 from textile_twin_core.machine.sensors import Scene, Sensors
 from textile_twin_core.machine.sizes import reckonable
-from textile_twin_core.mechanism import Closeness, Group, Linkage, Measure, check_assembly
+from textile_twin_core.mechanism import MAIN_SHAFT, Closeness, Group, Linkage, Measure, check_assembly
 from textile_twin_core.mechanism.group import check_finite
 from textile_twin_core.mechanism.joint import Joint
 from textile_twin_core.mechanism.motion import FULL_TURN
@@ -39,13 +38,29 @@ class Link(NamedTuple):
 class Declaration(Declared):
     """A machine with one degree of freedom: ground points, groups, bodies, loads, measures and sensors.
 
-    Several equal linkages can sit on one shaft; torque and energy are their sums, positions and
-    reactions those of the first. `shaft` makes the main shaft elastic, with the linkages at its stations; without
-    one it is rigid. `angle_near_rad` names, per link, the turn in which its printed
-    angle lies; `nominal_speed_rad_s` is the shaft speed at which errors are judged; `transmitted` names
-    outputs for the torque that a link applies to an arm fixed to it, or a guide to its slider about the slider's start.
-    `joint_names` names joints by link, where they are not to be called as the link.
-    Raises MachineError, with the shaft angle, when the linkage cannot close over `range_rad`.
+    Several equal linkages can be mounted on one shaft. Torque and energy are sums over the linkages; positions and
+    reactions are those of the first.
+
+    Attributes:
+        shaft: elastic main shaft with the linkages at its stations; None for a rigid shaft.
+        range_rad: range of the shaft angle over which the linkage must close.
+        angle_near_rad: angle per link [rad] that selects the turn of its printed angle.
+        nominal_speed_rad_s: shaft speed at which errors are judged [rad/s].
+        transmitted: output names of the torque that a link applies to an arm fixed to it, or a guide to its slider
+            about the slider's start.
+        joint_names: joint names by link, where they differ from the link's name.
+
+    Raises:
+        MachineError: with the shaft angle, if the linkage cannot close over `range_rad`.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.mechanism import Crank, RRPDyad
+        >>> crank = Crank("crank", "O", "A", 0.05)
+        >>> rod = RRPDyad("rod", "slider", "A", "B", "C", (0.2, 0.1), (0.0, 0.0), (1.0, 0.0))
+        >>> machine = ttc.Machine("press", points={"O": (0.0, 0.0)}, groups=(crank, rod))
+        >>> machine.point_names
+        ('O', 'A', 'B', 'C')
     """
 
     name: str
@@ -76,13 +91,13 @@ class Declaration(Declared):
         self._check_shaft()
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         with reckonable(f"machine '{self.name}'"):
-            names = default_joint_names(self.linkage) | dict(self.joint_names)
+            names = _default_joint_names(self.linkage) | dict(self.joint_names)
             object.__setattr__(self, "joint_names", MappingProxyType(names))
             self._check_names_and_numbers()
             _ = self.closeness
 
     def _check_shaft(self) -> None:
-        """Raise MachineError for linkages without a station of the shaft, or with one where there is no shaft."""
+        """Raise MachineError for a linkage without a station of the shaft, or with one on a rigid shaft."""
         shaft = self.shaft
         if shaft is None:
             for k, place in enumerate(self.linkages):
@@ -135,14 +150,14 @@ class Declaration(Declared):
 
     @cached_property
     def closeness(self) -> tuple[Closeness, ...]:
-        """How near each group comes to a change point, and its transmission angle."""
+        """Distance of each group from a change point, and its transmission angle."""
         try:
             return self._closeness_by_place()[0]
         except MachineError as error:
             raise MachineError(f"machine '{self.name}': {error}") from None
 
     def _closeness_by_place(self) -> list[tuple[Closeness, ...]]:
-        """Of each linkage over its own crank's angles; over a full turn they are all alike."""
+        """Measure the closeness of each linkage over its own crank angles; over a full turn all are equal."""
         low, high = self.range_rad
         if self.linkage.solved.turns_fully:
             return [check_assembly(self.linkage)]
@@ -150,9 +165,9 @@ class Declaration(Declared):
         return [check_assembly(replace(self.linkage, range_rad=angles)) for angles in turned]
 
     def shaft_angles(self, count: int) -> FloatArray:
-        """(count,) evenly spaced shaft angles [rad]: of a full turn from 0 on, of a part of one off both its ends.
+        """Return (count,) evenly spaced shaft angles [rad]: a full turn from 0, or a part of a turn without its ends.
 
-        Where a part of the turn ends, a linkage may come into one line, and what it does there is not determined.
+        At the ends of a part of a turn a linkage may lie in one line, where its motion is undetermined.
         """
         steps = np.arange(count, dtype=np.float64)
         if self.linkage.solved.turns_fully:
@@ -162,7 +177,7 @@ class Declaration(Declared):
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """The skeleton for drawing."""
+        """Skeleton for drawing."""
         return tuple(Link(k.name, k.start, k.end) for k in self.linkage.solved.links.values())
 
     @property
@@ -172,15 +187,28 @@ class Declaration(Declared):
 
     @cached_property
     def joints(self) -> tuple[Joint, ...]:
-        """The joints of the robot description, passive ones too."""
-        return named_joints(self.linkage, self.joint_names)
+        """Joints of the robot description, passive ones included."""
+        return _named_joints(self.linkage, self.joint_names)
 
     @property
     def choices(self) -> Mapping[str, str]:
-        """None: parameters of linkages are numbers."""
+        """Empty: parameters of linkages are numbers."""
         return {}
 
     @property
     def tools(self) -> Mapping[str, str]:
-        """The point whose way each measure tells, by the measure's name."""
+        """Point whose displacement each measure gives, by the measure's name."""
         return {measure.name: measure.tool(self.linkage.solved) for measure in self.measures}
+
+
+def _default_joint_names(linkage: Linkage) -> dict[str, str]:
+    """Name the joint of each link that moves on its own: after the shaft for its first link, else after the link."""
+    names = {joint.child_link: joint.name for joint in linkage.joints if joint.kind != "fixed"}
+    return names if linkage.shaft_link is None else names | {linkage.shaft_link: MAIN_SHAFT}
+
+
+def _named_joints(linkage: Linkage, names: Mapping[str, str]) -> tuple[Joint, ...]:
+    """Return the joints of a linkage, renamed by link."""
+    return tuple(
+        joint if joint.kind == "fixed" else replace(joint, name=names[joint.child_link]) for joint in linkage.joints
+    )

@@ -1,4 +1,4 @@
-"""What a copy of a machine is made of: its declaration alone; all else is derived anew from that."""
+"""Copies of machines from their declarations; everything else is derived from the declaration."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 
 
 class Declared:
-    """Lets a dataclass be pickled and copied by the values of its fields.
+    """Base class of dataclasses that are pickled and copied by the values of their fields.
 
-    Expressions and compiled functions belong to their process and are left behind.
+    Expressions and compiled functions belong to their process and are not copied.
     """
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -1,4 +1,4 @@
-"""drive(machine, drive_torque, theta0, omega0, t): torque in, motion out."""
+"""Forward dynamics of a machine: drive(machine, drive_torque, theta0, omega0, t)."""
 
 from __future__ import annotations
 
@@ -34,20 +34,32 @@ def drive(
     fastest_rad_s: float = math.inf,
     report: Callable[[float], object] | None = None,
 ) -> DriveResult:
-    """The motion of a machine under a drive torque: run-up, coast-down, speed ripple.
+    """Integrate the motion of a machine under a drive torque: run-up, coast-down, speed ripple.
 
-    drive_torque [N m]: a number, a function of (time, theta, omega), or one of the tables TorqueOverTime and
-    TorqueOverAngle. theta0 [rad], omega0 [rad/s]: the state at the first time. t [s]: the times at which the motion is
-    wanted, rising, or one number: a thousand steps from 0 to it. tolerance: relative error of a step.
-    fastest_rad_s: beyond it the motion is refused as one that runs away. report: is called with the share of the
-    time that is done.
+    An explicit Runge-Kutta method of order 8 with adaptive steps integrates the equation of motion. A step whose energy
+    and work disagree is repeated in halves. Steps end exactly where a load is discontinuous and where the shaft comes
+    to a standstill. Dry friction holds the shaft at standstill until the driving torques exceed it.
 
-    The equation of motion is integrated by an explicit Runge-Kutta method of order 8 (Dormand and Prince; Hairer,
-    Norsett, Wanner 1993) with its own step size, and a step over which energy and work do not agree is made anew by
-    halves; where a load leaps and where the shaft stands still, a step ends exactly there. Dry friction holds the
-    shaft at rest until the torques that push it exceed it.
-    Raises MotionError for a motion that cannot be followed or a bad argument, MachineError for a machine
-    without masses.
+    Args:
+        machine: machine with masses.
+        drive_torque: torque of the drive [N m]: a number, a function of (time, theta, omega), TorqueOverTime or
+            TorqueOverAngle.
+        theta0: shaft angle at the first time [rad].
+        omega0: shaft speed at the first time [rad/s].
+        t: increasing times of the result [s], or one number for a thousand steps from 0 to it.
+        tolerance: relative error of a step.
+        fastest_rad_s: speed above which the motion counts as a runaway [rad/s].
+        report: called with the completed share of the time.
+
+    Returns:
+        Motion at the times, events and energy account.
+
+    Raises:
+        MotionError: for a motion that cannot be integrated, or a bad argument.
+        MachineError: for a machine without masses.
+
+    References:
+        Dormand and Prince; Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993.
     """
     if not isinstance(machine, Machine):
         raise MachineError(f"'{getattr(machine, 'name', machine)}' is no linkage machine: drive has no law for it")
@@ -64,7 +76,7 @@ def drive(
 
 
 def motion_equation(machine: Machine) -> MotionEquation:
-    """The machine's equation of motion, all linkages on the shaft together."""
+    """Build the machine's equation of motion, for all linkages on the shaft together."""
     model = machine.model
     return MotionEquation(
         model.output("equivalent_inertia_kgm2"),
@@ -76,7 +88,7 @@ def motion_equation(machine: Machine) -> MotionEquation:
 
 
 def load_torques(machine: Machine) -> list[Expr]:
-    """Torque of each load on the shaft, all linkages together [N m]."""
+    """Express the torque of each load on the shaft, for all linkages together [N m]."""
     return [
         total(load.unit_force(k.load_context) * k.intensity(i) for k in machine.model.linkages)
         for i, load in enumerate(machine.loads)
@@ -84,7 +96,7 @@ def load_torques(machine: Machine) -> list[Expr]:
 
 
 def load_names(loads: Sequence[Load]) -> tuple[str, ...]:
-    """A name for each load: its type, numbered where there are several."""
+    """Name each load by its type, numbered if there are several."""
     types = [type(load).__name__ for load in loads]
     several, seen, names = Counter(types), Counter[str](), []
     for name in types:
@@ -94,7 +106,7 @@ def load_names(loads: Sequence[Load]) -> tuple[str, ...]:
 
 
 def sample_times(theta0: float, omega0: float, tolerance: float, t: npt.ArrayLike) -> FloatArray:
-    """The times of a run, whose other numbers are checked. Raises MotionError for what cannot be."""
+    """Return the times of a run and check its other numbers. Raises MotionError for impossible values."""
     for what, value in (("theta0", theta0), ("omega0", omega0)):
         if not math.isfinite(value):
             raise MotionError(f"{what} must be a finite number, not {value!r}")

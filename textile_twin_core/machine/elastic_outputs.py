@@ -1,4 +1,4 @@
-"""Outputs that a machine has beyond the usual ones where its main shaft is elastic."""
+"""Additional outputs of a machine with an elastic main shaft."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class ElasticOutput:
     """One output of an elastic shaft.
 
     Attributes:
-        kind: which quantity.
-        number: of the piece, the station or the linkage.
-        measure: name of the measure, where the quantity is its.
-        of_linkage: output of a single linkage, where the quantity is that of the linkage `number`.
+        kind: kind of quantity.
+        number: number of the piece, station or linkage.
+        measure: name of the measure, for a quantity of a measure.
+        of_linkage: output of a single linkage, for a quantity of the linkage `number`.
     """
 
     kind: str
@@ -39,16 +39,17 @@ class ElasticOutput:
 
 
 def elastic_outputs(machine: Declaration) -> Mapping[str, ElasticOutput]:
-    """Outputs by name that only an elastic shaft has; empty for a rigid one.
+    """Return the outputs by name that only an elastic shaft has; empty for a rigid one.
 
-    - `torque_piece_A_B_Nm`: torque in the piece from station A to B, positive as it drives B.
+    - `torque_piece_A_B_Nm`: torque in the piece from station A to B, positive if it drives B.
     - `twist_rad`: angle of the first station beyond the last, reduced to the main shaft.
     - `station_S_angle_rad`, `_speed_rad_s`, `_acceleration_rad_s2`: of station S itself, behind its gears.
     - `M_at_S_position_m`: measure M of the first linkage at station S.
-    - `point_P_at_S_x_m`, `_y_m`: place of a tool's point P of the first linkage at station S.
-    - `joint_J_at_S_position`, `_velocity`: of joint J of the linkage at station S; the first linkage's are the usual.
+    - `point_P_at_S_x_m`, `_y_m`: position of a tool's point P of the first linkage at station S.
+    - `joint_J_at_S_position`, `_velocity`: of joint J of the linkage at station S; the first linkage has the usual
+      names.
     - `M_lag_rad`: angle of the last linkage behind the encoder's station.
-    - `M_spread_m`: largest less smallest deviation of M, over the linkages, from its place on a rigid shaft.
+    - `M_spread_m`: largest less smallest deviation of M, over the linkages, from its position on a rigid shaft.
     """
     shaft = machine.shaft
     if shaft is None:

@@ -1,4 +1,4 @@
-"""Events of one turn at constant shaft speed forward: where loads set in, where measures turn back."""
+"""Events of one forward turn at constant speed: loads that set in, measures that turn back."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import scipy
 from textile_twin_core.expression import Expr, const, derivative, substitute, variable
 from textile_twin_core.expression.loop import Loop
 from textile_twin_core.expression.scalar import compile_scalar
-from textile_twin_core.machine.event import Event
 from textile_twin_core.machine.model import MachineModel
+from textile_twin_core.machine.protocol import Event
 from textile_twin_core.mechanism.motion import FULL_TURN
 
 DWELL_SHARE = 0.05
-"""A dwell's nearness to the point where a measure turns back, in parts of the stroke, unless it is given in metres."""
+"""Largest distance from the turning point of a measure that counts as dwell, as a share of the stroke."""
 _TURN = 2.0 * math.pi
 _SAMPLES = 2880
 _START = 0.1234
-"""Where the search begins [rad]: no angle at which machines are set, so that no event lies on a sample."""
+"""Start of the search [rad], at an unlikely setting of a machine, so that no event lies on a sample."""
 
 
 def machine_events(model: MachineModel) -> tuple[Event, ...]:
-    """Events of the first linkage, by angle; crossings to the rounding of the angle."""
+    """Locate the events of the first linkage, by angle; crossings are exact to the rounding of the angle."""
     machine, linkage = model.machine, model.first
     found: list[Event] = []
     for load in machine.loads:
@@ -40,7 +40,7 @@ def machine_events(model: MachineModel) -> tuple[Event, ...]:
 
 
 def _lift_offs(model: MachineModel) -> list[Event]:
-    """Where bodies that only press on each other would part at the nominal speed; at 0 if they press nowhere."""
+    """Locate lift-off of bodies that only press on each other, at nominal speed; at angle 0 if they never press."""
     machine = model.machine
     steady = {variable("omega"): const(machine.nominal_speed_rad_s), variable("alpha"): const(0.0)}
     found: list[Event] = []
@@ -55,10 +55,10 @@ def _lift_offs(model: MachineModel) -> list[Event]:
 
 
 def crossings(level: Expr, range_rad: tuple[float, float] = FULL_TURN) -> tuple[list[float], list[float]]:
-    """Angles in [0, 2 pi) where an expression of theta crosses zero within a range: rising, falling [rad].
+    """Find the angles in [0, 2 pi) where an expression of theta crosses zero within a range: rising, falling [rad].
 
-    Over a full turn the expression is taken as periodic. What crosses zero and comes back between two samples is
-    seen by the turning point between.
+    Over a full turn the expression is taken as periodic. A double crossing between two samples is found by the turning
+    point between them.
     """
     low, high = range_rad
     if high - low >= (1.0 - 1e-12) * _TURN:
@@ -83,7 +83,7 @@ def crossings(level: Expr, range_rad: tuple[float, float] = FULL_TURN) -> tuple[
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
     at_low, at_high = function(low), function(high)
-    if at_low * at_high >= 0.0:  # one end is the root, to rounding
+    if at_low * at_high >= 0.0:  # one end is the root to rounding
         return low if abs(at_low) <= abs(at_high) else high
     root: float = scipy.optimize.brentq(function, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps)
     return root

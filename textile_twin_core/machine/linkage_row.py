@@ -1,4 +1,4 @@
-"""Linkages in a row along an elastic main shaft: where each stands, and what belongs to it is called."""
+"""Linkages in a row along an elastic main shaft: their positions and name suffixes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from textile_twin_core.machine.declaration import Declaration
 
 @dataclass(frozen=True)
 class RowPlace:
-    """Place of one linkage in the row.
+    """Position of one linkage in the row.
 
     Attributes:
-        number: of the linkage, from 0 on.
+        number: number of the linkage, from 0.
         station: number of its station; 0 on a rigid shaft.
-        z_m: its distance along the shaft from the first linkage.
-        suffix: what stands behind the names of its joints, links and outputs: nothing for the first linkage,
-            `_at_S` for one at station S.
+        z_m: distance along the shaft from the first linkage [m].
+        suffix: suffix of the names of its joints, links and outputs: empty for the first linkage, `_at_S` for one at
+            station S.
     """
 
     number: int
@@ -29,10 +29,9 @@ class RowPlace:
 
 
 def station_places_m(machine: Declaration) -> FloatArray:
-    """(stations,) distances along the shaft from the station of the first linkage [m]; (1,) zero on a rigid shaft.
+    """Compute the (stations,) distances along the shaft from the first linkage's station [m]; (1,) zero if rigid.
 
-    A piece without a length is as long as the mean of the others; without any length the stations stand as far apart
-    as the longest link is long.
+    A piece without a length gets the mean length of the others. Without any length the spacing is the longest link.
     """
     shaft = machine.shaft
     if shaft is None:
@@ -45,7 +44,7 @@ def station_places_m(machine: Declaration) -> FloatArray:
 
 
 def linkage_row(machine: Declaration) -> tuple[RowPlace, ...]:
-    """The places of the linkages, in their order; on a rigid shaft that of the first alone."""
+    """Return the linkages' positions in order; on a rigid shaft that of the first alone."""
     shaft = machine.shaft
     if shaft is None:
         return (RowPlace(0, 0, 0.0, ""),)

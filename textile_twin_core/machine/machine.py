@@ -1,4 +1,4 @@
-"""Machine: a linkage by its declaration, from which everything else is derived when it is asked for."""
+"""Machine: a linkage defined by its declaration, with lazily derived outputs."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from functools import cached_property
 
 from textile_twin_core.machine.declaration import Declaration
 from textile_twin_core.machine.elastic_outputs import elastic_outputs
-from textile_twin_core.machine.event import Event
 from textile_twin_core.machine.events import machine_events
 from textile_twin_core.machine.linkage_row import linkage_row
 from textile_twin_core.machine.model import MachineModel
+from textile_twin_core.machine.protocol import Event
 from textile_twin_core.machine.sensors import Scene
 from textile_twin_core.machine.sizes import reckonable
 from textile_twin_core.machine.urdf import machine_urdf
@@ -29,7 +29,7 @@ class Machine(Declaration):
         super().__post_init__()
         with reckonable(f"machine '{self.name}'"):
             _ = self.model.outputs, self.model.first.reduction, self.model.first.load_torque
-            # so a wrong declaration is refused at once
+            # rejects a wrong declaration at once
 
     def __repr__(self) -> str:
         measures = f", measures {', '.join(measure.name for measure in self.measures)}" if self.measures else ""
@@ -38,17 +38,17 @@ class Machine(Declaration):
 
     @cached_property
     def model(self) -> MachineModel:
-        """Expressions of all outputs, built when asked for."""
+        """Expressions of all outputs, built on demand."""
         return MachineModel(self)
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Every output that can be asked for, with those of an elastic shaft."""
+        """Names of all outputs, including those of an elastic shaft."""
         return (*self.model.outputs, *elastic_outputs(self))
 
     @property
     def shown_outputs(self) -> tuple[str, ...]:
-        """Those that the scene names, else the torque with its parts and what the measures tell."""
+        """Outputs named by the scene, or else the torque with its parts and the measures."""
         if self.scene != Scene():
             return self.scene.outputs
         moved = [
@@ -58,17 +58,17 @@ class Machine(Declaration):
 
     @property
     def has_history(self) -> bool:
-        """A linkage has none."""
+        """False: a linkage has no history."""
         return False
 
     @property
     def tells_torque(self) -> bool:
-        """Whether no mass is missing for the torque."""
+        """True if all masses for the torque are declared."""
         return not self.missing_for_torque
 
     @property
     def joint_outputs(self) -> Mapping[str, tuple[str, str]]:
-        """The outputs for position and velocity of each moving joint, by its name."""
+        """Outputs for position and velocity of each moving joint, by joint name."""
         names = [joint.name for joint in self.joints if joint.kind != "fixed"]
         stations = () if self.shaft is None else self.shaft.names
         own = {f"{name}{row.suffix}": f"joint_{name}{row.suffix}" for row in linkage_row(self) for name in names}
@@ -77,11 +77,11 @@ class Machine(Declaration):
         }
 
     def urdf(self) -> str:
-        """The robot description (URDF) of the first linkage; with an elastic shaft of all linkages and its stations."""
+        """Build the robot description (URDF) of the first linkage, or of all linkages on an elastic shaft."""
         return machine_urdf(self.model)
 
     def events(self) -> tuple[Event, ...]:
-        """Angles of one turn at which something happens: entry and exit of loads, dead centres of measures."""
+        """Return the events of one turn: start and end of loads, dead centres of measures."""
         return self._events
 
     @cached_property

@@ -24,9 +24,11 @@ def _check_not_negative(what: str, **values: float) -> None:
 
 @dataclass(frozen=True)
 class ShaftPlace:
-    """Place of one linkage on the shaft: its crank stands `phase_rad` ahead of the shaft angle.
+    """Position of one linkage on the shaft.
 
-    `at` names the station of an elastic shaft that carries the linkage; a rigid shaft has no stations.
+    Attributes:
+        phase_rad: lead of the linkage's crank over the shaft angle [rad].
+        at: station of an elastic shaft that carries the linkage; None on a rigid shaft.
     """
 
     phase_rad: float = 0.0
@@ -38,7 +40,13 @@ class ShaftPlace:
 
 @dataclass(frozen=True)
 class Station:
-    """Disc on the shaft: its own inertia and the viscous friction of its bearing."""
+    """Disc on the shaft.
+
+    Attributes:
+        name: name of the station.
+        inertia_kgm2: inertia of the disc itself [kg m^2].
+        viscous_Nms: viscous friction of its bearing [N m s].
+    """
 
     name: str
     inertia_kgm2: float = 0.0
@@ -50,12 +58,14 @@ class Station:
 
 @dataclass(frozen=True)
 class ShaftPiece:
-    """Elastic piece of shaft between two neighbouring stations, behind a gear where there is one.
+    """Elastic piece of shaft between two neighbouring stations, behind an optional gear.
 
-    Give `stiffness_Nm_rad`, or `diameter_m` and `length_m` of a round bar; half the inertia of a bar belongs to each of
-    its ends. `gear_ratio` is the speed of the station `from_station` over that of `to_station`; the gear stands before
-    the piece, so stiffness, damping, backlash and torque are those on the side of `to_station`. `backlash_rad` is the
-    whole play: a dead band in which the piece carries no torque.
+    Give `stiffness_Nm_rad`, or `diameter_m` and `length_m` of a round bar, whose inertia is split between its ends.
+
+    Attributes:
+        gear_ratio: speed of the station `from_station` over that of `to_station`. The gear is in front of the piece, so
+            stiffness, damping, backlash and torque refer to the side of `to_station`.
+        backlash_rad: full play [rad], a dead band in which the piece carries no torque.
     """
 
     from_station: str
@@ -91,14 +101,14 @@ class ShaftPiece:
 
     @property
     def stiffness(self) -> float:
-        """Torque per twist [N m/rad]: as given, or G pi d^4 / (32 L) of the bar."""
+        """Torque per twist [N m/rad], as given or G pi d^4 / (32 L) of the bar."""
         if self.stiffness_Nm_rad is not None:
             return self.stiffness_Nm_rad
         return self.shear_modulus_Pa * self._second_moment_m4 / (self.length_m or math.inf)
 
     @property
     def bar_inertia_kgm2(self) -> float:
-        """Inertia of the bar about its axis [kg m^2]; 0 where the stiffness is given."""
+        """Inertia of the bar about its axis [kg m^2]; 0 if the stiffness is given."""
         if self.stiffness_Nm_rad is not None:
             return 0.0
         return self.density_kg_m3 * self._second_moment_m4 * (self.length_m or 0.0)
@@ -112,8 +122,8 @@ class ShaftPiece:
 class ShaftDrive:
     """Drive of the shaft: its station, its inertia beside the station's, and its slip.
 
-    The drive torque falls by `slip_Nms_rad` per rad/s of speed at `at` (by default the first station). A value
-    of None is unknown and can be identified.
+    The drive torque decreases by `slip_Nms_rad` per rad/s of speed at `at` (by default the first station). A value of
+    None is unknown and can be identified.
     """
 
     at: str | None = None
@@ -128,9 +138,23 @@ class ShaftDrive:
 class MainShaft:
     """Elastic main shaft: a chain of stations joined by pieces, in order.
 
-    `encoder_at` and the drive are at the first station unless named. `torque_sensor` names the two ends of the piece
-    whose torque the sensor shows, positive as it drives the second one; it is the first piece unless named.
-    Raises MachineError where stations and pieces make no chain.
+    Attributes:
+        stations: at least two discs.
+        pieces: elastic pieces between neighbouring stations.
+        encoder_at: station of the encoder; the first by default.
+        second_encoder_at: station of a second encoder, or None.
+        torque_sensor: the two ends of the measured piece, positive if it drives the second end; the first piece by
+            default.
+        drive: the drive, at the first station by default.
+
+    Raises:
+        MachineError: for stations and pieces that form no chain.
+
+    Example:
+        >>> ends = Station("motor", 0.5), Station("head", 0.01)
+        >>> shaft = MainShaft(ends, (ShaftPiece("motor", "head", stiffness_Nm_rad=4.0e4),))
+        >>> shaft.torque_piece
+        (0, 1)
     """
 
     stations: tuple[Station, ...]
@@ -174,7 +198,7 @@ class MainShaft:
         return tuple(station.name for station in self.stations)
 
     def station(self, name: str | None, place: str) -> int:
-        """Number of a station; the first for None. Raises MachineError, with near names, for an unknown one."""
+        """Return the number of a station; the first for None. Raises MachineError for an unknown one."""
         if name is None:
             return 0
         if name not in self.names:
@@ -184,7 +208,7 @@ class MainShaft:
 
     @property
     def encoder_station(self) -> int:
-        """Number of the station whose angle the encoder shows."""
+        """Number of the station measured by the encoder."""
         return self.station(self.encoder_at, "encoder_at")
 
     @property
@@ -194,12 +218,12 @@ class MainShaft:
 
     @property
     def drive_station(self) -> int:
-        """Number of the station where the drive acts."""
+        """Number of the station on which the drive acts."""
         return self.station(self.drive.at, "drive.at")
 
     @property
     def torque_piece(self) -> tuple[int, int]:
-        """Number of the piece whose torque the sensor shows, and its sign: -1 where the ends are named backwards."""
+        """Number of the piece measured by the torque sensor, and its sign: -1 for ends named backwards."""
         if self.torque_sensor is None:
             return 0, 1
         low, high = (self.station(name, f"torque_sensor[{k}]") for k, name in enumerate(self.torque_sensor))
@@ -211,7 +235,7 @@ class MainShaft:
 
     @cached_property
     def speed_ratios(self) -> tuple[float, ...]:
-        """Speed of each station over that of the first, by the gears between them."""
+        """Speed of each station over that of the first, from the gears between them."""
         ratios = [1.0]
         for piece in self.pieces:
             ratios.append(ratios[-1] / piece.gear_ratio)
@@ -222,13 +246,13 @@ class MainShaft:
 class EvenShaft:
     """Short form of a shaft: a round bar in equal pieces, from its driven end s0 to the last of its `stations`.
 
-    The linkages hang on s1, s2, ..; s0 carries none. `damping_Nms_rad` is that of the whole length, end to end, as a
-    stiffness in series would be.
+    The linkages are on s1, s2, ..; s0 carries none. `damping_Nms_rad` is that of the whole length, end to end, and is
+    divided as for dampers in series.
 
     Example:
         >>> shaft = EvenShaft(diameter_m=0.06, length_m=4.0, stations=16).main_shaft()
         >>> len(shaft.stations), round(shaft.pieces[0].stiffness / 16)
-        (17, 25128)
+        (17, 25129)
     """
 
     diameter_m: float
@@ -247,7 +271,7 @@ class EvenShaft:
             raise MachineError(f"stations: must be 1 or more, not {self.stations}")
 
     def main_shaft(self) -> MainShaft:
-        """The shaft with every station and piece."""
+        """Build the shaft with every station and piece."""
         count = self.stations
         names = [f"s{k}" for k in range(count + 1)]
         bar = ShaftPiece(
@@ -269,7 +293,7 @@ class EvenShaft:
         )
 
     def places(self, linkages: Sequence[ShaftPlace] = ()) -> tuple[ShaftPlace, ...]:
-        """Linkages spread evenly over the stations; without any, one on each station. Those with a place keep it."""
+        """Distribute the linkages evenly over the stations, one per station if none are given; given stations stay."""
         spread = linkages or (ShaftPlace(),) * self.stations
         share = self.stations / len(spread)
         return tuple(

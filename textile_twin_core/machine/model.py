@@ -1,4 +1,4 @@
-"""MachineModel: every output of a machine by its name, as an expression, built only when asked for."""
+"""MachineModel: every output of a machine by name, as an expression built on demand."""
 
 from __future__ import annotations
 
@@ -42,18 +42,18 @@ class LinkageModel:
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
-        """The linkage's bodies; what turns with the shaft itself belongs to the first."""
+        """Bodies of the linkage; those on the shaft itself belong to the first linkage."""
         return tuple(b for b in self.machine.bodies if self.number == 0 or not b.is_flywheel)
 
     @cached_property
     def load_context(self) -> LoadContext:
-        """What loads act on."""
+        """Inputs of the loads."""
         measures = {m.name: m for m in self.machine.measures}
         return LoadContext(self.motion, self.shaft, measures, self.displacements, self.number == 0)
 
     @cached_property
     def reduction(self) -> Reduction:
-        """The bodies as the shaft feels them."""
+        """Bodies reduced to the shaft."""
         return reduce_bodies(self.motion, self.bodies, self.gravity)
 
     @cached_property
@@ -64,24 +64,24 @@ class LinkageModel:
 
     @cached_property
     def load_torque(self) -> Expr:
-        """What the drive must add for the loads [N m]."""
+        """Torque that the drive must add for the loads [N m]."""
         context = self.load_context
         forces = (load.unit_force(context) * self.intensity(i) for i, load in enumerate(self.machine.loads))
         return -total(forces)
 
     def intensity(self, number: int) -> Expr:
-        """The intensity of a load of the machine."""
+        """Return the intensity of a load of the machine."""
         if self._loads_as_variables:
             return self.intensity_variable(number)
         return self.machine.loads[number].intensity(self.load_context)
 
     def intensity_variable(self, number: int) -> Expr:
-        """The name of a load's intensity where loads are kept apart."""
+        """Return the variable that stands for a load's intensity."""
         return variable(f"load_{self.number}_{number}")
 
     @cached_property
     def wrenches(self) -> Wrenches:
-        """Newton-Euler's equations, solved."""
+        """Solved Newton-Euler equations."""
         wrenches = gather(self.motion, self.bodies, self.gravity, self.shaft)
         for i, load in enumerate(self.machine.loads):
             load.apply(self.load_context, wrenches, self.intensity(i))
@@ -92,8 +92,8 @@ class LinkageModel:
 class MachineModel:
     """The outputs of a machine by name.
 
-    Torque, inertia and energies are sums over the linkages on the shaft; all else speaks of the first.
-    With `loads_as_variables` the loads' intensities stay open, for those who evaluate them apart.
+    Torque, inertia and energies are sums over the linkages on the shaft; other outputs are those of the first linkage.
+    With `loads_as_variables` the loads' intensities remain variables, to be evaluated separately.
     """
 
     def __init__(self, machine: Declaration, shaft: ShaftState | None = None, loads_as_variables: bool = False) -> None:
@@ -111,23 +111,23 @@ class MachineModel:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """All output names."""
+        """Names of all outputs."""
         return tuple(self._builders)
 
     @property
     def first(self) -> LinkageModel:
-        """The first linkage on the shaft."""
+        """First linkage on the shaft."""
         return self.linkages[0]
 
     @cached_property
     def torque_sensitivity(self) -> TorqueSensitivity | None:
-        """How the torque follows the shaft's state; None for a machine without masses."""
+        """Sensitivity of the torque to the shaft's state; None for a machine without masses."""
         if self.machine.missing_for_torque:
             return None
         return TorqueSensitivity(self.output("balancing_torque_Nm"))
 
     def output(self, name: str) -> Expr:
-        """The expression of an output. Raises SceneError, with near names, for an unknown one."""
+        """Return the expression of an output. Raises SceneError, with near names, for an unknown one."""
         if name not in self._built:
             builder = self._builders.get(name)
             if builder is None:
@@ -139,13 +139,13 @@ class MachineModel:
         return self._built[name]
 
     def link_angle(self, name: str) -> Expr:
-        """The angle of a link of the first linkage, continuous over the turn [rad]."""
+        """Express the angle of a link of the first linkage, continuous over the turn [rad]."""
         motion = self.first.motion
         near = self.machine.angle_near_rad.get(name, 0.0)
         return link_angle(motion.links[name], motion, near)
 
     def joint_state(self, joint: Joint) -> tuple[Expr, Expr]:
-        """Position and velocity of a joint [rad, rad/s or m, m/s]."""
+        """Express position and velocity of a joint [rad, rad/s or m, m/s]."""
         motion, omega = self.first.motion, self.shaft.omega
         child = motion.links[joint.child_link]
         if joint.kind == "prismatic":
@@ -276,12 +276,12 @@ def _acceleration(get: Callable[[], Displacement], shaft: ShaftState) -> Expr:
 
 
 def link_number(link: str) -> str:
-    """The K of theta_K_rad: the number in names such as l3, else the whole name."""
+    """Return the K of theta_K_rad: the number in a name such as l3, else the whole name."""
     return link[1:] if link[:1] == "l" and link[1:].isdigit() else link
 
 
 def total(terms: Iterable[Expr]) -> Expr:
-    """The sum of expressions."""
+    """Sum expressions."""
     result = const(0.0)
     for term in terms:
         result += term

@@ -1,13 +1,25 @@
-"""What the rest of the house needs of a machine, whatever moves it."""
+"""Common interface of linkage and contact machines."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
-from textile_twin_core.machine.event import Event
 from textile_twin_core.machine.sensors import Scene, Sensors
+
+
+@dataclass(frozen=True)
+class Event:
+    """A named event of a machine.
+
+    Attributes:
+        name: name of the event, such as `needle_enters_backing`.
+        angle_rad: shaft angle in [0, 2 pi) [rad].
+    """
+
+    name: str
+    angle_rad: float
 
 
 class AnyMachine(Protocol):
@@ -20,7 +32,7 @@ class AnyMachine(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name in messages, files and topics."""
+        """Name of the machine in messages, files and topics."""
         ...
 
     @property
@@ -30,70 +42,70 @@ class AnyMachine(Protocol):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Numbers of a machine of the catalogue, by the name of their parameter; empty for one of a user's own."""
+        """Numeric parameters of a machine of the catalogue, by name; empty for a user's own machine."""
         ...
 
     @property
     def choices(self) -> Mapping[str, str]:
-        """Words among these parameters, such as a design's name."""
+        """Textual parameters of the same, such as a design's name."""
         ...
 
     @property
     def sensors(self) -> Sensors:
-        """The sensors on the shaft."""
+        """Sensors on the shaft."""
         ...
 
     @property
     def scene(self) -> Scene:
-        """What is asked for when nothing else is."""
+        """Default outputs, method and tolerance."""
         ...
 
     @property
     def nominal_speed_rad_s(self) -> float:
-        """The speed of the shaft [rad/s] at which errors and events are judged."""
+        """Shaft speed [rad/s] at which errors and events are judged."""
         ...
 
     @property
     def missing_for_torque(self) -> tuple[str, ...]:
-        """Parameters without which there is no torque."""
+        """Parameters that are missing for a torque."""
         ...
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Every output that can be asked for."""
+        """Names of all outputs."""
         ...
 
     @property
     def shown_outputs(self) -> tuple[str, ...]:
-        """The outputs that say most of it: its torque, and what its tools do."""
+        """Outputs shown by default: the torque and the tools' motion."""
         ...
 
     @property
     def has_history(self) -> bool:
-        """Whether its state depends on what went before, not on the shaft's state alone."""
+        """True if the state depends on earlier samples, not on the shaft's state alone."""
         ...
 
     @property
     def tells_torque(self) -> bool:
-        """Whether its balancing torque at a sample says what the shaft must give, without impulses between samples."""
+        """True if the balancing torque at a sample is complete, without impulses between samples."""
         ...
 
     @property
     def tools(self) -> Mapping[str, str]:
-        """The point whose way each measure tells, by the measure's name."""
+        """Point whose displacement each measure gives, by the measure's name."""
         ...
 
     @property
     def joint_outputs(self) -> Mapping[str, tuple[str, str]]:
-        """The outputs for position and velocity of each moving joint of the robot description, by its name."""
+        """Outputs for position and velocity of each moving joint of the robot description, by joint name."""
         ...
 
     def events(self) -> tuple[Event, ...]:
-        """What happens over one turn, by shaft angle; of a machine with a history empty: they come with its motion."""
+        """Return the events of one turn by shaft angle; empty for a machine with history, whose motion yields them."""
         ...
 
     def urdf(self) -> str:
-        """The robot description (URDF)."""
+        """Build the robot description (URDF)."""
         ...
 
 
@@ -101,9 +113,19 @@ SomeMachine = TypeVar("SomeMachine", bound=AnyMachine)
 
 
 def with_encoder(machine: SomeMachine, settings: Mapping[str, float]) -> SomeMachine:
-    """The machine with other settings of its encoder (see `ENCODER_OPTIONS`).
+    """Return the machine with other encoder settings.
 
-    Raises MachineError for values that an encoder cannot have.
+    Args:
+        machine: the machine.
+        settings: values by name (see `ENCODER_OPTIONS`).
+
+    Raises:
+        MachineError: for impossible settings.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> ttc.machines.with_encoder(ttc.machines.tufting(), {"teeth": 60}).sensors.encoder.teeth
+        60
     """
     if not settings:
         return machine

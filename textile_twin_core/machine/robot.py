@@ -1,4 +1,4 @@
-"""A robot description (URDF) in the making: links as bars, joints, and a comment where nothing is declared."""
+"""Builder of a robot description (URDF): links as bars, joints, and comments on undeclared values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from textile_twin_core.dynamics.body import Body
 from textile_twin_core.mechanism.joint import BASE
 
 BAR_WIDTH_SHARE = 0.08
-"""Width of the bars over the longest link."""
+"""Width of the bars as a share of the longest link."""
 _COLOURS = (
     "0.80 0.45 0.20 1",
     "0.25 0.50 0.75 1",
@@ -20,12 +20,12 @@ _COLOURS = (
     "0.85 0.70 0.30 1",
 )
 _EFFORT = "1e6"
-"""URDF wants a number where the declaration has none: the largest force or torque of a joint."""
+"""Largest force or torque of a joint, which URDF requires and machines do not declare."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a joint does in the machine: smallest and largest position [m or rad], largest speed [m/s or rad/s]."""
+    """Range of a joint in the machine: smallest and largest position [m or rad], largest speed [m/s or rad/s]."""
 
     lower: float
     upper: float
@@ -33,11 +33,11 @@ class Limits:
 
 
 class Robot:
-    """Collects links and joints; `world` -> `base` is a roll of +90 degrees: z is up in the world, y in the machine.
+    """Collection of links and joints; `world` -> `base` is a roll of +90 degrees, from z up to y up.
 
     Args:
-        name: of the robot.
-        bar_width_m: width of the bars that stand for links.
+        name: name of the robot.
+        bar_width_m: width of the bars that represent links [m].
     """
 
     def __init__(self, name: str, bar_width_m: float) -> None:
@@ -48,16 +48,16 @@ class Robot:
         self.joint("world_to_base", "fixed", "world", BASE, roll_rad=math.pi / 2)
 
     def text(self) -> str:
-        """The whole description."""
+        """Return the whole description."""
         Xml.indent(self._robot)
         return '<?xml version="1.0"?>\n' + Xml.tostring(self._robot, encoding="unicode") + "\n"
 
     def frame(self, name: str) -> None:
-        """A link without a body: a place only."""
+        """Add a link without a body, as a frame."""
         Xml.SubElement(self._robot, "link", name=name)
 
     def bar(self, name: str, length_m: float, bodies: Sequence[Body]) -> None:
-        """A link along its x axis, to be seen and to collide with, with the mass of its bodies."""
+        """Add a link along its x axis, visible and with collision geometry, with the mass of its bodies."""
         element = Xml.SubElement(self._robot, "link", name=name)
         if not _inertial(element, bodies, length_m):
             element.append(Xml.Comment(f" no mass is declared for {name} "))
@@ -72,7 +72,7 @@ class Robot:
         self._bars += 1
 
     def rod(self, name: str, length_m: float) -> None:
-        """A round rod along its z axis, to be seen alone."""
+        """Add a round rod along its z axis, visible only."""
         part = Xml.SubElement(Xml.SubElement(self._robot, "link", name=name), "visual")
         Xml.SubElement(part, "origin", xyz=f"0 0 {length_m / 2:.17g}", rpy="0 0 0")
         shape = {"radius": f"{0.5 * self._width:.6g}", "length": f"{length_m:.17g}"}
@@ -90,7 +90,7 @@ class Robot:
         roll_rad: float = 0.0,
         z_m: float = 0.0,
     ) -> None:
-        """A joint at a place and angle in its parent; it slides along its x axis or turns about its z axis."""
+        """Add a joint at a position and angle in its parent; it slides along its x axis or turns about its z axis."""
         element = Xml.SubElement(self._robot, "joint", name=name, type=kind)
         Xml.SubElement(element, "parent", link=parent)
         Xml.SubElement(element, "child", link=child)
@@ -104,7 +104,7 @@ class Robot:
 
 
 def _inertial(element: Xml.Element, bodies: Sequence[Body], length: float) -> bool:
-    """All bodies of a link as one, as URDF knows no more; False where they have no mass."""
+    """Combine the bodies of a link into one inertial element; return False if they have no mass."""
     mass = sum(body.mass_kg for body in bodies)
     if mass == 0.0:
         return False

@@ -1,4 +1,4 @@
-"""How the torque follows the shaft's state: its exact partial derivatives, for the sigma of a prediction."""
+"""Exact partial derivatives of the torque by the shaft's state, for the standard deviation of a prediction."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class TorqueSensitivity:
         self._program = Loop(slopes, INPUTS)
 
     def gradient(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:
-        """(n, 3) gradient [N m/rad, N m s/rad, N m s^2/rad] at (n,) states; NaN where the torque is not determined."""
+        """Compute the (n, 3) gradient [N m/rad, N m s/rad, N m s^2/rad] at (n,) states; NaN where undetermined."""
         if theta.size <= _FEW:
             states = zip(theta.tolist(), omega.tolist(), alpha.tolist(), strict=True)
             return np.array([self._single(state) for state in states]).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""What a machine file says beside mechanics: the sensors on the shaft and the scene to model."""
+"""Sensors on the shaft, and the scene to model."""
 
 from __future__ import annotations
 
@@ -17,18 +17,29 @@ ENCODER_OPTIONS: Mapping[str, str] = {
     "stamp_jitter_s": "standard deviation of the stamps in s, estimated from the samples where it is not known "
     "(0.3 of the cycle of a controller that is polled)",
 }
-"""What commands and nodes may say of an encoder instead of the machine file, by the names of its settings."""
+"""Encoder settings that commands and nodes may override, with their descriptions."""
 
 
 @dataclass(frozen=True)
 class Encoder:
-    """How the measured angle relates to the shaft's: shaft = (measured - zero) * direction * ratio; and what is known
-    of it.
+    """Relation of measured and shaft angle: shaft = (measured - zero) * direction * ratio.
 
-    resolution_rad: step of the measured angle; None: found. stamp_jitter_s: standard deviation of the stamps; None:
-    learnt. teeth: samples are edges of a wheel with so many teeth a turn, missing ones counted; 0: sampled angles.
-    missing_teeth: of these, how many are missing in the gap before tooth 0. pitch_errors_rad: how far each tooth's edge
-    lies beyond its nominal angle; None: not known. cycle_turns: turns of the shaft after which its motion repeats.
+    Attributes:
+        zero_rad, direction, ratio: zero [rad], sign and ratio of the relation.
+        resolution_rad: step of the measured angle [rad]; None to estimate it.
+        stamp_jitter_s: standard deviation of the stamps [s]; None to estimate it.
+        teeth: teeth per turn of a wheel whose edges are sampled, missing ones included; 0 for sampled angles.
+        missing_teeth: number of missing teeth in the gap before tooth 0.
+        pitch_errors_rad: deviation of each tooth's edge from its nominal angle [rad]; None if unknown.
+        cycle_turns: turns of the shaft after which its motion repeats.
+
+    Raises:
+        MachineError: for impossible values.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> ttc.machines.tufting(encoder_zero_rad=0.1).sensors.encoder.zero_rad
+        0.1
     """
 
     zero_rad: float = 0.0
@@ -62,7 +73,16 @@ class Encoder:
 
 @dataclass(frozen=True)
 class TorqueSensor:
-    """How the measured torque relates to the true one: measured(t) = gain * true(t - delay) + offset."""
+    """Relation of measured and true torque: measured(t) = gain * true(t - delay) + offset.
+
+    Attributes:
+        gain: gain, negative for a reversed sensor.
+        offset_Nm: offset [N m].
+        delay_s: delay [s].
+
+    Raises:
+        MachineError: for impossible values.
+    """
 
     gain: float = 1.0
     offset_Nm: float = 0.0
@@ -86,7 +106,7 @@ class Sensors:
 
 @dataclass(frozen=True)
 class Scene:
-    """What a machine file asks to model: outputs, method and tolerance."""
+    """Request of a machine file: outputs, method and tolerance."""
 
     outputs: tuple[str, ...] = ("balancing_torque_Nm",)
     method: Literal["exact", "table", "auto"] = "auto"

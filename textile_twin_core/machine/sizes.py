@@ -1,4 +1,4 @@
-"""Sizes that no machine has are refused, before or where arithmetic fails on them."""
+"""Checks that reject numbers beyond the size of any machine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from textile_twin_core.errors import MachineError
 
 LARGEST = 1e12
-"""No length, mass, stiffness, speed or torque in the units used here is larger."""
+"""Largest length, mass, stiffness, speed or torque in the units used here."""
 
 
 def check_size(value: float, what: str) -> None:
@@ -19,7 +19,7 @@ def check_size(value: float, what: str) -> None:
 
 @contextmanager
 def reckonable(what: str) -> Iterator[None]:
-    """Turns a failure of arithmetic on a declaration's numbers into MachineError."""
+    """Turn an arithmetic failure on a declaration's numbers into MachineError."""
     try:
         yield
     except (ArithmeticError, ValueError) as error:

@@ -16,17 +16,17 @@ from textile_twin_core.mechanism.joint import BASE, Joint
 
 _PROBES = 721
 _ROOM = 1e-9
-"""Share of a joint's stroke by which its limits lie outside of it, so that rounding does not cross them."""
+"""Margin of a joint's limits as a share of its stroke, against rounding."""
 
 
 def machine_urdf(model: MachineModel) -> str:
-    """The URDF text of a linkage: its tree of links, and a frame `needle_tip`, `beater_tip` or `sley_tip` at the tool.
+    """Build the URDF text of a linkage: its tree of links, and a frame `NAME_tip` at each tool.
 
-    With an elastic shaft every linkage stands at its station along z, its names with `_at_S` behind them, and each
+    With an elastic shaft every linkage is at its station along z, with the suffix `_at_S` on its names, and each
     station is a link `station_S` that turns about the shaft's axis.
 
-    Loops are cut; the twin publishes every joint, passive ones too, so that the loops stay closed. Joints that do not
-    turn fully have the limits of their motion in the machine, at its nominal speed.
+    Loops are cut. The twin publishes every joint, passive ones included, so that the loops stay closed. Joints that do
+    not turn fully have the limits of their motion in the machine, at nominal speed.
     """
     machine = model.machine
     links = machine.linkage.solved.links
@@ -59,7 +59,7 @@ def machine_urdf(model: MachineModel) -> str:
 
 
 def _add_stations(robot: Robot, model: MachineModel) -> None:
-    """The stations of an elastic shaft, each with the piece behind it, about the axis of the main shaft."""
+    """Add the stations of an elastic shaft about the axis of the main shaft, each with the piece behind it."""
     shaft, along = model.machine.shaft, station_places_m(model.machine)
     axis = next((joint for joint in model.machine.joints if joint.name == MAIN_SHAFT), None)
     for k, name in enumerate(() if shaft is None else shaft.names):
@@ -69,7 +69,7 @@ def _add_stations(robot: Robot, model: MachineModel) -> None:
 
 
 def _limits(model: MachineModel, joint: Joint) -> Limits | None:
-    """How far and how fast a joint goes; None for one that turns on and on."""
+    """Compute range and largest speed of a joint; None for a joint that turns fully."""
     machine = model.machine
     position = model.output(f"joint_{joint.name}_position")
     low, high = machine.range_rad

@@ -1,6 +1,6 @@
-"""What the machine works against, beside its own inertia and weight.
+"""Loads: the actions on the machine beside its own inertia and weight.
 
-One line a name: a load in a file of its own is known to machine files once it is listed here.
+A load that is listed here is known to machine files. One line per name.
 """
 
 from textile_twin_core.dynamics.loads.backing import Backing as Backing

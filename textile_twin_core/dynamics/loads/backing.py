@@ -1,4 +1,4 @@
-"""Backing: friction of a needle, one force while it is through the backing and one while it is free."""
+"""Backing friction on a needle: one force inside the backing, another outside."""
 
 from __future__ import annotations
 
@@ -18,11 +18,15 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 class Backing:
     """Friction that opposes the travel `on`: `force_N` while the needle is in the backing, else `free_force_N`.
 
-    The needle is in the backing while its travel is at or beyond the plane: `entry_plane_m` while it
-    goes in, `exit_plane_m` while it comes out. At rest there is no friction. Where it stands tells, not how it came
-    there: a needle that is in the backing when the record begins is held by it on its way out. Between two planes the
-    way tells, as of a shaft that turns through; a needle that never comes as far as the entry is not held at all.
-    Xu et al. 2016 give 1000 N "on" and "under" the backing and the angles of entry and exit.
+    The needle is in the backing while its travel is at or beyond the plane: `entry_plane_m` on the way in,
+    `exit_plane_m` on the way out. Friction at standstill is zero.
+
+    The state depends on the position alone, not on the history: a needle that is in the backing at the start of a
+    record is held on its way out. Between two different planes the direction of travel decides, as for a shaft that
+    turns continuously. A needle that never reaches the entry plane is never held.
+
+    References:
+        Xu et al. 2016: 1000 N "on" and "under" the backing, and the angles of entry and exit.
     """
 
     on: str
@@ -43,7 +47,7 @@ class Backing:
                 )
 
     def inside(self, context: LoadContext) -> Expr:
-        """1 while the needle is in the backing."""
+        """Express 1 while the needle is in the backing, else 0."""
         travel = self._displacement(context)
         if self.entry_plane_m == self.exit_plane_m:
             return at_least(travel.position, self.entry_plane_m)
@@ -54,24 +58,24 @@ class Backing:
         return at_least(travel.position, plane)
 
     def intensity(self, context: LoadContext) -> Expr:
-        """Friction against the velocity of the travel, in the backing and outside."""
+        """Express the friction against the velocity of the travel, inside and outside the backing."""
         against = -sign(self._displacement(context).first * context.shaft.omega)
         inside = self.inside(context)
         return self.force_N * (against * inside) + self.free_force_N * (against * (1.0 - inside))
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """A force along the travel works on the shaft through the travel's derivative."""
+        """Express the travel's derivative, through which a force along the travel acts on the shaft."""
         return self._displacement(context).first
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """The friction force at the travel's point."""
+        """Apply the friction force at the travel's point."""
         measure = self._travel(context)
         norm = math.hypot(*measure.direction)
         direction = Vector.of(measure.direction[0] / norm, measure.direction[1] / norm)
         wrenches.pull_on_point(measure.point, intensity * direction)
 
     def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
-        """The needle enters and leaves the backing."""
+        """Return the events of entering and leaving the backing."""
         if not self._enters(context):
             return ()
         travel = self._displacement(context).position
@@ -81,7 +85,7 @@ class Backing:
         )
 
     def _enters(self, context: LoadContext) -> bool:
-        """Whether the travel comes as far as the entry, asked where the exit lies before it and can be passed alone."""
+        """Return whether the travel reaches the entry plane; only an exit plane before it can be passed alone."""
         if self.exit_plane_m >= self.entry_plane_m:
             return True
         _, below = smallest_value(-self._displacement(context).position, context.motion.range_rad)

@@ -1,4 +1,4 @@
-"""Viscous damping: of the rotation between two links, and of a point's motion."""
+"""Viscous damping of the rotation between two links, and of a point's motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 @dataclass(frozen=True)
 class JointDamping(Uneventful):
-    """A torque against the relative rotation of two links, or of a link and the ground, in proportion to its speed."""
+    """A torque against the relative rotation of two links, or of a link and the ground, proportional to its speed."""
 
     link: str
     viscous_Nms: float
@@ -28,23 +28,23 @@ class JointDamping(Uneventful):
         check_other(f"damping of '{self.link}'", self.link, self.against)
 
     def intensity(self, context: LoadContext) -> Expr:
-        """The coefficient, against the shaft's speed."""
+        """Express the coefficient times the negative shaft speed."""
         return self.viscous_Nms * -context.shaft.omega
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """The square of the relative angle's derivative."""
+        """Express the squared derivative of the relative angle."""
         rate = relative_rate(context.motion, self.link, self.against)
         return rate * rate
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """Opposite moments on the two links."""
+        """Apply opposite moments to the two links."""
         rate = relative_rate(context.motion, self.link, self.against)
         turn_links(wrenches, self.link, self.against, intensity * rate)
 
 
 @dataclass(frozen=True)
 class PointDamping(Uneventful):
-    """A force on a point against its velocity: a slider in oil, or a dashpot to the ground."""
+    """A force on a point, proportional and opposed to its velocity: a slider in oil, or a dashpot to the ground."""
 
     point: str
     viscous_Ns_m: float
@@ -56,14 +56,14 @@ class PointDamping(Uneventful):
             )
 
     def intensity(self, context: LoadContext) -> Expr:
-        """The coefficient, against the shaft's speed."""
+        """Express the coefficient times the negative shaft speed."""
         return self.viscous_Ns_m * -context.shaft.omega
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """The square of the point's derivative."""
+        """Express the squared derivative of the point's position."""
         return context.motion.point(self.point, "point_damping").speed_squared
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """A force against the point's way."""
+        """Apply a force to the point against its velocity."""
         first = context.motion.point(self.point, "point_damping").first
         wrenches.pull_on_point(self.point, intensity * first)

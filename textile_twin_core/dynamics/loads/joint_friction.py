@@ -1,4 +1,4 @@
-"""Friction at joints and guides: dry (Coulomb), with a friction torque or force that does not follow the reaction."""
+"""Dry (Coulomb) friction at joints and guides, with a constant friction torque or force."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 class JointFriction(Uneventful):
     """A constant friction torque between two links, or a link and the ground, against their relative rotation.
 
-    `link` turns against the link `against`, or against the ground where that is None. At rest there is no
-    friction torque. Friction in proportion to the pin's force (pin radius, coefficient) is not offered: that
-    force depends on the friction itself, so it has no closed form, and no exact second way to the torque.
+    `link` turns relative to the link `against`, or to the ground if `against` is None. Friction at standstill is zero.
+
+    Friction in proportion to the pin's force (pin radius, coefficient) is not available. That force depends on the
+    friction itself, so there is no closed form and no exact second route to the torque.
     """
 
     link: str
@@ -32,21 +33,21 @@ class JointFriction(Uneventful):
         check_other(f"friction of '{self.link}'", self.link, self.against)
 
     def intensity(self, context: LoadContext) -> Expr:
-        """The friction torque, against the relative speed."""
+        """Express the friction torque, opposed to the relative speed."""
         return self.torque_Nm * -sign(self.unit_force(context) * context.shaft.omega)
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """The derivative of the relative angle."""
+        """Express the derivative of the relative angle."""
         return relative_rate(context.motion, self.link, self.against)
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """Opposite moments on the two links."""
+        """Apply opposite moments to the two links."""
         turn_links(wrenches, self.link, self.against, intensity)
 
 
 @dataclass(frozen=True)
 class SliderFriction(Uneventful):
-    """A constant friction force on a slider, against its velocity in the guide, which may move itself."""
+    """A constant friction force on a slider, against its velocity in the guide; the guide may move."""
 
     slider: str
     force_N: float
@@ -56,15 +57,15 @@ class SliderFriction(Uneventful):
             raise MachineError(f"friction of '{self.slider}': force_N must be zero or positive, not {self.force_N!r}")
 
     def intensity(self, context: LoadContext) -> Expr:
-        """The friction force, against the slider's velocity."""
+        """Express the friction force, opposed to the slider's velocity."""
         return self.force_N * -sign(self.unit_force(context) * context.shaft.omega)
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """The derivative of the slider's way along its guide."""
+        """Express the derivative of the slider's position along its guide."""
         return self._guided(context.motion)[1].first
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """A force on the slider along the guide, and its opposite on the link that the guide belongs to."""
+        """Apply a force along the guide to the slider, and its opposite to the guide's link."""
         link, sliding = self._guided(context.motion)
         force = intensity * link.direction
         wrenches.add_at(link, link.length * link.direction, force)
@@ -74,7 +75,7 @@ class SliderFriction(Uneventful):
             wrenches.add_at(carrier, lever, -force)
 
     def _guided(self, motion: Motion) -> tuple[LinkMotion, Sliding]:
-        """The slider and its way. Raises MachineError for a link that does not slide along its own direction."""
+        """Return the slider and its motion. Raises MachineError for a link that does not slide along itself."""
         link = link_of_load(motion, self.slider)
         if link.sliding is None:
             raise MachineError(f"friction of '{self.slider}': this link is no slider; name one, or use joint_friction")

@@ -1,8 +1,8 @@
 """The Load protocol: an external action by virtual work and, independently, as forces on links.
 
-A load is an intensity times a unit action. The intensity may leap (a needle enters the backing, the speed changes its
-sign); the unit action is a smooth function of the shaft angle. So the smooth part can be tabulated while the leaps stay
-exact.
+A load is an intensity times a unit action. The intensity may be discontinuous, where a needle enters the backing or the
+speed changes its sign. The unit action is a smooth function of the shaft angle. The smooth part can therefore be
+tabulated while discontinuities stay exact.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 @dataclass(frozen=True)
 class LoadContext:
-    """What a load acts on: the motion, the shaft's state, the machine's measures and their displacements.
+    """Inputs of a load: the motion, the shaft's state, the machine's measures and their displacements.
 
     `carries_shaft_loads` is set for one linkage of a shaft: loads on the shaft itself act there, once.
     """
@@ -33,7 +33,7 @@ class LoadContext:
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where a load sets in or ceases as the shaft turns forward: `level` crosses zero there, rising or falling."""
+    """Start or end of a load as the shaft turns forward: `level` crosses zero there, rising or falling."""
 
     name: str
     level: Expr
@@ -45,25 +45,25 @@ class Load(Protocol):
     """An external load."""
 
     def intensity(self, context: LoadContext) -> Expr:
-        """How strongly it acts, which may leap where it sets in or turns round."""
+        """Express the strength of the load, which may step where the load sets in or reverses."""
         ...
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """Generalised force on the shaft, positive along positive theta, per unit of intensity [N m]."""
+        """Express the generalised force on the shaft, positive along positive theta, per unit of intensity [N m]."""
         ...
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """Put the load's forces on the links."""
+        """Apply the load's forces to the links."""
         ...
 
     def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
-        """Events of the load over the shaft angle."""
+        """Return the load's events over the shaft angle."""
         ...
 
 
 class Uneventful:
-    """Base of loads without events that a person would name."""
+    """Base class of loads without named events."""
 
     def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
-        """None."""
+        """Return no events."""
         return ()

@@ -32,13 +32,16 @@ _TURN = 2.0 * math.pi
 class PeriodicTable:
     """Values over one turn [rad] as a Fourier series.
 
-    Evenly spaced values whose upper third of harmonics is empty give their own series; all others that of a
-    periodic cubic spline through them, which does not ring between the points (see `_spline`). `harmonics` None takes
-    the fewest that meet every value to 0.1 % of their range, at most 64. A series has no
-    branches, so every evaluator and every derivative keeps its full accuracy; a leap is no series: what leaps
-    (a needle in the backing) is a load of its own.
-    Raises MachineError for fewer than three angles, angles that do not rise or span more than a turn, and
-    for values which 64 harmonics miss.
+    Evenly spaced values whose upper third of harmonics is empty give their own series. All other tables give the series
+    of a periodic cubic spline, which does not ring between the points (see `_spline`). `harmonics` None takes the
+    fewest harmonics that meet every value to 0.1 % of their range, at most 64.
+
+    A series has no branches, so every evaluator and every derivative keeps full accuracy. A discontinuity cannot be
+    represented; a discontinuous action, such as a needle in the backing, is a load of its own.
+
+    Raises:
+        MachineError: for fewer than three angles, angles that do not increase or span more than a turn, and values that
+            64 harmonics do not meet.
     """
 
     what: str
@@ -62,7 +65,7 @@ class PeriodicTable:
 
     @cached_property
     def coefficients(self) -> tuple[complex, ...]:
-        """c_0 .. c_H of Re sum c_k exp(i k theta)."""
+        """Coefficients c_0 .. c_H of Re sum c_k exp(i k theta)."""
         limit = CLOSE_ENOUGH * float(np.ptp(self.values))
         miss = math.inf
         for spectrum in self._spectra():
@@ -78,7 +81,7 @@ class PeriodicTable:
         )
 
     def _spectra(self) -> Iterator[Spectrum]:
-        """Coefficients c_k of sum c_k exp(i k theta): those of evenly spaced values, then those of the spline."""
+        """Yield coefficients c_k of sum c_k exp(i k theta): those of evenly spaced values, then those of the spline."""
         n = len(self.values)
         angles = np.array([*self.angle_rad, self.angle_rad[0] + _TURN])
         if np.allclose(np.diff(angles), _TURN / n, rtol=0.0, atol=1e-6 * _TURN / n):
@@ -91,11 +94,14 @@ class PeriodicTable:
         yield smooth[: _SAMPLES // 4 + 1]
 
     def _spline(self, angles: FloatArray) -> scipy.interpolate.PPoly:
-        """The periodic spline through the values at `angles`, the first repeated.
+        """Fit the periodic spline through the values at `angles`, the first repeated.
 
-        A steep edge beside a plateau throws a smooth spline far beyond its values. Where it leaves their range by more
-        than a tenth, its slopes are limited to three times those to either neighbour, so that it rises and falls as
-        the values do (Hyman, Accurate monotonicity preserving cubic interpolation, SIAM J. Sci. Stat. Comput. 4, 1983).
+        A steep edge beside a plateau makes a smooth spline overshoot. If it exceeds the range of the values by more
+        than a tenth, its slopes are limited to three times those to either neighbour, which keeps it monotonic where
+        the values are.
+
+        References:
+            Hyman, Accurate monotonicity preserving cubic interpolation, SIAM J. Sci. Stat. Comput. 4, 1983.
         """
         values = np.array([*self.values, self.values[0]])
         smooth = scipy.interpolate.CubicSpline(angles, values, bc_type="periodic")
@@ -115,7 +121,7 @@ class PeriodicTable:
         return float(np.abs((waves @ spectrum).real - np.asarray(self.values)).max())
 
     def at(self, direction: Vector) -> Expr:
-        """The function at a direction (cos, sin), by Horner's rule for the unit complex number."""
+        """Express the function at a direction (cos, sin), by Horner's rule for the unit complex number."""
         *lower, top = self.coefficients
         real, imaginary = const(top.real), const(top.imag)
         for c in reversed(lower):

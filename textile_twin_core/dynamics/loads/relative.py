@@ -1,4 +1,4 @@
-"""The rotation of a link against another one or the ground, and a moment between the two."""
+"""Relative rotation of a link and another link or the ground, and a moment between the two."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 
 def check_other(what: str, link: str, against: str | None) -> None:
-    """Raise MachineError where a load acts between a link and itself, which has no effect."""
+    """Raise MachineError for a load between a link and itself, which has no effect."""
     if against == link:
         raise MachineError(f"{what}: against must be another link than '{link}' itself; leave it out for the ground")
 
 
 def link_of_load(motion: Motion, name: str) -> LinkMotion:
-    """A link that a load names. Raises MachineError with the links there are."""
+    """Return the link that a load names. Raises MachineError with the known links."""
     link = motion.links.get(name)
     if link is None:
         raise MachineError(f"a load names link '{name}', which is not there; links: {', '.join(motion.links)}")
@@ -24,13 +24,13 @@ def link_of_load(motion: Motion, name: str) -> LinkMotion:
 
 
 def relative_rate(motion: Motion, link: str, against: str | None) -> Expr:
-    """Derivative, with respect to the shaft angle, of the link's angle minus that of the other."""
+    """Express the derivative, with respect to the shaft angle, of the link's angle minus that of the other."""
     other = const(0.0) if against is None else link_of_load(motion, against).first
     return link_of_load(motion, link).first - other
 
 
 def relative_motion(motion: Motion, link: str, against: str | None) -> LinkMotion:
-    """The link as the other one sees it."""
+    """Express the motion of the link relative to the other."""
     one = link_of_load(motion, link)
     if against is None:
         return one
@@ -43,7 +43,7 @@ def relative_motion(motion: Motion, link: str, against: str | None) -> LinkMotio
 
 
 def turn_links(wrenches: Wrenches, link: str, against: str | None, torque: Expr) -> None:
-    """A moment on the link, counter-clockwise, and its opposite on the other."""
+    """Apply a moment to the link, counter-clockwise, and its opposite to the other."""
     wrenches.add(link, ZERO, torque)
     if against is not None:
         wrenches.add(against, ZERO, -torque)

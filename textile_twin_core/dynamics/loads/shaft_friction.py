@@ -1,4 +1,4 @@
-"""Friction on the main shaft: viscous and dry (Coulomb), of its bearings and of what else turns with it."""
+"""Viscous and dry (Coulomb) friction on the main shaft and on the parts that turn with it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 @dataclass(frozen=True)
 class ShaftFriction(Uneventful):
-    """A torque against the shaft's rotation: `viscous_Nms` times its speed, and `coulomb_Nm` while it turns.
+    """A torque against the shaft's rotation: `viscous_Nms` times its speed, plus `coulomb_Nm` while it turns.
 
-    It acts once, however many linkages the shaft carries.
+    It acts once, whatever the number of linkages on the shaft.
     """
 
     viscous_Nms: float = 0.0
@@ -29,14 +29,14 @@ class ShaftFriction(Uneventful):
                 raise MachineError(f"friction of the shaft: {what} must be zero or positive, not {value!r}")
 
     def intensity(self, context: LoadContext) -> Expr:
-        """Against the shaft's speed and against its direction."""
+        """Express the torque, opposed to the shaft's speed and direction."""
         omega = context.shaft.omega
         return self.viscous_Nms * -omega + self.coulomb_Nm * -sign(omega)
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """It acts on the shaft itself."""
+        """Express 1: the load acts on the shaft itself."""
         return const(1.0 if context.carries_shaft_loads else 0.0)
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """A torque on the shaft."""
+        """Apply a torque to the shaft."""
         wrenches.add_torque(MAIN_SHAFT, intensity * self.unit_force(context))

@@ -1,4 +1,4 @@
-"""Springs: between two points, and between a link and another one or the ground."""
+"""Springs between two points, and between a link and another link or the ground."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def _check(what: str, stiffness: float, *others: float) -> None:
 
 @dataclass(frozen=True)
 class Spring(Uneventful):
-    """A straight spring between two points: it pulls with stiffness * (length - free length) + preload.
+    """A straight spring between two points with the pull stiffness * (length - free length) + preload.
 
-    The points may be fixed or moving; they must never meet, since a spring of no length has no direction.
+    The points may be fixed or moving. They must never coincide, since a spring without length has no direction.
     """
 
     from_point: str
@@ -41,22 +41,22 @@ class Spring(Uneventful):
             raise MachineError(f"{what}: it needs two different points")
 
     def intensity(self, context: LoadContext) -> Expr:
-        """The stiffness."""
+        """Express the stiffness."""
         return const(self.stiffness_N_m)
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """Minus the slope of the energy stored."""
+        """Express minus the slope of the stored energy."""
         a, b = (context.motion.point(name, "spring") for name in (self.from_point, self.to_point))
         return -(self._pull(context).dot(b.first - a.first))
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """Opposite pulls on the two points."""
+        """Apply opposite pulls to the two points."""
         pull = intensity * self._pull(context)
         wrenches.pull_on_point(self.from_point, pull)
         wrenches.pull_on_point(self.to_point, -pull)
 
     def _pull(self, context: LoadContext) -> Vector:
-        """Pull on the first point towards the second, per unit of stiffness [m]."""
+        """Express the pull on the first point towards the second, per unit of stiffness [m]."""
         a, b = (context.motion.point(name, "spring") for name in (self.from_point, self.to_point))
         way = b.position - a.position
         slack = self.free_length_m - self.preload_N / self.stiffness_N_m
@@ -65,10 +65,10 @@ class Spring(Uneventful):
 
 @dataclass(frozen=True)
 class TorsionSpring(Uneventful):
-    """A spring that turns `link` back towards `free_angle_rad`, measured from the link `against` or from +x.
+    """A spring that turns `link` back towards `free_angle_rad`, relative to the link `against` or to +x.
 
-    Its torque is stiffness * (free angle - angle) + preload, counter-clockwise on the link. Between a swing's
-    possible turns, the one whose middle lies nearest to the free angle counts.
+    Its torque is stiffness * (free angle - angle) + preload, counter-clockwise on the link. The angle is unwrapped so
+    that the middle of its range lies nearest to the free angle.
     """
 
     link: str
@@ -82,19 +82,19 @@ class TorsionSpring(Uneventful):
         check_other(f"torsion spring on '{self.link}'", self.link, self.against)
 
     def intensity(self, context: LoadContext) -> Expr:
-        """The stiffness."""
+        """Express the stiffness."""
         return const(self.stiffness_Nm_rad)
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """Minus the slope of the energy stored."""
+        """Express minus the slope of the stored energy."""
         return self._turn_back(context) * relative_motion(context.motion, self.link, self.against).first
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """Opposite moments on the two links."""
+        """Apply opposite moments to the two links."""
         turn_links(wrenches, self.link, self.against, intensity * self._turn_back(context))
 
     def _turn_back(self, context: LoadContext) -> Expr:
-        """Torque on the link per unit of stiffness [rad]."""
+        """Express the torque on the link per unit of stiffness [rad]."""
         motion = context.motion
         angle = link_angle(relative_motion(motion, self.link, self.against), motion, self.free_angle_rad)
         inside = sum(motion.range_rad) / 2.0

@@ -1,4 +1,4 @@
-"""Torque and force given as a table over the shaft angle."""
+"""Torque and force as tables over the shaft angle."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 class TorqueTable(Uneventful):
     """A torque on `on`, counter-clockwise positive, as a table over the shaft angle (see PeriodicTable).
 
-    On the main shaft it acts once, at the shaft's angle; on a link, in every linkage at its own crank's angle.
+    A torque on the main shaft acts once, at the shaft's angle; one on a link acts in every linkage at its own crank
+    angle.
     """
 
     angle_rad: tuple[float, ...]
@@ -38,17 +39,17 @@ class TorqueTable(Uneventful):
         return PeriodicTable(f"torque table on '{self.on}'", self.angle_rad, self.torque_Nm, self.harmonics)
 
     def intensity(self, context: LoadContext) -> Expr:
-        """The factor on the table."""
+        """Express the factor on the table."""
         return const(self.scale)
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """The table's torque times the derivative of the angle it works on."""
+        """Express the table's torque times the derivative of the angle on which it acts."""
         if self.on == MAIN_SHAFT:
             return self._torque(context)
         return self._torque(context) * link_of_load(context.motion, self.on).first
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """A moment on the shaft or link."""
+        """Apply a moment to the shaft or link."""
         torque = intensity * self._torque(context)
         if self.on == MAIN_SHAFT:
             wrenches.add_torque(MAIN_SHAFT, torque)
@@ -87,15 +88,15 @@ class ForceTable(Uneventful):
         return PeriodicTable(f"force table on '{self.point}'", self.angle_rad, self.force_N, self.harmonics)
 
     def intensity(self, context: LoadContext) -> Expr:
-        """The factor on the table."""
+        """Express the factor on the table."""
         return const(self.scale)
 
     def unit_force(self, context: LoadContext) -> Expr:
-        """The force's work per angle."""
+        """Express the work of the force per angle."""
         return self._force(context).dot(context.motion.point(self.point, "force_table").first)
 
     def apply(self, context: LoadContext, wrenches: Wrenches, intensity: Expr) -> None:
-        """The force on the point."""
+        """Apply the force to the point."""
         wrenches.pull_on_point(self.point, intensity * self._force(context))
 
     def _force(self, context: LoadContext) -> Vector:
