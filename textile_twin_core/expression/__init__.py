@@ -1,8 +1,8 @@
 """Scalar expressions of the shaft state: written once by the mechanics, evaluated by several back ends.
 
-The groups of a mechanism write their closed forms with these expressions. One graph then serves plain floats
-(`scalar`), long arrays (`loop`, compiled), any other number type such as mpmath's (`interpret`), and exact partial
-derivatives. What an output does not need is never reached.
+The groups of a mechanism write their closed forms with these expressions. One graph serves plain floats (`scalar`),
+long arrays (`loop`, compiled), any other number type such as mpmath's (`interpret`), and exact partial derivatives.
+Nodes that an output does not need are never evaluated.
 """
 
 from textile_twin_core.expression.graph import Expr, const, variable

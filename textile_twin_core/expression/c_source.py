@@ -1,4 +1,4 @@
-"""Expressions as C99: statements of doubles, for FMUs and for the bench."""
+"""Expressions as C99 statements of doubles, for FMUs and for the benchmark."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from textile_twin_core.expression.traversal import substitute, topological_order
 
 PLAIN_SINCOS: Final = """static inline void both(double x, double *s, double *c) { *s = sin(x); *c = cos(x); }
 """
-"""Sine and cosine by the C library; other definitions of `both` serve too."""
+"""Default definition of `both`: sine and cosine by the C library."""
 _INFIX: Final = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 
 
 def c_statements(outputs: Sequence[Expr], prefix: str = "v") -> tuple[list[str], list[str]]:
-    """Declarations of doubles, and for each output a C expression of them.
+    """Write declarations of doubles, and for each output a C expression of them.
 
-    Variables stand as C text, the payload of their nodes: `variable("theta[i]")` reads an array. Sine and cosine of
-    one angle come from one call of `both`, which the caller defines (see `PLAIN_SINCOS`).
+    A variable is written as its payload, which is C text: `variable("theta[i]")` reads an array. Sine and cosine of one
+    angle come from one call of `both`, which the caller defines (see `PLAIN_SINCOS`).
     """
     name: dict[Expr, str] = {}
     pairs: dict[Expr, str] = {}
@@ -43,7 +43,7 @@ def c_statements(outputs: Sequence[Expr], prefix: str = "v") -> tuple[list[str],
 
 
 def c_function(signature: str, outputs: Sequence[Expr], into: str) -> str:
-    """A C function of that signature which stores the outputs in the array `into`."""
+    """Write a C function with that signature which stores the outputs in the array `into`."""
     lines, values = c_statements(outputs)
     stores = [f"{into}[{k}] = {value};" for k, value in enumerate(values)]
     body = "\n".join(f"    {line}" for line in [*lines, *stores])
@@ -51,10 +51,10 @@ def c_function(signature: str, outputs: Sequence[Expr], into: str) -> str:
 
 
 def hoisted(groups: Sequence[Sequence[Expr]], array: str) -> tuple[list[Expr], list[list[Expr]]]:
-    """Take out of several lists of outputs what follows from parameters alone.
+    """Move the sub-expressions of parameters alone out of several lists of outputs.
 
     Returns:
-        Expressions of parameters to be computed once, and the lists in which their values stand as `array[k]`.
+        Expressions of parameters to be computed once, and the lists with their values as `array[k]`.
     """
     order = topological_order([e for group in groups for e in group])
     fixed: dict[Expr, bool] = {}
@@ -67,12 +67,12 @@ def hoisted(groups: Sequence[Sequence[Expr]], array: str) -> tuple[list[Expr], l
 
 
 def parameters_in(outputs: Iterable[Expr]) -> list[str]:
-    """Names of the parameters that the outputs follow from."""
+    """List the names of the parameters in the outputs."""
     return [node.payload.name for node in topological_order(outputs) if node.op == "parameter"]  # type: ignore[attr-defined]
 
 
 def with_parameters(outputs: Iterable[Expr], text: Mapping[str, str]) -> list[Expr]:
-    """The outputs with each parameter as a variable of that C text."""
+    """Replace each parameter in the outputs by a variable with that C text."""
     outputs = list(outputs)
     nodes = [node for node in topological_order(outputs) if node.op == "parameter"]
     return substitute(outputs, {node: variable(text[node.payload.name]) for node in nodes})  # type: ignore[attr-defined]

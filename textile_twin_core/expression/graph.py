@@ -1,7 +1,7 @@
 """The expression graph: immutable nodes, shared when equal.
 
-Equal sub-expressions are one node (hash-consing), so common work is done once by every back end. What an operation is
-stands in one record (`operations`); which simpler node serves in its place, in `simplify`.
+Equal sub-expressions are one node (hash-consing), so that every back end computes them once. `operations` has one
+record for each operation; `simplify` has the rules that replace a node by a simpler one.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ Number = float | int
 class Expr:
     """A node: an operation, its arguments and, for constants and variables, its value or name.
 
-    `is_constant` tells a number, `signed` a sign, and a product with a sign among its factors; `rank` is the same for
-    the same expression in every process, so that arguments stand in one order and results are the same to the last
-    digit.
+    Attributes:
+        is_constant: whether the node is a number.
+        signed: whether the node is a sign, or a product with a sign among its factors.
+        rank: key of the expression that is the same in every process; it orders arguments, which makes results
+            reproducible to the last digit.
     """
 
     __slots__ = ("__weakref__", "args", "is_constant", "op", "payload", "rank", "signed")
@@ -47,7 +49,7 @@ class Expr:
 
     def __mul__(self, other: Expr | Number) -> Expr:
         if not isinstance(other, (Expr, float, int)):
-            return NotImplemented  # a vector multiplies itself
+            return NotImplemented  # Vector multiplies itself by an expression
         return make("mul", self, other)
 
     def __rmul__(self, other: Number) -> Expr:
@@ -64,7 +66,7 @@ class Expr:
 
     @property
     def value(self) -> float:
-        """The number of a constant."""
+        """Number of a constant."""
         if not isinstance(self.payload, float):
             raise TypeError(f"{self!r} is not a constant")
         return self.payload
@@ -77,13 +79,14 @@ class Expr:
 
 @dataclass(frozen=True)
 class Operation:
-    """What there is to know of an operation.
+    """Properties of an operation.
 
-    value: of arguments of any number type, with a namespace of functions (math, mpmath, numpy ..) before them.
-    source: Python source of the value of floats, for scalar code and for compiled loops.
-    slope: the derivative of a node, from the derivatives of its arguments; None for what leaps and is constant between.
-    rule: the simpler node that serves in its place.
-    cost: time in a compiled loop, as a multiple of an addition's.
+    Attributes:
+        value: value for arguments of any number type, given a namespace of functions (math, mpmath, numpy ..) first.
+        source: Python source of the value of floats, for scalar code and for compiled loops.
+        slope: derivative of a node from the derivatives of its arguments; None for piecewise constant functions.
+        rule: rule that returns a simpler equivalent node.
+        cost: time in a compiled loop, as a multiple of that of an addition.
     """
 
     value: Callable[..., Any]
@@ -94,14 +97,14 @@ class Operation:
 
 
 OPERATIONS: Final[dict[str, Operation]] = {}
-"""By name; the module `operations` fills it."""
+"""Operations by name, filled by the module `operations`."""
 
 _INTERNED: Final[WeakValueDictionary[tuple[object, ...], Expr]] = WeakValueDictionary()
 _COMMUTATIVE: Final = frozenset({"add", "mul"})
 
 
 def make(op: str, *arguments: Expr | Number) -> Expr:
-    """An operation of expressions and numbers: folded where all is constant, simplified where a rule is known."""
+    """Build an operation on expressions and numbers: folded if all are constant, simplified if a rule applies."""
     args = tuple([a if isinstance(a, Expr) else const(a) for a in arguments])
     operation = OPERATIONS[op]
     for a in args:
@@ -111,9 +114,9 @@ def make(op: str, *arguments: Expr | Number) -> Expr:
 
 
 def node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
-    """The one node of an operation and its arguments, as they are."""
+    """Return the unique node of an operation and its arguments, without simplification."""
     if op in _COMMUTATIVE and (args[1].is_constant or (args[0].rank > args[1].rank and not args[0].is_constant)):
-        args = (args[1], args[0])  # a constant stands first, all else in one order
+        args = (args[1], args[0])  # constants first, other arguments by rank
     key = (op, payload, math.copysign(1.0, payload) if isinstance(payload, float) else None, *map(id, args))
     found = _INTERNED.get(key)
     if found is None:
@@ -127,7 +130,7 @@ def node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
 
 
 def const(value: Number) -> Expr:
-    """A number; one that follows from parameters (see `real`) stands for its expression."""
+    """Return a number as an expression; a symbolic number (see `real`) gives its own expression."""
     expr = getattr(value, "expr", None)
     if isinstance(expr, Expr):
         return expr
@@ -135,17 +138,17 @@ def const(value: Number) -> Expr:
 
 
 def variable(name: str) -> Expr:
-    """A named input."""
+    """Return a named input."""
     return node("variable", payload=name)
 
 
 def as_expr(value: Expr | Number) -> Expr:
-    """The value itself if it is an expression, else the constant."""
+    """Return the value itself if it is an expression, else a constant."""
     return value if isinstance(value, Expr) else const(value)
 
 
 def scaled(e: Expr) -> tuple[float, Expr]:
-    """Split into (factor, rest) such that e = factor * rest."""
+    """Split an expression into (factor, base) such that e = factor * base."""
     if e.op == "mul" and e.args[0].is_constant:
         return e.args[0].value, e.args[1]
     if e.op == "neg":

@@ -1,7 +1,7 @@
-"""Sine, cosine and the angle of a direction without a branch, written into the loops that need them.
+"""Branch-free sine, cosine and two-argument arctangent, inlined into compiled loops.
 
-The compiler can evaluate them for several samples at once. Errors stay below 1.2 units in the last place of the
-largest value.
+The compiler can evaluate them for several samples at once. Errors stay below 1.2 units in the last place of the largest
+value.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from textile_twin_core.compiling import compiled
 
 FARTHEST: Final = 1.05e9
-"""Angles up to here [rad] keep their phase."""
+"""Largest angle [rad] whose phase is reduced exactly."""
 
 _PER_QUARTER: Final = 2.0 / math.pi
 _ROUNDER: Final = 1.5 * 2.0**52
-"""Added to a number, it leaves the nearest integer in the last bits."""
+"""Constant whose addition leaves the nearest integer in the last bits of a double."""
 # pi/2 in three parts (Cody and Waite 1980): the products of the first two with 30-bit integers are exact
 _QUARTER_1: Final = 1.570796251296997
 _QUARTER_2: Final = 7.549789415861596e-08
@@ -28,12 +28,15 @@ _QUARTER_3: Final = 5.390302858158119e-15
 
 @partial(compiled, inlined=True)
 def sincos(x: Any) -> Any:
-    """Sine and cosine of an angle up to FARTHEST: minimax polynomials in the rest from the nearest quarter turn.
+    """Compute sine and cosine of an angle up to FARTHEST by minimax polynomials around the nearest quarter turn.
 
-    Coefficients of fdlibm (Sun Microsystems 1993), as in Muller (2016), Elementary Functions, ch. 11; their terms in
-    pairs (Estrin 1960), since what a loop waits for is one result after the other, not the number of operations. Turns
-    by a quarter and by a half, not the integer `quarter + 1`: LLVM makes the 1 from a register's old content, so that
-    each turn of the loop would wait for the one before it.
+    The polynomials are evaluated in pairs of terms (Estrin 1960), since the loop is limited by the chain of dependent
+    results, not by the number of operations. The quadrant uses rotations by a quarter and by a half. The integer
+    `quarter + 1` would be slower: LLVM derives its 1 from an old register value, which makes each iteration depend on
+    the one before.
+
+    References:
+        Coefficients of fdlibm (Sun Microsystems 1993), as in Muller, Elementary Functions, 2016, chapter 11.
     """
     shifted = x * _PER_QUARTER + _ROUNDER
     quarter = np.float64(shifted).view(np.int64)
@@ -55,10 +58,12 @@ def sincos(x: Any) -> Any:
 
 @partial(compiled, inlined=True)
 def atan2(y: Any, x: Any) -> Any:
-    """The angle of the direction (x, y), in (-pi, pi]; 0 for (0, 0).
+    """Compute the angle of the direction (x, y), in (-pi, pi]; 0 for (0, 0).
 
-    The rational function of the Cephes library (Moshier 1989) on slopes up to tan(pi / 8), from the nearest axis or
-    diagonal.
+    The rational function is evaluated on slopes up to tan(pi / 8), from the nearest axis or diagonal.
+
+    References:
+        Cephes library (Moshier 1989).
     """
     across, along = abs(y), abs(x)
     steep = across > along

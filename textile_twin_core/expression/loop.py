@@ -1,4 +1,4 @@
-"""Expressions over arrays: a compiled loop for long blocks, numpy for what is too short to be worth compiling."""
+"""Expressions over arrays: a compiled loop for long blocks, numpy for blocks too short to be worth compiling."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from textile_twin_core.expression.source import statements
 from textile_twin_core.expression.traversal import topological_order
 
 _LONG: Final = 1024
-"""Samples of a block that counts; a live machine's blocks are shorter, so that none of them waits for a compiler."""
+"""Smallest block [samples] that counts towards compilation; the blocks of a live machine are shorter."""
 _WORTH: Final = 65_536
-"""Samples in long blocks from which on compiling pays, since what was compiled is kept for other processes too."""
+"""Samples in long blocks from which compilation pays; compiled code is cached for other processes."""
 _NODES: Final = 500
-"""Larger graphs take longer to compile, and so many more samples until that pays."""
+"""Graph size [nodes] above which the required number of samples grows in proportion."""
 _CHUNK: Final = 8192
-"""Samples that are interpreted at a time, so that their intermediate results stay in the cache."""
+"""Samples interpreted at a time, so that intermediate results stay in the cache."""
 _ABREAST: Final = {12: 4, 24: 2}
-"""Vectors of samples side by side, by the most outputs: results of more reach memory no sooner than those of one."""
+"""Interleaved vectors of samples, by the largest number of outputs; with more outputs memory is the limit."""
 _MET: Final[Counter[bytes]] = Counter()
 """Samples in long blocks so far, by code."""
 _COMPILED: Final[dict[bytes, tuple[Any, Any]]] = {}
@@ -38,8 +38,8 @@ _COMPILED: Final[dict[bytes, tuple[Any, Any]]] = {}
 class Loop:
     """Outputs as functions of input arrays.
 
-    `prologue` is source that stands before the expressions, in terms of the inputs and of the arrays in `tables`, and
-    defines further variables of theirs; without a compiled loop the outputs of `plain` are evaluated instead.
+    `prologue` is source that precedes the expressions and defines further variables from the inputs and from the arrays
+    in `tables`. Without a compiled loop the outputs of `plain` are evaluated instead.
     """
 
     def __init__(
@@ -55,9 +55,9 @@ class Loop:
         self._plain = self._outputs if plain is None else tuple(plain)
 
     def __call__(self, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray], cores: int = 1) -> None:
-        """Evaluate one-dimensional inputs of equal length (broadcast views allowed) into contiguous outputs of float64.
+        """Evaluate one-dimensional inputs of equal length (broadcast views allowed) into contiguous float64 outputs.
 
-        Raises ValueError for other outputs. NaN goes through. `cores` threads share the samples.
+        `cores` threads share the samples. NaN propagates. Raises ValueError for other outputs.
         """
         if not all(a.flags.c_contiguous and a.dtype == np.float64 for a in outputs):
             raise ValueError("outputs of a loop must be contiguous arrays of float64")
@@ -73,17 +73,17 @@ class Loop:
 
     @property
     def is_compiled(self) -> bool:
-        """Whether blocks go through the compiled loop; compiles it when enough samples were met."""
+        """Return whether blocks use the compiled loop, after compiling it if enough samples have been seen."""
         return 0 < _MET[self._code] >= self._worth and self._compiled is not None
 
     def compile_now(self) -> None:
-        """Compile, however few samples were met; without a compiler all stays as it is."""
+        """Compile regardless of the number of samples seen; without a compiler nothing changes."""
         _MET[self._code] = max(_MET[self._code], math.ceil(self._worth))
         _ = self._compiled
 
     @cached_property
     def _code(self) -> bytes:
-        """What tells this code from another: twins of like machines share one loop."""
+        """Return a key of the code, by which twins of similar machines share one loop."""
         told = [*(e.rank for e in self._outputs), repr((self._inputs, self._prologue)).encode()]
         return blake2b(b"".join(told), digest_size=12).digest()
 
@@ -92,12 +92,12 @@ class Loop:
         return _WORTH * max(1.0, len(topological_order(self._outputs)) / _NODES)
 
     def single(self) -> Any:
-        """The compiled function of one sample, floats: the outputs and how many angles were too large, as a tuple."""
+        """Compiled function of one sample of floats: a tuple of the outputs and the number of angles out of range."""
         return self._compiled[0] if self.is_compiled and self._compiled else None
 
     @cached_property
     def _compiled(self) -> tuple[Any, Any] | None:
-        """The function of one sample and the loop over arrays; None where there is no compiler."""
+        """Compile the function of one sample and the loop over arrays; None without a compiler."""
         if not is_available():
             return None
         if self._code in _COMPILED:
@@ -111,12 +111,12 @@ class Loop:
         return _COMPILED.setdefault(self._code, (one, run))
 
     def functions(self) -> tuple[Any, Any]:
-        """What is compiled, as Python: of one sample to the outputs and how many angles were too large; over arrays."""
+        """Return both functions as Python: one sample to outputs and count of angles out of range; and over arrays."""
         scope: dict[str, Any] = {"float64": np.float64, "int64": np.int64, "sqrt": math.sqrt, "__name__": __name__}
         scope |= {"sincos": inline.sincos, "atan2": inline.atan2, "FARTHEST": inline.FARTHEST}
         scope["align_stack"] = align_stack
         exec(compile(self._source(), "<twin loop>", "exec"), scope)
-        for name in ("one", "run"):  # the compiler knows functions by name: a name of its own for each code
+        for name in ("one", "run"):  # the compiler caches functions by name: each code needs a unique name
             scope[name].__qualname__ = f"{name}_{self._code.hex()}"
         return scope["one"], scope["run"]
 
@@ -150,7 +150,7 @@ class Loop:
             chunks = _slices(inputs[0].shape[0], _CHUNK)
             parts = (([np.require(a[p], float, ["C", "A"]) for a in inputs], [a[p] for a in outputs]) for p in chunks)
         for read, written in parts:
-            if self._compiled[1](*read, *self._tables.values(), *written):  # angles too large
+            if self._compiled[1](*read, *self._tables.values(), *written):  # angles out of range
                 self._interpret(read, written)
 
     def _interpret(self, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> None:
@@ -162,7 +162,7 @@ class Loop:
 
 
 class Numpy:
-    """Functions of numpy's arrays, of any of its number types."""
+    """Functions for numpy arrays of any number type."""
 
     sqrt, sin, cos, atan2, where = np.sqrt, np.sin, np.cos, np.arctan2, np.where
 

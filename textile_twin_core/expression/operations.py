@@ -1,4 +1,4 @@
-"""Every operation in one record, and the functions that make expressions of them."""
+"""Records of all operations, and the functions that build expressions from them."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ sin, cos, sqrt = partial(make, "sin"), partial(make, "cos"), partial(make, "sqrt
 square = partial(make, "square")
 absolute = partial(make, "abs")
 sign = partial(make, "sign")
-"""1, 0 or -1, by the sign of an expression."""
+"""Sign of an expression: 1, 0 or -1."""
 
 
 def atan2(y: Expr | Number, x: Expr | Number) -> Expr:
-    """The angle of the direction (x, y), in (-pi, pi]."""
+    """Express the angle of the direction (x, y), in (-pi, pi]."""
     return make("atan2", y, x)
 
 
 def at_least(a: Expr | Number, b: Expr | Number) -> Expr:
-    """1 where a >= b, else 0."""
+    """Express 1 where a >= b, else 0."""
     return make("at_least", a, b)
 
 
 def select(condition: Expr | Number, yes: Expr | Number, no: Expr | Number) -> Expr:
-    """`yes` where the condition is not 0, else `no`; both are evaluated."""
+    """Express `yes` where the condition is not 0, else `no`; both are evaluated."""
     return make("select", condition, yes, no)
 
 

@@ -1,7 +1,7 @@
-"""Real numbers that may be symbolic: a machine built from parameters instead of constants, and functions for both.
+"""Real numbers that may be symbolic, and functions for plain and symbolic numbers.
 
 A `Symbolic` number is a float with its nominal value, so that every check and every choice of a closed form sees a
-number; it carries the expression of the parameters that it follows from, which enters the graph where a constant would.
+number. It carries an expression of parameters, which enters the graph in place of a constant.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from textile_twin_core.expression.traversal import topological_order
 
 
 class _Nominal(float):
-    """Value of a parameter, told apart by its name."""
+    """Value of a parameter, identified by its name."""
 
     name: str
 
@@ -31,22 +31,22 @@ class _Nominal(float):
 class Symbolic(float):
     """A number with a nominal value and its expression of parameters.
 
-    Arithmetic keeps the expression; order compares nominal values. A symbolic number equals nothing but itself and
-    counts as true, so that no term is left out since its nominal value happens to be 0.
+    Arithmetic preserves the expression; comparisons use nominal values. A symbolic number equals only itself and is
+    truthy, so that no term is dropped because its nominal value is 0.
     """
 
     __slots__ = ("expr",)
     expr: Expr
 
     def __new__(cls, value: float, expr: Expr) -> Symbolic:
-        """Make a number of that nominal value and expression."""
+        """Create a number with that nominal value and expression."""
         made = super().__new__(cls, value)
         made.expr = expr
         return made
 
     @classmethod
     def parameter(cls, name: str, value: float) -> Symbolic:
-        """A parameter of that name."""
+        """Create a parameter with that name."""
         nominal = _Nominal(value)
         nominal.name = name
         return cls(value, node("parameter", payload=nominal))
@@ -123,12 +123,12 @@ def _expr(value: Number) -> Expr:
 
 
 def is_parametric(expr: Expr) -> bool:
-    """Whether an expression follows from constants and parameters alone."""
+    """Return whether an expression depends on constants and parameters alone."""
     return all(node.op != "variable" for node in topological_order([expr]))
 
 
 def number_of(expr: Expr) -> float:
-    """The number that an expression without variables stands for; symbolic where it follows from parameters.
+    """Return the number of an expression without variables; symbolic if it depends on parameters.
 
     Raises TypeError for an expression with variables.
     """
@@ -140,12 +140,12 @@ def number_of(expr: Expr) -> float:
 
 
 def exact(value: Any) -> Any:
-    """A plain number as a fraction, for differences that nearly cancel; a symbolic one as it is."""
+    """Convert a plain number to a fraction, for differences that nearly cancel; a symbolic one is unchanged."""
     return value if isinstance(value, (Symbolic, Fraction)) else Fraction(value)
 
 
 def rounded(value: Any) -> float:
-    """What `exact` arithmetic gave, as a float."""
+    """Convert a result of `exact` arithmetic to a float."""
     return value if isinstance(value, Symbolic) else float(value)
 
 

@@ -1,6 +1,6 @@
 """Expressions as one plain Python function of floats, for single samples.
 
-Straight-line code over `math`: a call costs little more than its arithmetic.
+The function is straight-line code over `math`: a call costs little more than its arithmetic.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _FUNCTIONS: Final[Mapping[str, Any]] = {name: getattr(math, name) for name in ("
 
 
 def scalar_source(outputs: Sequence[Expr], inputs: Sequence[str], names: Sequence[str] | None = None) -> str:
-    """Source of `def f(inputs): ...`, which returns a tuple of the outputs, or a dict by names."""
+    """Write the source of `def f(inputs): ...`, which returns the outputs as a tuple, or as a dict by name."""
     lines, values = statements(outputs, deepest=24)
     entries = [f"{name!r}: {value}" for name, value in zip(names or (), values, strict=names is not None)]
     returned = f"({', '.join(values)},)" if names is None else f"{{{', '.join(entries)}}}"
@@ -26,16 +26,16 @@ def scalar_source(outputs: Sequence[Expr], inputs: Sequence[str], names: Sequenc
 
 
 def compile_scalar(outputs: Sequence[Expr], inputs: Sequence[str]) -> ScalarFunction:
-    """A function of the inputs, floats, that returns the outputs as a tuple of floats.
+    """Compile a function of float inputs that returns the outputs as a tuple of floats.
 
-    It raises ValueError where a square root has a negative argument: the linkage cannot close there.
+    The function raises ValueError for a square root of a negative number, where the linkage cannot close.
     """
     function: ScalarFunction = _compiled(scalar_source(outputs, inputs))
     return function
 
 
 def compile_scalar_mapping(outputs: Mapping[str, Expr], inputs: Sequence[str]) -> Callable[..., dict[str, float]]:
-    """As `compile_scalar`, but the function returns a dict by output name."""
+    """Compile a function as `compile_scalar` does, which returns a dict by output name."""
     function: Callable[..., dict[str, float]] = _compiled(scalar_source([*outputs.values()], inputs, [*outputs]))
     return function
 

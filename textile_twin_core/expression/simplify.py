@@ -1,7 +1,7 @@
-"""Rules of algebra: the simpler node that serves in the place of an operation on expressions not all constant.
+"""Algebraic rules that replace an operation by a simpler node, for arguments that are not all constant.
 
-Only identities that hold for all real numbers are applied; constants so large or small that their products leave the
-range of a double are no machine's. Constant factors gather in front of sums and products.
+Only identities of all real numbers are applied. Products of constants are assumed to stay within the range of a double.
+Constant factors are collected in front of sums and products.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ _ROUNDING_OF_ONE: Final = 4e-16
 
 
 def _joined(factor: float) -> float:
-    """A product or quotient of constants, 1 where only its rounding keeps it from that."""
+    """Return a product or quotient of constants, 1 if only its rounding differs from 1."""
     return math.copysign(1.0, factor) if abs(abs(factor) - 1.0) < _ROUNDING_OF_ONE else factor
 
 
 def add(a: Expr, b: Expr) -> Expr:
-    """a + b."""
+    """Simplify a + b."""
     if a.is_constant:
         return _shift(a.value, b)
     if b.is_constant:
@@ -37,7 +37,7 @@ def add(a: Expr, b: Expr) -> Expr:
 
 
 def subtract(a: Expr, b: Expr) -> Expr:
-    """a - b."""
+    """Simplify a - b."""
     if b.is_constant:
         return _shift(-b.value, a)
     if b.op == "neg":
@@ -51,7 +51,7 @@ def subtract(a: Expr, b: Expr) -> Expr:
 
 
 def _of_multiples(op: str, a: Expr, b: Expr) -> Expr:
-    """The sum or difference of two multiples, with the larger factor in front where both have one."""
+    """Build the sum or difference of two multiples, with the larger factor in front if both have one."""
     (ka, ra), (kb, rb) = scaled(a), scaled(b)
     if ka == 1.0 or kb == 1.0:
         return node(op, (a, b))
@@ -67,7 +67,7 @@ def _plus_multiple(op: str, a: Expr, factor: float, b: Expr) -> Expr:
 
 
 def _shift(offset: float, e: Expr) -> Expr:
-    """offset + e, with the constants of nested sums joined."""
+    """Build offset + e, joining the constants of nested sums."""
     if offset == 0.0:
         return e
     if e.op == "add" and e.args[0].is_constant:
@@ -81,7 +81,7 @@ def _shift(offset: float, e: Expr) -> Expr:
 
 
 def negate(a: Expr) -> Expr:
-    """-a."""
+    """Simplify -a."""
     if a.op == "sub" and scaled(a.args[1])[0] == 1.0:
         return a.args[1] - a.args[0]
     if a.op == "add" and a.args[0].is_constant:
@@ -91,7 +91,7 @@ def negate(a: Expr) -> Expr:
 
 
 def multiply(a: Expr, b: Expr) -> Expr:
-    """a b."""
+    """Simplify a b."""
     if b.is_constant:
         a, b = b, a
     if a.is_constant:
@@ -120,7 +120,10 @@ def _scale(factor: float, e: Expr) -> Expr:
 
 
 def _less_sign(product: Expr, x: Expr) -> Expr | None:
-    """A product with its factor sign(x y) replaced by sign(y), None where it has none: x sign(x y) = |x| sign(y)."""
+    """Replace the factor sign(x y) of a product by sign(y), as x sign(x y) = |x| sign(y).
+
+    The result is None if there is no such factor.
+    """
     if product.op == "sign":
         rest = _less_factor(product.args[0], x)
         return None if rest is None else make("sign", rest)
@@ -128,12 +131,12 @@ def _less_sign(product: Expr, x: Expr) -> Expr | None:
 
 
 def _less_factor(product: Expr, x: Expr) -> Expr | None:
-    """A product without its factor x, None where it has none."""
+    """Remove the factor x from a product; None if it has no such factor."""
     return const(1.0) if product is x else _in_one_factor(product, lambda factor: _less_factor(factor, x))
 
 
 def _in_one_factor(product: Expr, change: Callable[[Expr], Expr | None]) -> Expr | None:
-    """A product with one factor changed, the first that the change gives something for; None if there is none."""
+    """Change the first factor of a product for which `change` returns a node; None if there is none."""
     for i in (0, 1) if product.op == "mul" else ():
         changed = change(product.args[i])
         if changed is not None:
@@ -142,7 +145,7 @@ def _in_one_factor(product: Expr, change: Callable[[Expr], Expr | None]) -> Expr
 
 
 def divide(a: Expr, b: Expr) -> Expr:
-    """a / b."""
+    """Simplify a / b."""
     if b.is_constant:
         return (1.0 / b.value) * a
     if a.is_constant and a.value != 1.0:
@@ -154,13 +157,13 @@ def divide(a: Expr, b: Expr) -> Expr:
 
 
 def sign(a: Expr) -> Expr:
-    """sign a."""
+    """Simplify sign a."""
     factor, rest = scaled(a)
     return math.copysign(1.0, factor) * node("sign", (rest,))
 
 
 def square_root(a: Expr) -> Expr:
-    """The root of a, with the root of its factor in front."""
+    """Simplify the root of a, with the root of its factor in front."""
     factor, rest = scaled(a)
     if factor < 0.0:
         factor, rest = -factor, _opposite(rest)
@@ -168,13 +171,13 @@ def square_root(a: Expr) -> Expr:
 
 
 def _opposite(e: Expr) -> Expr:
-    """-e, in one of its factors if it is a product."""
+    """Build -e, changing the sign in one factor of a product."""
     changed = _in_one_factor(e, lambda factor: _opposite(factor) if factor.op == "add" else None)
     return -e if changed is None else changed
 
 
 def at_least(a: Expr, b: Expr) -> Expr:
-    """Whether a >= b, without what can be taken to the side of a constant b."""
+    """Simplify a >= b, moving constants to the side of a constant b."""
     if b.is_constant:
         if a.op == "add" and a.args[0].is_constant:
             return make("at_least", a.args[1], b.value - a.args[0].value)
@@ -185,7 +188,7 @@ def at_least(a: Expr, b: Expr) -> Expr:
 
 
 def select(condition: Expr, yes: Expr, no: Expr) -> Expr:
-    """Yes or no, where that is known."""
+    """Return one of the alternatives if the condition is known."""
     if condition.is_constant or yes is no:
         return yes if yes is no or condition.value else no
     return node("select", (condition, yes, no))

@@ -1,4 +1,4 @@
-"""Expressions as lines of Python: each shared node is computed once, the others where they are needed."""
+"""Expressions as lines of Python: shared nodes are assigned once, others are written inline."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _MENTIONED_TWICE: Final = frozenset(op for op, record in OPERATIONS.items() if r
 
 
 def statements(outputs: Sequence[Expr], deepest: int, paired: bool = False) -> tuple[list[str], list[str]]:
-    """Assignments, and for each output an expression of what they assign.
+    """Write assignments, and for each output an expression of the assigned names.
 
-    Nodes that are needed once are written where they are needed, `deepest` at most inside each other. `paired` has
-    sine and cosine from one call, sincos, and counts in `far` the angles beyond FARTHEST that it cannot reduce.
+    Nodes that are needed once are nested inline, up to `deepest` levels. With `paired`, sine and cosine come from one
+    call of sincos, and `far` counts the angles beyond FARTHEST, which sincos cannot reduce.
     """
     order = topological_order(outputs)
     uses = Counter(a for node in order for a in node.args)

@@ -1,4 +1,4 @@
-"""Walks through expressions: their order, what they cost, their derivatives, and replacing parts of them."""
+"""Traversals of expressions: order, cost, derivatives and substitution."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from textile_twin_core.expression.graph import OPERATIONS, Expr, const, make
 
 
 def topological_order(outputs: Iterable[Expr]) -> list[Expr]:
-    """Every node that the outputs need, each after its arguments."""
+    """List every node that the outputs need, each after its arguments."""
     order: list[Expr] = []
     seen: set[int] = set()
     stack: list[tuple[Expr, bool]] = [(e, False) for e in reversed(list(outputs))]
@@ -25,17 +25,17 @@ def topological_order(outputs: Iterable[Expr]) -> list[Expr]:
 
 
 def operation_counts(outputs: Iterable[Expr]) -> Counter[str]:
-    """How often each operation occurs in what the outputs need."""
+    """Count each operation in the nodes that the outputs need."""
     return Counter(node.op for node in topological_order(outputs) if node.args)
 
 
 def operation_cost(outputs: Iterable[Expr]) -> float:
-    """The sum of the operations' costs."""
+    """Sum the operations' costs."""
     return sum(OPERATIONS[op].cost * count for op, count in operation_counts(outputs).items())
 
 
 def substitute(outputs: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> list[Expr]:
-    """The outputs with nodes replaced and what then is constant folded."""
+    """Replace nodes in the outputs, and fold operations that become constant."""
     outputs = list(outputs)
     new: dict[Expr, Expr] = dict(replacements)
     for node in topological_order(outputs):
@@ -46,7 +46,7 @@ def substitute(outputs: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> li
 
 
 def derivative(outputs: Iterable[Expr], with_respect_to: Expr) -> list[Expr]:
-    """The exact partial derivative of each output; steps (sign, at_least) count as constant between their jumps."""
+    """Differentiate each output exactly; steps (sign, at_least) count as constant between their discontinuities."""
     outputs = list(outputs)
     zero = const(0.0)
     slope = {with_respect_to: const(1.0)}

@@ -1,4 +1,4 @@
-"""Write a machine as an FMU: model description, C sources, and a library where a C compiler is at hand."""
+"""Export of a machine as an FMU: model description, C sources, and a library if a C compiler is available."""
 
 from __future__ import annotations
 
@@ -42,11 +42,12 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 @dataclass(frozen=True)
 class FmuReport:
-    """What was written.
+    """Content of an exported FMU.
 
     Attributes:
-        outputs: names of the output variables. parameters: names of the parameters.
-        fixed: numbers of the machine that stay constants, since another closed form belongs to other values.
+        outputs: names of the output variables.
+        parameters: names of the parameters.
+        fixed: numbers of the machine that remain constants, since other values need another closed form.
         has_binary: whether the archive holds a library for this computer.
     """
 
@@ -66,22 +67,22 @@ def write_fmu(
 ) -> FmuReport:
     """Write a machine as a functional mock-up unit for model exchange and co-simulation.
 
-    With `angle` the inputs are the motion of the main shaft and all outputs follow at once. With `torque` the input is
-    the drive torque, and angle and speed of the shaft are states; the steps of the loads and the standstill under dry
+    With `angle` the inputs are the motion of the main shaft, and all outputs follow directly. With `torque` the input
+    is the drive torque, and angle and speed of the shaft are states; steps of the loads and standstill under dry
     friction are state events.
 
     Args:
         path: the .fmu file to write.
         machine: a linkage.
-        input: what drives the unit, "angle" or "torque".
+        input: input of the unit, "angle" or "torque".
         fmi: version of the standard, 2 (2.0) or 3 (3.0).
-        outputs: names of outputs of the machine; without it those that it shows.
+        outputs: names of outputs of the machine; by default its shown outputs.
 
     Returns:
-        What was written.
+        Content of the archive.
 
     Raises:
-        SceneError: another kind of machine, an unknown output, or a torque without masses.
+        SceneError: for another kind of machine, an unknown output, or a torque without masses.
 
     Example:
         >>> import tempfile, textile_twin_core as ttc
@@ -179,7 +180,7 @@ def _variables(
 
 
 def _library(sources: dict[str, bytes], identifier: str) -> bytes | None:
-    """The shared library for this computer; None where no C compiler is at hand, or it is no 64-bit Linux."""
+    """Compile the shared library for this computer; None without a C compiler or on other than 64-bit Linux."""
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None or not sys.platform.startswith("linux") or os.uname().machine != "x86_64":
         return None

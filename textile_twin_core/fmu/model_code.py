@@ -1,4 +1,4 @@
-"""The C sources of one machine: what its outputs, its acceleration and its events are."""
+"""C sources of one machine: its outputs, acceleration and events."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class ModelCode:
 
     Attributes:
         header, source: model.h and model.c.
-        token: tells this model description from any other.
-        leaps: number of steps of loads, each an event.
+        token: identifies this model description.
+        leaps: number of load steps, each a state event.
         depends: for each output, the variables that it depends on: theta, omega, alpha.
     """
 
@@ -41,7 +41,7 @@ class ModelCode:
 
 
 def quantities(outputs: Sequence[str], torque_input: bool, machine: Machine) -> list[Expr]:
-    """The expressions that an export needs: the outputs and, for a torque as input, the equation of motion."""
+    """Return the expressions of an export: the outputs and, for a torque as input, the equation of motion."""
     model = machine.model
     needed = [model.output(name) for name in outputs]
     if torque_input:
@@ -56,8 +56,8 @@ def model_code(made: SymbolicMachine, outputs: Sequence[str], torque_input: bool
     Args:
         made: the machine with symbolic parameters.
         outputs: names of its outputs.
-        torque_input: whether the drive torque is the input, and not the shaft's motion.
-        about: what else tells one model description from another.
+        torque_input: whether the drive torque is the input, instead of the shaft's motion.
+        about: further text that distinguishes the model description.
     """
     machine, names = made.machine, list(made.parameters)
     shown = [machine.model.output(name) for name in outputs]

@@ -1,4 +1,4 @@
-"""modelDescription.xml of FMI 2.0 and 3.0: the variables of a machine, how they hang together, what the unit can do."""
+"""The modelDescription.xml of FMI 2.0 and 3.0: variables, dependencies and capabilities."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _UNITS = {
     "_Nm_rad": "N.m/rad", "_Ns_m": "N.s/m", "_N_m": "N/m", "_Nm": "N.m", "_rad": "rad", "_kg": "kg", "_N": "N",
     "_J": "J", "_m": "m", "_s": "s",
 }  # fmt: skip
-"""Units by the end of a name, longest first."""
+"""Units by the suffix of a name, longest first."""
 _BASE = {
     "kg.m2": {"kg": 1, "m": 2}, "rad/s2": {"rad": 1, "s": -2}, "rad/s": {"rad": 1, "s": -1}, "m/s2": {"m": 1, "s": -2},
     "m/s": {"m": 1, "s": -1}, "N.m.s": {"kg": 1, "m": 2, "s": -1}, "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
@@ -23,7 +23,7 @@ _BASE = {
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable: its reference, what it is to the outside, and what it depends on."""
+    """A variable: its reference, causality and dependencies."""
 
     name: str
     reference: int
@@ -37,19 +37,24 @@ class Variable:
 
     @property
     def unit(self) -> str | None:
-        """The unit that the end of the name tells."""
+        """Unit by the suffix of the name."""
         name = self.name.partition("[")[0]
         return next((unit for end, unit in _UNITS.items() if name.endswith(end)), None)
 
 
 @dataclass(frozen=True)
 class ModelDescription:
-    """What a model description tells.
+    """Content of a model description.
 
     Attributes:
-        name: of the machine. identifier: of the model, a C identifier. token: tells it from any other.
-        about: one line on the machine. variables: all of them. sources: names of the C files.
-        indicators: how many event indicators there are. step_s: of a first simulation.
+        name: name of the machine.
+        identifier: C identifier of the model.
+        token: identifies the model description.
+        about: one line on the machine.
+        variables: all variables.
+        sources: names of the C files.
+        indicators: number of event indicators.
+        step_s: default step of a simulation [s].
     """
 
     name: str
@@ -66,13 +71,13 @@ class ModelDescription:
         object.__setattr__(self, "index", {v.name: k for k, v in enumerate(self.variables, 1)})
 
     def xml(self, fmi: int) -> bytes:
-        """The model description of FMI 2.0 or 3.0."""
+        """Return the model description of FMI 2.0 or 3.0."""
         root = self._fmi2() if fmi == 2 else self._fmi3()
         ET.indent(root)
         return bytes(ET.tostring(root, encoding="UTF-8", xml_declaration=True))
 
     def build_description(self) -> bytes:
-        """sources/buildDescription.xml of FMI 3.0."""
+        """Return sources/buildDescription.xml of FMI 3.0."""
         root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
         configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=self.identifier)
         files = ET.SubElement(configuration, "SourceFileSet", language="C99")

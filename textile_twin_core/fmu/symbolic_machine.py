@@ -1,4 +1,4 @@
-"""A machine built with symbolic parameters in place of its numbers, each checked against the machine built anew."""
+"""A machine built with symbolic parameters, checked against machines built with changed numbers."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ Quantities = Callable[[Machine], list[Expr]]
 """The expressions of a machine that an export needs."""
 
 _CHANGE, _GOLDEN = 1e-3, 0.6180339887498949
-"""Least relative change of a parameter for its check; of a parameter that is 0, the change itself."""
+"""Smallest relative change of a parameter for its check; absolute for a parameter that is 0."""
 _AGREE = 1e-9
 _MOST_TOGETHER = 4
-"""Longer tuples are tables and no parameters."""
+"""Longest tuple of parameters; longer ones are tables."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,8 +35,8 @@ class SymbolicMachine:
 
     Attributes:
         machine: built with symbolic numbers.
-        parameters: names and nominal values, those that any quantity follows from.
-        fixed: names of numbers that could not be made parameters, since the closed form in use depends on their value.
+        parameters: names and nominal values of the parameters in any quantity.
+        fixed: names of numbers that cannot be parameters, since the closed form in use depends on their value.
     """
 
     machine: Machine
@@ -47,14 +47,14 @@ class SymbolicMachine:
 def symbolic_machine(machine: Machine, quantities: Quantities) -> SymbolicMachine:
     """Build a machine with symbolic parameters.
 
-    A published machine has its own parameters; any other has the numbers of its points, groups, bodies and loads by
-    dotted names, as its file does. All parameters are changed a little, and the quantities are compared with those of
-    the machine built with the new numbers; where they differ, each parameter is tried alone, and one that the
-    quantities do not follow keeps its number.
+    A published machine has its own parameters. Any other machine has the numbers of its points, groups, bodies and
+    loads by dotted names, as in its file. To check them, all parameters are changed a little and the quantities
+    compared with those of a machine built with the changed numbers. If they differ, each parameter is tried alone, and
+    one that the quantities do not follow remains a number.
 
     Args:
         machine: the machine.
-        quantities: the expressions of a machine that must follow the parameters.
+        quantities: function that returns the expressions which must follow the parameters.
     """
     build, numbers = _builder(machine)
     offered, fixed = dict(numbers), list[str]()
@@ -72,7 +72,7 @@ def symbolic_machine(machine: Machine, quantities: Quantities) -> SymbolicMachin
 
 @dataclasses.dataclass(frozen=True)
 class _Check:
-    """Whether expressions follow changes of parameters as the machine does that is built with the new values."""
+    """Check that expressions follow parameter changes as a machine built with the changed values does."""
 
     offered: Mapping[str, float]
     numbers: Mapping[str, float]
@@ -81,7 +81,7 @@ class _Check:
     quantities: Quantities
 
     def holds(self, names: Iterable[str]) -> bool:
-        """Whether the expressions follow changes of these parameters, all at once."""
+        """Return whether the expressions follow simultaneous changes of these parameters."""
         changes = {name: _changed(self.offered[name], k) for k, name in enumerate(names)}
         try:
             changed = self.build({**self.numbers, **changes})
@@ -96,7 +96,7 @@ class _Check:
 
 
 def _changed(value: float, number: int) -> float:
-    """Another value of a parameter; each parameter changes by its own share, so that no two changes cancel."""
+    """Return another value of a parameter; each changes by its own share, so that no two changes cancel."""
     share = _CHANGE * (1.0 + math.modf(number * _GOLDEN)[0])
     return value * (1.0 + share) if value else share
 
@@ -112,7 +112,7 @@ def _states(machine: Machine) -> dict[str, FloatArray]:
 
 
 def _builder(machine: Machine) -> tuple[Callable[[Mapping[str, float]], Machine], dict[str, float]]:
-    """A function that builds the machine from numbers by name, and these numbers."""
+    """Return a function that builds the machine from numbers by name, and these numbers."""
     if machine.name in machines.NAMES and machine.parameters:
         name = machine.name
 
@@ -128,7 +128,7 @@ def _builder(machine: Machine) -> tuple[Callable[[Mapping[str, float]], Machine]
 
 
 def _declared(machine: Machine, number: Callable[[str, float], float]) -> Machine:
-    """The machine with each of its numbers replaced by what `number` gives for its dotted place."""
+    """Replace each number of the machine by the result of `number` for its dotted place."""
     bodies, seen = [], Counter[str]()
     for body in machine.bodies:
         seen[body.on] += 1

@@ -1,1 +1,1 @@
-"""The papers' printed numbers beside ours, row by row."""
+"""Printed numbers of the papers and computed ones, row by row."""

@@ -1,4 +1,4 @@
-"""What the papers print of the two beat-up mechanisms, beside what their machines give."""
+"""Printed numbers of the two beat-up mechanisms and results of their machines."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _CAST_IRON_KG_M3, _WIDTH_M, _THICKNESS_M = 7210.0, 0.03, 0.01
 
 
 def handloom_rows() -> tuple[PublishedRow, ...]:
-    """Motion of the beater at 15.5 rad/s, and masses and inertias of the links."""
+    """Compare the beater's motion at 15.5 rad/s, and masses and inertias of the links."""
     machine = handloom_beatup()
     parameters = machine.parameters
     names = ("beater_position_m", "beater_velocity_m_s", "beater_acceleration_m_s2")
@@ -56,7 +56,7 @@ def handloom_rows() -> tuple[PublishedRow, ...]:
 
 
 def _about_beat_up(machine: Machine) -> list[PrintedAndOurs]:
-    """How far before beat-up the crank stands where speed and joint loads are largest; loads without weights."""
+    """Compute the crank angles before beat-up of largest speed and largest joint loads; loads exclude weights."""
     (front,) = (event.angle_rad for event in machine.events() if event.name == "beater_largest")
     pins = [f"reaction_{pin}_{axis}_N" for pin in "CB" for axis in "xy"]
     names = ("beater_velocity_m_s", *pins)
@@ -79,7 +79,7 @@ def _about_beat_up(machine: Machine) -> list[PrintedAndOurs]:
 
 
 def elliptic_gear_rows() -> tuple[PublishedRow, ...]:
-    """Gears, and motion of the sley at 300 rpm; accelerations at beat-up are towards the rear."""
+    """Compare the gears, and the sley's motion at 300 rpm; accelerations at beat-up are towards the rear."""
     machine = elliptic_gear_beatup()
     gears: list[PrintedAndOurs] = [
         ("speed of gear 2 over gear 1, smallest", "", None, _gear_ratio(machine)[0], ""),
@@ -99,7 +99,7 @@ def elliptic_gear_rows() -> tuple[PublishedRow, ...]:
 
 
 def dwell_rad(machine: Machine, within_m: float = WITHIN_M) -> tuple[float, float]:
-    """Shaft angles between which the sley stays within a distance of its rear point [rad]."""
+    """Find the shaft angles between which the sley stays within a distance of its rear point [rad]."""
     rising, falling = crossings(machine.model.output("sley_position_m") - within_m)
     return falling[0], rising[0]
 
@@ -155,14 +155,14 @@ def _dwell_rows(machine: Machine) -> list[PrintedAndOurs]:
 
 
 def _gear_ratio(machine: Machine) -> tuple[float, float]:
-    """Smallest and largest speed of gear 2 over that of gear 1."""
+    """Compute the smallest and largest speed of gear 2 over that of gear 1."""
     name = "omega_gear_2_rad_s"
     ratio = np.abs(over_a_turn(machine, (name,), 1.0, _SAMPLES)[name])
     return float(ratio.min()), float(ratio.max())
 
 
 def _front(machine: Machine) -> tuple[float, float]:
-    """Position [m] and acceleration towards the rear [m/s^2] of the sley at the front dead centre, theta = 0."""
+    """Compute the sley's position [m] and rearward acceleration [m/s^2] at the front dead centre, theta = 0."""
     names = ("sley_position_m", "sley_acceleration_m_s2")
     turn = over_a_turn(machine, names, SPINDLE_RAD_S, 1)
     position, acceleration = (float(turn[name][0]) for name in names)

@@ -1,4 +1,4 @@
-"""Table 1 of Topalbekiroglu and Celik 2010, as printed, beside the synthesis."""
+"""Table 1 of Topalbekiroglu and Celik 2010 as printed, and the synthesis of the same designs."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _SECTION = "Table 1, by phi and beta [deg]: a, b, c, r/l, mu_min [deg]"
 
 
 def table_1_designs() -> tuple[CrankRockerDesign, ...]:
-    """The design of each row of Table 1, in its order."""
+    """Synthesise the design of each row of Table 1, in its order."""
     found: dict[float, dict[int, CrankRockerDesign]] = {}
     for rotation in dict.fromkeys(row[0] for row in TABLE_1):
         designs = crank_rocker(math.radians(SWING_DEG), math.radians(rotation)).designs
@@ -67,7 +67,7 @@ def table_1_designs() -> tuple[CrankRockerDesign, ...]:
 
 
 def table_1_rows() -> tuple[PublishedRow, ...]:
-    """One row for each of Table 1, its five numbers together; then what the text says of the table."""
+    """Compare each row of Table 1, its five numbers together, and the statements of the text on the table."""
     rows = [
         PublishedRow(
             HANDLOOM,

@@ -1,4 +1,4 @@
-"""What the paper prints of the needle transfer, beside what its model gives."""
+"""Printed numbers of the needle transfer and results of its model."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ OTHER_READING: Mapping[str, Any] = {
     "stroke_m": 0.03484,
     "forward_duration_s": 0.02338,
 }
-"""The pad where Eq. 17 and 18 put it: stroke and duration of the forward motion fitted to the printed times."""
+"""Parameters for the pad at the place of Eq. 17 and 18, with the forward motion fitted to the printed times."""
 
 
 @dataclass(frozen=True)
 class ForwardStroke:
-    """What the paper tells of the forward motion: times [s] from its start, and how far element 2 leaves the pin."""
+    """Printed properties of the forward motion: times [s] from its start, and the gap of element 2 from the pin."""
 
     pad_s: float
     deceleration_s: float
@@ -45,10 +45,10 @@ class ForwardStroke:
 
 
 def forward_stroke(machine: ContactMachine) -> ForwardStroke:
-    """The forward motion from the published start to a little after its end.
+    """Simulate the forward motion from the published start to a little after its end.
 
-    Times are roots of the motion's own power series, not samples: pad reached, acceleration of element 2 largest on it
-    (its derivative vanishes), first contact of elements 2 and 3; the gap at the pin is that before the pad is reached.
+    Times are roots of the motion's own power series, not samples: pad reached, largest acceleration of element 2 on it
+    (its derivative vanishes), first contact of elements 2 and 3. The gap at the pin is that before the pad is reached.
     """
     run = machine.simulate(end_s=1.5 * machine.parameters["forward_duration_s"])
     pad_s = run.happened("touch", PAD)[0].time_s
@@ -70,7 +70,7 @@ def forward_stroke(machine: ContactMachine) -> ForwardStroke:
 
 
 def needle_transfer_rows() -> tuple[PublishedRow, ...]:
-    """Times of both designs with both readings of where the pad begins, and what the printed conditions mean."""
+    """Compare times of both designs for both positions of the pad, and interpret the printed conditions."""
     default = {design: needle_transfer(design=design) for design in DESIGNS}
     other = {design: needle_transfer(design=design, **OTHER_READING) for design in DESIGNS}
     return in_sections(

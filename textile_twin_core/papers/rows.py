@@ -1,4 +1,4 @@
-"""A paper's numbers beside ours."""
+"""Rows that compare a paper's numbers with computed ones."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from textile_twin_core.machine.machine import Machine
 
 @dataclass(frozen=True)
 class PublishedRow:
-    """A printed value, what this package computes for it, and why they differ where they do.
+    """A printed value, the computed value, and the reason for a difference.
 
-    `printed` is text where its digits or words matter, as "0.90" or "over 60", and None where the paper gives
-    nothing; several numbers with blanks between face a tuple of computed ones. `computed` is text where no one number
-    says it. `section` groups the rows of one paper.
+    Attributes:
+        printed: text where digits or words matter, such as "0.90" or "over 60"; None if the paper gives nothing.
+            Several numbers separated by blanks correspond to a tuple of computed ones.
+        computed: number, tuple, or text where no single number applies.
+        section: heading of a group of rows of one paper.
     """
 
     paper: str
@@ -33,7 +35,7 @@ class PublishedRow:
 
     @property
     def deviation(self) -> float | None:
-        """Computed minus printed, in the row's unit; None where no plain number is printed."""
+        """Computed minus printed, in the row's unit; None if no plain number is printed."""
         numbers = printed_numbers(self.printed)
         if not isinstance(self.computed, (int, float)) or len(numbers) != 1:
             return None
@@ -41,7 +43,7 @@ class PublishedRow:
 
     @property
     def last_places(self) -> float | None:
-        """Largest deviation of the row's numbers in units of their last printed digit; None where words stand."""
+        """Largest deviation of the row's numbers in units of their last printed digit; None for words."""
         printed = printed_numbers(self.printed)
         if isinstance(self.computed, str):
             return None
@@ -54,21 +56,21 @@ class PublishedRow:
 
     @property
     def agrees(self) -> bool | None:
-        """Whether print and computation differ by less than a unit of the last printed digit; None without numbers."""
+        """True if print and computation differ by less than a unit of the last printed digit; None without numbers."""
         return None if self.last_places is None else self.last_places < 1.0
 
 
 PrintedAndOurs = tuple[str, str, float | str | None, float | str, str]
-"""Quantity, unit, printed value, computed value, and why they differ."""
+"""Quantity, unit, printed value, computed value, and reason for a difference."""
 
 
 def in_sections(paper: str, sections: Mapping[str, Iterable[PrintedAndOurs]]) -> tuple[PublishedRow, ...]:
-    """The rows of a paper by section."""
+    """Build the rows of a paper by section."""
     return tuple(PublishedRow(paper, *row, section) for section, rows in sections.items() for row in rows)
 
 
 def printed_numbers(printed: float | str | None) -> list[Decimal]:
-    """The numbers of a printed value with their digits; none where it has words."""
+    """Parse the numbers of a printed value with their digits; an empty list if it contains words."""
     if printed is None:
         return []
     text = printed if isinstance(printed, str) else f"{printed:.12g}"
@@ -79,23 +81,23 @@ def printed_numbers(printed: float | str | None) -> list[Decimal]:
 
 
 def decimals(number: Decimal) -> int:
-    """Digits after the point of a printed number, those of its power of ten included."""
+    """Count the digits after the point of a printed number, those of its power of ten included."""
     return -int(number.as_tuple().exponent)
 
 
 def span(values: FloatArray, places: int) -> str:
-    """Smallest and largest value, with so many decimals."""
+    """Format the smallest and largest value with a number of decimals."""
     return f"{values.min():.{places}f} .. {values.max():.{places}f}"
 
 
 def over_a_turn(machine: Machine, names: Sequence[str], omega_rad_s: float, samples: int) -> dict[str, FloatArray]:
-    """Outputs by name over one turn at constant speed, at theta = 2 pi k/samples."""
+    """Evaluate outputs by name over one turn at constant speed, at theta = 2 pi k/samples."""
     theta = np.linspace(0.0, 2.0 * np.pi, samples, endpoint=False)
     return at_angles(machine, names, omega_rad_s, theta)
 
 
 def at_angles(machine: Machine, names: Sequence[str], omega_rad_s: float, theta: FloatArray) -> dict[str, FloatArray]:
-    """Outputs by name at shaft angles [rad] and constant speed."""
+    """Evaluate outputs by name at shaft angles [rad] and constant speed."""
     found = {name: np.empty_like(theta) for name in names}
     program = Loop([machine.model.output(name) for name in names], INPUTS)
     program([theta, np.full_like(theta, omega_rad_s), np.zeros_like(theta)], list(found.values()))

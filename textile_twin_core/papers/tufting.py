@@ -1,4 +1,4 @@
-"""What the paper on the tufting machine prints of motion, events, torques and forces, beside what the machine gives."""
+"""Printed motion, events, torques and forces of the tufting machine, and results of the machine."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ SPEED_RAD_S = 160.0 * math.pi / 30.0
 SAMPLING_HZ = 500.0
 
 FIGURE_9_START_S = 14.0
-"""Time at which the shaft angle is 0 in Fig. 9."""
+"""Time of shaft angle 0 in Fig. 9 [s]."""
 
 PRINTED_EVENTS: tuple[tuple[str, float, str, str], ...] = (
-    # what happens, shaft angle [deg], time in Fig. 9 [s], event of the machine
+    # description, shaft angle [deg], time in Fig. 9 [s], event of the machine
     ("needle stabs the backing", 22.0, "14.02", "needle_enters_backing"),
     ("needle lowest", 108.0, "14.11", "needle_largest"),
     ("needle leaves the backing", 194.0, "14.20", "needle_leaves_backing"),
@@ -32,7 +32,7 @@ _EITHER_SIDE = np.array([-1e-9, 1e-9])
 _CUT = "cut off in print, not rounded"
 _SWING = "a misprint: t4 = t3 + 168 - 360 deg (Eq. 15) and the printed 184.3 of t3 give -7.7"
 _PRINTED_ANGLES: tuple[tuple[int, tuple[float, str], tuple[float, str]], ...] = (
-    # rod, smallest and largest angle [deg], each with why ours differs
+    # rod, smallest and largest angle [deg], each with the reason for a difference
     (2, (101.7, ""), (114.3, "")),
     (3, (184.3, ""), (199.4, "")),
     (4, (-7.89, _SWING), (7.38, _CUT)),
@@ -41,7 +41,7 @@ _PRINTED_ANGLES: tuple[tuple[int, tuple[float, str], tuple[float, str]], ...] = 
 
 
 def tufting_rows() -> tuple[PublishedRow, ...]:
-    """Ranges of motion, needle and backing, torques and forces, all at 160 rpm, and the misprinted equations."""
+    """Compare motion, needle and backing, torques and forces at 160 rpm, and the misprinted equations."""
     machine = tufting()
     groups: dict[str, list[PrintedAndOurs]] = {
         "Angles of the rods": _angles(machine),

@@ -1,4 +1,4 @@
-"""The equations of Xu et al. 2016 that, taken as printed, do not describe their own machine."""
+"""Equations of Xu et al. 2016 that, as printed, do not describe the paper's own machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MOTION = ("theta_2_rad", "omega_2_rad_s", "alpha_2_rad_s2", "omega_4_rad_s", "a
 
 
 def equation_rows(machine: Machine, speed_rad_s: float) -> list[PrintedAndOurs]:
-    """What the printed equations give, what the machine gives, and what is wrong in print.
+    """Compare results of the printed equations and of the machine, and name the misprints.
 
     The machine is the tufting machine without friction, at constant speed.
     """
@@ -26,7 +26,7 @@ def equation_rows(machine: Machine, speed_rad_s: float) -> list[PrintedAndOurs]:
     half_2, half_4 = p["l2_m"] / 2.0, p["l4_m"] / 2.0
     eq_23 = -p["l2_m"] * speed_rad_s**2 * np.exp(1j * t1) + half_2 * (1j * a2 - w2**2) * np.exp(1j * t2)
     acceleration_2 = np.hypot(*(turn[name] for name in force)) / p["m2_kg"]
-    # Eq. 35 counts torque clockwise, so the wrong sign of M4 = -J4 a4 is felt twice.
+    # Eq. 35 counts torque clockwise, so the wrong sign of M4 = -J4 a4 counts twice.
     eq_35 = torque - 2.0 * p["J4_kgm2"] * a4
     return [
         (
