@@ -1,16 +1,25 @@
-"""What a person sees at a prompt: names by tab completion, help with an example, and objects that say what they are."""
+"""Names at a prompt: tab completion, help with examples that run, and objects that describe themselves."""
 
 from __future__ import annotations
 
 import doctest
 import importlib
 import rlcompleter
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import textile_twin_core as ttc
 from textile_twin_core.twin import compilation
+
+PACKAGE = Path(ttc.__file__).parent
+
+
+def module_of(path: Path) -> str:
+    """Return the dotted name of a module of the package by its file."""
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 @pytest.mark.parametrize("package", ["", ".machines", ".views", ".recordings", ".files"])
@@ -33,6 +42,25 @@ def test_the_help_of_compile_has_parameters_and_an_example_that_runs() -> None:
     runner = doctest.DocTestRunner(verbose=False)
     assert sum(runner.run(test).failed for test in tests) == 0
     assert compilation.compile_machine is ttc.compile
+
+
+EXAMPLES = [
+    test
+    for name in ("errors", "machines", "machine", "mechanism", "dynamics", "files", "fmu")
+    for path in sorted(PACKAGE.glob(f"{name}.py")) + sorted(PACKAGE.glob(f"{name}/**/*.py"))
+    for test in doctest.DocTestFinder().find(importlib.import_module(module_of(path)))
+    if test.examples
+]
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)
+def test_the_examples_of_docstrings_run(example: doctest.DocTest) -> None:
+    assert doctest.DocTestRunner().run(example).failed == 0
+
+
+def test_the_names_of_the_catalogue_and_of_files_have_examples() -> None:
+    names = {example.name.rpartition(".")[2] for example in EXAMPLES}
+    assert {"tufting", "create", "load_machine_file", "write_table", "TorqueOverTime", "Machine"} <= names
 
 
 def test_objects_say_what_they_are() -> None:

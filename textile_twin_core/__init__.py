@@ -46,7 +46,7 @@ __all__ = [
     "machines",
 ]
 
-# The engine is imported when it is first used, so that commands which do not need it start at once.
+# The engine is imported on first use, so that commands without it start quickly.
 __dir__ = listing_of(__all__)
 __getattr__ = names_of(
     __name__,

@@ -1,4 +1,4 @@
-"""The array types that every module speaks of."""
+"""Array types of all modules."""
 
 from __future__ import annotations
 

@@ -1,38 +1,47 @@
-"""What goes wrong by the user's hand: every such error is one line that says what, where and what to do."""
+"""Errors that a user can correct; each message is one line that says what is wrong, where, and what to do.
+
+Example:
+    >>> import textile_twin_core as ttc
+    >>> try:
+    ...     ttc.compile(ttc.machines.tufting(), outputs=["torque"])
+    ... except ttc.TwinError as error:
+    ...     print(type(error).__name__)
+    SceneError
+"""
 
 from __future__ import annotations
 
 
 class TwinError(Exception):
-    """Base of all errors that a user can mend; the command line prints it as one line and exits with code 2."""
+    """Base class of the errors that a user can correct; the command line prints them and exits with code 2."""
 
 
 class MachineError(TwinError):
-    """A machine's declaration is wrong: geometry that cannot close, a negative mass, an unknown name."""
+    """Wrong declaration of a machine: geometry that cannot close, a negative mass, an unknown name."""
 
 
 class SceneError(TwinError):
-    """A scene asks for what the machine or the method cannot give: an unknown output, method or parameter."""
+    """Request that the machine or method cannot serve: an unknown output, method or parameter."""
 
 
 class MotionError(TwinError):
-    """Shaft motion that cannot be used: wrong shape, NaN or infinite values, a missing column."""
+    """Unusable shaft motion: wrong shape, NaN or infinite values, a missing column."""
 
 
 class RecordingError(TwinError):
-    """A recording cannot be read or written: no bag, no such topic, empty, truncated, no room, no permission."""
+    """Recording that cannot be read or written: no bag or topic, empty, truncated, no space, no permission."""
 
 
 class OutputError(TwinError):
-    """An output cannot be written where the user wants it."""
+    """Output that cannot be written to the requested place."""
 
 
 class AlignmentError(TwinError):
-    """Measured and predicted torque cannot be brought onto one time axis."""
+    """Measured and predicted torque without a common time axis."""
 
 
 class ContactError(TwinError):
-    """A contact model or its motion cannot be: a bad parameter, a start inside a stop, a body jammed between stops."""
+    """Impossible contact model or motion: a bad parameter, a start inside a stop, a body jammed between stops."""
 
 
 _EXTRAS = {
@@ -43,13 +52,13 @@ _EXTRAS = {
     "logs": ("asammdf", "h5py", "nptdms"),
     "cluster": ("dask", "distributed"),
 }
-"""Modules by the extra of pyproject.toml that brings them."""
+"""Modules by the extra of pyproject.toml that installs them."""
 _PACKAGES = {"rerun": "rerun-sdk", "nptdms": "npTDMS", "dask": "distributed"}
-"""Packages that are not called as their module."""
+"""Package names that differ from the module's name."""
 
 
 def how_to_install(module: str, *more: str) -> str:
-    """The words for a user who lacks a module: the package's own name, and the extra in a checkout with `more` of them.
+    """Word the installation hint for a missing module: its package, and the extra in a checkout with `more` extras.
 
     Example:
         >>> how_to_install("pyarrow.csv")

@@ -1,4 +1,4 @@
-"""Names of a package that are imported when they are first used: what does not need them starts at once (PEP 562)."""
+"""Package names that are imported on first use (PEP 562), for a quick start."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from importlib import import_module
 
 
 def names_of(package: str, places: Mapping[str, str]) -> Callable[[str], object]:
-    """A package's `__getattr__`, for names by the module below it that holds each.
+    """Return a package's `__getattr__` for names by the module that holds each.
 
-    A place is `module`, `module:name` where the name differs there, or the name itself for a module. What is returned
+    A place is `module`, `module:name` if the name differs there, or the name itself for a module. The returned function
     raises AttributeError for other names. Type checkers learn the names from an import under TYPE_CHECKING.
     """
 
@@ -24,6 +24,6 @@ def names_of(package: str, places: Mapping[str, str]) -> Callable[[str], object]
 
 
 def listing_of(names: Iterable[str]) -> Callable[[], list[str]]:
-    """A package's `__dir__`: the names that it offers, which `dir` and tab completion then show, and no others."""
+    """Return a package's `__dir__`: the exported names, for `dir` and tab completion."""
     shown = sorted(names)
     return lambda: list(shown)

@@ -19,7 +19,7 @@ from textile_twin_core.cli.progress import progress, stages
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import SceneError
 from textile_twin_core.files import MotionTable, read_motion_table, staged, write_table
-from textile_twin_core.files.motion_table import looks_like_degrees, turned_and_told
+from textile_twin_core.files.motion_table import looks_like_degrees, rotation_mismatch
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin import compile_machine
 
@@ -184,7 +184,7 @@ def _motion(arguments: argparse.Namespace) -> MotionTable:
                 f"{arguments.input}: theta_rad runs from {low:g} to {high:g}: are these degrees? They are"
                 " taken for radians"
             )
-        elif away := turned_and_told(motion):
+        elif away := rotation_mismatch(motion):
             tell(
                 f"{arguments.input}: over time_s the shaft turns by {away[0]:.4g} rad as theta_rad says, and by"
                 f" {away[1]:.4g} rad as omega_rad_s says: is one in degrees, rpm or ms? They are taken as named"

@@ -1,4 +1,4 @@
-"""Machine files and tables of motion, in and out. Each part is imported when it is first used."""
+"""Machine files and motion tables: reading and writing. Each part is imported when first used."""
 
 from __future__ import annotations
 

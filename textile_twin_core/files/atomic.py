@@ -1,4 +1,4 @@
-"""Outputs appear whole or not at all: written to a hidden sibling first, renamed into place when complete."""
+"""Atomic output: files are written to a hidden sibling and renamed into place when complete."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ def _why(error: OSError) -> str:
 
 
 def partial_path(path: Path) -> Path:
-    """Hidden sibling of `path` with the same suffix, where an output grows until it is complete."""
+    """Return the hidden sibling of `path`, with the same suffix, that holds an incomplete output."""
     return path.with_name(f".{path.stem}.partial-{os.getpid()}{path.suffix}")
 
 
 def check_folder(path: Path) -> None:
-    """Raise OutputError unless a file could be created beside `path` now; a folder is made in one that is there.
+    """Raise OutputError unless a file could be created beside `path` now; a missing folder is created in its parent.
 
-    Tries instead of asking for permission bits, since read-only and virtual file systems ignore those.
+    The check tries to write, since read-only and virtual file systems ignore permission bits.
     """
     if not path.name:
         raise OutputError(f"output '{path}': not a file name; give the name of the file to write")
@@ -48,14 +48,14 @@ def check_folder(path: Path) -> None:
 
 
 def check_file(path: Path) -> None:
-    """Raise OutputError unless a file of this name could be written now, as `check_folder` tries it."""
+    """Raise OutputError unless a file of this name could be written now, as `check_folder` tests it."""
     if path.is_dir():
         raise OutputError(f"output {path}: a folder of that name exists; give the name of a file")
     check_folder(path)
 
 
 def remove(path: Path) -> None:
-    """Remove a file or a folder tree, if it is there."""
+    """Remove a file or a folder tree if it exists."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
     else:
@@ -63,7 +63,7 @@ def remove(path: Path) -> None:
 
 
 def put_in_place(partial: Path, path: Path) -> None:
-    """Rename a complete `partial` to `path`; what stood there before is replaced."""
+    """Rename a complete `partial` to `path`, replacing any earlier output."""
     if path.is_dir() and not path.is_symlink():
         old = path.with_name(f".{path.name}.replaced-{os.getpid()}")
         path.rename(old)
@@ -75,9 +75,21 @@ def put_in_place(partial: Path, path: Path) -> None:
 
 @contextmanager
 def staged(path: str | Path) -> Iterator[Path]:
-    """Path to write to instead of `path`: renamed to it when the block ends well, removed when it does not.
+    """Yield a path to write to; rename it to `path` if the block succeeds, else remove it.
 
-    Raises OutputError at once when the folder cannot be written, so before the work and not after it.
+    Args:
+        path: file or folder that appears when it is complete.
+
+    Raises:
+        OutputError: immediately, if the folder cannot be written.
+
+    Example:
+        >>> import pathlib, tempfile, textile_twin_core as ttc
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     with ttc.files.staged(pathlib.Path(folder, "report.txt")) as partial:
+        ...         _ = partial.write_text("complete")
+        ...     [path.name for path in pathlib.Path(folder).iterdir()]
+        ['report.txt']
     """
     path = Path(path)
     check_file(path)

@@ -1,4 +1,4 @@
-"""Dataclasses from plain values of a file and back, strictly: every fault names its place in the file."""
+"""Strict conversion between dataclasses and the plain values of a file; errors name the place in the file."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _KEY_OF_FIELD = {"from_point": "from", "to_point": "to", "from_station": "from",
 
 
 def type_tag(cls: type) -> str:
-    """The word a file uses for a class: RRRDyad is rrr_dyad."""
+    """Return a file's word for a class: RRRDyad is rrr_dyad."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", cls.__name__).lower()
 
 
 def unknown(what: str, given: str, known: list[str]) -> str:
-    """Half a sentence on a word that is not known, with the nearest ones, or on what made digits one."""
+    """Word the message on an unknown key, with the nearest names, or a note on digits read as text."""
     if _DIGITS.match(given):
         return f"unknown {what} '{given}'; digits behind a decimal comma? write numbers with a point, as 0.6"
     near = get_close_matches(given, known, n=2, cutoff=0.5)
@@ -34,29 +34,30 @@ def unknown(what: str, given: str, known: list[str]) -> str:
 
 
 def shown(value: Any) -> str:
-    """A value as a message has room for it: a whole file that is no machine file may be one."""
+    """Shorten a value for a message; a whole file may be given by mistake."""
     text = repr(value)
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} .."
 
 
 def mapping_at(value: Any, place: str) -> dict[str, Any]:
-    """The value as a mapping of words."""
+    """Return the value as a mapping with text keys."""
     if not isinstance(value, dict):
         raise MachineError(f"{place}: must be a mapping (key: value), not {shown(value)}")
     return {str(key): entry for key, entry in value.items()}
 
 
 def list_at(value: Any, place: str) -> list[Any]:
-    """The value as a list."""
+    """Return the value as a list."""
     if not isinstance(value, list):
         raise MachineError(f"{place}: must be a list, not {shown(value)}")
     return value
 
 
 def build(cls: type, value: Any, place: str, **given: Any) -> Any:
-    """An instance of a dataclass from a mapping; `given` fields do not come from the file.
+    """Build a dataclass from a mapping; `given` fields do not come from the file.
 
-    Raises MachineError for unknown and missing keys, values of the wrong kind, and what the class refuses.
+    Raises:
+        MachineError: for unknown and missing keys, values of the wrong kind, and values that the class rejects.
     """
     entries = mapping_at(value, place)
     hints = get_type_hints(cls)
@@ -77,7 +78,7 @@ def build(cls: type, value: Any, place: str, **given: Any) -> Any:
 
 
 def convert(value: Any, hint: Any, place: str) -> Any:
-    """A value of the file as the type that a field declares."""
+    """Convert a value of the file to the type that a field declares."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint is float:
         return _number(value, place)
@@ -142,7 +143,7 @@ def _tuple(value: Any, parts: tuple[Any, ...], place: str) -> tuple[Any, ...]:
 
 
 def plain(value: Any, leave_out: tuple[str, ...] = ()) -> Any:
-    """A dataclass, mapping or array as plain values for a file; fields at their default are left out."""
+    """Convert a dataclass, mapping or array to plain values for a file, without fields at their default."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         out = {}
         for field in dataclasses.fields(value):

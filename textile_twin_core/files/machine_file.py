@@ -1,4 +1,4 @@
-"""Machine files: a machine as YAML, from the same groups, bodies and loads as the published ones, and back."""
+"""Machine files: YAML declarations with the same groups, bodies and loads as the published machines."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from textile_twin_core.mechanism.linkage import BEYOND_DYADS
 
 
 def _tagged(module: Any, method: str) -> dict[str, type]:
-    """The declarations a module offers, by the word a file uses for them."""
+    """Collect the declarations of a module by a file's word for them."""
     return {
         type_tag(cls): cls
         for cls in vars(module).values()
@@ -47,16 +47,16 @@ LOADS = _tagged(loads, "crossings")
 _MASS_BY_DENSITY = {"density_kg_m3", "width_m", "thickness_m"}
 _DEFAULT: dict[str, Any] = {"sensors": Sensors(), "linkages": (ShaftPlace(),), "shaft": None, "scene": Scene()}
 _APART = tuple(_DEFAULT)
-"""What a user sets on any machine, whatever its geometry."""
+"""Fields that a user may set on any machine, independent of its geometry."""
 _NOT_DECLARED = ("parameters", "choices", "missing_for_torque")
-"""What a file says by naming a machine of the catalogue, or not at all."""
+"""Fields that follow from the name of a machine of the catalogue and are not written."""
 _ON_A_PUBLISHED_MACHINE = ("machine", "name", "parameters", "sensors", "linkages", "shaft", "scene")
 
 
 def load_machine_file(path: str | Path) -> AnyMachine:
-    """The machine that a YAML file declares; without a name it is called as the file.
+    r"""Load the machine that a YAML file declares; a machine without a name is named after the file.
 
-    Either a declaration from groups:
+    The file is a declaration from groups:
 
         points: {O: [0, 0], C: [0.3, 0]}
         groups:
@@ -77,7 +77,22 @@ def load_machine_file(path: str | Path) -> AnyMachine:
         parameters: {backing_force_N: 900}
         sensors: {encoder: {zero_rad: 0.1}, torque: {delay_s: 0.002}}
 
-    Raises MachineError with the file and the key at fault.
+    Args:
+        path: the YAML file.
+
+    Returns:
+        The machine: a Machine, or a ContactMachine.
+
+    Raises:
+        MachineError: with the file and the key, for a file that cannot be read or a declaration that is wrong.
+
+    Example:
+        >>> import pathlib, tempfile, textile_twin_core as ttc
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = pathlib.Path(folder, "mill.yaml")
+        ...     _ = file.write_text("machine: tufting\nparameters: {backing_force_N: 900}")
+        ...     ttc.load_machine(file).parameters["backing_force_N"]
+        900.0
     """
     path = Path(path)
     document = read_yaml(path, MachineError)
@@ -92,7 +107,7 @@ def load_machine_file(path: str | Path) -> AnyMachine:
 
 
 def _check_scene(machine: AnyMachine) -> None:
-    """Raise MachineError for a scene of no outputs, or of one that the machine has not."""
+    """Raise MachineError for a scene without outputs, or with one that the machine does not have."""
     if not machine.scene.outputs:
         raise MachineError("scene.outputs: names none; leave it out for the torque, or name some")
     for name in machine.scene.outputs:
@@ -102,10 +117,10 @@ def _check_scene(machine: AnyMachine) -> None:
 
 
 def published_machine(name: str, values: Mapping[str, Any], place: str) -> AnyMachine:
-    """A published machine with the user's values for its parameters, each of the kind that the parameter has.
+    """Build a published machine with the user's values for its parameters, each converted to the parameter's type.
 
-    `place` is where the values stand, for messages. Raises MachineError for a value of the wrong kind, and as
-    machines.create does.
+    `place` is the place of the values in messages. Raises MachineError for a value of the wrong kind, and as
+    `machines.create` does.
     """
     known = machines.parameters_of(name) if name in machines.NAMES else {}
     for key, value in values.items():
@@ -142,7 +157,7 @@ def _declared(entries: dict[str, Any], path: Path) -> AnyMachine:
 
 
 def _contact(entries: dict[str, Any], path: Path) -> ContactMachine:
-    """Bodies between springs, stops and pads: the file's keys are the fields."""
+    """Build bodies between springs, stops and pads; the file's keys are the fields."""
     hints = {name: hint for name, hint in get_type_hints(ContactMachine).items() if name not in _NOT_DECLARED}
     for key in entries:
         if key not in hints:
@@ -169,12 +184,12 @@ def _linkage(entries: dict[str, Any], path: Path) -> Machine:
 
 
 def _mapping(entries: dict[str, Any], key: str) -> dict[str, Any]:
-    """What stands under a key that may be left out, or have nothing behind it."""
+    """Return the mapping under an optional key, which may be empty."""
     return {} if entries.get(key) is None else mapping_at(entries[key], key)
 
 
 def _several(kinds: Mapping[str, type]) -> Callable[[Any, str], tuple[Any, ...]]:
-    """Reads a list of declarations, each with its type."""
+    """Return a reader of a list of declarations, each with its type."""
 
     def read(value: Any, place: str) -> tuple[Any, ...]:
         out = []
@@ -199,7 +214,7 @@ def _places(value: Any, place: str) -> tuple[ShaftPlace, ...]:
 
 
 def _shaft(value: Any, place: str) -> MainShaft | EvenShaft:
-    """An elastic shaft by stations and pieces, or by the number of its stations and one bar."""
+    """Read an elastic shaft, either by stations and pieces or as a uniform bar with a number of stations."""
     entries = mapping_at(value, place)
     even = "diameter_m" in entries or isinstance(entries.get("stations"), int)
     shaft: MainShaft | EvenShaft = build(EvenShaft if even else MainShaft, entries, place)
@@ -207,7 +222,7 @@ def _shaft(value: Any, place: str) -> MainShaft | EvenShaft:
 
 
 def _shaft_and_places(declared: Mapping[str, Any]) -> dict[str, Any]:
-    """The whole shaft, and the linkages spread over it, where the file has the short form."""
+    """Expand the short form of a shaft, and distribute the linkages over it."""
     shaft = declared.get("shaft")
     if not isinstance(shaft, EvenShaft):
         return {}
@@ -229,11 +244,11 @@ _TOP_LEVEL: dict[str, Callable[[Any, str], Any]] = {
 }
 
 _NOT_PLAIN = (*_TOP_LEVEL, "bodies", *_NOT_DECLARED)
-"""Fields of a machine that a file gives in a form of their own, or not at all."""
+"""Fields of a machine that a file writes in a special form, or not at all."""
 
 
 def _bodies(by_link: dict[str, Any], linkage: Linkage) -> tuple[Body, ...]:
-    """Bodies by link, one or a list of them: mass and inertia, or density and section of a straight bar."""
+    """Read bodies by link, one or a list: mass and inertia, or density and section of a straight bar."""
     links = linkage.solved.links
     out: list[Body] = []
     for link, entry in by_link.items():
@@ -261,7 +276,7 @@ def _bar(entries: dict[str, Any], place: str, link: str, length_m: float) -> Bod
 
 
 def machine_document(machine: AnyMachine) -> dict[str, Any]:
-    """What a file says to declare this machine: one of the catalogue by name and parameters, else its parts."""
+    """Return a file's content for this machine: catalogue name and parameters if possible, else its parts."""
     base = _catalogue_base(machine)
     apart = [key for key in _APART if hasattr(machine, key)]
     usual = _DEFAULT if base is None else {key: getattr(base, key) for key in apart}
@@ -279,7 +294,7 @@ def machine_document(machine: AnyMachine) -> dict[str, Any]:
 
 
 def _linkage_parts(machine: Machine) -> dict[str, Any]:
-    """Groups, measures and loads with their types, and bodies by link."""
+    """Return groups, measures and loads with their types, and bodies by link."""
     document: dict[str, Any] = {}
     for key in ("groups", "measures", "loads"):
         if getattr(machine, key):
@@ -293,7 +308,7 @@ def _linkage_parts(machine: Machine) -> dict[str, Any]:
 
 
 def _catalogue_base(machine: AnyMachine) -> AnyMachine | None:
-    """The machine of the catalogue that this one is, apart from name, parameters, sensors, scene and places."""
+    """Return the catalogue machine equal to this one apart from name, parameters, sensors, scene and places."""
     for name in machines.NAMES:
         base = machines.create(name)
         if type(base) is type(machine) and base.parameters.keys() == machine.parameters.keys():
@@ -305,7 +320,7 @@ def _catalogue_base(machine: AnyMachine) -> AnyMachine | None:
 
 
 def _check_sizes(entry: Any, place: str) -> None:
-    """Raise MachineError for a number in a document that a file would be refused for."""
+    """Raise MachineError for a number in a document that the reader would reject."""
     if isinstance(entry, dict):
         for key, value in entry.items():
             _check_sizes(value, f"{place}{'' if place.endswith(' ') else '.'}{key}")
@@ -317,9 +332,23 @@ def _check_sizes(entry: Any, place: str) -> None:
 
 
 def save_machine_file(machine: AnyMachine, path: str | Path) -> None:
-    """Write a machine as a YAML file that load_machine_file reads back.
+    """Write a machine as a YAML file that `load_machine_file` reads.
 
-    Raises OutputError, and MachineError for a number that no machine file may have.
+    Args:
+        machine: the machine.
+        path: the YAML file.
+
+    Raises:
+        OutputError: for a place that cannot be written.
+        MachineError: for a number that no machine file may have.
+
+    Example:
+        >>> import pathlib, tempfile, textile_twin_core as ttc
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = pathlib.Path(folder, "mill.yaml")
+        ...     ttc.files.save_machine_file(ttc.machines.tufting(backing_force_N=900.0), file)
+        ...     ttc.load_machine(file).parameters["backing_force_N"]
+        900.0
     """
     document = machine_document(machine)
     _check_sizes(document, f"{path}: not written: ")

@@ -1,4 +1,4 @@
-"""Tables of shaft motion in and of outputs out: CSV and Parquet, one row per sample."""
+"""Tables of shaft motion and of outputs: CSV and Parquet, one row per sample."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 _NEEDED = ("theta_rad", "omega_rad_s", "alpha_rad_s2")
 _TIME = "time_s"
 _ROWS = 100_000
-"""Rows written at once."""
+"""Rows per write."""
 _LEAST_AWAY_RAD, _MOST_AWAY = 0.5, 0.2
-"""By more, and by more of the way, angles and speeds of a table do not differ for their rounding or coarse steps."""
+"""Disagreement of angles and speeds, absolute and relative, beyond rounding and coarse steps."""
 TABLE_SUFFIXES = (".csv", ".parquet")
 
 
 @dataclass(frozen=True)
 class MotionTable:
-    """Shaft motion sample by sample; arrays of shape (n,), all finite. time_s, where given, increases."""
+    """Shaft motion sample by sample; finite arrays (n,). An optional time_s increases."""
 
     theta_rad: FloatArray
     omega_rad_s: FloatArray
@@ -41,15 +41,15 @@ class MotionTable:
         return len(self.theta_rad)
 
     def columns(self) -> dict[str, FloatArray]:
-        """The columns by name, in the order in which tables carry them."""
+        """Columns by name, in the order of the file."""
         columns = {name: getattr(self, name) for name in _NEEDED}
         return columns if self.time_s is None else columns | {_TIME: self.time_s}
 
 
-def turned_and_told(motion: MotionTable) -> tuple[float, float] | None:
-    """How far the shaft turns [rad] by its angles and by its speeds over time_s; None where the two agree.
+def rotation_mismatch(motion: MotionTable) -> tuple[float, float] | None:
+    """Compare the total rotation [rad] by angles and by speeds over time_s; None if both agree.
 
-    Angles may be wrapped. They differ where what is left of each step, less whole turns, adds up.
+    Angles may be wrapped. The rotation by angles sums the steps less whole turns.
     """
     if motion.time_s is None or len(motion) < 2:
         return None
@@ -64,9 +64,21 @@ def turned_and_told(motion: MotionTable) -> tuple[float, float] | None:
 
 
 def read_motion_table(path: str | Path) -> MotionTable:
-    """Read a table with the columns theta_rad, omega_rad_s, alpha_rad_s2 and, if there, time_s; others are left.
+    r"""Read a table with the columns theta_rad, omega_rad_s, alpha_rad_s2 and, optionally, time_s; ignore others.
 
-    Raises MotionError for a missing file or column and for a cell that is no finite number, with its line.
+    Args:
+        path: file with the suffix .csv or .parquet.
+
+    Raises:
+        MotionError: for a missing file or column, and with the line for a cell that is not a finite number.
+
+    Example:
+        >>> import pathlib, tempfile, textile_twin_core as ttc
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = pathlib.Path(folder, "motion.csv")
+        ...     _ = file.write_text("theta_rad,omega_rad_s,alpha_rad_s2\n0.0,14.0,0.0\n0.1,14.0,0.0\n")
+        ...     ttc.files.read_motion_table(file).theta_rad.tolist()
+        [0.0, 0.1]
     """
     path = Path(path)
     if not path.is_file():
@@ -94,7 +106,7 @@ def read_motion_table(path: str | Path) -> MotionTable:
 
 
 def looks_like_degrees(theta_rad: FloatArray) -> bool:
-    """Whether angles (n,) fill a turn of 360 in steps that are coarse in radians: degrees in a column of radians."""
+    """Return whether angles (n,) cover 360 in steps too coarse for radians: degrees in a column of radians."""
     spans_a_turn = 300.0 < np.ptp(theta_rad) <= 361.0 and theta_rad.min() >= -181.0 and theta_rad.max() <= 361.0
     return bool(spans_a_turn and np.median(np.abs(np.diff(theta_rad))) > 0.2)
 
@@ -103,7 +115,7 @@ _FIX = "give a finite number"
 
 
 def _wanted(path: Path, there: list[str]) -> list[str]:
-    """Columns to read; an error names those missing."""
+    """Select the columns to read; an error names missing ones."""
     missing = [name for name in _NEEDED if name not in there]
     if missing:
         raise MotionError(f"{path}: column {', '.join(missing)} is missing; there are: {', '.join(there) or 'none'}")
@@ -137,12 +149,12 @@ def _read_csv(path: Path) -> pyarrow.Table:
             ),
         )
     except pyarrow.ArrowInvalid as error:
-        # Slow but exact: find the cell and its line only when there is one to complain about.
+        # Slow but exact: search the cell and its line only for the message.
         raise _bad_cell(path) or MotionError(f"{path}: not a table: {error}") from error
 
 
 def _bad_cell(path: Path) -> MotionError | None:
-    """The first cell of a CSV file that is no finite number, with the line of the file it stands on."""
+    """Find the first cell of a CSV file that is not a finite number, and its line."""
     if path.suffix != ".csv":
         return None
     with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
@@ -188,8 +200,21 @@ def write_table(
 ) -> None:
     """Write equally long columns as .csv (shortest text that reads back to the same float) or .parquet.
 
-    `progress` is called with the number of rows just written. The file appears when it is complete.
-    Raises OutputError for another suffix or a place that cannot be written.
+    Args:
+        path: file to write; it appears when it is complete.
+        columns: (n,) arrays by name.
+        progress: called with the number of rows just written.
+
+    Raises:
+        OutputError: for another suffix, or a place that cannot be written.
+
+    Example:
+        >>> import pathlib, tempfile, numpy as np, textile_twin_core as ttc
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = pathlib.Path(folder, "torque.csv")
+        ...     ttc.files.write_table(file, {"balancing_torque_Nm": np.array([1.5, 2.0])})
+        ...     file.read_text().split()
+        ['balancing_torque_Nm', '1.5', '2']
     """
     path = Path(path)
     if path.suffix not in TABLE_SUFFIXES:

@@ -1,4 +1,4 @@
-"""YAML as people expect it: 1e-12 is a number, 010 is ten, on and off are words, a key given twice is an error."""
+"""Strict YAML: 1e-12 is a number, 010 is ten, on and off are words, and a repeated key is an error."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SURPRISING = ("bool", "int", "float", "timestamp")
 
 
 class _Loader(yaml.SafeLoader):
-    """SafeLoader with the scalars of YAML 1.2 where 1.1 surprises."""
+    """SafeLoader with the scalars of YAML 1.2 in place of surprising ones of YAML 1.1."""
 
 
 _Loader.yaml_implicit_resolvers = {
@@ -58,7 +58,7 @@ _Loader.add_constructor("tag:yaml.org,2002:map", _mapping)
 
 
 def read_yaml(path: Path, error: type[TwinError]) -> Any:
-    """The document in the file. Raises `error` with the line for what cannot be read."""
+    """Read the document in a file. Raises `error` with the line if it cannot be read."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:

@@ -1,6 +1,11 @@
-"""The catalogue: machines of published papers by name, each a short declaration.
+"""Catalogue of published machines, by name.
 
-What a declaration is made of (Machine, Sensors, ..) is offered here too.
+The building blocks of a declaration (Machine, Sensors, ..) are exported here as well.
+
+Example:
+    >>> import textile_twin_core as ttc
+    >>> ttc.machines.tufting(backing_force_N=900.0).name
+    'tufting'
 """
 
 from __future__ import annotations
@@ -49,16 +54,41 @@ NAMES: tuple[str, ...] = tuple(_FACTORIES)
 
 
 def parameters_of(name: str) -> dict[str, Any]:
-    """The parameters of a published machine with their defaults, those of its sensors last."""
+    """Return the parameters of a published machine with their defaults.
+
+    Args:
+        name: name of the machine in the catalogue.
+
+    Returns:
+        Parameters in order, those of the sensors last, in SI units.
+
+    Raises:
+        MachineError: for an unknown machine, with the nearest names.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> ttc.machines.parameters_of("tufting")["backing_force_N"]
+        1000.0
+    """
     known = signature(_FACTORIES[name]).parameters.values()
     own = {each.name: each.default for each in known if each.kind is Parameter.KEYWORD_ONLY}
     return {**own, **SENSOR_DEFAULTS} if len(own) < len(known) else own
 
 
 def create(name: str, **overrides: float | str) -> AnyMachine:
-    """A published machine by name, with parameters overridden.
+    """Build a published machine by name.
 
-    Raises MachineError for an unknown machine or parameter, with the nearest names, and for sizes that no machine has.
+    Args:
+        name: name of the machine in the catalogue.
+        **parameters: parameters that differ from their defaults (see `parameters_of`).
+
+    Raises:
+        MachineError: for an unknown machine or parameter, with the nearest names, and for sizes beyond any machine.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> ttc.machines.create("tufting", backing_force_N=900.0).parameters["backing_force_N"]
+        900.0
     """
     factory = _FACTORIES.get(name)
     if factory is None:

@@ -1,7 +1,7 @@
 """Beat-up of a power loom by a crank-rocker on elliptic gears (Zhao, Ren and Chen 2011).
 
-Gear 1 on the spindle O drives gear 2 about A; crank AB is fixed on gear 2, coupler BC, rocker CD about D,
-sley DE rigid with CD.
+Gear 1 on the spindle O drives gear 2 about A. Crank AB is fixed on gear 2, with coupler BC, rocker CD about D, and sley
+DE rigid with CD.
 """
 
 from __future__ import annotations
@@ -49,12 +49,20 @@ def elliptic_gear_beatup(
     gravity_m_s2: float = 9.81,
     **sensors: Unpack[SensorNumbers],
 ) -> Machine:
-    """The mechanism with the paper's lengths; torque, energy and reactions only once every mass and inertia is given.
+    """Build the mechanism with the paper's lengths; torque, energy and reactions need every mass and inertia.
 
-    At theta = 0 the sley is in front, crank and coupler stretched, gear 1 stands `past_largest_ratio_rad`
-    past its largest ratio, and the crank turns towards AD. The paper prints 4 and 135 deg without their
-    symbols (driving ellipse to centre line, AD to the x axis); 4 deg past, not before, since only that gives
-    the printed dwell. The direction of the centre line OA is not in the text: `centre_line_rad`.
+    At theta = 0 the sley is at the front, with crank and coupler stretched. Gear 1 is `past_largest_ratio_rad` past its
+    largest ratio, and the crank turns towards AD. The paper prints 4 and 135 deg without symbols (driving ellipse to
+    centre line, AD to the x axis). Here gear 1 is 4 deg past the largest ratio, not before, since only that gives the
+    printed dwell. The direction of the centre line OA is not in the text: `centre_line_rad`.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> ttc.machines.elliptic_gear_beatup().missing_for_torque[0]
+        'gear_1_kg'
+
+    References:
+        Zhao, Ren and Chen 2011.
     """
     given = dict(locals())
     missing = tuple(name for name, value in given.items() if value is None)
@@ -125,9 +133,10 @@ _BODY_NAMES = {
 
 
 def stretched_angle(crank: float, coupler: float, rocker: float, ground: float) -> float:
-    """Angle at the crank's axis from the ground link to crank and coupler in one line [rad].
+    """Compute the angle at the crank's axis from the ground link to crank and coupler in one line [rad].
 
-    Raises MachineError where these lengths [m] form no triangle.
+    Raises:
+        MachineError: for lengths [m] that form no triangle.
     """
     reach = crank + coupler
     cosine = (reach**2 + ground**2 - rocker**2) / (2.0 * reach * ground)

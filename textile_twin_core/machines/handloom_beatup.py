@@ -1,7 +1,7 @@
 """Beat-up mechanism of a handmade carpet loom: a crank-rocker whose rocker carries the beater.
 
-Topalbekiroglu and Celik 2010: crank DC on the main shaft D, coupler CB, rocker AB about A, and the beater arm
-AE rigid with it; the design of beta = 48 deg at a crank rotation of 180 deg, scaled by 0.3 m.
+Crank DC on the main shaft D, coupler CB, rocker AB about A, and the beater arm AE rigid with the rocker (Topalbekiroglu
+and Celik 2010); the design of beta = 48 deg at a crank rotation of 180 deg, scaled by 0.3 m.
 """
 
 from __future__ import annotations
@@ -39,13 +39,21 @@ def handloom_beatup(
     gravity_m_s2: float = 9.81,
     **sensors: Unpack[SensorNumbers],
 ) -> Machine:
-    """The beat-up mechanism; masses and inertias as printed, for cast iron of 30 x 10 mm.
+    """Build the beat-up mechanism, with masses and inertias as printed, for cast iron of 30 x 10 mm.
 
-    The rocker AB is a part of the one bar AE (`arm_angle_rad` 0), so it has no mass of its own. The printed
-    crank inertia is that of a bar 15 mm wide; 30 mm gives 4.80e-5 kg m^2. How the mechanism stands in the
-    room is not in the text: `ground_angle_rad` is the direction from the shaft D to the pivot A, which only
-    gravity feels. The beater's position counts along its arc from the rear dead centre; it beats up at the
-    other one, crank and coupler stretched.
+    The rocker AB is part of the bar AE (`arm_angle_rad` 0) and has no mass of its own. The printed crank inertia is
+    that of a bar 15 mm wide; 30 mm gives 4.80e-5 kg m^2. The text does not give the orientation in the room:
+    `ground_angle_rad` is the direction from the shaft D to the pivot A, and affects gravity only. The beater's position
+    counts along its arc from the rear dead centre. Beat-up is at the front dead centre, with crank and coupler
+    stretched.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> ttc.machines.handloom_beatup().shown_outputs[-1]
+        'beater_acceleration_m_s2'
+
+    References:
+        Topalbekiroglu and Celik 2010.
     """
     parameters = numbers_of(locals())
     pivot = (ground_m * real.cos(ground_angle_rad), ground_m * real.sin(ground_angle_rad))

@@ -1,8 +1,8 @@
-"""Needle transfer of a sewing machine that imitates the hand stitch (Pejchar and Beran 2011), as a contact model.
+"""Needle transfer of a sewing machine for an imitated hand stitch (Pejchar and Beran 2011), as a contact model.
 
-Element 1, the jacket of the needle bar, moves as the shaft drives it. Element 2, which opens the collets, and
-element 3, the collets, hang on springs and dampers between one-sided stops; before the dead centre element 2 strikes a
-rubber pad on the frame while the jacket goes on.
+Element 1, the jacket of the needle bar, is driven by the shaft. Element 2, which opens the collets, and element 3, the
+collets, are mounted on springs and dampers between one-sided stops. Before the dead centre element 2 strikes a rubber
+pad on the frame while the jacket continues.
 """
 
 from __future__ import annotations
@@ -62,32 +62,40 @@ def needle_transfer(
     cone_restitution: float = 0.0,
     collet_restitution: float = 0.6,
 ) -> ContactMachine:
-    """The mechanism with the paper's Tables 1 to 3; `design` is "original" or "optimised" (element 2 starts 5 mm back).
+    """Build the mechanism with the paper's Tables 1 to 3, in its "original" or "optimised" `design`.
 
-    What the paper leaves open is a parameter:
+    In the optimised design element 2 starts 5 mm further back. Details that the paper does not determine are
+    parameters:
 
-    - The law of motion of element 1 is a picture there (Fig. 4). `motion_law` is "modified_sine", "cycloidal", a
-      `MotionLaw`, a function of the shaft angle [rad] that gives x_1 [m], or a table of both over a turn. With the
-      named laws the jacket goes forward by `stroke_m` from theta = 0, waits, comes back by the same law from
-      `return_start_rad`, and waits. The stroke 32.6 mm and 250 cycles/min are printed. The time of the forward motion
-      is not: 24.623 ms (24.62 in round figures) is fitted so that pad, largest deceleration and contact of 2 and 3
-      come at the printed times. The paper says nothing of the return: it mirrors the forward motion, half a cycle
-      later.
-    - The pad begins at 0.0949 m in Eq. 5, 9 and 13, at 0.0989 m in Eq. 17 and 18. With 0.0949 m the printed stroke
+    - The law of motion of element 1 is given as a picture (Fig. 4). `motion_law` is "modified_sine", "cycloidal", a
+      `MotionLaw`, a function of the shaft angle [rad] that returns x_1 [m], or a table of both over a turn. With the
+      named laws the jacket moves forward by `stroke_m` from theta = 0, dwells, returns by the same law from
+      `return_start_rad`, and dwells. The stroke 32.6 mm and 250 cycles/min are printed. The duration of the forward
+      motion is not: 24.623 ms (24.62 in round figures) is fitted so that pad, largest deceleration and contact of 2 and
+      3 occur at the printed times. The return mirrors the forward motion, half a cycle later.
+    - The pad begins at 0.0949 m in Eq. 5, 9 and 13, and at 0.0989 m in Eq. 17 and 18. With 0.0949 m the printed stroke
       fits, one contact time serves both designs as printed, and only the original leaves its pin. With 0.0989 m a
       cycloidal 34.84 mm in 23.38 ms comes as near to the times.
     - Eq. 1 gives newtons for a compression in millimetres; in metres the pad would be softer than the springs.
-    - Eq. 13 and 18 let spring and damper of the pad act wherever element 2 is past its face, so that it pulls for
-      0.1 ms when the element leaves. The printed contact time needs that (`pad_pulls`): with a pad that lets go
-      element 2 comes back faster and meets element 3 at 19.07 ms, not at 19.24.
-    - Boundary conditions 15, 16, 19 and 20 are one-sided stops: pin, x_2 - x_1 at most its start; cone,
-      x_3 - x_1 at most its start (relative to x_2, as Eq. 16 has it, F and G could never meet); collets F-G,
-      x_3 - x_2 at most D - A. Pin and cone hand on the jacket's motion, as 15 and 16 say (restitution 0); F-G bounces
-      with 0.6.
+    - In Eq. 13 and 18 spring and damper of the pad act wherever element 2 is past its face. The pad therefore pulls for
+      0.1 ms when the element leaves, which the printed contact time needs (`pad_pulls`). Without that pull element 2
+      returns faster and meets element 3 at 19.07 ms instead of 19.24 ms.
+    - Boundary conditions 15, 16, 19 and 20 are one-sided stops: pin, x_2 - x_1 at most its start; cone, x_3 - x_1 at
+      most its start (relative to x_2, as in Eq. 16, F and G could never meet); collets F-G, x_3 - x_2 at most D - A.
+      Pin and cone transmit the jacket's motion, as in 15 and 16 (restitution 0). F-G bounces with 0.6.
 
-    Raises MachineError for an unknown design or law, a motion that does not fit into a turn, or masses that are too
-    light for what holds them to be followed, and ContactError for
-    bad masses, stiffnesses, restitutions or a start beyond a stop.
+    Raises:
+        MachineError: for an unknown design or law, a motion that does not fit into a turn, or masses too light for
+            their springs and dampers to be integrated.
+        ContactError: for bad masses, stiffnesses or restitutions, or a start beyond a stop.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> ttc.machines.needle_transfer(design="optimised").elements
+        ('element_1', 'element_2', 'element_3')
+
+    References:
+        Pejchar and Beran 2011.
     """
     if design not in DESIGNS:
         raise MachineError(f"needle_transfer: design is {design!r}; there are {' and '.join(DESIGNS)}")

@@ -1,4 +1,4 @@
-"""The sensors on the shaft as parameters that every published linkage takes beside its own."""
+"""Parameters of the sensors on the shaft, which every published linkage accepts beside its own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from textile_twin_core.machine.sensors import Encoder, Sensors, TorqueSensor
 
 
 class SensorNumbers(TypedDict, total=False):
-    """What may be given of the sensors, by the names of parameters."""
+    """Sensor parameters by name."""
 
     encoder_zero_rad: float
     torque_sensor_gain: float
@@ -26,18 +26,19 @@ SENSOR_DEFAULTS: Final[SensorNumbers] = {
 
 
 def sensors_of(given: SensorNumbers) -> Sensors:
-    """The sensors that these parameters say."""
-    said = SENSOR_DEFAULTS | given
+    """Build the sensors from these parameters."""
+    values = SENSOR_DEFAULTS | given
     return Sensors(
-        Encoder(zero_rad=said["encoder_zero_rad"]),
-        TorqueSensor(said["torque_sensor_gain"], said["torque_sensor_offset_Nm"], said["torque_sensor_delay_s"]),
+        Encoder(zero_rad=values["encoder_zero_rad"]),
+        TorqueSensor(values["torque_sensor_gain"], values["torque_sensor_offset_Nm"], values["torque_sensor_delay_s"]),
     )
 
 
 def numbers_of(given: Mapping[str, Any]) -> dict[str, float]:
-    """Every number among a factory's arguments, by name: its own, then those of the `sensors`.
+    """Collect every number among a factory's arguments by name: its own, then those of the `sensors`.
 
-    Raises TypeError for a name that neither has, as Python does.
+    Raises:
+        TypeError: for a name that neither the factory nor the sensors have.
     """
     for name in given["sensors"]:
         if name not in SENSOR_DEFAULTS:

@@ -47,11 +47,19 @@ def tufting(
     gravity_m_s2: float = 9.81,
     **sensors: Unpack[SensorNumbers],
 ) -> Machine:
-    """The tufting machine; lengths, masses and inertias are those of Xu et al. 2016, Table 1.
+    """Build the tufting machine, with lengths, masses and inertias of Xu et al. 2016, Table 1.
 
-    The paper gives 1000 N of friction and the angles at which the needle stabs (about 22 deg) and
-    leaves (about 194 deg), which are one plane of the backing 557.84 mm below the driven shaft:
-    `entry_plane_m` and `exit_plane_m`. Eq. 9 and 14 are on the branches pi - asin and 2 pi - acos.
+    The paper gives 1000 N of friction and the angles at which the needle enters (about 22 deg) and leaves (about 194
+    deg). Both angles correspond to one plane of the backing 557.84 mm below the driven shaft: `entry_plane_m` and
+    `exit_plane_m`. Eq. 9 and 14 are on the branches pi - asin and 2 pi - acos.
+
+    Example:
+        >>> import textile_twin_core as ttc
+        >>> [round(event.angle_rad, 2) for event in ttc.machines.tufting().events()][:1]
+        [0.38]
+
+    References:
+        Xu et al. 2016.
     """
     parameters = numbers_of(locals())
     centre = (x1_m, H1_m)

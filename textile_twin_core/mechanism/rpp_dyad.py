@@ -30,9 +30,13 @@ class RPPDyad(PlainGroup):
         MachineError: for impossible lengths, guide or slot, and for a slot parallel to the guide.
 
     Example:
+        >>> import numpy as np
+        >>> from textile_twin_core.mechanism import Crank, Linkage
+        >>> from textile_twin_core.mechanism.extremes import values_over
         >>> yoke = RPPDyad("block", "yoke", "A", "Q", ("S", "T"), (0.04, 0.3), (0.0, 0.0), (1.0, 0.0))
         >>> motion = Linkage({"O": (0.0, 0.0)}, (Crank("crank", "O", "A", 0.1), yoke)).solved
-        >>> motion.points["Q"].position.x  # 0.1 cos(theta)
+        >>> values_over(motion.points["Q"].position.x, np.array([0.0, np.pi])).round(9).tolist()  # 0.1 cos(theta)
+        [0.1, -0.1]
     """
 
     block: str

@@ -64,8 +64,13 @@ class RPRDyad(PlainGroup):
         MachineError: for impossible lengths, slot or branch.
 
     Example:
+        >>> import numpy as np
+        >>> from textile_twin_core.mechanism import Crank, Linkage
+        >>> from textile_twin_core.mechanism.extremes import values_over
         >>> whitworth = (Crank("crank", "O", "A", 0.11), RPRDyad("block", "lever", "A", "C", "B", "T", (0.03, 0.2)))
-        >>> Linkage({"O": (0.0, 0.0), "C": (0.0, -0.04)}, whitworth).solved.links["lever"].first  # its speed ratio
+        >>> lever = Linkage({"O": (0.0, 0.0), "C": (0.0, -0.04)}, whitworth).solved.links["lever"]
+        >>> values_over(lever.first, np.array([1.5 * np.pi, 0.5 * np.pi])).round(4).tolist()  # quick return, forward
+        [1.5714, 0.7333]
 
     References:
         Norton, Design of Machinery, 2012, chapters 4, 6 and 7: the inverted slider-crank, in the textbook's form.
