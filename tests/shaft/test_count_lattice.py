@@ -59,6 +59,8 @@ def test_none_are_named_where_there_are_none(unit: str, decimals: int) -> None:
     for speed in (6.0, 13.7, 60.0, TURN * 500.0 / 125.0):  # the last has 125 readings a turn
         angle = logged(motion(speed, 768)[1], 0, UNITS[unit], decimals)
         assert count_lattice(np.unwrap(angle), UNITS[unit]) is None
+    even = np.round(np.mod(0.032 * np.arange(2000) / TURN * UNITS[unit], UNITS[unit]), decimals)
+    assert count_lattice(np.unwrap(even / UNITS[unit] * TURN), UNITS[unit]) is None
 
 
 @pytest.mark.parametrize("unit", UNITS)

@@ -41,7 +41,6 @@ from textile_twin_core.shaft.count_lattice import count_lattice
 _FIRST_NS = 1_000_000_000
 """Stamp of the first row of a log whose time is none of the day: 0 means in ROS that there is no stamp."""
 _EPOCH_S = 1e8
-_LATTICE = 8192  # moving angles in which an encoder's counts are looked for
 MEASURED = "measured"
 """Above the topics of quantities other than torque: JointState, position of the joint named as the output."""
 
@@ -332,8 +331,7 @@ def _amiss(steps: IntArray) -> str:
 
 def _own_readings(angle: FloatArray, unit: str) -> tuple[FloatArray, str]:
     """The encoder's readings behind angles (n,) [rad] logged with so many decimals, and its counts in words."""
-    moving = angle[:-1][np.diff(angle) != 0.0][:_LATTICE]
-    lattice = count_lattice(np.unwrap(moving), ANGLE_TURNS[unit]) if unit in ANGLE_TURNS else None
+    lattice = count_lattice(np.unwrap(angle), ANGLE_TURNS[unit]) if unit in ANGLE_TURNS else None
     if lattice is None:
         return angle, ""
     return lattice.restored(angle), f", rounded readings of an encoder of {lattice.counts} counts a turn: restored"

@@ -24,6 +24,8 @@ LEAST_DISTINCT = 48  # counts that the readings must show
 MOST_COVERED = 0.75  # part of a count that the rounding may cover
 INSIDE, BEYOND = 0.95, 1.1  # part of the readings that must keep to the lattice; within so many half units
 MOST_LIKELY = 256  # candidates that are tried
+READINGS = 8192  # moving readings that are looked at
+BEYOND_UNITS, LEAST_ROUGH = 3.5, 0.02  # units in a third difference: smooth motion has fewer than 4; part that has more
 
 
 @dataclass(frozen=True)
@@ -73,9 +75,14 @@ def count_lattice(angles: FloatArray, turn: float) -> CountLattice | None:
     Returns:
         The lattice of the counts; None where the angles are not rounded, or show no counts.
     """
-    unit = decimal_unit(angles, turn)
-    turns = np.zeros(0) if unit is None else np.unique(np.mod(angles / TURN, 1.0))
+    moving = np.flatnonzero(np.diff(angles) != 0.0)[:READINGS]
+    if moving.size < LEAST_DISTINCT:
+        return None
+    unit = decimal_unit(angles[moving], turn)
+    turns = np.zeros(0) if unit is None else np.unique(np.mod(angles[moving] / TURN, 1.0))
     if unit is None or turns.size < LEAST_DISTINCT:
+        return None
+    if _roughness(angles[: moving[-1] + 2] / TURN, unit) < LEAST_ROUGH:
         return None
     cells = np.bincount((turns * FINEST).astype(np.int64) % FINEST, minlength=FINEST)
     mean = np.abs(np.fft.rfft(cells))[: FINEST // 4] / turns.size
@@ -83,6 +90,13 @@ def count_lattice(angles: FloatArray, turn: float) -> CountLattice | None:
     likely = counts[mean[counts] > max(LEAST_MEAN, 5.0 / np.sqrt(turns.size))]
     tried = (_lattice(turns, int(each), unit) for each in likely[:MOST_LIKELY])
     return next((lattice for lattice in tried if lattice is not None), None)
+
+
+def _roughness(turns: FloatArray, unit: float) -> float:
+    """Part of the third differences of readings (n,) that rounding to a unit alone cannot give."""
+    third = np.diff(turns, 3)
+    moving = np.lib.stride_tricks.sliding_window_view(np.diff(turns) != 0.0, 3).any(axis=1)
+    return float(np.mean(np.abs(third[moving]) > BEYOND_UNITS * unit)) if moving.any() else 0.0
 
 
 def _lattice(turns: FloatArray, counts: int, unit: float) -> CountLattice | None:
