@@ -179,6 +179,33 @@ def test_an_encoder_at_the_far_end() -> None:
     assert error_over_peak(samples, made, 1.5) < 0.01
 
 
+def test_a_shaft_settles_as_fast_as_its_vibration_decays() -> None:
+    wide = WideMachine(0.06)
+    made = record(wide, 300.0)
+    machine = declared(wide, True)
+    shaft = machine.shaft
+    assert shaft is not None
+
+    def after_s(damping: float, slip: float) -> float:
+        pieces = tuple(dataclasses.replace(p, damping_Nms_rad=damping * p.damping_Nms_rad) for p in shaft.pieces)
+        drive = dataclasses.replace(shaft.drive, slip_Nms_rad=slip)
+        changed = dataclasses.replace(machine, shaft=dataclasses.replace(shaft, pieces=pieces, drive=drive))
+        samples = observed(changed, made, (TORQUE,))
+        return float(made.time_s[samples.index[np.argmax(samples.settled)]]) if samples.settled.any() else math.inf
+
+    decay = 0.015 * wide.first_mode_rad_s
+    assert after_s(1.0, 0.0) == pytest.approx(math.log(100.0) / decay, abs=0.1)
+    assert after_s(0.2, 0.0) == pytest.approx(5.0 * math.log(100.0) / decay, abs=0.2)
+    assert after_s(0.0, 80.0) < 3.0
+    assert after_s(0.0, 0.0) == math.inf
+    still = dataclasses.replace(
+        shaft,
+        pieces=tuple(dataclasses.replace(p, damping_Nms_rad=0.0) for p in shaft.pieces),
+        drive=ShaftDrive(None, 1.0, 0.0),
+    )
+    assert "never settles" in ttc.compile(dataclasses.replace(machine, shaft=still), outputs=[TORQUE]).describe()
+
+
 def test_what_cannot_be_asked() -> None:
     machine = declared(WideMachine(0.06), True)
     with pytest.raises(SceneError, match="torque_piece_s0_s1_Nm"):

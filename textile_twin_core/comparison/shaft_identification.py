@@ -205,6 +205,8 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
     drive: dict[str, float | None] = {INERTIA: shaft.drive.inertia_kgm2, SLIP: shaft.drive.slip_Nms_rad}
     before, second_before = observed.residual(observed.observer(configured | drive), first=True)
     if before.size < _FEWEST:
+        if observed.scales.damping_ratio == 0.0:
+            raise RecordingError("a shaft without any damping never settles: give its pieces damping_Nms_rad")
         raise RecordingError("the shaft's state does not settle in this recording: record longer at working speed")
     begin("trying stiffnesses", 0.5)
     unknown: dict[str, float | None] = {INERTIA: None, SLIP: None}

@@ -38,8 +38,8 @@ _SLIP_SIGMA = 100.0
 """Prior standard deviation of lambda [1/s]: any drive from open loop to a stiff speed loop."""
 _WAIT_PERIODS = 10.0
 """Periods of the first mode after which an unknown drive is estimated."""
-_RINGING, _MOST_RINGING_S = math.log(100.0), 2.0
-"""Decay of the vibration that a start leaves, until a prediction is settled; longest time for it."""
+_RINGING = math.log(100.0)
+"""Decay of the vibration that a start leaves, until a prediction is settled."""
 _SWEEP, _SWEEP_S, _SAMPLE_S = (0.5, 3.0), 3.0, 1e-3
 """Speeds over the nominal one, duration and sampling of the sweep in which the error of the time step is measured."""
 _FINER = 4
@@ -61,7 +61,8 @@ class Observed:
 class ObserverScales:
     """Times and errors of an observer that follow from its machine.
 
-    first_mode_rad_s, damping_ratio: of the first natural mode with the mean inertias. substep_s: time step.
+    first_mode_rad_s, damping_ratio: of the first natural mode with the mean inertias; pieces, bearings and the slip of
+    a known drive damp it. substep_s: time step.
     numeric_error: root mean square error of the sensor's torque that the step leaves, over the root mean square torque.
     """
 
@@ -116,7 +117,7 @@ class ShaftObserver:
         unknown = (1.0 / FIRST_DRIVE - 1.0) * float(inertia.sum())
         known = shaft.drive.inertia_kgm2
         inertia[shaft.drive_station] += unknown if known is None else known * self._gear
-        stiffness, damping = _assembled(chain.stiffness), _assembled(chain.damping)
+        stiffness, damping = _assembled(chain.stiffness), _assembled(chain.damping) + np.diag(chain.viscous)
         squares, shapes = scipy.linalg.eigh(stiffness, np.diag(inertia))
         first, shape = math.sqrt(max(squares[1], 0.0)), shapes[:, 1]
         return first, float(shape @ damping @ shape) / (2.0 * first)
@@ -174,7 +175,7 @@ class ShaftObserver:
             "known_inertia": float(known), "known_slip": float(given.slip_Nms_rad is not None), "inertia": inertia,
             "slip": slip, "drive": drive, "encoder": shaft.encoder_station, "piece": piece, "sign": sign,
             "substep": scales.substep_s, "numeric": scales.numeric_error,
-            "wait": _WAIT_PERIODS * 2.0 * math.pi / scales.first_mode_rad_s, "ring": min(ring, _MOST_RINGING_S),
+            "wait": _WAIT_PERIODS * 2.0 * math.pi / scales.first_mode_rad_s, "ring": ring,
         }  # fmt: skip
         for name, value in values.items():
             self._observer[name] = value

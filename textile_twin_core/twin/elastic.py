@@ -123,12 +123,13 @@ class ElasticTwin:
         observer = self.observer()
         scales, shaft = observer.scales, self.elastic.shaft
         known = {"inertia": shaft.drive.inertia_kgm2, "slip": shaft.drive.slip_Nms_rad}
+        damping = f"damping {scales.damping_ratio:.3g}" if scales.damping_ratio > 0.0 else "undamped: it never settles"
         unknown = " and ".join(name for name, value in known.items() if value is None)
         return "\n".join(
             [
                 f"{self.machine.name}: {', '.join(self.outputs)}",
                 f"elastic main shaft: {self.elastic.stations} stations, {len(self.machine.linkages)} linkages",
-                f"first mode {scales.first_mode_rad_s / (2.0 * math.pi):.1f} Hz, damping {scales.damping_ratio:.3g}",
+                f"first mode {scales.first_mode_rad_s / (2.0 * math.pi):.1f} Hz, {damping}",
                 f"time step {1e6 * scales.substep_s:.0f} us, which leaves {scales.numeric_error:.1g} of the torque",
                 f"of the drive estimated: {unknown or 'its torque'}",
             ]
