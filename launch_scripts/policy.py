@@ -28,6 +28,7 @@ PARAMETERS = (
     "set_parameters_atomically",
     "get_type_description",
 )
+TORQUES = ("balancing_torque/measured", "balancing_torque/predicted", "balancing_torque/residual")
 LIFECYCLE = ("change_state", "get_available_states", "get_available_transitions", "get_state", "get_transition_graph")
 
 
@@ -45,9 +46,13 @@ RIGHTS = {
     "record_node": Rights((), (*INPUTS, *OUTPUTS, "twin_node/transition_event", "/diagnostics"), ("start", "stop")),
     "view_node": Rights((), (*INPUTS, *OUTPUTS, "/diagnostics")),
     "monitor_node": Rights((), INPUTS, ("learn_again",)),
+    "fault_node": Rights(
+        (), (*INPUTS, *OUTPUTS, "twin_node/transition_event", "/diagnostics"), ("list", "acknowledge")
+    ),
     "shaft_node": Rights(INPUTS),
     "plc_node": Rights(INPUTS, ("balancing_torque/predicted",)),
     "opcua_node": Rights(INPUTS, ("balancing_torque/predicted",)),
+    "opcua_server_node": Rights((), ("joint_states", *TORQUES)),
 }
 
 

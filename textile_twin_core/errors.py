@@ -48,7 +48,7 @@ _EXTRAS = {
     "files": ("lz4", "mcap", "pyarrow", "rosbags", "zstandard"),
     "view": ("matplotlib", "rerun"),
     "design": ("aiohttp", "ezdxf"),
-    "plc": ("asyncua", "pymodbus"),
+    "plc": ("asyncua", "cryptography", "pymodbus"),
     "logs": ("asammdf", "h5py", "nptdms"),
     "cluster": ("dask", "distributed"),
 }

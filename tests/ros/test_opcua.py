@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import threading
-from collections.abc import Coroutine, Iterator
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from concurrent.futures import Future
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -35,14 +35,19 @@ VARIABLES = {
 }
 
 
+def free_port(port: int = 0) -> int:
+    """A port of this computer that nobody listens on."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind(("127.0.0.1", port))
+        return int(probe.getsockname()[1])
+
+
 class Plc:
     """asyncua's server in a thread of its own, on a port of its own."""
 
-    def __init__(self, port: int = 0) -> None:
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(("127.0.0.1", port))
-            self.port = int(probe.getsockname()[1])
+    def __init__(self, port: int = 0, secure: Callable[[Server], Awaitable[None]] | None = None) -> None:
+        self.port, self._secure = free_port(port), secure
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever)
         self._thread.start()
@@ -60,6 +65,8 @@ class Plc:
         self.server = Server()
         await self.server.init()
         self.server.set_endpoint(f"opc.tcp://127.0.0.1:{self.port}")
+        if self._secure is not None:
+            await self._secure(self.server)
         space = await self.server.register_namespace("loom")
         self.nodes = {}
         for name, value in VARIABLES.items():
@@ -120,6 +127,7 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
         "torque_unit_Nm:=0.5",
         "predicted:='ns=2;s=Predicted'",
         "timeout_s:=20.0",
+        "allow_insecure:=true",
     )
     twin = suite.start("twin_node", "wait_for:=[balancing_torque/predicted]")
     bridge.wait_for_words("reading opc.tcp")
@@ -183,7 +191,11 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
     [
         (["angle:='ns=2;s=Angle'"], "give the server's address"),
         (["url:=opc.tcp://127.0.0.1:1"], "'angle' is not set"),
-        (["url:=opc.tcp://127.0.0.1:1", "angle:=loom"], "'angle' is 'loom': write a node id"),
+        (["url:=opc.tcp://127.0.0.1:1", "angle:=loom", "allow_insecure:=true"], "'angle' is 'loom': write a node id"),
+        (
+            ["url:=opc.tcp://127.0.0.1:1", "angle:=i=1"],
+            "neither encrypted nor signed: make them with textile-twin opcua",
+        ),
     ],
 )
 def test_what_is_missing_is_told(suite: Suite, told: list[str], text: str) -> None:
@@ -194,7 +206,9 @@ def test_what_is_missing_is_told(suite: Suite, told: list[str], text: str) -> No
 
 @pytest.mark.slow
 def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
-    program = suite.start("opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", "angle:='ns=2;s=Angel'")
+    program = suite.start(
+        "opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", "angle:='ns=2;s=Angel'", "allow_insecure:=true"
+    )
     program.wait_for_words("angle, ns=2;s=Angel: BadNodeIdUnknown; trying again every second")
     assert program.end() == 0
 
@@ -203,7 +217,7 @@ def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
 def test_a_server_that_refuses_predictions_gives_angles_all_the_same(suite: Suite, plc: Plc) -> None:
     """Its own level of service is nobody's to write."""
     heard = Bridged(suite.node(), "opcua_node: plc")
-    words = ["angle:='ns=2;s=Angle'", "predicted:='i=2267'", "timeout_s:=20.0"]
+    words = ["angle:='ns=2;s=Angle'", "predicted:='i=2267'", "timeout_s:=20.0", "allow_insecure:=true"]
     bridge = suite.start("opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", *words)
     bridge.wait_for_words("reading opc.tcp")
     twin = suite.node().create_publisher(WrenchStamped, "balancing_torque/predicted", RELIABLE)

@@ -27,6 +27,8 @@ COMMANDS = {
     "import": "a recording from any logger's table: CSV, Parquet, MATLAB, HDF5, TDMS, MDF4",
     "monitor": "recordings watched for faults, turn by turn: needle side, drive side, sensors",
     "recover": "a complete recording from one that was cut off or is damaged",
+    "faults": "the fault book of a suite: list, acknowledge, open in the viewer",
+    "opcua": "certificates and users that secure OPC UA connections",
     "status": "a running suite in the terminal: rates, estimator, residual, alarms",
     "view": "show a recording in the viewer",
     "bench": "speed against error on this computer",

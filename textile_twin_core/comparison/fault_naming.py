@@ -31,6 +31,11 @@ _NOISE, _DROPOUT = SERIES.index("noise"), SERIES.index("dropout")
 _TO_RPM = 30.0 / math.pi
 
 
+def evidence_of(kind: str) -> str:
+    """The series (see `SERIES`) that raises alarms of a kind."""
+    return "constant_torque" if kind == "sensor_offset" else kind
+
+
 def worth_telling(band: Band, torque_Nm: float, least_share: float, least_phase_rad: float) -> FloatArray:
     """Smallest change of each series that is worth an alarm, (series,)."""
     lost = 0.1 * abs(band.mean[_DROPOUT])

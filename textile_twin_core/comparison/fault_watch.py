@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.fault_band import SERIES as SERIES
 from textile_twin_core.comparison.fault_band import Band, Departure, band_of
-from textile_twin_core.comparison.fault_naming import OF_SAMPLES, SIDE, is_held, named, told, worth_telling
+from textile_twin_core.comparison.fault_naming import OF_SAMPLES, SIDE, evidence_of, is_held, named, told, worth_telling
 from textile_twin_core.comparison.fault_signatures import TurnFeatures
 
 _GROWN, _TURNED = 2.0, 0.5
@@ -108,6 +109,24 @@ class FaultWatch:
     def standing(self) -> tuple[Alarm, ...]:
         """The alarms of the faults that stand now, in the order of `active`."""
         return tuple(self._told[kind] for kind in self._calm)
+
+    @property
+    def learnt_turns(self) -> TurnFeatures:
+        """The turns that went into the band, for `resume`; there is at least one once the watch has learnt."""
+        return TurnFeatures.joined(self._learning)
+
+    def resume(self, learnt: TurnFeatures, standing: Iterable[Alarm]) -> None:
+        """Go on where an earlier watch of the same settings stopped.
+
+        Args:
+            learnt: its `learnt_turns`.
+            standing: its alarms that stood; as after an alarm, what holds since is learnt from the turns to come.
+        """
+        self._learning = [learnt.where(slice(k, k + 1)) for k in range(learnt.number.size)]
+        self._known = [self._departure(self._learning)]
+        self._told = {evidence_of(alarm.kind): alarm for alarm in standing}
+        self._calm = dict.fromkeys(self._told, 0)
+        self._settling = bool(self._calm)
 
     def take(self, turns: TurnFeatures) -> tuple[list[Alarm], FloatArray]:
         """Take turns; the alarms that they raise, and (t, series) departures in sigmas (0 while learning)."""

@@ -197,9 +197,9 @@ class BagWriter(ArrayWriter):
         self._end_file()
         self._begin_file()
 
-    def drop_oldest_file(self) -> bool:
-        """Remove the oldest complete file; False when there is none."""
-        return self._complete.drop_oldest(self._place)
+    def drop_oldest_file(self, before_ns: int | None = None) -> bool:
+        """Remove the oldest complete file; False when there is none, or its last message is not before this time."""
+        return self._complete.drop_oldest(self._place, before_ns)
 
     def _end_file(self) -> None:
         """Complete the current file, with a copy of its own metadata in it."""

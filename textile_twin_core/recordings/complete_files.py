@@ -30,9 +30,12 @@ class CompleteFiles:
         """Their messages by topic."""
         return total(self.files)
 
-    def drop_oldest(self, folder: Path) -> bool:
-        """Remove the oldest from its folder; False when there is none."""
+    def drop_oldest(self, folder: Path, before_ns: int | None = None) -> bool:
+        """Remove the oldest from its folder; False when there is none, or its last message is not before this time."""
         if not self.files:
+            return False
+        span_ns = self.files[0].span_ns
+        if before_ns is not None and span_ns is not None and span_ns[1] >= before_ns:
             return False
         self._bytes.pop(0)
         (folder / self.files.pop(0).name).unlink(missing_ok=True)

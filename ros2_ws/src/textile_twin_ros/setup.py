@@ -5,7 +5,18 @@ from pathlib import Path
 from setuptools import setup
 
 PACKAGE = "textile_twin_ros"
-NODES = ("twin_node", "replay_node", "record_node", "shaft_node", "view_node", "plc_node", "opcua_node", "monitor_node")
+NODES = (
+    "twin_node",
+    "replay_node",
+    "record_node",
+    "shaft_node",
+    "view_node",
+    "plc_node",
+    "opcua_node",
+    "monitor_node",
+    "fault_node",
+    "opcua_server_node",
+)
 
 
 def files(pattern: str) -> list[str]:

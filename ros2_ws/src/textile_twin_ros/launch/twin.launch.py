@@ -1,4 +1,4 @@
-"""One machine in a namespace of its own: its twin and, if wanted, live view, recorder and a simulated shaft.
+"""One machine in a namespace of its own: its twin and, if wanted, view, recorder, fault book and a simulated shaft.
 
 ros2 launch textile_twin_ros twin.launch.py machine:=tufting namespace:=/mill/m1 view:=true record:=out/recordings
 ros2 launch textile_twin_ros twin.launch.py machine:=tufting shaft:=simulated
@@ -30,6 +30,8 @@ def generate_launch_description() -> LaunchDescription:
     config = PathJoinSubstitution([FindPackageShare("textile_twin_ros"), "config", "twin.yaml"])
     machine, namespace = LaunchConfiguration("machine"), LaunchConfiguration("namespace")
     parameters, recordings = LaunchConfiguration("params_file"), LaunchConfiguration("record")
+    book = LaunchConfiguration("book")
+    has_book = IfCondition(NotEqualsSubstitution(book, ""))
     simulated = EqualsSubstitution(LaunchConfiguration("shaft"), "simulated")
     return LaunchDescription(
         [
@@ -38,6 +40,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("params_file", default_value=config, description="parameters of the nodes"),
             DeclareLaunchArgument("view", default_value="false", description="serve rerun viewers"),
             DeclareLaunchArgument("record", default_value="", description="folder of recordings; empty records none"),
+            DeclareLaunchArgument("book", default_value="", description="folder of the fault book; empty keeps none"),
             DeclareLaunchArgument(
                 "shaft",
                 default_value="machine",
@@ -66,6 +69,22 @@ def generate_launch_description() -> LaunchDescription:
                 namespace=namespace,
                 parameters=[{"folder": recordings}],
                 condition=IfCondition(NotEqualsSubstitution(recordings, "")),
+                output="screen",
+            ),
+            Node(
+                package="textile_twin_ros",
+                executable="monitor_node",
+                namespace=namespace,
+                parameters=[{"machine": machine, "book": book}],
+                condition=has_book,
+                output="screen",
+            ),
+            Node(
+                package="textile_twin_ros",
+                executable="fault_node",
+                namespace=namespace,
+                parameters=[{"book": book}],
+                condition=has_book,
                 output="screen",
             ),
             Node(

@@ -18,7 +18,18 @@ import yaml
 from textile_twin_ros.own_topics import OwnTopics
 
 PACKAGE = Path(__file__).parent.parent
-NODES = ("twin_node", "replay_node", "record_node", "shaft_node", "view_node", "plc_node", "opcua_node", "monitor_node")
+NODES = (
+    "twin_node",
+    "replay_node",
+    "record_node",
+    "shaft_node",
+    "view_node",
+    "plc_node",
+    "opcua_node",
+    "monitor_node",
+    "fault_node",
+    "opcua_server_node",
+)
 TORQUE_IN = "balancing_torque/measured=2"
 
 
@@ -47,7 +58,7 @@ def test_the_readme_tells_every_parameter(node: str) -> None:
     if node == "view_node":
         pytest.importorskip("rerun")
     module = importlib.import_module(f"textile_twin_ros.{node}")
-    declaration = getattr(module, f"{node.removesuffix('_node').capitalize()}Parameters")
+    declaration = getattr(module, f"{node.removesuffix('_node').title().replace('_', '')}Parameters")
     section = (PACKAGE / "README.md").read_text().split(f"## {node}\n")[1].split("\n## ")[0]
     for field in dataclasses.fields(declaration):
         row = next(line for line in section.splitlines() if line.startswith(f"| `{field.name}` |"))

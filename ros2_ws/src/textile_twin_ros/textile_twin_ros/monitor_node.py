@@ -12,9 +12,11 @@ from std_srvs.srv import Trigger
 from textile_twin_core.comparison.fault_watch import SERIES, WatchSettings
 from textile_twin_core.comparison.monitor import Monitor
 from textile_twin_core.errors import SceneError, TwinError
+from textile_twin_core.files import machine_document
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
+from textile_twin_ros.fault_log import FaultLog
 from textile_twin_ros.health import Finding, judged, sample_counts
 from textile_twin_ros.machine import load_linkage
 from textile_twin_ros.parameters import declare, parameter
@@ -42,6 +44,7 @@ class MonitorParameters(SensorParameters):
     raise_sigmas: float = parameter(8.0, "an alarm comes this far outside the band", between=(3.0, 1000.0))
     clear_sigmas: float = parameter(4.0, "and goes when it is nearer than this", between=(1.0, 1000.0))
     parquet: str = parameter("", "folder for the trend of every turn, a file for each hour; empty writes none")
+    book: str = parameter("", "folder of the fault book: alarms and what was learnt outlive this process; empty: none")
     executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
 
 
@@ -58,7 +61,12 @@ class MonitorNode(Node):
         self._machine = load_linkage(settings.machine, settings.encoder())
         self._trends = TrendFolder(settings.parquet, _MOST_WRITES) if settings.parquet else None
         self._restarts = RestartWatch()
+        self._book = FaultLog(settings.book, self.get_namespace(), settings.machine) if settings.book else None
         self._begin()
+        if self._book is not None and self._book.resume(self._monitor.watch, self._fingerprint):
+            self.get_logger().info(
+                f"goes on with what was learnt before, and {len(self._monitor.watch.standing)} alarms"
+            )
         depth = depth_for(settings.rate_hz)
         self._angles: list[Sample] = []
         self._torques: list[Sample] = []
@@ -83,6 +91,7 @@ class MonitorNode(Node):
         s = self.settings
         watch = WatchSettings(s.learn_turns, raise_sigmas=s.raise_sigmas, clear_sigmas=s.clear_sigmas)
         self._monitor = Monitor(self._machine, watch, s.shaft)
+        self._fingerprint = repr((machine_document(self._machine), watch, s.shaft))
         self._turns = TurnWatch()
         self._notes: tuple[str, ...] = ()
 
@@ -91,6 +100,8 @@ class MonitorNode(Node):
         self._begin()
         response.success = True
         response.message = f"learning from the next {self.settings.learn_turns} turns"
+        if self._book is not None:
+            self._book.forget(self._monitor.watch)
         return response
 
     def _renew(self) -> None:
@@ -124,11 +135,15 @@ class MonitorNode(Node):
             self._trends.take(trend)
         for alarm in trend.alarms:
             self.get_logger().warning(f"turn {alarm.turn}: {alarm.text}")
+        if self._book is not None and (watched or self._book.trouble):
+            self._book.enter(self._monitor.watch, trend.alarms, self._fingerprint)
 
     def _statuses(self) -> list[Status]:
         counts = sample_counts(self._monitor.report, self._restarts.count)
         inputs = [*self._angle.statuses(counts), self._torque.status()]
         notes = [Finding("torques at an end of their range", WARN, note) for note in self._notes]
+        if self._book is not None and self._book.trouble:
+            notes.append(Finding("fault book", ERROR, self._book.trouble))
         return [*inputs, judged(self._faults(), [*self._turns.findings(), *notes])]
 
     def _faults(self) -> Status:

@@ -20,6 +20,7 @@ from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, 
 from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.health import Recent
 from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplate
+from textile_twin_ros.opcua_security import ClientSecurity, ClientSecurityParameters
 from textile_twin_ros.opcua_values import Value, Values
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sending import Send, patient
@@ -34,7 +35,7 @@ _CHECK_S = 1.0
 
 
 @dataclass
-class OpcuaParameters:
+class OpcuaParameters(ClientSecurityParameters):
     """Parameters of opcua_node; variables are written as node ids, such as ns=2;s=Loom.Angle."""
 
     url: str = parameter("", "address of the server, such as opc.tcp://10.0.0.5:4840")
@@ -75,6 +76,7 @@ class OpcuaNode(Node):
             raise SceneError(f"parameter 'url' is '{settings.url}': give the server's address, opc.tcp://10.0.0.5:4840")
         if not settings.angle:
             raise SceneError("parameter 'angle' is not set: give the variable's node id, such as ns=2;s=Loom.Angle")
+        self._security = ClientSecurity(settings)
         self._ids = {name: self._node_id(name) for name in ("angle", "torque", "predicted") if getattr(settings, name)}
         self.counts: Counter[str] = Counter(angles=0, torques=0, unfit=0, overflows=0, failures=0)
         self._recent, self._trouble, self._refusal = Recent(), "not connected yet", ""
@@ -123,7 +125,9 @@ class OpcuaNode(Node):
         settings = self.settings
         while not self._stop.is_set():
             try:
-                async with self._create_client(settings.url, timeout=settings.timeout_s) as client:
+                client = self._create_client(settings.url, timeout=settings.timeout_s)
+                await self._security.apply(client)
+                async with client:
                     await self._talk(client)
             except self._failures as error:
                 self._fail(" ".join(str(error).split()) or type(error).__name__)

@@ -9,7 +9,18 @@ from textile_twin_core.recordings.predicted_topics import is_of_an_elastic_shaft
 
 #: Topics that all machines share.
 SHARED = ("/diagnostics", "/clock", "/tf", "/tf_static")
-NODES = ("twin_node", "replay_node", "record_node", "shaft_node", "view_node", "plc_node", "opcua_node", "monitor_node")
+NODES = (
+    "twin_node",
+    "replay_node",
+    "record_node",
+    "shaft_node",
+    "view_node",
+    "plc_node",
+    "opcua_node",
+    "monitor_node",
+    "fault_node",
+    "opcua_server_node",
+)
 # Only a machine has these: other topics in the same namespace are that machine's, too.
 _OF_A_MACHINE = (
     "twin_node/transition_event",

@@ -1,0 +1,206 @@
+"""Security of OPC UA connections: policy Basic256Sha256, certificates and users, on both sides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from textile_twin_core.errors import SceneError
+from textile_twin_core.files.certificates import read_certificate
+from textile_twin_core.files.user_file import is_password, read_users
+from textile_twin_ros.parameters import parameter
+
+if TYPE_CHECKING:
+    from asyncua import Server
+    from asyncua.client.client import Client
+
+_CERTIFICATES = (".der", ".pem", ".crt", ".cer")
+
+
+@dataclass
+class SecurityParameters:
+    """Parameters of both nodes that speak OPC UA."""
+
+    certificate: str = parameter("", "file of this node's certificate; textile-twin opcua certificate makes one")
+    private_key: str = parameter("", "file of its private key")
+    allow_insecure: bool = parameter(False, "on a bench: a connection without encryption, signature and user")
+
+
+def require_security(settings: SecurityParameters) -> bool:
+    """Whether a connection is secured.
+
+    Raises:
+        SceneError: it would not be, and `allow_insecure` is not set; or certificate and key do not belong together.
+    """
+    if not settings.certificate and not settings.private_key:
+        if settings.allow_insecure:
+            return False
+        raise SceneError(
+            "parameters 'certificate' and 'private_key' are not set, and a connection would be neither encrypted nor"
+            " signed: make them with textile-twin opcua certificate NAME, or set allow_insecure on a bench"
+        )
+    for name in ("certificate", "private_key"):
+        if not getattr(settings, name):
+            raise SceneError(f"parameter '{name}' is not set: give both certificate and private_key")
+    _check_key(Path(settings.certificate), Path(settings.private_key))
+    return True
+
+
+def _check_key(certificate: Path, key: Path) -> None:
+    from cryptography import x509
+    from cryptography.hazmat.primitives.serialization import load_der_private_key, load_pem_private_key
+
+    public = x509.load_der_x509_certificate(read_certificate(certificate)[0]).public_key()
+    try:
+        data = key.read_bytes()
+        load = load_pem_private_key if b"-----BEGIN" in data else load_der_private_key
+        fits = load(data, password=None).public_key() == public
+    except OSError as error:
+        raise SceneError(f"parameter 'private_key': {key}: {error.strerror or error}") from error
+    except (ValueError, TypeError) as error:
+        raise SceneError(f"parameter 'private_key': {key}: is no private key without password ({error})") from error
+    if not fits:
+        raise SceneError(f"parameter 'private_key': {key} is the key of another certificate than {certificate}")
+
+
+@dataclass
+class ClientSecurityParameters(SecurityParameters):
+    """Parameters of the node that connects to a server."""
+
+    security: str = parameter(
+        "sign_and_encrypt", "of the connection, with policy Basic256Sha256", choices=("sign_and_encrypt", "sign")
+    )
+    server_certificate: str = parameter("", "file of the server's certificate: no other server is believed")
+    user: str = parameter("", "user on the server; empty: none, as where the certificate is enough")
+    password_file: str = parameter("", "file whose first line is the user's password")
+
+
+class ClientSecurity:
+    """Secures connections of a client.
+
+    Raises:
+        SceneError: a connection would be insecure, or a file is wrong.
+    """
+
+    def __init__(self, settings: ClientSecurityParameters) -> None:
+        self._settings, self._password = settings, ""
+        self.is_secure = require_security(settings)
+        if self.is_secure:
+            if not settings.server_certificate:
+                raise SceneError("parameter 'server_certificate' is not set: without it any server would be believed")
+            read_certificate(Path(settings.server_certificate))
+            self._uri = read_certificate(Path(settings.certificate))[1]
+        if settings.password_file:
+            try:
+                self._password = Path(settings.password_file).read_text().split("\n")[0]
+            except OSError as error:
+                place = f"parameter 'password_file': {settings.password_file}"
+                raise SceneError(f"{place}: {error.strerror or error}") from error
+
+    async def apply(self, client: Client) -> None:
+        """Set policy, certificates and user of a client that is not connected yet."""
+        from asyncua import ua
+        from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+
+        settings = self._settings
+        if self.is_secure:
+            encrypts = settings.security == "sign_and_encrypt"
+            client.application_uri = self._uri
+            await client.set_security(
+                SecurityPolicyBasic256Sha256,
+                Path(settings.certificate),
+                Path(settings.private_key),
+                server_certificate=settings.server_certificate,
+                mode=ua.MessageSecurityMode.SignAndEncrypt if encrypts else ua.MessageSecurityMode.Sign,
+            )
+        if settings.user:
+            client.set_user(settings.user)
+            client.set_password(self._password)
+
+
+@dataclass
+class ServerSecurityParameters(SecurityParameters):
+    """Parameters of the node that is a server."""
+
+    trusted: str = parameter("", "folder of the certificates of clients that may connect (.der, .pem)")
+    users: str = parameter("", "file of users and passwords; textile-twin opcua user writes it")
+
+
+class ServerSecurity:
+    """Secures a server: endpoints Sign and SignAndEncrypt of Basic256Sha256, known certificates and known users alone.
+
+    Certificates and users are read at each connection: a change needs no restart.
+
+    Raises:
+        SceneError: connections would be insecure, or a file is wrong.
+    """
+
+    def __init__(self, settings: ServerSecurityParameters) -> None:
+        self._settings = settings
+        self.is_secure = require_security(settings)
+        if self.is_secure:
+            if not Path(settings.trusted).is_dir() or not settings.trusted:
+                raise SceneError("parameter 'trusted': give the folder of the certificates of clients")
+            if not settings.users:
+                raise SceneError("parameter 'users' is not set: give the file of users, see textile-twin opcua user")
+            read_users(Path(settings.users))
+
+    async def apply(self, server: Server) -> None:
+        """Set endpoints, certificate and checks of a server that is not started yet."""
+        from asyncua import ua
+
+        policies, tokens = [], []
+        if self.is_secure:
+            settings = self._settings
+            await server.load_certificate(settings.certificate)
+            await server.load_private_key(settings.private_key)
+            uri = read_certificate(Path(settings.certificate))[1]
+            if uri:
+                await server.set_application_uri(uri)
+            policies += [
+                ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
+                ua.SecurityPolicyType.Basic256Sha256_Sign,
+            ]
+            tokens.append(ua.UserNameIdentityToken)
+            server.iserver.certificate_validator = self._validate
+        if self._settings.allow_insecure:
+            policies.append(ua.SecurityPolicyType.NoSecurity)
+            tokens.append(ua.AnonymousIdentityToken)
+        server.set_security_policy(policies)
+        server.set_identity_tokens(tokens)
+        server.iserver.user_manager = self
+
+    def get_user(
+        self, _server: Any, username: str | None = None, password: str | None = None, certificate: bytes | None = None
+    ) -> Any:
+        """What asyncua asks before it activates a session, on any channel: the user, None to refuse.
+
+        `certificate`: the client's, of the channel itself.
+        """
+        from asyncua.crypto.permission_rules import User, UserRole
+
+        if self._settings.allow_insecure and username is None and not certificate:
+            return User(UserRole.User)
+        if username is None or not certificate or not self._is_trusted(certificate):
+            return None
+        users = read_users(Path(self._settings.users))
+        return User(UserRole.User, username) if is_password(users, username, password or "") else None
+
+    async def _validate(self, certificate: Any, description: Any) -> None:
+        """What asyncua asks of a client's certificate before the session, for an answer that says what is wrong."""
+        from asyncua import ua
+        from asyncua.common.utils import ServiceError
+        from cryptography.hazmat.primitives.serialization import Encoding
+
+        if not self._is_trusted(certificate.public_bytes(Encoding.DER)):
+            raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)
+
+    def _is_trusted(self, certificate: bytes) -> bool:
+        from cryptography import x509
+
+        files = [path for path in Path(self._settings.trusted).iterdir() if path.suffix in _CERTIFICATES]
+        known = {read_certificate(path)[0] for path in files if not path.name.endswith(".key.pem")}
+        parsed, now = x509.load_der_x509_certificate(certificate), datetime.now(UTC)
+        return certificate in known and parsed.not_valid_before_utc <= now <= parsed.not_valid_after_utc

@@ -1,0 +1,181 @@
+"""The fault book: the life of an alarm, entered once whatever is killed, and kept on a full disk."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.full_disk import full_disk
+from textile_twin_core.comparison.fault_watch import Alarm
+from textile_twin_core.errors import OutputError, RecordingError
+from textile_twin_core.recordings import BagWriter, open_bag
+from textile_twin_core.recordings.fault_book import FaultBook
+from textile_twin_core.recordings.rolling_recording import RollingRecording
+
+SECOND_NS = 1_000_000_000
+FRICTION = Alarm("constant_torque", "drive", 120, 7 * SECOND_NS, 0.6, 9.1, "drive side: friction changed by +0.6 N m")
+NEEDLE = replace(FRICTION, kind="load_force", side="needle", stamp_ns=9 * SECOND_NS, text="needle side: +20 %")
+
+
+def test_an_alarm_is_raised_acknowledged_and_cleared(tmp_path: Path) -> None:
+    book = FaultBook(tmp_path / "book", create=True)
+    other = FaultBook(tmp_path / "book")  # as another process has it open
+    book.update("/m1", "tufting", [FRICTION], [FRICTION], now_ns=100)
+    before = other.version()
+    book.update("/m1", "tufting", [FRICTION], [FRICTION, NEEDLE], now_ns=200)
+    assert other.version() != before
+    book.update("/m2", "my_loom.yaml", [], [], now_ns=250)  # another monitor clears nothing of this one
+    friction, needle = other.faults("/m1")
+    assert (friction.number, friction.raised_ns, friction.cleared_ns, friction.machine) == (1, 100, None, "tufting")
+    assert (needle.number, needle.raised_ns, needle.text) == (2, 200, NEEDLE.text)
+    assert other.acknowledge([1], "night shift") == [1] and book.acknowledge([1], "late") == []
+    book.update("/m1", "tufting", [], [NEEDLE], now_ns=300)
+    friction, needle = book.faults()
+    assert (friction.cleared_ns, friction.acknowledged_by, friction.is_over) == (300, "night shift", True)
+    assert needle.cleared_ns is None and not needle.is_over
+    assert book.acknowledge() == [2]
+    with pytest.raises(RecordingError, match="no fault 7"):
+        book.acknowledge([7])
+
+
+def test_a_fault_that_comes_again_is_another_entry(tmp_path: Path) -> None:
+    book = FaultBook(tmp_path, create=True)
+    again = replace(FRICTION, stamp_ns=99 * SECOND_NS)
+    for standing in ([FRICTION], [], [again]):
+        book.update("/", "tufting", standing, standing)
+    assert [(fault.stamp_ns, fault.cleared_ns is None) for fault in book.faults()] == [
+        (FRICTION.stamp_ns, False),
+        (again.stamp_ns, True),
+    ]
+
+
+def test_what_was_learnt_holds_for_the_same_machine(tmp_path: Path) -> None:
+    book = FaultBook(tmp_path, create=True)
+    learnt = {"sizes": np.arange(8.0).reshape(2, 4), "number": np.array([3, 4])}
+    book.remember("/", "this machine", learnt)
+    assert FaultBook(tmp_path).recall("/", "another machine") == {}
+    found = FaultBook(tmp_path).recall("/", "this machine")
+    assert found.keys() == learnt.keys() and all(np.array_equal(found[name], learnt[name]) for name in learnt)
+    book.forget("/")
+    assert book.recall("/", "this machine") == {}
+
+
+def test_there_is_no_book(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="no fault book there"):
+        FaultBook(tmp_path)
+    (tmp_path / "faults.db").write_bytes(b"a letter, and no database" * 100)
+    with pytest.raises(RecordingError, match="no fault book"):
+        FaultBook(tmp_path)
+
+
+WRITER = """
+import os, sys
+from dataclasses import replace
+from tests.recordings.test_fault_book import FRICTION
+from textile_twin_core.recordings.fault_book import FaultBook
+
+def life():
+    book = FaultBook(sys.argv[1], create=True)
+    while True:  # goes on where the killed one stopped: half of an alarm's life in each step
+        faults = book.faults()
+        if faults and faults[-1].cleared_ns is None:
+            book.acknowledge([faults[-1].number], str(faults[-1].number))
+            book.update("/", "tufting", [], [])
+        else:
+            alarm = replace(FRICTION, stamp_ns=len(faults))
+            print("raises", alarm.stamp_ns, flush=True)
+            book.update("/", "tufting", [alarm], [alarm])
+
+for _ in sys.stdin:
+    process = os.fork()
+    if not process:
+        life()
+    print("process", process, flush=True)
+    os.waitpid(process, 0)
+    print("dead", flush=True)
+"""
+
+
+def test_twenty_kills_lose_nothing_and_double_nothing(tmp_path: Path) -> None:
+    random = np.random.default_rng(20)
+    begun: set[int] = set()
+    command = [sys.executable, "-c", WRITER, str(tmp_path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdin is not None and parent.stdout is not None
+        for _ in range(20):
+            parent.stdin.write("another life\n")
+            parent.stdin.flush()
+            said = [parent.stdout.readline().split()]
+            while {words[0] for words in said} != {"process", "raises"}:
+                said.append(parent.stdout.readline().split())
+            time.sleep(random.uniform(0.0, 0.02))
+            os.kill(next(int(words[1]) for words in said if words[0] == "process"), signal.SIGKILL)
+            while said[-1] != ["dead"]:
+                said.append(parent.stdout.readline().split())
+            begun |= {int(words[1]) for words in said if words[0] == "raises"}
+        parent.stdin.close()
+    faults = FaultBook(tmp_path).faults()
+    assert len(faults) > 20
+    # The last one may have been killed before its transaction; all others are there, each once and whole.
+    assert [fault.stamp_ns for fault in faults] == list(range(len(faults)))
+    assert len(faults) in (max(begun), max(begun) + 1)
+    assert all(fault.is_over and fault.acknowledged_by == str(fault.number) for fault in faults[:-1])
+
+
+def test_a_full_disk_leaves_the_book_as_it_was_and_the_change_is_made_later(tmp_path: Path) -> None:
+    book = FaultBook(tmp_path, create=True)
+    book.update("/", "tufting", [FRICTION], [FRICTION])
+    size = max(path.stat().st_size for path in tmp_path.iterdir() if not path.name.endswith("-shm"))
+    with full_disk(size), pytest.raises(OutputError, match=r"fault book .*faults\.db"):
+        for stamp in range(1000):
+            book.update("/", "tufting", [], [replace(NEEDLE, stamp_ns=stamp)])
+    before = len(book.faults())
+    assert before >= 1 and [fault.number for fault in FaultBook(tmp_path).faults()] == [*range(1, before + 1)]
+    book.update("/", "tufting", [NEEDLE], [NEEDLE])
+    assert FaultBook(tmp_path).faults()[-1].stamp_ns == NEEDLE.stamp_ns
+
+
+def fill(rolling: RollingRecording, begin_s: int, end_s: int) -> None:
+    rolling.writer.add_topic("words", "std_msgs/msg/String")
+    for tenth in range(10 * begin_s, 10 * end_s):
+        rolling.writer.write("words", tenth * SECOND_NS // 10, cdr(f"{tenth / 10:g}"))
+
+
+def cdr(text: str) -> bytes:
+    return b"\x00\x01\x00\x00" + (len(text) + 1).to_bytes(4, "little") + text.encode() + b"\x00"
+
+
+def test_a_part_is_cut_out_of_all_runs_and_old_files_go(tmp_path: Path) -> None:
+    killed = RollingRecording(tmp_path / "rolling")
+    fill(killed, 1000, 1030)
+    killed.writer.flush()  # and no more of it: the process is killed
+    rolling = RollingRecording(tmp_path / "rolling")
+    fill(rolling, 1032, 1060)
+    rolling.writer.flush()
+    out = tmp_path / "fault_1"
+    begin_ns, end_ns = 1025 * SECOND_NS, 1045 * SECOND_NS
+    with BagWriter(tmp_path / ".fault_1.partial-1") as left:  # by a process killed while it wrote
+        left.add_topic("words", "std_msgs/msg/String")
+    count = rolling.cut(begin_ns, end_ns, out, [("words", cdr("latched"))], {"fault": "1"})
+    bag = open_bag(out)
+    times = [time_ns for _, time_ns, _ in bag.raw_messages()]
+    expected = [tenth * SECOND_NS // 10 for tenth in [*range(10250, 10300), *range(10320, 10451)]]
+    assert times == [begin_ns, *expected] and count == len(times) and bag.metadata == {"fault": "1"}
+    assert next(bag.raw_messages())[2] == cdr("latched") and not list(tmp_path.glob(".fault*"))
+    assert rolling.cut(0, SECOND_NS, tmp_path / "fault_2") == 0 and not (tmp_path / "fault_2").exists()
+    files = len(list(rolling.writer.path.glob("*.mcap")))
+    rolling.drop_before(1047 * SECOND_NS)
+    assert len(list(rolling.writer.path.glob("*.mcap"))) == files - 3
+    assert killed.writer.path.exists()  # its last change is of today
+    rolling.drop_before(time.time_ns())
+    assert not killed.writer.path.exists()
+    rolling.close()
+    assert open_bag(rolling.writer.path).topics["/words"].count
