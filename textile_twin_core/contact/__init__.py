@@ -1,6 +1,6 @@
 """Bodies on springs and dampers between one-sided stops and elastic pads, driven by a prescribed motion.
 
-Declare a `ContactModel`; run it whole with `run_contact`, or piece by piece with a `ContactIntegrator`.
+Declare a `ContactModel`. Run it as a whole with `run_contact`, or piece by piece with a `ContactIntegrator`.
 """
 
 from textile_twin_core.contact.drive import DrivePiece, hermite_piece, quintic

@@ -1,4 +1,4 @@
-"""The balance of forces at an instant: how fast the stops would open, and what keeps them shut."""
+"""Balance of forces at an instant: opening accelerations of the stops, and the forces that keep them closed."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from textile_twin_core.contact.state import ContactState, pad_force
 def opening_accelerations(
     plant: Plant, state: ContactState, drive_acceleration: float, candidates: IntArray
 ) -> tuple[bool, FloatArray, FloatArray]:
-    """Forces [N] in the candidate stops, and the acceleration [m/s^2] with which every stop then opens.
+    """Solve the forces [N] in the candidate stops, and the acceleration [m/s^2] with which every stop then opens.
 
-    False where the candidates jam a body.
+    The first result is False if the candidates jam a body.
     """
     opening = _free_openings(plant, state, drive_acceleration)
     free = np.zeros(candidates.size)
@@ -36,7 +36,7 @@ def opening_accelerations(
 
 @compiled
 def _free_openings(plant: Plant, state: ContactState, drive_acceleration: float) -> FloatArray:
-    """Acceleration [m/s^2] with which every stop would open if no stop pushed."""
+    """Compute the acceleration [m/s^2] with which every stop would open without stop forces."""
     bodies = plant.masses.size
     accelerations = np.zeros(bodies + 1)
     for body in range(bodies):

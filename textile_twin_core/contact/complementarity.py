@@ -1,4 +1,4 @@
-"""One-sided forces: each pushes or is zero, each gap opens or stays, never both."""
+"""Complementarity of one-sided forces: each pushes or is zero, each gap opens or stays closed, never both."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ROUNDS = 20
 
 @compiled
 def response_of(plant: Plant, stops: IntArray) -> FloatArray:
-    """N^T M^-1 N (n, n) of these stops: how much each of their forces opens each of them."""
+    """Compute N^T M^-1 N (n, n) of these stops: the opening of each stop per unit force of each."""
     n = stops.size
     response = np.zeros((n, n))
     for i in range(n):
@@ -32,13 +32,13 @@ def response_of(plant: Plant, stops: IntArray) -> FloatArray:
 
 @compiled
 def depends(response: FloatArray, others: IntArray, stop: int) -> bool:
-    """Whether what a stop does the others can do together, too."""
+    """Return whether a stop's effect is a combination of those of the others."""
     return _own_part(response, others, stop)[0] <= _DEPENDENT * response[stop, stop]
 
 
 @compiled
 def _own_part(response: FloatArray, others: IntArray, stop: int) -> tuple[float, FloatArray]:
-    """What is left of a stop's response when the others take up as much as they can, and with which forces."""
+    """Compute the residual of a stop's response after the others compensate as much as they can, and their forces."""
     n = others.size
     matrix, right = np.zeros((n, n)), np.zeros(n)
     for i in range(n):
@@ -46,20 +46,24 @@ def _own_part(response: FloatArray, others: IntArray, stop: int) -> tuple[float,
         for j in range(n):
             matrix[i, j] = response[others[i], others[j]]
     forces = solve(matrix, right)
-    left = response[stop, stop]
+    own = response[stop, stop]
     for i in range(n):
-        left -= right[i] * forces[i]
-    return left, forces
+        own -= right[i] * forces[i]
+    return own, forces
 
 
 @compiled
 def one_sided_forces(response: FloatArray, opening: FloatArray) -> tuple[bool, FloatArray, FloatArray]:
-    """Forces f >= 0 (n,) with w = response f + opening >= 0 and f w = 0, and w itself; False where there are none.
+    """Solve for forces f >= 0 (n,) with w = response f + opening >= 0 and f w = 0.
 
-    `opening` (n,) is what the gaps would do with no force: their acceleration (f in N) or (1 + restitution) times
-    their closing speed (f in N s). The forces are those of Gauss' principle of least constraint, found by the active
-    sets of Lawson and Hanson (Solving Least Squares Problems, 1974, chapter 23). There are none where a body is
-    jammed between driven element and frame.
+    `opening` (n,) is the motion of the gaps without forces: their acceleration (f in N) or (1 + restitution) times
+    their closing speed (f in N s). The forces are those of Gauss' principle of least constraint.
+
+    Returns:
+        Whether a solution exists, f, and w. There is none where a body is jammed between driven element and frame.
+
+    References:
+        Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23: the active sets.
     """
     n = opening.size
     forces, result = np.zeros(n), opening.copy()
@@ -80,7 +84,7 @@ def one_sided_forces(response: FloatArray, opening: FloatArray) -> tuple[bool, F
                 result[k] += response[k, j] * forces[j]
             if pushing[k]:
                 result[k] = 0.0
-    rounding = True  # that turned it to and fro, or else something else
+    rounding = True  # whether only rounding made the active set alternate
     for k in range(n):
         rounding = rounding and result[k] >= -_STILL_CLOSING * size
     return rounding, forces, result
@@ -88,21 +92,21 @@ def one_sided_forces(response: FloatArray, opening: FloatArray) -> tuple[bool, F
 
 @compiled
 def _take_in(response: FloatArray, opening: FloatArray, pushing: BoolArray, forces: FloatArray, stop: int) -> bool:
-    """Let one more stop push, so that all that push keep their gaps shut; those that would pull let go."""
+    """Activate one more stop so that all active stops keep their gaps closed; deactivate those that would pull."""
     others = chosen(pushing)
-    left, relief = _own_part(response, others, stop)
+    own, relief = _own_part(response, others, stop)
     pushing[stop] = True
-    if left <= _DEPENDENT * response[stop, stop]:
-        # it relieves the others without moving anything, until one of them is free
-        most, freed = math.inf, -1
+    if own <= _DEPENDENT * response[stop, stop]:
+        # the stop takes load from the others without any motion, until one of them is free
+        load, freed = math.inf, -1
         for i in range(others.size):
-            if relief[i] > _DEPENDENT and forces[others[i]] / relief[i] < most:
-                most, freed = forces[others[i]] / relief[i], others[i]
+            if relief[i] > _DEPENDENT and forces[others[i]] / relief[i] < load:
+                load, freed = forces[others[i]] / relief[i], others[i]
         if freed < 0:
             return False
         for i in range(others.size):
-            forces[others[i]] -= most * relief[i]
-        forces[stop] = most
+            forces[others[i]] -= load * relief[i]
+        forces[stop] = load
         forces[freed] = 0.0
         pushing[freed] = False
     while True:
@@ -114,13 +118,13 @@ def _take_in(response: FloatArray, opening: FloatArray, pushing: BoolArray, forc
             for j in range(n):
                 matrix[i, j] = response[active[i], active[j]]
         wanted = solve(matrix, right)
-        way, freed = 1.0, -1
+        share, freed = 1.0, -1
         for i in range(n):
             now = forces[active[i]]
-            if wanted[i] <= 0.0 and now / (now - wanted[i] + 1e-300) <= way:
-                way, freed = now / (now - wanted[i] + 1e-300), active[i]
+            if wanted[i] <= 0.0 and now / (now - wanted[i] + 1e-300) <= share:
+                share, freed = now / (now - wanted[i] + 1e-300), active[i]
         for i in range(n):
-            forces[active[i]] += way * (wanted[i] - forces[active[i]])
+            forces[active[i]] += share * (wanted[i] - forces[active[i]])
         if freed < 0:
             return True
         forces[freed] = 0.0

@@ -1,4 +1,4 @@
-"""Prescribed motion of the driven element, in pieces whose Taylor series are known exactly."""
+"""Prescribed motion of the driven element, in pieces with exact Taylor series."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ IDENTITY = Section((0.0, 1.0))
 
 @dataclass(frozen=True)
 class DrivePiece:
-    """The driven element between two times: x(t) = section(argument(t - start)), `argument` a polynomial in seconds."""
+    """Motion of the driven element between two times: x(t) = section(argument(t - start)), `argument` a polynomial."""
 
     start_s: float
     end_s: float
@@ -27,34 +27,35 @@ class DrivePiece:
 
     @cached_property
     def motion(self) -> DriveTerms:
-        """It as arrays."""
+        """The piece as arrays."""
         return DriveTerms(
             float(self.start_s), float(self.end_s), *self.section.arrays, np.array(self.argument, dtype=float)
         )
 
     def taylor(self, time_s: float, span_s: float, order: int) -> FloatArray:
-        """Coefficients (order+1,) of x(time + u span) in powers of u [m], exact to rounding."""
+        """Expand x(time + u span) in powers of u [m]: coefficients (order+1,), exact to rounding."""
         return drive_series.taylor(self.motion, time_s, span_s, order)
 
     def reach_s(self, time_s: float, longest_s: float, order: int, error: float) -> float:
-        """How far, at most `longest_s`, the series from here may reach, cut after u^order: its error is at most `error`
-        times the way that the element makes.
+        """Compute the span, at most `longest_s`, over which the truncated series is accurate.
+
+        After u^order the truncation error is at most `error` times the distance moved by the element.
         """
         return drive_series.reach(self.motion, time_s, longest_s, order, error)
 
     def state(self, time_s: float) -> tuple[float, float, float]:
-        """Position [m], velocity [m/s] and acceleration [m/s^2] at a time."""
+        """Evaluate position [m], velocity [m/s] and acceleration [m/s^2] at a time."""
         x, v, half_a = self.taylor(time_s, 1.0, 2).tolist()
         return x, v, 2.0 * half_a
 
 
 def hermite_piece(start_s: float, start: Sequence[float], end_s: float, end: Sequence[float]) -> DrivePiece:
-    """The quintic that has the given value, velocity and acceleration at both ends of a time interval."""
+    """Build the quintic with the given value, velocity and acceleration at both ends of a time interval."""
     return DrivePiece(start_s, end_s, IDENTITY, quintic(end_s - start_s, start, end))
 
 
 def quintic(span_s: float, start: Sequence[float], end: Sequence[float]) -> tuple[float, ...]:
-    """Coefficients, lowest first, of the quintic in time with value, velocity, acceleration given at both ends."""
+    """Compute the coefficients, lowest first, of the quintic with value, velocity and acceleration at both ends."""
     x0, v0, a0 = start
     x1, v1, a1 = end
     h = span_s

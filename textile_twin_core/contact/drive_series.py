@@ -1,4 +1,4 @@
-"""Taylor series of the driven element's motion, and how far each of them reaches."""
+"""Taylor series of the driven element's motion, and their range of accuracy."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class DriveTerms(NamedTuple):
 
 @compiled
 def taylor(motion: DriveTerms, time_s: float, span_s: float, order: int) -> FloatArray:
-    """Coefficients (order+1,) of x(time + u span) in powers of u [m], exact to rounding."""
+    """Expand x(time + u span) in powers of u [m]: coefficients (order+1,), exact to rounding."""
     result = np.zeros(order + 1)
     inner = _argument(motion, time_s, span_s)
     _compose(motion.polynomial, inner, result)
@@ -43,7 +43,7 @@ def taylor(motion: DriveTerms, time_s: float, span_s: float, order: int) -> Floa
 
 @compiled
 def _argument(motion: DriveTerms, time_s: float, span_s: float) -> FloatArray:
-    """The argument in powers of u, without last terms that cannot be told from zero."""
+    """Expand the argument in powers of u, without trailing terms below rounding."""
     inner = moved(motion.argument, time_s - motion.start_s)
     factor = largest = 1.0
     for k in range(inner.size):
@@ -58,12 +58,12 @@ def _argument(motion: DriveTerms, time_s: float, span_s: float) -> FloatArray:
 
 @compiled
 def _compose(outer: FloatArray, inner: FloatArray, result: FloatArray) -> None:
-    """Write outer(inner(u)), by Horner's rule on series that end with the result's last term."""
+    """Write outer(inner(u)), by Horner's rule on series truncated at the result's length."""
     known = 1
     result[0] = outer[outer.size - 1]
     for power in range(outer.size - 2, -1, -1):
         longer = min(known + inner.size - 1, result.size)
-        for k in range(longer - 1, -1, -1):  # from the last term down, so that it can be done in place
+        for k in range(longer - 1, -1, -1):  # from the last term down, in place
             total = 0.0
             for back in range(min(inner.size, k + 1)):
                 if k - back < known:
@@ -75,7 +75,7 @@ def _compose(outer: FloatArray, inner: FloatArray, result: FloatArray) -> None:
 
 @compiled
 def _add_sine(wave: FloatArray, inner: FloatArray, result: FloatArray) -> None:
-    """Add amplitude sin(frequency inner(u) + phase): sine and cosine, each from the other's terms before."""
+    """Add amplitude sin(frequency inner(u) + phase), with the coupled recurrence of sine and cosine."""
     amplitude, frequency, phase = wave[0], wave[1], wave[2]
     sine, cosine = np.zeros(result.size), np.zeros(result.size)
     angle = frequency * inner[0] + phase
@@ -94,12 +94,12 @@ def _add_sine(wave: FloatArray, inner: FloatArray, result: FloatArray) -> None:
 
 @compiled
 def reach(motion: DriveTerms, time_s: float, longest_s: float, order: int, error: float) -> float:
-    """How far, at most `longest_s`, the series from here may reach, cut after u^order: its error is at most `error`
-    times the way that the element makes.
+    """Compute the span, at most `longest_s`, over which the truncated series is accurate.
 
-    By Cauchy's estimate: on a circle `radius` times as large as the step the motion is no larger than the sum
-    of its parts' sizes says, and what is cut off falls with radius^(order+1). A quintic between noisy samples,
-    whose terms are large and nearly cancel, needs shorter steps than its speed tells.
+    After u^order the truncation error is at most `error` times the distance moved by the element. The bound is Cauchy's
+    estimate on a circle `radius` times as large as the step: the motion is bounded by the sum of its parts, and the
+    truncated part falls with radius^(order+1). A quintic between noisy samples, whose large terms nearly cancel, needs
+    shorter steps than its speed suggests.
     """
     still = motion.polynomial.size == 1
     exact = (motion.polynomial.size - 1) * (motion.argument.size - 1) <= order
@@ -119,14 +119,14 @@ def reach(motion: DriveTerms, time_s: float, longest_s: float, order: int, error
 
 @compiled
 def _size(outer: FloatArray, inner: FloatArray, wave: FloatArray, span: float) -> float:
-    """Bound of the way from here on the circle of radius `span` around it."""
+    """Bound the distance from here on the circle of radius `span`."""
     swing = _swing(inner, span)
     return _swing(outer, swing) + abs(wave[0]) * math.expm1(min(abs(wave[1]) * swing, 600.0))
 
 
 @compiled
 def _swing(coefficients: FloatArray, span: float) -> float:
-    """Bound of c1 s + c2 s^2 + ... on the circle of radius `span`."""
+    """Bound c1 s + c2 s^2 + ... on the circle of radius `span`."""
     total = 0.0
     for k in range(coefficients.size - 1, 0, -1):
         total = (total + abs(coefficients[k])) * span

@@ -1,4 +1,4 @@
-"""The energy of a run, booked: kinetic, elastic, damped, lost in impacts, brought in by the drive."""
+"""Energy account of a run: kinetic, elastic, damped, lost in impacts, and work of the drive."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact.drive_force import drive_force
 from textile_twin_core.contact.model import ContactModel
 from textile_twin_core.contact.plant import Plant, plant_of
 from textile_twin_core.contact.polynomials import gram_matrix
@@ -17,9 +16,9 @@ from textile_twin_core.contact.state import PadState
 
 @dataclass(frozen=True)
 class EnergyBook:
-    """Energies [J] at the segments' ends, arrays (segments+1,); impacts are booked at the end they happen at.
+    """Energies [J] at the segments' ends, arrays (segments+1,); impacts count at the end at which they happen.
 
-    kinetic + potential + damped + lost - work is the same everywhere; `imbalance` says how nearly.
+    The sum kinetic + potential + damped + lost - work is constant; `imbalance` is its error.
     """
 
     times_s: FloatArray
@@ -31,7 +30,7 @@ class EnergyBook:
 
     @property
     def imbalance(self) -> float:
-        """Largest change of what must not change, relative to the largest energy that takes part."""
+        """Largest change of the constant sum, relative to the largest energy involved."""
         total = self.kinetic_J + self.potential_J + self.damped_J + self.impact_J - self.work_J
         exchanged = np.abs(np.diff(self.potential_J, prepend=self.potential_J[0])).sum()
         largest = max(
@@ -42,7 +41,7 @@ class EnergyBook:
 
 
 def book_energy(model: ContactModel, segments: list[Segment], events: list[ContactEvent]) -> EnergyBook:
-    """Energy book of a run; work and damping are integrated exactly from the segments' power series."""
+    """Compute the energy account of a run, integrating work and damping exactly from the segments' power series."""
     plant = plant_of(model)
     bodies = len(model.bodies)
     rows = np.zeros((5, len(segments) + 1))
@@ -70,7 +69,7 @@ def book_energy(model: ContactModel, segments: list[Segment], events: list[Conta
                 damped += pad.damping_Ns_m * float(rate @ gram @ rate)
             else:
                 damped += float(pad.energy(depth[:1])[0] - pad.energy(depth.sum(keepdims=True))[0])
-        work -= float(drive_force(plant, segment) @ gram @ speeds[bodies])
+        work -= float(_drive_force(plant, segment) @ gram @ speeds[bodies])
     last = segments[-1]
     for remaining in events[event:]:
         lost += remaining.energy_lost_J
@@ -81,12 +80,12 @@ def book_energy(model: ContactModel, segments: list[Segment], events: list[Conta
 
 
 def kinetic_energy(plant: Plant, velocities: FloatArray) -> FloatArray:
-    """Kinetic energy [J] of the bodies, from velocities (movers, ...); the driven element has none in the model."""
+    """Compute the bodies' kinetic energy [J] from velocities (movers, ...); the driven element is massless here."""
     return np.asarray(0.5 * np.tensordot(plant.masses, velocities[:-1] ** 2, axes=1))
 
 
 def potential_energy(model: ContactModel, positions: FloatArray) -> FloatArray:
-    """Energy [J] of springs, pads and constant forces at positions (movers, ...)."""
+    """Compute the energy [J] of springs, pads and constant forces at positions (movers, ...)."""
     at = np.concatenate((positions, np.zeros_like(positions[:1])))
     total = np.zeros(positions.shape[1:])
     for row, body in enumerate(model.bodies):
@@ -98,3 +97,13 @@ def potential_energy(model: ContactModel, positions: FloatArray) -> FloatArray:
         depth = at[model.index[pad.upper]] - at[model.index[pad.lower]] - pad.position_m
         total = total + pad.energy(np.maximum(depth, 0.0))
     return np.asarray(total)
+
+
+def _drive_force(plant: Plant, segment: Segment) -> FloatArray:
+    """Compute the power series (order,) of the force [N] on the driven element over a segment."""
+    row = plant.constant.size - 1
+    force = -(plant.stiffness[row] @ segment.positions[:, :-1]) - plant.damping[row] @ segment.velocities
+    force[0] += plant.constant[row]
+    force -= plant.pads[:, row] @ segment.pad_forces
+    force[:-1] += plant.stops[:, row] @ segment.stop_forces
+    return np.asarray(force)

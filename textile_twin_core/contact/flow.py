@@ -1,4 +1,4 @@
-"""Motion between events: the solution's own Taylor series, and how far it holds."""
+"""Motion between events: Taylor series of the solution, and their range of accuracy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from textile_twin_core.contact.state import PUSHING, ContactState
 
 _LINEAR_ORDER: Any = np.int64(24)
 _LINEAR_REACH = 2.5
-"""(reach)^(order+1) / (order+1)! = 6e-16: over that much of phase the series ends below rounding."""
+"""Phase over which the truncated series stays below rounding: (reach)^(order+1) / (order+1)! = 6e-16."""
 _ROUNDING = 1e-15
 _SLOWEST = 1e-3
 _LONGER = 4.0
@@ -29,13 +29,15 @@ _TINY = 1e-300
 def step(
     plant: Plant, mode: Mode, state: ContactState, drive: DriveTerms, longest_s: float, tolerance: float
 ) -> tuple[float, FloatArray]:
-    """Length [s] of the step from here, and power series (movers + pads, order+1) of positions [m] and pad forces [N].
+    """Compute the next step's length [s] and power series (movers + pads, order+1) of positions [m] and pad forces [N].
 
-    Without a pad the equations are linear: the series is that of the matrix exponential, cut where it ends below
-    rounding, whatever the tolerance. The force of a pad is a polynomial, so that coefficients still follow from one
-    another by products of series: Taylor integration after A. Jorba and M. Zou, Experimental Mathematics 14 (2005),
-    order from the tolerance (higher than theirs), step from the decay of the last coefficients; its error is at most
-    the tolerance times the way that a body makes in the step at the largest speed so far.
+    Without a pad the equations are linear: the series is that of the matrix exponential, truncated below rounding,
+    whatever the tolerance. The force of a pad is a polynomial, so that coefficients follow from one another by products
+    of series. The order depends on the tolerance (higher than in the reference), the step on the decay of the last
+    coefficients. The error is at most the tolerance times the distance moved in the step at the largest speed so far.
+
+    References:
+        Jorba and Zou, Experimental Mathematics 14, 2005: Taylor integration.
     """
     time_s, speed_scale = state.clock[0], state.clock[1]
     rate = max(fastest_rate(plant, mode, state.pads), _SLOWEST)
@@ -65,9 +67,9 @@ def step(
 
 @compiled
 def _holds(series: FloatArray, scale: float, order: int, tolerance: float) -> float:
-    """Factor on the step at which what follows the series comes down to the tolerance, relative to its scale.
+    """Compute the factor on the step at which the truncated terms reach the tolerance, relative to the series' scale.
 
-    The radius of convergence is read from the last six coefficients: some of two may vanish by symmetry.
+    The radius of convergence is estimated from the last six coefficients, since some may vanish by symmetry.
     """
     radius = math.inf
     for power in range(series.size - _LAST, series.size):
@@ -78,7 +80,7 @@ def _holds(series: FloatArray, scale: float, order: int, tolerance: float) -> fl
 
 @compiled
 def _series(plant: Plant, mode: Mode, state: ContactState, drive: FloatArray, h: float) -> FloatArray:
-    """Power series of every mover's position and of every pad's force, from the equations of the mode's clusters."""
+    """Compute the power series of every mover's position and every pad's force, from the clusters' equations."""
     bodies, pads, clusters, order = plant.masses.size, state.pads.size, mode.clusters[0], drive.size - 1
     series = np.zeros((bodies + 1 + pads, order + 1))
     powers = np.zeros((pads, plant.pad_stiffness.shape[1], order))
@@ -108,7 +110,7 @@ def _series(plant: Plant, mode: Mode, state: ContactState, drive: FloatArray, h:
 
 @compiled
 def _begin(plant: Plant, mode: Mode, state: ContactState, series: FloatArray, h: float) -> None:
-    """Write the bodies' first two coefficients, mass-weighted over each cluster, so that momentum stays."""
+    """Write the bodies' first two coefficients, mass-weighted over each cluster, to conserve momentum."""
     bodies = plant.masses.size
     for own in range(mode.clusters[0]):
         position = speed = 0.0
@@ -130,7 +132,7 @@ def _begin(plant: Plant, mode: Mode, state: ContactState, series: FloatArray, h:
 
 @compiled
 def _pad_term(plant: Plant, pad: int, series: FloatArray, powers: FloatArray, k: int, h: float) -> float:
-    """Coefficient k of a pad's force; the powers (powers, order) of its compression are carried along."""
+    """Compute coefficient k of a pad's force, updating the powers (powers, order) of its compression."""
     compression = -plant.pad_places[pad] if k == 0 else 0.0
     rate = 0.0
     for mover in range(plant.masses.size + 1):
@@ -149,7 +151,7 @@ def _pad_term(plant: Plant, pad: int, series: FloatArray, powers: FloatArray, k:
 
 @compiled
 def arrive(state: ContactState, series: FloatArray, span_s: float, time_s: float) -> None:
-    """Put the state at the end of a stretch."""
+    """Set the state at the end of a stretch."""
     for mover in range(state.positions.size):
         position = speed = 0.0
         for k in range(series.shape[1] - 1, -1, -1):

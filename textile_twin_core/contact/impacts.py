@@ -1,8 +1,8 @@
-"""Impacts: impulses at an instant until no touching stop approaches.
+"""Impacts: instantaneous impulses until no touching stop approaches.
 
-Newton's restitution with Moreau's complementarity: an approaching stop opens with restitution times its speed, those
-that rest pass impulses on, none pulls. Approaching stops that share bodies in one instant use the smallest of their
-restitutions, so that an impact never makes energy.
+The model is Newton's restitution with Moreau's complementarity. An approaching stop opens with restitution times its
+speed, stops at rest transmit impulses, and none pulls. Approaching stops that share bodies in one instant use the
+smallest of their restitutions, so that an impact never creates energy.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ _UNCHANGED = 1e-6
 
 @compiled
 def collide(plant: Plant, state: ContactState, drive_acceleration: float, touching: BoolArray, log: Log) -> bool:
-    """Impulses, in rounds, until no touching stop approaches; False where stops jam a body.
+    """Apply impulses in rounds until no touching stop approaches; return False where stops jam a body.
 
-    What already opens takes no part in a round; an impact may make it approach, and the next round is its.
-    Rounds without end (a body between two others in the same instant) close all gaps at last without restitution.
+    A stop that opens takes no part in a round; if an impact makes it approach, it takes part in the next. If the rounds
+    do not end (a body between two others in the same instant), all gaps finally close without restitution.
     """
     quiet = quiet_speed(plant, state)
     stops = touching.size
@@ -58,9 +58,9 @@ def collide(plant: Plant, state: ContactState, drive_acceleration: float, touchi
 
 @compiled
 def _groups(plant: Plant, taking_part: BoolArray) -> IntArray:
-    """The first of the stops that each stop shares bodies with, directly or through others; -1 where it has no part.
+    """Label each stop with the first of the stops that share bodies with it; -1 for inactive stops.
 
-    Driven element and frame pass nothing on.
+    Stops may share bodies directly or through others. Driven element and frame do not connect stops.
     """
     stops = taking_part.size
     groups = np.zeros(stops, np.int64)
@@ -92,7 +92,7 @@ def _strike(
     dead: bool,
     log: Log,
 ) -> bool:
-    """The impulses of one group of touching stops; one event for each stop that takes part."""
+    """Apply the impulses of one group of touching stops; write one event for each stop that takes part."""
     approaching = np.zeros(group.size, np.bool_)
     restitution = 0.0 if dead else 1.0
     for i in range(group.size):
@@ -123,7 +123,7 @@ def _strike(
 def _apply_impulses(
     plant: Plant, state: ContactState, group: IntArray, before: FloatArray, approaching: BoolArray, restitution: float
 ) -> tuple[bool, FloatArray]:
-    """Impulses [N s] of one group of touching stops, given to the bodies' velocities; False where they cannot be."""
+    """Solve the impulses [N s] of one group of touching stops and update the velocities; return False if impossible."""
     wanted = np.zeros(group.size)
     for i in range(group.size):
         wanted[i] = before[group[i]] * (1.0 + restitution if approaching[i] else 1.0)
@@ -136,10 +136,10 @@ def _apply_impulses(
 
 @compiled
 def _losses(plant: Plant, state: ContactState, group: IntArray, before: FloatArray, impulses: FloatArray) -> FloatArray:
-    """Energy [J] that each stop of a group takes, none negative.
+    """Compute the energy [J] that each stop of a group dissipates, none negative.
 
-    Impulse times mean speed gives what a stop takes only when it acts alone: one that hands an impulse on while it
-    opens comes out negative, at the cost of the others, which share it.
+    Impulse times mean speed is the loss of a stop that acts alone. A stop that transmits an impulse while it opens has
+    a negative value, which the other stops share.
     """
     losses = np.zeros(group.size)
     whole = positive = 0.0
@@ -162,12 +162,12 @@ def _dying_out(
     approaching: BoolArray,
     restitution: float,
 ) -> tuple[bool, float]:
-    """Time [s] that the bounces still to come take, if they are too small to follow; -1 if they are not.
+    """Compute the remaining time [s] of bounces too small to follow; -1 for larger bounces.
 
-    Bounces of restitution e under a closing acceleration a end after 2 v / (a (1 - e)). Once that is so short
-    that the acceleration cannot change by more than 1e-6 of itself, the stop closes; the event carries the time
-    at which the bounces end. Without such an end (e near 1) it closes when the next bounce is lower than 1e-9 of
-    the model's length. False where closed stops jam a body.
+    Bounces of restitution e under a closing acceleration a end after 2 v / (a (1 - e)). The stop closes once that time
+    is so short that the acceleration cannot change by more than 1e-6 of itself; the event carries the end of the
+    bounces. For e near 1 the stop closes when the next bounce is lower than 1e-9 of the model's length. The first
+    result is False where closed stops jam a body.
     """
     quiet = quiet_speed(plant, state)
     resting = np.zeros(state.closed.size, np.bool_)
@@ -185,9 +185,9 @@ def _dying_out(
         if closing <= 0.0:
             return possible, -1.0
         flight = 2.0 * speed / closing
-        left = flight / (1.0 - restitution) if restitution < 1.0 else math.inf
+        remaining = flight / (1.0 - restitution) if restitution < 1.0 else math.inf
         low = restitution > _NEARLY_ELASTIC and speed * flight / 4.0 <= _LOW_BOUNCE * plant.length_m
-        if not (low or left * plant.rate_s <= _UNCHANGED):
+        if not (low or remaining * plant.rate_s <= _UNCHANGED):
             return possible, -1.0
-        longest = max(longest, left if left * plant.rate_s <= _UNCHANGED else flight)
+        longest = max(longest, remaining if remaining * plant.rate_s <= _UNCHANGED else flight)
     return possible, longest

@@ -1,4 +1,4 @@
-"""Event-driven integration: from event to event without sampling, exact where the equations are linear."""
+"""Event-driven integration without sampling, exact where the equations are linear."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ _SLOW = 1e-6
 
 @dataclass(frozen=True)
 class Advance:
-    """What one advance has brought: the stretches of motion and the events between them."""
+    """Result of one advance: stretches of motion and the events between them."""
 
     model: ContactModel
     log: Log
 
     @cached_property
     def segments(self) -> list[Segment]:
-        """The stretches, without a gap."""
+        """Return the contiguous stretches of motion."""
         return segments_of(self.model, self.log)
 
     @cached_property
     def events(self) -> list[ContactEvent]:
-        """The events, in order."""
+        """Return the events in order."""
         return events_of(self.model, self.log)
 
 
 class ContactIntegrator:
-    """Integrates one model, piece by piece of its driven element's motion.
+    """Integrator of one model, over pieces of its driven element's motion.
 
-    `tolerance` bounds the error of each step on a pad, relative to the way made in it; stretches without a pad do not
-    depend on it. `events_largest` bounds the events of one `advance`: beyond it ContactError names the contact. What it
-    writes in as it goes it keeps for the next advance, so that each thread needs one of its own.
+    `tolerance` bounds the error of each step on a pad, relative to the distance moved in it; stretches without a pad do
+    not depend on it. `events_largest` bounds the events of one `advance`, above which ContactError names the contact.
+    The integrator reuses its work arrays, so each thread needs its own.
     """
 
     def __init__(self, model: ContactModel, tolerance: float = 1e-13, events_largest: int = 100_000) -> None:
@@ -59,7 +59,7 @@ class ContactIntegrator:
         self._mode, self._log = room_for_mode(self.plant), empty_log(self.plant)
 
     def check(self, positions_m: Sequence[float]) -> None:
-        """Raise ContactError when bodies cannot start at these positions (bodies,), the driven element at 0."""
+        """Raise ContactError if bodies cannot start at these positions (bodies,), with the driven element at 0."""
         self._check_stops(np.append(positions_m, 0.0))
 
     def start(
@@ -69,10 +69,10 @@ class ContactIntegrator:
         velocities_m_s: Sequence[float] | FloatArray | None = None,
         time_s: float = 0.0,
     ) -> ContactState:
-        """State at the given positions (bodies,), the driven element at (position, velocity, acceleration).
+        """Return the state at the given positions (bodies,) and drive (position, velocity, acceleration).
 
-        Bodies move along with the driven element unless velocities are given. Raises ContactError when a position
-        lies beyond a stop.
+        Bodies move with the driven element unless velocities are given. Raises ContactError for a position beyond a
+        stop.
         """
         positions = np.array(positions_m, dtype=float)
         count = len(self.model.bodies)
@@ -99,7 +99,7 @@ class ContactIntegrator:
         return state
 
     def _check_stops(self, positions: FloatArray) -> None:
-        """Raise ContactError when positions (movers,) lie beyond a stop."""
+        """Raise ContactError if positions (movers,) lie beyond a stop."""
         gaps = self.plant.stops @ positions + self.plant.limits
         for stop, gap in zip(self.model.stops, gaps.tolist(), strict=True):
             if gap < -_BEYOND * LENGTH_NOISE * self.plant.length_m:
@@ -109,7 +109,7 @@ class ContactIntegrator:
                 )
 
     def _pad_states(self, positions: FloatArray, velocities: FloatArray) -> list[PadState]:
-        """What the pads do where everything begins."""
+        """Determine the states of the pads at the start."""
         depths = (self.plant.pads @ positions - self.plant.pad_places).tolist()
         rates = (self.plant.pads @ velocities).tolist()
         states = []
@@ -119,7 +119,7 @@ class ContactIntegrator:
         return states
 
     def advance(self, state: ContactState, piece: DrivePiece) -> Advance:
-        """Carry the state, which it changes, to the end of one piece of the drive; pieces follow without a gap."""
+        """Advance the state in place to the end of one piece of the drive; pieces must be contiguous."""
         return self._advance(state, piece, stepping.FOLLOWS)
 
     def _advance(self, state: ContactState, piece: DrivePiece, begin: int) -> Advance:
@@ -137,7 +137,7 @@ class ContactIntegrator:
         return Advance(self.model, written(self._log))
 
     def _failure(self, end: int, number: int, state: ContactState, piece: DrivePiece, log: Log) -> ContactError:
-        """What went wrong, with its place and what to change."""
+        """Word an error with its place and a remedy."""
         time_s = state.time_s
         if end == stepping.JUMPS:
             jump = piece.state(time_s)[0] - float(state.positions[-1])

@@ -1,4 +1,4 @@
-"""A law of motion as the drive of a contact model: cut into pieces in time while the shaft turns."""
+"""A law of motion as the drive of a contact model, cut into pieces in time as the shaft turns."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from textile_twin_core.contact.polynomials import first_crossing, move
 from textile_twin_core.mechanism.motion_law import TURN, MotionLaw
 
 _ANGLE_NOISE = 1e-14
-"""rad, besides rounding: two sections join so smoothly that the place where one ends need not be known better"""
+"""rad, besides rounding: two sections join so smoothly that their ends need no better accuracy"""
 
 
 def law_pieces(law: MotionLaw, start_s: float, end_s: float, theta: Sequence[float]) -> Iterator[DrivePiece]:
-    """A law of motion in time while the shaft angle is the polynomial `theta` (in seconds past start, lowest first).
+    """Yield the pieces in time of a law of motion, for a shaft angle that is a polynomial in time.
 
-    It is cut where the shaft, forwards or backwards, passes from one section of the law into another.
+    `theta` are its coefficients in seconds past start, lowest first. The pieces are cut where the shaft passes, in
+    either direction, from one section of the law into another.
     """
     turns = math.floor(theta[0] / TURN)
     angle = theta[0] - turns * TURN
@@ -53,10 +54,10 @@ def law_pieces(law: MotionLaw, start_s: float, end_s: float, theta: Sequence[flo
 def _leaves(
     angle: FloatArray, later_s: float, span_s: float, width: float, rounding: tuple[float, float]
 ) -> tuple[float, int]:
-    """Where within a span an angle, a polynomial in seconds, leaves [0, width], and to which side (0: it stays).
+    """Find where an angle, a polynomial in seconds, leaves [0, width] within a span, and to which side (0: it stays).
 
     The span begins `later_s` after the polynomial's origin, which is moved there; the place is a share of the span. At
-    its start the angle may lie outside by what the rounding of angle [rad] and time [s] make.
+    the start the angle may lie outside by the rounding of angle [rad] and time [s].
     """
     move(angle, later_s)
     noise = rounding[0] + (rounding[1] * abs(angle[1]) if angle.size > 1 else 0.0)

@@ -10,16 +10,15 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.compiling import compiled
 
 NONE: Any = np.int64(-1)
-"""No stop or pad. Numbers handed to compiled functions are numpy's: of a plain one each value is compiled by itself."""
+"""Stands for no stop or pad; a numpy number, since numba compiles a plain constant separately for each value."""
 _DEPENDENT = 1e-11
 
 
 @compiled
 def solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solution x (n,) of matrix x = right for a Gram matrix (n, n) of vectors none of which is zero.
+    """Solve matrix x = right for x (n,), with a Gram matrix (n, n) of vectors of which none is zero.
 
-    Gaussian elimination, pivots taken from the diagonal. Unknowns whose vectors depend on those taken before come out
-    as zero.
+    Gaussian elimination with pivots from the diagonal. Unknowns of linearly dependent vectors come out as zero.
     """
     n = right.size
     a, b, x = matrix.copy(), right.copy(), np.zeros(right.size)
@@ -55,7 +54,7 @@ def solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
 
 @compiled
 def chosen(flags: BoolArray) -> IntArray:
-    """Numbers of those whose flag is set, in order."""
+    """Return the indices whose flag is set, in order."""
     numbers = np.zeros(flags.size, np.int64)
     count = 0
     for k in range(flags.size):

@@ -1,4 +1,4 @@
-"""What integration writes down as it goes: events and stretches of motion, as rows of numbers."""
+"""Log of an integration: events and stretches of motion as rows of numbers."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from textile_twin_core.contact.plant import Plant
 from textile_twin_core.contact.state import ContactState
 
 IMPACT, REST, RELEASE, TOUCH, LEAVE, SLACKENS, PUSHES = range(7)
-"""What an event is; the first three are of stops, the others of pads."""
+"""Kinds of events; the first three belong to stops, the others to pads."""
 
 TIME, KIND, NUMBER, BOOKED, APPROACH, IMPULSE, LOST, WORK = range(8)
 """Columns of an event."""
 
 _COEFFICIENTS = 31
 IMPACT_ROUNDS = 500
-"""In one instant, until stops close without restitution."""
+"""Impact rounds in one instant before stops close without restitution."""
 _ROWS = 16
 
 
 @by_reference
 class Log(NamedTuple):
-    """Rows written so far, in arrays with some room to spare."""
+    """Rows written so far, in arrays with spare capacity."""
 
     counts: IntArray
     """(2,): events, stretches"""
@@ -38,7 +38,7 @@ class Log(NamedTuple):
 
 
 def empty_log(plant: Plant) -> Log:
-    """Nothing yet."""
+    """Return an empty log."""
     pads, stops = plant.pad_places.size, plant.limits.size
     return Log(
         np.zeros(2, np.int64),
@@ -49,13 +49,13 @@ def empty_log(plant: Plant) -> Log:
 
 
 def with_room(log: Log) -> Log:
-    """The same rows, and room for as many again."""
+    """Return the same rows with twice the capacity."""
     events, heads, series = (np.concatenate((rows, np.empty_like(rows))) for rows in log[1:])
     return Log(log.counts, events, heads, series)
 
 
 def written(log: Log) -> Log:
-    """A copy of what is written, without room to spare."""
+    """Return a copy of the written rows without spare capacity."""
     events, stretches = log.counts
     rows = log.events[:events], log.heads[:stretches], log.series[:stretches]
     return Log._make(each.copy() for each in (log.counts, *rows))
@@ -63,14 +63,14 @@ def written(log: Log) -> Log:
 
 @compiled
 def is_full(plant: Plant, log: Log) -> bool:
-    """Whether one more stretch, with the instant at its end, may find no room."""
+    """Return whether one more stretch, with the instant at its end, may exceed the capacity."""
     events, stretches = log.events.shape[0] - log.counts[0], log.heads.shape[0] - log.counts[1]
     return stretches == 0 or events < 1 + (IMPACT_ROUNDS + 1) * plant.limits.size
 
 
 @compiled
 def add_stretch(log: Log, state: ContactState, span_s: float, series: FloatArray, forces: FloatArray) -> None:
-    """Write down a stretch of motion that begins at the state."""
+    """Append a stretch of motion that begins at the state."""
     at = log.counts[1]
     head, table = log.heads[at], log.series[at]
     head[0], head[1], head[2] = state.clock[0], span_s, series.shape[1] - 1
@@ -95,7 +95,7 @@ def add_event(
     lost: float,
     work: float,
 ) -> None:
-    """Write down an event."""
+    """Append an event."""
     at = log.counts[0]
     row = log.events[at]
     row[TIME], row[KIND], row[NUMBER], row[BOOKED] = time_s, kind, number, booked_s

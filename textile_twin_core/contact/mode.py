@@ -1,4 +1,4 @@
-"""A mode of contact: which bodies closed stops hold together, and the equations of motion that are left."""
+"""Mode of contact: clusters of bodies joined by closed stops, and their equations of motion."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ DRIVEN, FIXED = -1, -2
 
 @by_reference
 class Mode(NamedTuple):
-    """Bodies joined by closed stops move as one cluster, each at its own offset from the cluster's first body.
+    """Bodies joined by closed stops as one cluster, each at a constant offset from the cluster's first body.
 
     A cluster has the equation q'' = -stiffness q - damping q' + by_position x_drive + by_velocity v_drive + constant
-    - by_pad (forces of the pads). There is room for as many clusters as there are bodies.
+    - by_pad (forces of the pads). The arrays have capacity for as many clusters as bodies.
     """
 
     clusters: IntArray
-    """(1,): how many clusters there are"""
+    """(1,): number of clusters"""
     cluster: IntArray
     """(bodies,): number of the body's cluster, DRIVEN with the driven element or FIXED to the frame"""
     offset: FloatArray
@@ -45,7 +45,7 @@ class Mode(NamedTuple):
 
 
 def room_for_mode(plant: Plant) -> Mode:
-    """A mode to be written."""
+    """Allocate a mode."""
     bodies, pads = plant.masses.size, plant.pad_places.size
     numbers = [np.zeros(n, np.int64) for n in (1, bodies, bodies)]
     return Mode(
@@ -65,7 +65,7 @@ def room_for_mode(plant: Plant) -> Mode:
 
 @compiled
 def set_mode(plant: Plant, closed: BoolArray, mode: Mode) -> bool:
-    """Write the mode with these stops closed; False when they tie the driven element to the frame."""
+    """Write the mode with these stops closed; return False if they connect the driven element to the frame."""
     bodies = plant.masses.size
     joined, offset = _join(plant, closed)
     cluster, count = mode.cluster, 0
@@ -91,7 +91,7 @@ def set_mode(plant: Plant, closed: BoolArray, mode: Mode) -> bool:
 
 @compiled
 def _join(plant: Plant, closed: BoolArray) -> tuple[IntArray, FloatArray]:
-    """The first of the ends that each end (bodies, driven element, frame) is joined with, and its distance from it."""
+    """Return the first end joined with each end (bodies, driven element, frame), and the distance from it."""
     movers = plant.masses.size + 1
     joined, offset = np.zeros(movers + 1, np.int64), np.zeros(movers + 1)
     for end in range(movers + 1):
@@ -120,7 +120,7 @@ def _join(plant: Plant, closed: BoolArray) -> tuple[IntArray, FloatArray]:
 
 @compiled
 def _reduce(plant: Plant, mode: Mode) -> None:
-    """Write the clusters' masses and equations: the sums of those of their bodies."""
+    """Write the clusters' masses and equations as sums over their bodies."""
     bodies, pads = plant.masses.size, plant.pad_places.size
     for own in range(mode.clusters[0]):
         mode.mass[own] = mode.constant[own] = mode.by_position[own] = mode.by_velocity[own] = 0.0
@@ -154,7 +154,7 @@ def _reduce(plant: Plant, mode: Mode) -> None:
 
 @compiled
 def fastest_rate(plant: Plant, mode: Mode, pads: IntArray) -> float:
-    """Bound [1/s] on the rates of the mode's motion, with the pads that push; their stiffness as at first touch."""
+    """Bound the rates [1/s] of the mode's motion with the active pads, whose stiffness is that at first touch."""
     stiffness = damping = 0.0
     for own in range(mode.clusters[0]):
         k = b = 0.0
@@ -174,10 +174,10 @@ def fastest_rate(plant: Plant, mode: Mode, pads: IntArray) -> float:
 
 @compiled
 def stop_forces(plant: Plant, closed: BoolArray, series: FloatArray, h: float) -> FloatArray:
-    """Power series (stops, order-1) of the force in every closed stop, zero in the others.
+    """Compute the power series (stops, order-1) of the force in every closed stop; zero in the others.
 
-    `series` (movers + pads, order+1) holds the movers' positions and the pads' forces: what they do not explain of the
-    bodies' accelerations is the stops' doing.
+    `series` (movers + pads, order+1) holds the movers' positions and the pads' forces. The stop forces are the part of
+    the bodies' accelerations that these do not explain.
     """
     bodies, stops, order = plant.masses.size, closed.size, series.shape[1] - 1
     forces = np.zeros((stops, order - 1))
@@ -208,7 +208,7 @@ def stop_forces(plant: Plant, closed: BoolArray, series: FloatArray, h: float) -
 
 @compiled
 def _inverse_gram(plant: Plant, stops: IntArray) -> FloatArray:
-    """Inverse of the products of the stops' normals on the bodies, which do not depend on each other."""
+    """Invert the Gram matrix of the linearly independent stops' normals on the bodies."""
     n = stops.size
     gram, unit, inverse = np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
     for i in range(n):

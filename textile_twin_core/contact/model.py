@@ -1,4 +1,4 @@
-"""What a contact model consists of: bodies on a line, springs, one-sided stops, pads, and one driven element."""
+"""Parts of a contact model: bodies on a line, springs, one-sided stops, pads, and one driven element."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import ContactError
 
 FRAME = "frame"
-"""The end that does not move: the machine's frame, at position 0."""
+"""Name of the fixed end: the machine's frame, at position 0."""
 
 
 def _require(condition: bool, message: str) -> None:
@@ -39,7 +39,7 @@ class SlidingBody:
 
 @dataclass(frozen=True)
 class SpringDamper:
-    """Linear spring and damper: its force on `upper` is -k (x_upper - x_lower - free) - b (v_upper - v_lower)."""
+    """Linear spring and damper with the force -k (x_upper - x_lower - free) - b (v_upper - v_lower) on `upper`."""
 
     name: str
     lower: str
@@ -62,7 +62,7 @@ class SpringDamper:
 
 @dataclass(frozen=True)
 class Stop:
-    """One-sided stop: x_upper - x_lower <= limit, with Newton's restitution (0 sticks, 1 loses nothing)."""
+    """One-sided stop: x_upper - x_lower <= limit, with Newton's restitution (0 sticks, 1 loses no energy)."""
 
     name: str
     lower: str
@@ -82,9 +82,9 @@ class Stop:
 class Pad:
     """Elastic pad on `lower`, pressed by `upper` while c = x_upper - x_lower - position is positive.
 
-    Its force is sum_k stiffness[k] c^(k+1) + b dc/dt. Where a fast rebound makes that negative, a pad that does not
-    pull is slack until it takes hold again, and gives its elastic energy to its own damping; one that pulls sticks to
-    the body as long as it is compressed.
+    Its force is sum_k stiffness[k] c^(k+1) + b dc/dt. If a fast rebound makes the force negative, a pad that does not
+    pull becomes slack until contact returns, and its elastic energy goes into its own damping. A pad that pulls sticks
+    to the body while it is compressed.
     """
 
     name: str
@@ -106,14 +106,14 @@ class Pad:
         _require(self.damping_Ns_m >= 0.0, f"{owner}: damping_Ns_m is {self.damping_Ns_m}; it must not be negative")
 
     def force(self, compression: float) -> float:
-        """Elastic force [N] at a compression [m]."""
+        """Compute the elastic force [N] at a compression [m]."""
         total = 0.0
         for coefficient in reversed(self.stiffness):
             total = (total + coefficient) * compression
         return total
 
     def energy(self, compression: FloatArray) -> FloatArray:
-        """Elastic energy [J] at compressions [m] that are not negative."""
+        """Compute the elastic energy [J] at non-negative compressions [m]."""
         total = np.zeros_like(compression)
         for power, coefficient in reversed(list(enumerate(self.stiffness, start=1))):
             total = (total + coefficient / (power + 1)) * compression
@@ -124,7 +124,8 @@ class Pad:
 class ContactModel:
     """Bodies on a line between a driven element, whose motion is prescribed, and the frame.
 
-    Raises ContactError when a name is unknown or used twice.
+    Raises:
+        ContactError: for an unknown or repeated name.
     """
 
     drive: str
@@ -155,5 +156,5 @@ class ContactModel:
 
     @property
     def movers(self) -> tuple[str, ...]:
-        """Names of what moves: the bodies, then the driven element."""
+        """Names of the moving ends: the bodies, then the driven element."""
         return (*(body.name for body in self.bodies), self.drive)

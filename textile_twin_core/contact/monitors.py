@@ -1,4 +1,4 @@
-"""The functions whose sign changes are events: gaps, stop forces, compressions and forces of pads, over one step."""
+"""Monitor functions, whose sign changes are events: gaps, stop forces, compressions and forces of pads."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from textile_twin_core.contact.polynomials import first_crossing, largest
 from textile_twin_core.contact.state import EPSILON, LENGTH_NOISE, OFF, PUSHING, ContactState
 
 CLOSES, RELEASES, TURNS_OFF, TURNS_PUSHING, TURNS_SLACK = range(5)
-"""What may happen to a stop (the first two) and to a pad."""
+"""Possible events of a stop (the first two) and of a pad."""
 
 _FORCE_NOISE = 1e-13
 _OWN_NOISE = 1e-14
@@ -24,13 +24,13 @@ _RELEASE_NOISE = 1e-12
 def first_event(
     plant: Plant, state: ContactState, series: FloatArray, forces: FloatArray, span_s: float
 ) -> tuple[float, int, int]:
-    """Place u of the earliest event of a step (infinity without one), what it is, and of which stop or pad.
+    """Find the place u of the earliest event of a step (infinity without one), its kind, and its stop or pad.
 
-    `series` (movers + pads, order+1) as the step's flow gives it, `forces` (stops, order-1) of the closed stops.
-    Nothing is sampled, so that no pair of crossings can slip through.
+    `series` (movers + pads, order+1) comes from the step, `forces` (stops, order-1) from the closed stops. The search
+    is on polynomials without sampling, so that no pair of crossings is missed.
     """
     length = LENGTH_NOISE * plant.length_m
-    length += 4.0 * EPSILON * abs(state.clock[0]) * state.clock[1]  # the drive goes on from the time as rounded
+    length += 4.0 * EPSILON * abs(state.clock[0]) * state.clock[1]  # the drive continues from the rounded time
     force = _FORCE_NOISE * _force_scale(plant, state.clock[1])
     best, kind, which = math.inf, CLOSES, 0
     for stop in range(state.closed.size):
@@ -69,7 +69,7 @@ def first_event(
 
 @compiled
 def _force_scale(plant: Plant, speed_m_s: float) -> float:
-    """Size [N] of the linear forces, by which their rounding is measured."""
+    """Compute the magnitude [N] of the linear forces, the scale of their rounding."""
     stiffness = damping = constant = 0.0
     movers = plant.constant.size
     for mover in range(movers):
@@ -84,7 +84,7 @@ def _force_scale(plant: Plant, speed_m_s: float) -> float:
 
 @compiled
 def _between(normal: FloatArray, sign: float, shift: float, series: FloatArray) -> FloatArray:
-    """Power series of what a normal measures, times a sign, plus a shift."""
+    """Compute the power series of a normal's distance, times a sign, plus a shift."""
     result = np.zeros(series.shape[1])
     for mover in range(normal.size):
         weight = sign * normal[mover]
@@ -97,9 +97,9 @@ def _between(normal: FloatArray, sign: float, shift: float, series: FloatArray) 
 
 @compiled
 def _withheld(plant: Plant, pad: int, depth: FloatArray, span_s: float) -> FloatArray:
-    """Power series of the pull that a slack pad would give if it held: positive as long as it stays slack."""
+    """Compute the power series of the pull that a slack pad would exert; positive while it stays slack."""
     result = np.zeros(depth.size - 1)
-    for power in range(plant.pad_stiffness.shape[1] - 1, -1, -1):  # Horner, cut at the order of the pad's force
+    for power in range(plant.pad_stiffness.shape[1] - 1, -1, -1):  # Horner, truncated at the order of the pad's force
         result[0] += plant.pad_stiffness[pad, power]
         for k in range(result.size - 1, -1, -1):
             total = 0.0
@@ -113,7 +113,7 @@ def _withheld(plant: Plant, pad: int, depth: FloatArray, span_s: float) -> Float
 
 @compiled
 def _tangent(stiffness: FloatArray, compression: float) -> float:
-    """Derivative of a pad's elastic force [N/m] at a compression [m]."""
+    """Compute the derivative of a pad's elastic force [N/m] at a compression [m]."""
     total = 0.0
     for power in range(stiffness.size - 1, -1, -1):
         total = total * compression + (power + 1) * stiffness[power]

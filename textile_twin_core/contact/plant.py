@@ -1,4 +1,4 @@
-"""A contact model as arrays: masses, linear forces, and how stops and pads hang on what moves."""
+"""A contact model as arrays: masses, linear forces, and the attachment of stops and pads."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from textile_twin_core.contact.model import ContactModel
 class Plant(NamedTuple):
     """Arrays of one model. Movers are the bodies, then the driven element.
 
-    The linear force on the movers is constant - stiffness x - damping v. Row k of `stops` times the positions, plus
-    the limit, is the gap of stop k; row k of `pads` times the positions, less its place, the compression of pad k.
+    The linear force on the movers is constant - stiffness x - damping v. Row k of `stops` times the positions, plus the
+    limit, is the gap of stop k. Row k of `pads` times the positions, less its place, is the compression of pad k.
     """
 
     masses: FloatArray
@@ -44,13 +44,13 @@ class Plant(NamedTuple):
     pad_pulls: BoolArray
     """(pads,)"""
     length_m: float
-    """what rounding and tolerance of a length are measured by"""
+    """scale of rounding and tolerance of a length"""
     rate_s: float
-    """bound [1/s] on how fast the forces of springs and dampers change"""
+    """bound [1/s] on the rate of the forces of springs and dampers"""
 
 
 def plant_of(model: ContactModel) -> Plant:
-    """The arrays of a model; what acts on the frame is left out."""
+    """Build the arrays of a model, without forces on the frame."""
     movers = len(model.bodies) + 1
     stiffness = np.zeros((movers + 1, movers + 1))
     damping = np.zeros((movers + 1, movers + 1))
@@ -88,7 +88,7 @@ def plant_of(model: ContactModel) -> Plant:
 
 
 def _normals(model: ContactModel, ends: list[tuple[str, str]]) -> FloatArray:
-    """Rows (parts, movers + frame) with +1 at the first and -1 at the second end of each part."""
+    """Build rows (parts, movers + frame) with +1 at the first and -1 at the second end of each part."""
     rows = np.zeros((len(ends), len(model.index)))
     for row, (plus, minus) in zip(rows, ends, strict=True):
         row[model.index[plus]] += 1.0
@@ -106,7 +106,7 @@ def _rate(matrix: FloatArray, masses: FloatArray) -> float:
 
 @compiled
 def linear_force(plant: Plant, mover: int, positions: FloatArray, velocities: FloatArray) -> float:
-    """Force [N] of springs, dampers and constants on one mover."""
+    """Compute the force [N] of springs, dampers and constants on one mover."""
     force = plant.constant[mover]
     for other in range(positions.size):
         force -= plant.stiffness[mover, other] * positions[other] + plant.damping[mover, other] * velocities[other]
@@ -115,7 +115,7 @@ def linear_force(plant: Plant, mover: int, positions: FloatArray, velocities: Fl
 
 @compiled
 def elastic_force(stiffness: FloatArray, compression: float) -> float:
-    """Elastic force [N] of a pad with these coefficients at a compression [m]."""
+    """Compute the elastic force [N] of a pad with these coefficients at a compression [m]."""
     total = 0.0
     for power in range(stiffness.size - 1, -1, -1):
         total = (total + stiffness[power]) * compression

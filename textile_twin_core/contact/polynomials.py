@@ -1,4 +1,4 @@
-"""Polynomials on [0, 1] in powers of u: the first downward crossing, with none missed, series and exact integrals."""
+"""Polynomials on [0, 1] in powers of u: guaranteed first downward crossing, series and exact integrals."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from textile_twin_core.compiling import compiled
 
 _SMALLEST_WIDTH = 2.0**-46
 _DEEPEST = 96
-"""Intervals that wait at most: two for each halving down to the smallest width."""
+"""Largest number of waiting intervals: two for each halving down to the smallest width."""
 
 
 @lru_cache(maxsize=128)
 def gram_matrix(size: int) -> FloatArray:
-    """Integrals over [0, 1] of u^(i+j), shape (size, size): a @ G @ b is the integral of the product of a and b."""
+    """Return integrals over [0, 1] of u^(i+j), shape (size, size): a @ G @ b integrates the product of a and b."""
     index = np.arange(size)
     return np.asarray(1.0 / (index[:, None] + index[None, :] + 1.0), dtype=np.float64)
 
 
 @compiled
 def value(coefficients: FloatArray, u: float) -> float:
-    """Value at u of the polynomial with these power coefficients, lowest first (Horner)."""
+    """Evaluate the polynomial with these power coefficients, lowest first, at u (Horner)."""
     total = 0.0
     for k in range(coefficients.size - 1, -1, -1):
         total = total * u + coefficients[k]
@@ -33,7 +33,7 @@ def value(coefficients: FloatArray, u: float) -> float:
 
 @compiled
 def derivative(coefficients: FloatArray) -> FloatArray:
-    """Power series of d/du, one order shorter."""
+    """Differentiate a power series by u, one order shorter."""
     result = np.zeros(coefficients.size - 1)
     for k in range(result.size):
         result[k] = (k + 1) * coefficients[k + 1]
@@ -42,7 +42,7 @@ def derivative(coefficients: FloatArray) -> FloatArray:
 
 @compiled
 def largest(values: FloatArray) -> float:
-    """Largest absolute value, 0 of none; NaN where one is."""
+    """Return the largest absolute value, 0 for an empty array; NaN propagates."""
     result = 0.0
     for k in range(values.size):
         if not abs(values[k]) <= result:
@@ -52,7 +52,7 @@ def largest(values: FloatArray) -> float:
 
 @compiled
 def stretch(rows: FloatArray, factor: float) -> None:
-    """Write series, one in each row, in u/factor instead of u: what spans [0, factor] comes to span [0, 1]."""
+    """Rescale series in place, one per row, from u to u/factor: the interval [0, factor] becomes [0, 1]."""
     power = 1.0
     for k in range(rows.shape[1]):
         for row in range(rows.shape[0]):
@@ -62,7 +62,7 @@ def stretch(rows: FloatArray, factor: float) -> None:
 
 @compiled
 def move(polynomial: FloatArray, offset: float) -> None:
-    """Write coefficients of p(offset + t) in powers of t instead of those of p(t), by repeated synthetic division."""
+    """Expand p(offset + t) in powers of t in place, by repeated synthetic division."""
     for start in range(polynomial.size - 1):
         for power in range(polynomial.size - 2, start - 1, -1):
             polynomial[power] += offset * polynomial[power + 1]
@@ -70,7 +70,7 @@ def move(polynomial: FloatArray, offset: float) -> None:
 
 @compiled
 def moved(polynomial: FloatArray, offset: float) -> FloatArray:
-    """Coefficients of p(offset + t) in powers of t."""
+    """Expand p(offset + t) in powers of t."""
     result = polynomial.copy()
     move(result, offset)
     return result
@@ -80,8 +80,8 @@ def moved(polynomial: FloatArray, offset: float) -> FloatArray:
 def write_bernstein(coefficients: FloatArray, result: FloatArray) -> None:
     """Write the Bernstein coefficients on [0, 1] of the polynomial with these power coefficients.
 
-    A polynomial lies between its smallest and its largest Bernstein coefficient: all positive means that it has
-    no root on the interval, whatever its shape between samples.
+    A polynomial lies between its smallest and its largest Bernstein coefficient: if all are positive, it has no root on
+    the interval.
     """
     degree = coefficients.size - 1
     choices = 1.0
@@ -95,12 +95,12 @@ def write_bernstein(coefficients: FloatArray, result: FloatArray) -> None:
 
 @compiled
 def first_crossing(coefficients: FloatArray, noise: float) -> float:
-    """Smallest u in [0, 1] from which on the polynomial is negative; infinity when it never is.
+    """Find the smallest u in [0, 1] from which the polynomial is negative; infinity if there is none.
 
-    A start value, slope, curvature ... below `noise` counts as zero, so that a function that starts from zero upwards
-    (a stop that has just opened) is not taken for a crossing, and one that starts downwards is found at u = 0.
-    Roots are isolated by the sign changes of Bernstein coefficients (Descartes' rule), leftmost first; a pair
-    of roots inside one step is therefore found, a touch without crossing (down to `noise`) is passed over.
+    A start value, slope, curvature ... below `noise` counts as zero. A function that rises from zero (a stop that has
+    just opened) is therefore no crossing, and one that falls from zero crosses at u = 0. Roots are isolated by the sign
+    changes of Bernstein coefficients (Descartes' rule), leftmost first. A pair of roots inside one step is found; a
+    touch without crossing (down to `noise`) is passed over.
     """
     order = 0
     while order < coefficients.size and not abs(coefficients[order]) > noise:
@@ -142,7 +142,7 @@ def first_crossing(coefficients: FloatArray, noise: float) -> float:
         if high - low < _SMALLEST_WIDTH:
             return low
         middle = 0.5 * (low + high)
-        # de Casteljau: the right half stays in its row, the left half comes upon it, to be looked at first
+        # de Casteljau: the right half stays in its row, the left half goes on top of the stack and is next
         left = waiting[count + 1]
         for done in range(degree + 1):
             left[done] = local[0]
@@ -164,7 +164,7 @@ def _smallest(values: FloatArray) -> float:
 
 @compiled
 def _dip(coefficients: FloatArray, root: float, order: int) -> float:
-    """How far below zero u^order times the polynomial goes after a downward root, by its slope and curvature there."""
+    """Estimate the depth below zero of u^order times the polynomial after a downward root, by slope and curvature."""
     function = slope = bend = 0.0
     for k in range(coefficients.size - 1, -1, -1):
         bend = bend * root + slope
@@ -178,7 +178,7 @@ def _dip(coefficients: FloatArray, root: float, order: int) -> float:
 
 @compiled
 def _root(coefficients: FloatArray, low: float, high: float) -> float:
-    """The one root in [low, high] where the polynomial turns negative: Newton, kept inside by bisection."""
+    """Find the single downward root in [low, high] by Newton's method with bisection."""
     u = 0.5 * (low + high)
     for _ in range(100):
         function = slope = 0.0

@@ -1,4 +1,4 @@
-"""Motion at given times, read off what integration has written down."""
+"""Motion at given times, evaluated from the log of an integration."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from textile_twin_core.contact.polynomials import value
 def read_motion(plant: Plant, log: Log, times: FloatArray, first: bool, motion: FloatArray, force: FloatArray) -> None:
     """Write position, velocity, acceleration (3, movers, times) and force on the driven element [N] (times,).
 
-    At an event they are those before it. Logs of pieces that follow one another are read in their order: a later one
-    leaves the times up to its beginning as they are.
+    At an event they are the values before it. Logs of consecutive pieces are read in their order: a later log does not
+    change the times up to its beginning.
     """
     for i in range(times.size):
         if times[i] <= log.heads[0, 0] and not first:
@@ -36,7 +36,7 @@ def read_motion(plant: Plant, log: Log, times: FloatArray, first: bool, motion: 
 
 @compiled
 def _force_on_drive(plant: Plant, series: FloatArray, u: float, positions: FloatArray, velocities: FloatArray) -> float:
-    """Force [N] of springs, dampers, pads and stops."""
+    """Compute the force [N] of springs, dampers, pads and stops on the driven element."""
     movers, pads = plant.constant.size, plant.pad_places.size
     row = movers - 1
     force = plant.constant[row]

@@ -1,4 +1,4 @@
-"""What comes out of contact integration: segments with their power series, and events with their impulses."""
+"""Results of contact integration: segments with their power series, and events with their impulses."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from textile_twin_core.contact.model import ContactModel
 from textile_twin_core.contact.state import PadState
 
 _KINDS = ("impact", "rest", "release", "touch", "leave", "slack", "push")
-"""In the order of the log's numbers."""
+"""Names of kinds in the order of the log's numbers."""
 
 
 @dataclass(frozen=True)
 class ContactEvent:
-    """Something that happens at one instant.
+    """An event at one instant.
 
-    kind is "impact" (a stop is hit), "rest" (the bounces on a stop have died out), "release" (a closed stop opens),
-    "touch" / "leave" (a pad), "slack" / "push" (a touched pad lets go, takes hold again).
+    Its kind is "impact" (a stop is hit), "rest" (the bounces on a stop have died out), "release" (a closed stop opens),
+    "touch" / "leave" (a pad), "slack" / "push" (a touched pad loses or regains contact force).
     """
 
     time_s: float
-    """when it happens; for "rest" the end of the bounces, a moment after the instant that they are booked at"""
+    """time of the event; for "rest" the end of the bounces, slightly after the instant of their record"""
     kind: str
     name: str
     """the stop or pad"""
@@ -54,7 +54,7 @@ class Segment:
 
     @property
     def end_s(self) -> float:
-        """Time of its end."""
+        """End time [s]."""
         return self.start_s + self.span_s
 
     @property
@@ -63,7 +63,7 @@ class Segment:
         return np.asarray(self.positions[:, 1:] * np.arange(1.0, self.positions.shape[1]) / self.span_s)
 
     def motion(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Positions, velocities and accelerations (movers, times) at times inside it."""
+        """Evaluate positions, velocities and accelerations (movers, times) at times inside the segment."""
         u = (times_s - self.start_s) / self.span_s
         index = np.arange(float(self.positions.shape[1]))
         powers = u ** index[:, None]
@@ -77,7 +77,7 @@ class Segment:
 
 
 def events_of(model: ContactModel, log: Log, origin_s: float = 0.0) -> list[ContactEvent]:
-    """The events written down in a log whose time counts from an origin."""
+    """Return the events in a log whose time counts from an origin."""
     events: list[ContactEvent] = []
     if not log.counts[0]:
         return events
@@ -90,7 +90,7 @@ def events_of(model: ContactModel, log: Log, origin_s: float = 0.0) -> list[Cont
 
 
 def segments_of(model: ContactModel, log: Log) -> list[Segment]:
-    """The stretches of motion written down in a log."""
+    """Return the stretches of motion in a log."""
     movers = len(model.bodies) + 1
     stops = movers + len(model.pads)
     segments = []

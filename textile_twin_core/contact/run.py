@@ -1,4 +1,4 @@
-"""A whole run: the model driven from start to end, its motion at any time, its events and its energy."""
+"""A whole run of a contact model: its motion at any time, its events and its energy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from textile_twin_core.errors import ContactError
 
 @dataclass(frozen=True)
 class ContactRun:
-    """Motion of every mover at the asked times, and everything that happened between."""
+    """Motion of every mover at the requested times, and all events."""
 
     model: ContactModel
     times: FloatArray
@@ -35,11 +35,11 @@ class ContactRun:
 
     @cached_property
     def energies(self) -> EnergyBook:
-        """The energy of the run, booked at the ends of its segments."""
+        """Energy account at the ends of the segments."""
         return book_energy(self.model, list(self.segments), list(self.events))
 
     def happened(self, kind: str, name: str) -> tuple[ContactEvent, ...]:
-        """The events of one kind at one stop or pad, in order of time."""
+        """Return the events of one kind at one stop or pad, in order of time."""
         return tuple(event for event in self.events if event.kind == kind and event.name == name)
 
 
@@ -52,8 +52,8 @@ def run_contact(
 ) -> ContactRun:
     """Integrate over the pieces of a drive, from positions (bodies,) at the first piece's start.
 
-    `times` are where motion is wanted, ascending; without them it is given at the ends of all segments.
-    Raises ContactError when there are no pieces or a time lies outside of them.
+    `times` are the requested times, ascending; by default the ends of all segments. Raises ContactError without pieces
+    and for a time outside them.
     """
     state = None
     segments: list[Segment] = []
@@ -73,7 +73,7 @@ def run_contact(
 
 
 def sample(segments: Sequence[Segment], times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Positions, velocities, accelerations (movers, times) at ascending times inside consecutive segments."""
+    """Evaluate positions, velocities, accelerations (movers, times) at ascending times inside consecutive segments."""
     if times.size and (times[0] < segments[0].start_s or times[-1] > segments[-1].end_s + 1e-12):
         raise ContactError(
             f"times run from {times[0]:.9g} to {times[-1]:.9g} s, the motion from {segments[0].start_s:.9g} to "

@@ -1,4 +1,4 @@
-"""What happens at an instant: impulses until nothing approaches, then which touching stops stay closed."""
+"""Instants: impulses until no stop approaches, then the set of touching stops that stay closed."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _FAINT = 1e-12
 
 @compiled
 def settle(plant: Plant, state: ContactState, drive_acceleration: float, hit: int, log: Log) -> bool:
-    """Bring the state over an instant: impulses, then the set of stops that stay closed.
+    """Update the state over an instant: impulses, then the set of stops that stay closed.
 
-    `hit` is the stop whose gap has just closed, or NONE. False where the stops that touch, which then all stand closed
-    in the state, jam a body between driven element and frame.
+    `hit` is the stop whose gap has just closed, or NONE. The result is False if the touching stops, which then are all
+    closed in the state, jam a body between driven element and frame.
     """
     if hit != NONE:
         _shut(plant, state, hit)
@@ -43,7 +43,7 @@ def settle(plant: Plant, state: ContactState, drive_acceleration: float, hit: in
 
 @compiled
 def _shut(plant: Plant, state: ContactState, stop: int) -> None:
-    """Take the rounding out of the gap of a stop that has just been hit, so that bounces do not add it up."""
+    """Remove the rounding from the gap of a stop that has just been hit, so that bounces do not accumulate it."""
     mobility = 0.0
     for body in range(plant.masses.size):
         mobility += plant.stops[stop, body] ** 2 / plant.masses[body]
@@ -56,7 +56,7 @@ def _shut(plant: Plant, state: ContactState, stop: int) -> None:
 def _choose_closed(
     plant: Plant, state: ContactState, drive_acceleration: float, touching: BoolArray, gentle: int
 ) -> bool:
-    """Close the stops that push, and those that neither push nor open; False where they jam a body."""
+    """Close the stops that push, and those that neither push nor open; return False where they jam a body."""
     quiet = quiet_speed(plant, state)
     resting = touching.copy()
     for stop in range(touching.size):
@@ -70,8 +70,8 @@ def _choose_closed(
     for c in range(candidates.size):
         shut[c] = forces[c] > 0.0
     for c in range(candidates.size):
-        # one that neither pushes nor opens stays closed, unless the others already keep it shut; one that closes
-        # without a speed that could be told from zero was about to
+        # A stop that neither pushes nor opens stays closed, unless the others already keep it closed. A stop whose
+        # closing speed cannot be distinguished from zero also closes.
         keeps = opening[candidates[c]] <= faint or candidates[c] == gentle
         if not shut[c] and keeps and not depends(response, chosen(shut), c):
             shut[c] = True

@@ -1,4 +1,4 @@
-"""The state of a contact model between two instants."""
+"""State of a contact model between two instants."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from textile_twin_core.compiling import by_reference, compiled
 from textile_twin_core.contact.plant import Plant, elastic_force
 
 LENGTH_NOISE = 64 * 2.220446049250313e-16
-"""Rounding of a gap, relative to the lengths it is the difference of."""
+"""Rounding of a gap, relative to the lengths whose difference it is."""
 EPSILON = 2.220446049250313e-16
 
 
 class PadState(IntEnum):
-    """A pad is not touched, pushes, or is touched but slack because the body leaves faster than it recovers."""
+    """State of a pad: not touched, pushing, or touched but slack behind a body that leaves too fast."""
 
     OFF = 0
     PUSHING = 1
     SLACK = 2
 
 
-# The same as plain numbers, for loops that are compiled.
+# The same as plain numbers, for compiled loops.
 OFF, PUSHING, SLACK = (int(each) for each in PadState)
 
 
 @by_reference
 class ContactState(NamedTuple):
-    """Where everything is, which stops are closed, what the pads do; changed in place as time goes on."""
+    """Positions, closed stops and states of the pads; changed in place as time advances."""
 
     clock: FloatArray
-    """(2,): time [s]; the largest speed so far [m/s], by which rounding and tolerance of a speed are measured"""
+    """(2,): time [s]; largest speed so far [m/s], the scale of rounding and tolerance of a speed"""
     positions: FloatArray
     """(movers,) [m]: the bodies, then the driven element"""
     velocities: FloatArray
@@ -42,30 +42,30 @@ class ContactState(NamedTuple):
     closed: BoolArray
     """(stops,)"""
     released: BoolArray
-    """(stops,): those whose force has come down to zero at this very instant"""
+    """(stops,): stops whose force has just reached zero"""
     pads: npt.NDArray[np.int64]
     """(pads,): `PadState` of each"""
 
     @property
     def time_s(self) -> float:
-        """Its time."""
+        """Time [s]."""
         return float(self.clock[0])
 
     def copy(self) -> ContactState:
-        """An independent copy."""
+        """Return an independent copy."""
         return ContactState._make(each.copy() for each in self)
 
 
 @compiled
 def forget_releases(state: ContactState) -> None:
-    """Go on to another instant."""
+    """Clear the releases for the next instant."""
     for stop in range(state.released.size):
         state.released[stop] = False
 
 
 @compiled
 def gap(plant: Plant, state: ContactState, stop: int) -> float:
-    """Gap of a stop [m]."""
+    """Compute the gap of a stop [m]."""
     total = 0.0
     for mover in range(state.positions.size):
         total += plant.stops[stop, mover] * state.positions[mover]
@@ -74,7 +74,7 @@ def gap(plant: Plant, state: ContactState, stop: int) -> float:
 
 @compiled
 def opening_speed(plant: Plant, state: ContactState, stop: int) -> float:
-    """Speed at which a stop opens [m/s]."""
+    """Compute the opening speed of a stop [m/s]."""
     total = 0.0
     for mover in range(state.velocities.size):
         total += plant.stops[stop, mover] * state.velocities[mover]
@@ -83,13 +83,13 @@ def opening_speed(plant: Plant, state: ContactState, stop: int) -> float:
 
 @compiled
 def quiet_speed(plant: Plant, state: ContactState) -> float:
-    """Speed [m/s] that cannot be told from zero: by the speeds there were, or by the rounding of lengths in forces."""
+    """Compute the speed [m/s] below which speeds are rounding, of earlier speeds or of lengths in forces."""
     return max(1e-13 * state.clock[1], 0.1 * LENGTH_NOISE * plant.length_m * plant.rate_s)
 
 
 @compiled
 def pad_compression(plant: Plant, state: ContactState, pad: int) -> tuple[float, float]:
-    """Compression [m] of a pad and its rate [m/s]."""
+    """Compute the compression [m] of a pad and its rate [m/s]."""
     depth = rate = 0.0
     for mover in range(state.positions.size):
         depth += plant.pads[pad, mover] * state.positions[mover]
@@ -99,7 +99,7 @@ def pad_compression(plant: Plant, state: ContactState, pad: int) -> tuple[float,
 
 @compiled
 def pad_force(plant: Plant, state: ContactState, pad: int) -> float:
-    """Force [N] with which a pad pushes."""
+    """Compute the force [N] of a pushing pad."""
     if state.pads[pad] != PUSHING:
         return 0.0
     depth, rate = pad_compression(plant, state, pad)

@@ -1,4 +1,4 @@
-"""From event to event along one piece of the drive, without sampling."""
+"""Steps from event to event along one piece of the drive, without sampling."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ from textile_twin_core.contact.settling import settle
 from textile_twin_core.contact.state import EPSILON, OFF, PUSHING, SLACK, ContactState, forget_releases, pad_compression
 
 BEGINS, FOLLOWS, RESUMES = range(3)
-"""Where an advance finds the state: to be settled first, at the start of a piece, or inside it."""
+"""Start of an advance: with a state to be settled, at the start of a piece, or inside a piece."""
 
 ARRIVED, FULL, JUMPS, JAMMED, TIED, ENDLESS_STOP, ENDLESS_PAD, DIVERGES = range(8)
-"""How an advance ends."""
+"""Outcomes of an advance."""
 
 _ACCELERATION: Any = np.int64(2)
 _JUMP = 1e-9
@@ -52,10 +52,10 @@ def advance(
     tolerance: float,
     events_largest: int,
 ) -> tuple[int, int]:
-    """Carry the state to the end of one piece of the drive; how it ended, and the stop or pad that this is due to.
+    """Advance the state to the end of one piece of the drive; return the outcome and the responsible stop or pad.
 
-    What happens is added to the log; where that is FULL the advance RESUMES with more room in it. `mode` is room to
-    write in.
+    Events and motion are appended to the log. If the log is FULL, the caller RESUMES with more capacity. `mode` is a
+    work array.
     """
     unsettled = False
     x, v, a = drive_at(drive, state.clock[0])
@@ -106,14 +106,14 @@ def advance(
 
 @compiled
 def drive_at(drive: DriveTerms, time_s: float) -> tuple[float, float, float]:
-    """Position [m], velocity [m/s] and acceleration [m/s^2] of the driven element."""
+    """Evaluate position [m], velocity [m/s] and acceleration [m/s^2] of the driven element."""
     series = taylor(drive, time_s, 1.0, _ACCELERATION)
     return series[0], series[1], 2.0 * series[2]
 
 
 @compiled
 def _take_over(state: ContactState, position: float, velocity: float) -> bool:
-    """Take the drive's motion over at the start of a piece; True where its velocity steps."""
+    """Apply the drive's motion at the start of a piece; return True where its velocity steps."""
     change = abs(velocity - state.velocities[-1])
     state.positions[-1], state.velocities[-1] = position, velocity
     state.clock[1] = max(state.clock[1], abs(velocity))
@@ -122,11 +122,11 @@ def _take_over(state: ContactState, position: float, velocity: float) -> bool:
 
 @compiled
 def _happen(plant: Plant, state: ContactState, kind: int, which: int, log: Log) -> int:
-    """Let an event change the state, and write it down; the stop that is hit by it, or NONE."""
+    """Apply an event to the state and log it; return the stop that it hits, or NONE."""
     now, written, speed = state.clock[0], RELEASE, 0.0
     if kind == CLOSES:
         if state.released[which]:
-            # its force vanished within the tolerance only: it has not opened yet
+            # the force vanished only within the tolerance: the stop has not opened yet
             state.released[which] = False
             take_back_release(log, which)
         return which

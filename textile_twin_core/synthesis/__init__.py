@@ -1,4 +1,4 @@
-"""Designs of linkages: lengths from what the machine must do, balancing, and many designs at once."""
+"""Design of linkages: dimensional synthesis, balancing, and evaluation of many designs at once."""
 
 from textile_twin_core.synthesis.bars import CAST_IRON, BarSection
 from textile_twin_core.synthesis.batch import Batch
@@ -16,8 +16,8 @@ from textile_twin_core.synthesis.family import Family, Parameter, family_of
 from textile_twin_core.synthesis.four_bar import FourBarDesign
 from textile_twin_core.synthesis.hand_positions import RockerThroughPoints, rocker_through
 from textile_twin_core.synthesis.offset_slider import SliderCrankDesign, SliderCrankFamily, offset_slider
-from textile_twin_core.synthesis.rotation import rotation_of_time_ratio
 from textile_twin_core.synthesis.through_points import PointsDesign, through_points
+from textile_twin_core.synthesis.turn import rotation_of_time_ratio
 
 __all__ = [
     "CAST_IRON",

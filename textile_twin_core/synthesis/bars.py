@@ -1,4 +1,4 @@
-"""Links as straight bars of one section: the masses that make a synthesised linkage a machine with dynamics."""
+"""Links as straight bars of one section: the masses that give a synthesised linkage its dynamics."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from textile_twin_core.errors import SceneError
 class BarSection:
     """Density [kg/m^3] and rectangular section [m] of a bar; the width lies in the plane of motion.
 
-    The default is the cast iron of 30 x 10 mm of Topalbekiroglu and Celik 2010.
-    Raises SceneError for a number that is not positive.
+    The default is the cast iron of 30 x 10 mm of Topalbekiroglu and Celik 2010. Raises SceneError for a number that is
+    not positive.
     """
 
     density_kg_m3: float = 7210.0
@@ -27,7 +27,7 @@ class BarSection:
                 raise SceneError(f"section: density, width and thickness must be positive numbers, not {value!r}")
 
     def bar(self, link: str, length_m: float) -> Body:
-        """The bar over a whole link."""
+        """Return the bar over a whole link."""
         return Body.bar(link, length_m, self.density_kg_m3, self.width_m, self.thickness_m)
 
 

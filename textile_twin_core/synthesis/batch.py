@@ -1,4 +1,4 @@
-"""Many designs of one machine at once: what a designer reads off a turn, tens of thousands of designs a second."""
+"""Evaluation of many designs of one machine at once, tens of thousands of designs per second."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from textile_twin_core.synthesis.turn import shaft_angles
 
 SAMPLES = 180
 _AT_ONCE = 11520
-"""Designs times angles that are evaluated together, so that the arrays stay in the processor's cache."""
+"""Designs times angles per evaluation, so that the arrays stay in the processor's cache."""
 _ROUNDING = 1e-9
-"""The cosine of a transmission angle is larger than 1 by no more where two links come into line and pass."""
+"""Largest excess over 1 of the cosine of a transmission angle where two links pass through one line."""
 TORQUE = ("peak_torque_Nm", "rms_torque_Nm", "torque_ripple_Nm")
 SHAKING = ("largest_shaking_force_N", "rms_shaking_force_N")
 TRANSMISSION = "smallest_transmission_angle_rad"
 
 
 class Batch:
-    """The numbers of many designs that differ from one machine in the values of some slots (see `slots`).
+    """Results of many designs that differ from one machine in the values of some slots (see `slots`).
 
-    Where some load has no batch form there are no numbers of the torque. Raises SceneError for a machine of which some
-    group has none.
+    If some load has no batch form, results of the torque are not available. Raises SceneError for a machine with a
+    group that has none.
     """
 
     def __init__(
@@ -53,17 +53,18 @@ class Batch:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The numbers that can be asked for."""
+        """Names of the available results."""
         of_measures = [f"{measure.name}_{what}" for measure in self.machine.measures for what in MOTION]
         of_torque = TORQUE if self._has_masses and self._knows_loads else ()
         return (*of_measures, TRANSMISSION, *of_torque, *(SHAKING if self._has_masses else ()))
 
     def evaluate(self, values: Mapping[str, FloatArray], names: Iterable[str]) -> dict[str, FloatArray]:
-        """Numbers by name, each (n,), for the values (n,) by slot; NaN for a design that cannot close, or cannot be.
+        """Compute results by name, each (n,), for the values (n,) by slot; NaN for a design that is impossible.
 
-        A design with a mass, inertia, length or the like below zero cannot be, nor one with a length of zero.
+        A design is impossible if it cannot close, has a negative mass, inertia or length, or a length of zero.
 
-        Raises SceneError for a number or slot that is not known.
+        Raises:
+            SceneError: for an unknown result or slot.
         """
         names = tuple(names)
         for name in names:
@@ -102,8 +103,8 @@ class Batch:
         for cosine in first.cosines:
             worst = np.minimum(worst, 1.0 - np.maximum(largest(cosine), largest(-cosine)))
         closes = (worst >= -_ROUNDING) & self._can_be(columns)
-        for spare in first.spare:
-            closes = closes & (largest(-spare) <= 0.0)
+        for margin in first.slot_margins:
+            closes = closes & (largest(-margin) <= 0.0)
         found[TRANSMISSION] = np.arccos(1.0 - np.maximum(worst, 0.0))
         if self._has_masses and any(name in TORQUE or name in SHAKING for name in names):
             torque, shaking = self._forces(columns, first)
@@ -112,7 +113,7 @@ class Batch:
         return {n: np.where(np.broadcast_to(closes, size), np.broadcast_to(found[n], size), np.nan) for n in names}
 
     def _can_be(self, columns: Columns) -> Any:
-        """(n,) or (1,) whether no number that a machine refuses below zero is."""
+        """Return (n,) or (1,) whether every number is positive where a machine requires it."""
         sound = np.ones(1, dtype=np.bool_)
         for name, zero in self._not_negative.items():
             column = columns[name][:, 0]
@@ -130,7 +131,7 @@ class Batch:
         return chain
 
     def _forces(self, columns: Columns, first: Chain) -> tuple[Any, Any]:
-        """Balancing torque [N m] and shaking force [N, complex] of all linkages at constant speed."""
+        """Compute balancing torque [N m] and shaking force [N, complex] of all linkages at constant speed."""
         torque: Any = 0.0
         shaking: Any = 0.0
         w2, pull = self.speed_rad_s**2, complex(*self.machine.gravity_m_s2)
@@ -153,7 +154,7 @@ class Batch:
             turn = Turn(chain, self.machine.measures, self.speed_rad_s, number == 0)
             for name, load in zip(load_names(self.machine.loads), self.machine.loads, strict=True):
                 if not self._knows_loads:
-                    break  # nobody can ask for the torque
+                    break  # the torque is not available
                 torque = torque + load_torque(load, name.replace(" ", "_"), turn)
         return torque, shaking
 

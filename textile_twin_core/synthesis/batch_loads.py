@@ -1,4 +1,4 @@
-"""Measures and loads for many designs at once: displacements, and what the drive must add for a load."""
+"""Measures and loads for many designs at once: displacements, and drive torque of a load."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from textile_twin_core.synthesis.batch_motion import Chain
 
 @dataclass(frozen=True)
 class Turn:
-    """What a load acts on: a solved chain, the machine's measures, the shaft's constant speed [rad/s].
+    """Inputs of a load: a solved chain, the machine's measures, and the shaft's constant speed [rad/s].
 
     `carries_shaft_loads` is set for one linkage of a shaft.
     """
@@ -42,14 +42,14 @@ class Turn:
         return math.copysign(1.0, self.speed_rad_s)
 
     def rate(self, link: str, against: str | None) -> Any:
-        """Derivative of a link's angle, relative to another link or the ground, by the shaft angle."""
+        """Compute the derivative of a link's angle, relative to another link or the ground, by the shaft angle."""
         other = 0.0 if against is None else self.chain.links[against].first
         return self.chain.links[link].first - other
 
 
 @singledispatch
 def displacement(measure: object, chain: Chain) -> tuple[Any, Any, Any]:
-    """A measure's displacement [m] and its derivatives by the shaft angle."""
+    """Compute a measure's displacement [m] and its derivatives by the shaft angle."""
     raise SceneError(f"no batch form is known for a measure of type {type(measure).__name__}")
 
 
@@ -70,13 +70,13 @@ def _(measure: Arc, chain: Chain) -> tuple[Any, Any, Any]:
 
 
 def is_known(load: object) -> bool:
-    """Whether a load has a batch form."""
+    """Return whether a load has a batch form."""
     return load_torque.dispatch(type(load)) is not load_torque.dispatch(object)
 
 
 @singledispatch
 def load_torque(load: object, name: str, turn: Turn) -> Any:
-    """What the drive must add for a load [N m]; `name` is that of its slots."""
+    """Compute the drive torque that a load requires [N m]; `name` is that of its slots."""
     raise SceneError(f"no batch form is known for a load of type {type(load).__name__}")
 
 
@@ -90,7 +90,7 @@ def _(load: Backing, name: str, turn: Turn) -> Any:
         chain.number(f"{name}.{k}") for k in ("force_N", "free_force_N", "entry_plane_m", "exit_plane_m")
     )
     inside = position >= np.where(speed >= 0.0, entry, leave)
-    # A needle that never comes as far as the entry is not held on its way out.
+    # A needle that never reaches the entry plane meets no backing on its way out.
     inside &= (leave >= entry) | (position.max(axis=-1, keepdims=True) >= entry)
     return np.sign(speed) * slope * np.where(inside, force, free)
 

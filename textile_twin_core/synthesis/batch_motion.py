@@ -1,7 +1,7 @@
-"""The groups' closed forms for many designs at once: complex arrays (designs, angles), the numbers in columns.
+"""Closed forms of the groups for many designs at once: complex arrays (designs, angles), numbers in columns.
 
-The textbook forms, which lose digits near change points as those of `mechanism` do not: right for a search, whose
-results are then a machine like any other. The tests hold one against the other.
+These are the textbook forms, which lose precision near change points where those of `mechanism` do not. They suit a
+search, whose results are evaluated as machines afterwards. The tests compare the two.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from textile_twin_core.mechanism import (
 from textile_twin_core.synthesis.four_bar import ComplexArray
 
 Columns = Mapping[str, FloatArray]
-"""The numbers by slot, each (n, 1)."""
+"""Numbers by slot, each (n, 1)."""
 
 
 @dataclass
@@ -51,10 +51,10 @@ class LinkBatch:
     first: Any
     second: Any
     slides: Any = None
-    """Of a slider: the derivative of its way along its guide by the shaft angle."""
+    """Derivative of a slider's position along its guide by the shaft angle; None for other links."""
 
     def at(self, place: Any) -> Point:
-        """A point of the link, at a place in its frame [m], along + i across."""
+        """Return a point of the link, at a position in its frame [m], along + i across."""
         lever = place * self.direction
         p, q = self.first, self.second
         return Point(
@@ -66,9 +66,12 @@ class LinkBatch:
 
 @dataclass
 class Chain:
-    """What has been solved of a linkage, and how the dyads meet.
+    """Solved parts of a linkage.
 
-    cosines: of their transmission angles; spare: ways to the ends of slots [m]; ends: the points of every link.
+    Attributes:
+        cosines: cosines of the dyads' transmission angles.
+        slot_margins: distances to the ends of slots [m].
+        ends: points of every link.
     """
 
     columns: Columns
@@ -76,24 +79,24 @@ class Chain:
     links: dict[str, LinkBatch] = field(default_factory=dict)
     rotations: dict[str, tuple[Any, Any, Any]] = field(default_factory=dict)
     cosines: list[FloatArray] = field(default_factory=list)
-    spare: list[FloatArray] = field(default_factory=list)
+    slot_margins: list[FloatArray] = field(default_factory=list)
     ends: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     def number(self, name: str) -> FloatArray:
-        """A column (n, 1)."""
+        """Return a column (n, 1)."""
         return self.columns[name]
 
     def turning(self, name: str) -> tuple[Any, Any, Any]:
-        """Direction of a link or shaft, and derivatives of its angle."""
+        """Return the direction of a link or shaft, and the derivatives of its angle."""
         if name in self.links:
             link = self.links[name]
             return link.direction, link.first, link.second
         return self.rotations[name]
 
-    def within(self, way: Any, slot_m: tuple[float, float] | None) -> None:
-        """Book how far a slider is from the ends of its slot."""
+    def within(self, position: Any, slot_m: tuple[float, float] | None) -> None:
+        """Record the distances of a slider from the ends of its slot."""
         if slot_m is not None:
-            self.spare += [way - slot_m[0], slot_m[1] - way]
+            self.slot_margins += [position - slot_m[0], slot_m[1] - position]
 
 
 @singledispatch
@@ -133,16 +136,16 @@ def _(group: RRRDyad, chain: Chain) -> None:
     side = 1.0 if group.branch == "left" else -1.0
     start, ground = chain.points[group.from_point], chain.points[group.ground]
     b, c = (chain.number(f"{link}.length_m") for link in (group.coupler, group.rocker))
-    way = ground.position - start.position
-    squared = way.real**2 + way.imag**2
+    between = ground.position - start.position
+    squared = between.real**2 + between.imag**2
     along = (squared + (b - c) * (b + c)) / (2.0 * squared)
-    arm = way * (along + (1j * side) * np.sqrt(b * b / squared - along * along))
-    coupler, rocker = arm / b, (arm - way) / c
-    # closure, twice differentiated: i p2 b u2 - i p3 c u3 = v and so on; solved by crossing with either link
+    arm = between * (along + (1j * side) * np.sqrt(b * b / squared - along * along))
+    coupler, rocker = arm / b, (arm - between) / c
+    # loop closure, differentiated twice: i p2 b u2 - i p3 c u3 = v etc., solved by the cross product with each link
     sine = _cross(coupler, rocker)
     v = ground.first - start.first
     p2, p3 = _dot(v, rocker) / (b * sine), _dot(v, coupler) / (c * sine)
-    w = ground.second - start.second + p2 * p2 * arm - p3 * p3 * (arm - way)
+    w = ground.second - start.second + p2 * p2 * arm - p3 * p3 * (arm - between)
     q2, q3 = _dot(w, rocker) / (b * sine), _dot(w, coupler) / (c * sine)
     chain.cosines.append((b * b + c * c - squared) / (2.0 * b * c))
     _add(chain, group.coupler, group.end, LinkBatch(start, b, coupler, p2, q2))
@@ -151,7 +154,7 @@ def _(group: RRRDyad, chain: Chain) -> None:
 
 @dataclass
 class GuideBatch:
-    """A guide: the point that it goes through, its unit direction, and derivatives of its angle."""
+    """A guide: a point on it, its unit direction, and the derivatives of its angle."""
 
     origin: Point
     axis: Any
@@ -160,7 +163,7 @@ class GuideBatch:
     fixed: bool = False
 
     def seen(self, point: Point) -> tuple[Any, Any, Any]:
-        """A point in the frame of the guide, along + i across, with its derivatives there."""
+        """Express a point in the frame of the guide, along + i across, with its derivatives there."""
         if self.fixed:
             d = point.position - self.origin.position
             return d / self.axis, point.first / self.axis, point.second / self.axis
@@ -169,22 +172,22 @@ class GuideBatch:
         w = (point.second - self.origin.second) / self.axis
         return d, v, w - 2j * self.first * v - (1j * self.second - self.first**2) * d
 
-    def point(self, way: Any, first: Any, second: Any) -> Point:
-        """The point at a way along the guide."""
+    def point(self, position: Any, first: Any, second: Any) -> Point:
+        """Return the point at a position along the guide."""
         if self.fixed:
-            return Point(self.origin.position + way * self.axis, first * self.axis, second * self.axis)
+            return Point(self.origin.position + position * self.axis, first * self.axis, second * self.axis)
         p, q = self.first, self.second
         return Point(
-            self.origin.position + way * self.axis,
-            self.origin.first + (first + 1j * p * way) * self.axis,
-            self.origin.second + (second + 2j * p * first + (1j * q - p * p) * way) * self.axis,
+            self.origin.position + position * self.axis,
+            self.origin.first + (first + 1j * p * position) * self.axis,
+            self.origin.second + (second + 2j * p * first + (1j * q - p * p) * position) * self.axis,
         )
 
-    def slider(self, chain: Chain, name: str, end: str, tip: str, ways: tuple[Any, Any, Any]) -> None:
-        """Add a slider that starts at a way along the guide."""
-        chain.points[end] = self.point(*ways)
+    def slider(self, chain: Chain, name: str, end: str, tip: str, positions: tuple[Any, Any, Any]) -> None:
+        """Add a slider that starts at a position along the guide."""
+        chain.points[end] = self.point(*positions)
         length = chain.number(f"{name}.length_m")
-        _add(chain, name, tip, LinkBatch(chain.points[end], length, self.axis, self.first, self.second, ways[1]))
+        _add(chain, name, tip, LinkBatch(chain.points[end], length, self.axis, self.first, self.second, positions[1]))
 
 
 def _track(chain: Chain, on: str | None, slider: str, direction: tuple[float, float]) -> GuideBatch:
@@ -210,9 +213,9 @@ def _(group: RRPDyad, chain: Chain) -> None:
     chain.cosines.append(offset / rod)
     direction = (reach - 1j * offset) / rod * line.axis
     chain.links[group.rod] = LinkBatch(start, rod, direction, p + line.first, q + line.second)
-    ways = d.real + reach, v.real + offset * p, w.real + offset * q + drift * p
-    line.slider(chain, group.slider, group.end, group.tip, ways)
-    chain.within(ways[0], group.slot_m)
+    positions = d.real + reach, v.real + offset * p, w.real + offset * q + drift * p
+    line.slider(chain, group.slider, group.end, group.tip, positions)
+    chain.within(positions[0], group.slot_m)
 
 
 @solve.register
@@ -255,19 +258,19 @@ def _(group: PRPDyad, chain: Chain) -> None:
     one, two = (_track(chain, g.on, s, g.direction) for g, s in zip(group.guides, group.sliders, strict=True))
     sine = _cross(one.axis, two.axis)
 
-    def ways(between: Any) -> tuple[Any, Any]:
+    def positions(between: Any) -> tuple[Any, Any]:
         return _cross(between, two.axis) / sine, _cross(between, one.axis) / sine
 
-    way = ways(two.origin.position - one.origin.position)
+    position = positions(two.origin.position - one.origin.position)
     zero = np.zeros((1, 1))
-    carried = [line.point(x, zero, zero).first for line, x in zip((one, two), way, strict=True)]
-    rate = ways(carried[1] - carried[0])
-    bent = [line.point(x, v, zero).second for line, x, v in zip((one, two), way, rate, strict=True)]
-    bend = ways(bent[1] - bent[0])
+    carried = [line.point(x, zero, zero).first for line, x in zip((one, two), position, strict=True)]
+    rate = positions(carried[1] - carried[0])
+    bent = [line.point(x, v, zero).second for line, x, v in zip((one, two), position, rate, strict=True)]
+    bend = positions(bent[1] - bent[0])
     chain.cosines.append(_dot(one.axis, two.axis))
     for k, (line, guide) in enumerate(zip((one, two), group.guides, strict=True)):
-        line.slider(chain, group.sliders[k], group.end, group.tips[k], (way[k], rate[k], bend[k]))
-        chain.within(way[k], guide.slot_m)
+        line.slider(chain, group.sliders[k], group.end, group.tips[k], (position[k], rate[k], bend[k]))
+        chain.within(position[k], guide.slot_m)
 
 
 @solve.register

@@ -1,4 +1,4 @@
-"""Dimensional synthesis of a crank-rocker for a swing and a crank rotation, and its best designs."""
+"""Dimensional synthesis of a crank-rocker for a swing and a crank rotation, and selection of the best designs."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.synthesis.crank_rocker_family import CrankRockerFamily, LinkRatios
 
 LARGEST_DEVIATION_RAD = float(np.radians(40.0))
-"""How far the transmission angle of a good design may stand from 90 deg."""
+"""Largest deviation of a good design's transmission angle from 90 deg [rad]."""
 
 WANTED_RATIO = 0.3
-"""Crank over coupler of a good beat-up: enough acceleration at the fell, loads that the bearings bear."""
+"""Crank over coupler of a good beat-up: sufficient acceleration at the fell with tolerable bearing loads."""
 
 _WHOLE_DEGREE_SLACK = 1e-9
 _SAME_ANGLE_RAD = 1e-9
@@ -25,7 +25,7 @@ _SAME_ANGLE_RAD = 1e-9
 
 @dataclass(frozen=True)
 class LinkLengths:
-    """A crank-rocker's lengths in metres."""
+    """Lengths of a crank-rocker [m]."""
 
     crank_m: float
     coupler_m: float
@@ -35,7 +35,7 @@ class LinkLengths:
 
 @dataclass(frozen=True)
 class CrankRockerDesign:
-    """One crank-rocker: lengths over the ground link, angles in radians, transmission angle at its worst."""
+    """One crank-rocker: lengths over the ground link, angles in radians, worst transmission angle."""
 
     beta_rad: float
     crank: float
@@ -46,25 +46,26 @@ class CrankRockerDesign:
 
     @property
     def deviation_rad(self) -> float:
-        """How far the transmission angle strays from 90 deg."""
+        """Deviation of the transmission angle from 90 deg [rad]."""
         return np.pi / 2 - self.mu_min_rad
 
     @property
     def grashof(self) -> str:
-        """`crank-rocker`, or `change point` where the four links can lie on one line (then mu_min is 0)."""
+        """`crank-rocker`, or `change point` where the four links can lie in one line (mu_min is 0)."""
         return "crank-rocker" if self.mu_min_rad > 1e-7 else "change point"
 
     def scaled(self, ground_m: float) -> LinkLengths:
-        """The lengths in metres for a ground link of `ground_m`; SceneError unless that is a length."""
+        """Return the lengths in metres for a ground link of `ground_m`. Raises SceneError unless that is a length."""
         if not 0.0 < ground_m < np.inf:
             raise SceneError(f"ground link {ground_m:g} m: give a positive length")
         ratios = (self.crank, self.coupler, self.rocker, 1.0)
         return LinkLengths(*(ratio * ground_m for ratio in ratios))
 
     def to_json(self, ground_m: float | None = None) -> dict[str, Any]:
-        """Symbols of the paper: a crank, b coupler, c rocker over the ground link, r/l crank over coupler.
+        """Return the design by the symbols of the paper.
 
-        With `ground_m`, the lengths in metres as well.
+        These are a crank, b coupler, c rocker over the ground link, and r/l crank over coupler. With `ground_m`, the
+        lengths in metres are included.
         """
         lengths = {} if ground_m is None else asdict(self.scaled(ground_m))
         return {
@@ -84,13 +85,15 @@ class CrankRockerDesign:
 
 @dataclass(frozen=True)
 class CrankRockerSynthesis:
-    """What a swing and a crank rotation admit.
+    """Designs for a swing and a crank rotation.
 
-    `designs` holds every whole degree of beta (one design where phi = 180 deg + psi, the one of the best
-    transmission, Eq. 10-14). `best` is the one among them, `best_continuous` the one of the whole family,
-    with the transmission angle within 40 deg of 90 and crank over coupler nearest 0.3; None where nothing
-    comes within 40 deg. `best_transmission` has the largest mu_min of all; None at phi = 180 deg, where
-    mu_min only grows while the crank shrinks to nothing.
+    Attributes:
+        designs: designs of every whole degree of beta; where phi = 180 deg + psi the one of best transmission (Eq.
+            10-14).
+        best: member of `designs` with a transmission angle within 40 deg of 90 and crank over coupler nearest 0.3, or
+            None.
+        best_continuous: the same criterion over the whole family.
+        best_transmission: largest mu_min of all; None at phi = 180 deg, where mu_min grows as the crank vanishes.
     """
 
     family: CrankRockerFamily
@@ -101,7 +104,7 @@ class CrankRockerSynthesis:
 
     @property
     def case(self) -> str:
-        """Which of the paper's four cases this is."""
+        """Case of the paper's four."""
         imbalance = self.family.imbalance_rad
         if self.family.single_beta:
             return "phi = 180 + psi"
@@ -110,9 +113,9 @@ class CrankRockerSynthesis:
         return "phi > 180" if imbalance > 0.0 else "phi < 180"
 
     def to_json(self, ground_m: float | None = None) -> dict[str, Any]:
-        """One object: task, bounds on beta, `designs`, `best`, `best_continuous`, `best_transmission`.
+        """Return task, bounds on beta, `designs`, `best`, `best_continuous` and `best_transmission` as one object.
 
-        With `ground_m`, each design has its lengths in metres as well.
+        With `ground_m`, each design includes its lengths in metres.
         """
         family = self.family
         low, high = family.beta_bounds_rad
@@ -133,14 +136,16 @@ class CrankRockerSynthesis:
 
 
 def crank_rocker(swing_rad: float, rotation_rad: float) -> CrankRockerSynthesis:
-    """Every crank-rocker whose rocker swings by `swing_rad` while the crank turns by `rotation_rad`.
+    """Synthesise all crank-rockers whose rocker swings by `swing_rad` while the crank turns by `rotation_rad`.
 
-    With the crank pivot on the left, the rocker pivot on the right and the joint of coupler and rocker above
-    them, a crank that turns counter-clockwise takes the rotation from the stretched to the folded dead centre
-    and the rest of the turn back. Raises SceneError where no beta is admissible.
+    With the crank pivot on the left, the rocker pivot on the right and the joint of coupler and rocker above them, a
+    crank that turns counter-clockwise takes the rotation from the stretched to the folded dead centre.
 
-    Source: Topalbekiroglu and Celik 2010, Eq. 1-18, after Khare and Dave 1978; beyond phi = 180 deg + psi
-    their family continued.
+    Raises:
+        SceneError: if no beta is admissible.
+
+    References:
+        Topalbekiroglu and Celik 2010, Eq. 1-18, after Khare and Dave 1978; continued beyond phi = 180 deg + psi.
     """
     if not np.isfinite(swing_rad) or not np.isfinite(rotation_rad):
         raise SceneError("swing and rotation must be finite numbers")
@@ -159,11 +164,13 @@ def crank_rocker(swing_rad: float, rotation_rad: float) -> CrankRockerSynthesis:
 
 
 def best_rotation(swing_rad: float) -> float:
-    """The crank rotation [rad] whose crank-rocker of this swing and r/l = 0.3 has the best transmission angle.
+    """Find the crank rotation [rad] of the best transmission angle for this swing and r/l = 0.3.
 
-    With this ratio the criteria of Topalbekiroglu and Celik 2010 leave the rotation alone to choose; away from 180 deg
-    one of the two extreme transmission angles grows and the other falls, so that 180 deg is best wherever it is
-    admissible with this ratio. Raises SceneError for a swing that no crank-rocker has.
+    With this ratio the criteria of Topalbekiroglu and Celik 2010 determine all but the rotation. Away from 180 deg one
+    of the two extreme transmission angles grows and the other falls, so 180 deg is best wherever it is admissible.
+
+    Raises:
+        SceneError: for a swing that no crank-rocker has.
     """
     centric = CrankRockerFamily(swing_rad, 0.0)
 
@@ -203,9 +210,9 @@ def _whole_degrees(family: CrankRockerFamily, peak: float) -> tuple[CrankRockerD
     first, last = np.ceil(low - _WHOLE_DEGREE_SLACK), np.floor(high + _WHOLE_DEGREE_SLACK)
     beta: FloatArray = np.radians(np.arange(first, last + 1.0))
     ratio = family.ratio_at(beta)
-    # The change points are exact where a whole degree meets them, whatever its radians were rounded to.
+    # Whole degrees at a change point are treated as exact, despite their rounding in radians.
     ratio[np.abs(beta - (np.pi / 2 - family.swing_rad / 2)) < np.radians(_WHOLE_DEGREE_SLACK)] = 1.0
-    # beta = 0 at phi = 180 deg is no linkage: its crank has no length.
+    # At phi = 180 deg, beta = 0 would give a crank of zero length.
     return _records(family.at_ratio(ratio[ratio > 0.0]))
 
 
@@ -218,7 +225,7 @@ def _mu_min(family: CrankRockerFamily) -> Callable[[float], float]:
 
 
 def _best_transmission_ratio(family: CrankRockerFamily) -> float:
-    """Ratio of the largest mu_min, which rises from one change point and falls to the other."""
+    """Find the ratio of the largest mu_min, which rises from one change point and falls to the other."""
     mu_min, smallest = _mu_min(family), family.smallest_ratio
     if family.single_beta:
         # Eq. 11 and 12: b^2 = a (1 + a).
@@ -240,11 +247,11 @@ def _best_continuous(family: CrankRockerFamily, peak: float) -> CrankRockerDesig
         return None
     ratio = max(WANTED_RATIO, family.smallest_ratio)
     if mu_min(ratio) < smallest_mu:
-        # The nearest ratio with the transmission angle still good stands between the wanted one and the peak.
+        # The nearest ratio with a good transmission angle lies between the wanted ratio and the peak.
         ratio = brentq(lambda r: mu_min(r) - smallest_mu, ratio, peak, xtol=1e-15)
     return _records(family.at_ratio(ratio))[0]
 
 
 def _rounded_degrees(angle_rad: float) -> float:
-    """Degrees without the last digits that the way through radians leaves: 48, not 48.00000000000001."""
+    """Convert to degrees without the rounding of radians: 48, not 48.00000000000001."""
     return round(float(np.degrees(angle_rad)), 12)

@@ -29,11 +29,11 @@ def crank_rocker_machine(
     hand: RockerThroughPoints | None = None,
     name: str = "crank_rocker",
 ) -> Machine:
-    """The machine: crank l1 about O, coupler l2, rocker l3 about C, and with a tool the arm l4 in line with the rocker.
+    """Build the machine: crank l1 about O, coupler l2, rocker l3 about C, and for a tool the arm l4 in line with l3.
 
     The arm is one bar with the rocker, as the paper's AE with AB. With `hand`, the rocker's pivot is that of the hand
-    and the ground link is turned so that the tool's arc lies where the hand's does; a hand that moves clockwise beats
-    up with crank and coupler stretched, one that moves the other way with them folded.
+    and the ground link is turned so that the tool's arc coincides with the hand's. A hand that moves clockwise beats up
+    with crank and coupler stretched, one that moves counter-clockwise with them folded.
     """
     a, b, c, g = lengths.crank_m, lengths.coupler_m, lengths.rocker_m, lengths.ground_m
     turn, pivot, sense = 0.0, complex(g, 0.0), -1
@@ -68,6 +68,6 @@ def crank_rocker_machine(
 
 
 def _stretched_rocker(crank: float, coupler: float, rocker: float, ground: float) -> float:
-    """The rocker's angle from the ground link with crank and coupler stretched [rad]."""
+    """Compute the rocker's angle from the ground link with crank and coupler stretched [rad]."""
     reach = crank + coupler
     return math.pi - math.acos((rocker**2 + ground**2 - reach**2) / (2.0 * rocker * ground))

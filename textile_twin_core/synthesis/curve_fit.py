@@ -1,4 +1,4 @@
-"""A four-bar whose coupler curve comes as near as it can to a curve given by points, by optimisation."""
+"""Optimisation of a four-bar whose coupler curve approximates given points."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _ANGLES = np.linspace(0.0, 2.0 * math.pi, 120, endpoint=False)
 _FEWEST, _MOST = 6, 500
 _BAD = 1e6
 _RUNS = 3
-# pivots, lengths and coupler point in sizes of the curve; the branch is the sign of the last
+# pivots, lengths and coupler point in units of the curve's size; the sign of the last is the branch
 _BOUNDS = [(-3.0, 3.0)] * 4 + [(0.1, 2.0), (0.3, 5.0), (0.3, 5.0), (-3.0, 3.0), (-3.0, 3.0), (-1.0, 1.0)]
 
 
 @dataclass(frozen=True)
 class CurveDesign:
-    """The four-bar found: RMS and largest distance of the points from its coupler curve [m], designs tried."""
+    """The best four-bar: RMS and largest distance of the points from its curve [m], and number of designs tried."""
 
     four_bar: FourBarDesign
     rms_m: float
@@ -46,12 +46,23 @@ def fit_curve(
     generations: int = 600,
     progress: Callable[[float], bool | None] | None = None,
 ) -> CurveDesign:
-    """The crank-rocker whose coupler curve passes nearest to six or more points [m], at whatever crank angles.
+    """Find the crank-rocker whose coupler curve passes nearest to six or more points [m], at any crank angles.
 
-    Differential evolution over pivots, lengths, coupler point and branch (Storn and Price 1997), all designs of a
-    generation at once, three runs; then least squares over the design and the crank angle of each point.
-    `progress` is told the share done, and ends the search by returning True. The same seed gives the same design.
-    Raises SceneError for points that are too few, not finite, or all one, and where no such crank-rocker is found.
+    Differential evolution searches pivots, lengths, coupler point and branch, all designs of a generation at once, in
+    three runs. Least squares over the design and the crank angle of each point then refine the best.
+
+    Args:
+        points_m: (n, 2) points [m].
+        seed: seed of the search; the same seed gives the same design.
+        smallest_mu_rad: smallest allowed transmission angle [rad].
+        generations: generations per run.
+        progress: called with the completed share; the search stops if it returns True.
+
+    Raises:
+        SceneError: for points that are too few, not finite or identical, and if no such crank-rocker is found.
+
+    References:
+        Storn and Price 1997: differential evolution.
     """
     points = np.array([complex(*p) for p in points_m])
     if not _FEWEST <= points.size <= _MOST:
@@ -98,7 +109,7 @@ def fit_curve(
 
 
 def _check(row: FloatArray, smallest_mu_rad: float) -> None:
-    """Raise SceneError where the search has not come to a crank-rocker within the limit."""
+    """Raise SceneError unless the search has reached a crank-rocker within the limit."""
     turns = bool(are_crank_rockers(row[None])[0])
     if not turns or worst_transmission(row[None])[0] < smallest_mu_rad:
         wanted = f" with a transmission angle of at least {math.degrees(smallest_mu_rad):g} deg" if turns else ""
@@ -106,21 +117,24 @@ def _check(row: FloatArray, smallest_mu_rad: float) -> None:
 
 
 def _mean_square(designs: FloatArray, side: FloatArray, task: ComplexArray, smallest_mu_rad: float) -> FloatArray:
-    """(n,) mean square distance of the points from the curves, worse where a crank cannot turn or mu is too small."""
+    """Compute the (n,) mean square distance of the points from the curves, with penalties.
+
+    The penalties are on a crank that turns only in part and on a small transmission angle.
+    """
     curves = coupler_points(designs, side, _ANGLES)
     away = np.abs(curves[:, None, :] - task[None, :, None]) ** 2
     with np.errstate(invalid="ignore"):
         value = away.min(axis=2).mean(axis=1)
         short = smallest_mu_rad - worst_transmission(designs)
-    # A design that misses all points by the curve's size, within the limit, is better than any beyond it.
+    # Any design within the limit, even one off by the curve's size, ranks before designs beyond the limit.
     beyond = np.where(short > 0.0, 1.0 + 10.0 * short, 0.0)
     unfit = ~are_crank_rockers(designs) | ~np.isfinite(value)
-    # Even designs that do not turn fully are led somewhere.
+    # Designs that do not turn fully get a gradient towards those that do.
     return np.where(unfit, _BAD * (1.0 + lack_of_turning(designs)), np.nan_to_num(value, nan=_BAD) + beyond)
 
 
 def _polished(row: FloatArray, side: float, task: ComplexArray, smallest_mu_rad: float) -> FloatArray:
-    """Least squares over the design and the crank angle of each point, from the nearest angles on a fine grid."""
+    """Refine design and crank angles by least squares, from the nearest angles on a fine grid."""
     sides = np.array([side])
     fine = np.linspace(0.0, 2.0 * math.pi, 1440, endpoint=False)
     curve = coupler_points(row[None], sides, fine)[0]

@@ -1,4 +1,4 @@
-"""Families of designs: a machine whose parameters a designer may change, by name, one at a time or many at once."""
+"""Design families: a machine whose parameters a designer may change by name, singly or for many designs at once."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _UNITS = {
     "m": "m",
     "s": "s",
 }
-"""By the ending of a name, longer endings first."""
+"""Units by the suffix of a name, longer suffixes first."""
 _NUDGE = 1e-6
 _SPAN = 0.5
 _ANGLE_SPAN = math.radians(45.0)
@@ -51,10 +51,9 @@ _NOT_SEARCHED = ("gravity_m_s2",)
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a design: its value (None where the paper has none), unit, and the range that a slider offers.
+    """A parameter of a design: value (None if the paper gives none), unit, and the range of its slider.
 
-    `text` is its name in words, without the unit; `whole` says that it is a whole number, such as 0 or 1
-    for no or yes.
+    `text` is its name in words, without the unit. `whole` marks an integer, such as 0 or 1 for no or yes.
     """
 
     name: str
@@ -86,7 +85,7 @@ def _parameter(name: str, value: float | None, whole: bool = False) -> Parameter
 
 
 def _shaft_parameters(machine: AnyMachine) -> tuple[Parameter, ...]:
-    """Diameter and stations of an elastic main shaft; a search leaves them as they are."""
+    """Return diameter and stations of an elastic main shaft, which a search leaves unchanged."""
     values = shaft_values(machine)
     found = [_parameter(DIAMETER, values[DIAMETER])] if DIAMETER in values else []
     if STATIONS in values:
@@ -96,7 +95,7 @@ def _shaft_parameters(machine: AnyMachine) -> tuple[Parameter, ...]:
 
 
 class DeclaredFamily:
-    """A machine of a user's own: its parameters are the numbers of its declaration."""
+    """A user's own machine, whose parameters are the numbers of its declaration."""
 
     def __init__(self, machine: AnyMachine) -> None:
         self.base = machine
@@ -105,22 +104,22 @@ class DeclaredFamily:
         self.parameters = own + _shaft_parameters(machine)
 
     def machine(self, values: Mapping[str, float]) -> AnyMachine:
-        """The machine with these values. Raises MachineError where it cannot be, SceneError for an unknown name."""
+        """Build the machine with these values. Raises MachineError if impossible, SceneError for an unknown name."""
         own = {name: value for name, value in values.items() if name not in SHAFT_PARAMETERS}
         return with_shaft(write(self.base, own), values)
 
     @property
     def searchable(self) -> tuple[str, ...]:
-        """Parameters that many designs may differ in."""
+        """Parameters that may differ between designs of a search."""
         return tuple(p.name for p in self.parameters if p.name not in SHAFT_PARAMETERS)
 
     def columns(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Values by slot of many designs."""
+        """Return the values of many designs by slot."""
         return {name: value for name, value in values.items() if name not in SHAFT_PARAMETERS}
 
 
 class PublishedFamily:
-    """A published machine, by the parameters of its paper; a user's sensors, scene and places on the shaft are kept."""
+    """A published machine with its paper's parameters; a user's sensors, scene and shaft places are preserved."""
 
     def __init__(self, machine: AnyMachine, kind: str) -> None:
         self.base, self.kind, self.name = machine, kind, machine.name
@@ -135,7 +134,7 @@ class PublishedFamily:
         self._known = set(values) | set(shaft_values(machine))
 
     def machine(self, values: Mapping[str, float]) -> AnyMachine:
-        """The machine with these values. Raises MachineError where it cannot be, SceneError for an unknown name."""
+        """Build the machine with these values. Raises MachineError if impossible, SceneError for an unknown name."""
         for name in values:
             if name not in self._known:
                 raise SceneError(f"machine '{self.kind}' has no parameter '{name}'")
@@ -151,12 +150,12 @@ class PublishedFamily:
 
     @property
     def searchable(self) -> tuple[str, ...]:
-        """Parameters that many designs may differ in."""
+        """Parameters that may differ between designs of a search."""
         valued = [p.name for p in self.parameters if p.value is not None and not p.whole]
         return tuple(name for name in valued if name not in (*_NOT_SEARCHED, *SHAFT_PARAMETERS))
 
     def columns(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Values by slot of many designs, as the paper's parameters place them; by parameter for one without slots."""
+        """Return the values of many designs by slot, from the paper's parameters; by parameter without slots."""
         if self.base.has_history:
             return dict(values)
         given = {p.name: np.asarray(values.get(p.name, p.value or 0.0), dtype=np.float64) for p in self.parameters}
@@ -170,7 +169,7 @@ class PublishedFamily:
 
     @cached_property
     def _equal_slots(self) -> dict[str, str]:
-        """Slots that are one of the parameters as it stands, found by changing all of them a little."""
+        """Find the slots that equal one of the parameters, by changing all of them a little."""
         assert isinstance(self.base, Machine)
         values = {p.name: p.value for p in self.parameters if p.value and p.name not in SHAFT_PARAMETERS}
         nudged = {name: v * (1.0 + _NUDGE * (k + 1) / len(values)) for k, (name, v) in enumerate(values.items())}
@@ -231,13 +230,13 @@ _PLACED: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
     "handloom_beatup": _handloom_beatup,
     "elliptic_gear_beatup": _elliptic_gear_beatup,
 }
-"""Slots that follow from the paper's parameters by a formula, or whose parameter is zero."""
+"""Slots that are computed from the paper's parameters by a formula, or whose parameter is zero."""
 
 Family = DeclaredFamily | PublishedFamily
 
 
 def family_of(machine: AnyMachine) -> Family:
-    """The family of a machine: that of its paper where it is a published one, else that of its declaration."""
+    """Return a machine's family: that of its paper if published, else that of its declaration."""
     for kind in machines.NAMES:
         known, given = set(machines.parameters_of(kind)), set(machine.parameters)
         if not given or not given <= known or type(machines.create(kind)) is not type(machine):

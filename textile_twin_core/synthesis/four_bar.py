@@ -1,4 +1,4 @@
-"""Four-bar linkages with a coupler point, many at once, and the machine that one of them is."""
+"""Four-bar linkages with a coupler point, many at once, and one of them as a machine."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from textile_twin_core.synthesis.bars import CAST_IRON, BarSection
 ComplexArray = npt.NDArray[np.complex128]
 
 PARAMETERS = ("O_x", "O_y", "C_x", "C_y", "crank", "coupler", "rocker", "along", "across")
-"""Columns of a design: both fixed pivots [m], three lengths [m], and the coupler point in the coupler's frame [m]."""
+"""Columns of a design: fixed pivots [m], three lengths [m], and the coupler point in the coupler's frame [m]."""
 
 
 def coupler_points(designs: FloatArray, side: FloatArray, theta: FloatArray) -> ComplexArray:
-    """Coupler points [m] as complex numbers (n, m) of designs (n, 9) at crank angles (m,) or (n, m) [rad].
+    """Compute coupler points [m] as complex numbers (n, m) of designs (n, 9) at crank angles (m,) or (n, m) [rad].
 
-    `side` (n,) is +1 where the joint of coupler and rocker lies left of the line from crank to rocker pivot, -1 right.
+    `side` (n,) is +1 if the joint of coupler and rocker lies left of the line from crank to rocker pivot, -1 if right.
     NaN where a linkage cannot close.
     """
     ox, oy, cx, cy, a, b, c, u, v = (designs[:, k, None] for k in range(9))
@@ -39,31 +39,31 @@ def coupler_points(designs: FloatArray, side: FloatArray, theta: FloatArray) -> 
 
 
 def ground_lengths(designs: FloatArray) -> FloatArray:
-    """(n,) distance of the fixed pivots [m]."""
+    """Compute the (n,) distance of the fixed pivots [m]."""
     return np.hypot(designs[:, 2] - designs[:, 0], designs[:, 3] - designs[:, 1])
 
 
 def are_crank_rockers(designs: FloatArray) -> BoolArray:
-    """(n,) whether the crank is the shortest link and turns fully (Grashof)."""
+    """Return (n,) whether the crank is the shortest link and turns fully (Grashof)."""
     ordered = _ordered(designs)
     fits = (ordered > 0.0).all(axis=1) & (ordered[:, 0] + ordered[:, 3] < ordered[:, 1] + ordered[:, 2])
     return np.asarray(fits & (designs[:, 4] <= ordered[:, 0]))
 
 
 def lack_of_turning(designs: FloatArray) -> FloatArray:
-    """(n,) how far the links are from the lengths of one that turns fully, with the crank as the shortest."""
+    """Measure the (n,) excess of the lengths over those of a linkage whose crank is the shortest and turns fully."""
     ordered = _ordered(designs)
     surplus = ordered[:, 0] + ordered[:, 3] - ordered[:, 1] - ordered[:, 2]
     return np.asarray(np.maximum(0.0, surplus) + (designs[:, 4] - ordered[:, 0]))
 
 
 def _ordered(designs: FloatArray) -> FloatArray:
-    """(n, 4) lengths of the links, the shortest first."""
+    """Sort the (n, 4) lengths of the links, the shortest first."""
     return np.sort(np.column_stack([designs[:, 4:7], ground_lengths(designs)]), axis=1)
 
 
 def worst_transmission(designs: FloatArray) -> FloatArray:
-    """(n,) smallest transmission angle over the turn [rad], folded to 0..90 deg; of crank-rockers."""
+    """Compute the (n,) smallest transmission angle of crank-rockers over the turn [rad], folded to 0..90 deg."""
     a, b, c, g = designs[:, 4], designs[:, 5], designs[:, 6], ground_lengths(designs)
     cosines = [np.abs((b**2 + c**2 - (g + sign * a) ** 2) / (2.0 * b * c)) for sign in (-1.0, 1.0)]
     return np.asarray(np.arccos(np.minimum(1.0, np.maximum(*cosines))))
@@ -83,7 +83,7 @@ class FourBarDesign:
 
     @classmethod
     def of_row(cls, row: FloatArray, side: float, centre: complex, size: float) -> FourBarDesign:
-        """From a row of a table of designs about `centre` [m], in lengths of `size` [m]."""
+        """Build a design from a row of a table of designs about `centre` [m], in units of `size` [m]."""
         scaled = row * size
         scaled[[0, 2]] += centre.real
         scaled[[1, 3]] += centre.imag
@@ -92,7 +92,7 @@ class FourBarDesign:
 
     @property
     def row(self) -> tuple[FloatArray, FloatArray]:
-        """The design (1, 9) and its side (1,) as tables of designs hold them."""
+        """Return the design (1, 9) and its side (1,) as rows of tables."""
         lengths = (self.crank_m, self.coupler_m, self.rocker_m)
         table = np.array([[*self.crank_pivot_m, *self.rocker_pivot_m, *lengths, *self.point_m]])
         return table, np.array([1.0 if self.branch == "left" else -1.0])
@@ -103,11 +103,11 @@ class FourBarDesign:
         return float(worst_transmission(self.row[0])[0])
 
     def points(self, theta: FloatArray) -> ComplexArray:
-        """The coupler point (m,) at crank angles (m,)."""
+        """Compute the coupler point (m,) at crank angles (m,)."""
         return np.asarray(coupler_points(*self.row, theta)[0])
 
     def machine(self, section: BarSection = CAST_IRON, name: str = "four_bar") -> Machine:
-        """The machine: links are bars of the section, the coupler point P is the end of an arm without mass."""
+        """Build the machine: links are bars of the section, the coupler point P is the end of a massless arm."""
         u, v = self.point_m
         return Machine(
             name=name,

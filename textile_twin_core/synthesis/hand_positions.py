@@ -1,4 +1,4 @@
-"""The rocker that carries a tool through three positions, such as those of a weaver's hand."""
+"""Rocker that carries a tool through three positions, such as those of a weaver's hand."""
 
 from __future__ import annotations
 
@@ -23,11 +23,15 @@ class RockerThroughPoints:
 
 
 def rocker_through(first: Point, second: Point, last: Point) -> RockerThroughPoints:
-    """The circle through three positions of a tool [m]: pivot, length and swing of the rocker that carries it.
+    """Compute pivot, length and swing of the rocker that carries a tool through three positions [m].
 
-    The swing is the arc from the first over the second to the last position ("three point synthesis", Topalbekiroglu
-    and Celik 2010, Fig. 2). Raises SceneError for points that are not three, lie on one line, or need half a turn or
-    more.
+    The swing is the arc from the first over the second to the last position.
+
+    Raises:
+        SceneError: for points that are not three, lie on one line, or need half a turn or more.
+
+    References:
+        Topalbekiroglu and Celik 2010, Fig. 2: three point synthesis.
     """
     p1, p2, p3 = (complex(*p) for p in (first, second, last))
     if not all(math.isfinite(v) for p in (p1, p2, p3) for v in (p.real, p.imag)):
@@ -39,7 +43,7 @@ def rocker_through(first: Point, second: Point, last: Point) -> RockerThroughPoi
         raise SceneError("the three positions lie on one line: no rocker goes through them, give a curved path")
     centre = p1 + 1j * (u * abs(v) ** 2 - v * abs(u) ** 2) / (2.0 * cross)
     angles = [math.atan2((p - centre).imag, (p - centre).real) for p in (p1, p2, p3)]
-    turn = math.copysign(1.0, cross)  # counter-clockwise or clockwise through the three
+    turn = math.copysign(1.0, cross)  # sense of the arc through the three points
     swing = math.fmod(turn * (angles[2] - angles[0]) + 4.0 * math.pi, 2.0 * math.pi)
     if not swing < math.pi:
         raise SceneError(f"the positions span {math.degrees(swing):.4g} deg of a circle; a rocker swings less than 180")

@@ -1,7 +1,6 @@
-"""The numbers that a designer reads off one turn: stroke, dwell, largest acceleration, torque, ripple.
+"""Key figures of one turn: stroke, dwell, largest acceleration, torque, ripple.
 
-All work on the last axis, so that one turn (m,) and many designs (n, m) are the same to them. The samples are equally
-spaced over the turn.
+All functions work on the last axis, for one turn (m,) or many designs (n, m). Samples are equally spaced.
 """
 
 from __future__ import annotations
@@ -14,21 +13,21 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.machine.events import DWELL_SHARE
 
 _BENDS = 0.25
-"""Where a curve bends beside its largest sample by less than this part of the bend there, it has a step or a kink."""
+"""A curvature beside the largest sample below this share of that at the sample indicates a step or a kink."""
 
 
 def smallest(values: FloatArray) -> FloatArray:
-    """The smallest value over the turn of a smooth curve, by a parabola through three samples."""
+    """Compute the smallest value of a smooth curve over the turn, by a parabola through three samples."""
     return -largest(-values)
 
 
 def largest(values: FloatArray) -> FloatArray:
-    """The largest value over the turn, by a parabola through three samples where the curve is smooth."""
+    """Compute the largest value over the turn, by a parabola through three samples where the curve is smooth."""
     return at_largest(values, values)
 
 
 def at_largest(values: FloatArray, guide: FloatArray) -> FloatArray:
-    """The values where `guide` is largest over the turn, between samples where it is smooth there."""
+    """Interpolate the values at the maximum of `guide` over the turn, between samples where it is smooth."""
     k = np.argmax(guide, axis=-1)[..., None]
     count = values.shape[-1]
     around = np.take_along_axis(guide, (k + np.arange(-2, 3)) % count, -1)
@@ -42,11 +41,11 @@ def at_largest(values: FloatArray, guide: FloatArray) -> FloatArray:
 
 
 def dwell(position: FloatArray, within: FloatArray | float) -> FloatArray:
-    """Angle of the shaft [rad] over which the position stays within a distance of its smallest value.
+    """Compute the shaft angle [rad] over which the position stays within a distance of its smallest value.
 
     The samples are joined by straight lines, so that the angle is no multiple of their spacing.
     """
-    here = (smallest(position) + within)[..., None] - position  # positive inside
+    here = (smallest(position) + within)[..., None] - position  # positive inside the dwell
     after = np.roll(here, -1, axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         crossing = np.maximum(here, after) / np.abs(here - after)
@@ -59,12 +58,12 @@ def _stroke(position: FloatArray) -> FloatArray:
 
 
 def dwell_within(position: FloatArray, within: float | None) -> FloatArray:
-    """How near the rear point a dwell counts [m]: what is given, else 5 % of the stroke."""
+    """Return the distance from the rear point that counts as dwell [m]: as given, else 5 % of the stroke."""
     return DWELL_SHARE * _stroke(position) if within is None else np.asarray(within)
 
 
 MOTION = ("stroke_m", "dwell_rad", "largest_speed_m_s", "largest_acceleration_m_s2", "front_acceleration_m_s2")
-"""What is read off a measure: at the front its position is largest, at the rear, where it dwells, smallest."""
+"""Key figures of a measure; its position is largest at the front and smallest at the rear, where it dwells."""
 
 
 def motion_number(
@@ -74,7 +73,7 @@ def motion_number(
     acceleration: FloatArray,
     dwell_within_m: float | None = None,
 ) -> FloatArray:
-    """One of `MOTION`. The dwell counts within `dwell_within_m` of the rear, or within 5 % of the stroke."""
+    """Compute one of `MOTION`. The dwell counts within `dwell_within_m` of the rear, or within 5 % of the stroke."""
     match what:
         case "stroke_m":
             return _stroke(position)
@@ -91,7 +90,7 @@ def motion_number(
 
 
 def torque_numbers(torque: FloatArray) -> dict[str, FloatArray]:
-    """Peak (largest size), root mean square and ripple (largest less smallest) of the shaft's torque [N m]."""
+    """Compute peak (largest magnitude), root mean square and ripple (largest less smallest) of the torque [N m]."""
     return {
         "peak_torque_Nm": np.abs(torque).max(axis=-1),
         "rms_torque_Nm": np.sqrt(np.mean(torque**2, axis=-1)),
@@ -100,7 +99,7 @@ def torque_numbers(torque: FloatArray) -> dict[str, FloatArray]:
 
 
 def shaking_numbers(x: FloatArray, y: FloatArray) -> dict[str, FloatArray]:
-    """Largest and root mean square shaking force [N]."""
+    """Compute the largest and root mean square shaking force [N]."""
     squared = x**2 + y**2
     return {
         "largest_shaking_force_N": np.sqrt(squared.max(axis=-1)),

@@ -1,4 +1,4 @@
-"""Slider-cranks for a stroke and a crank rotation, offset where the way out and the way back differ in time."""
+"""Slider-cranks for a stroke and a crank rotation, offset if forward and return stroke differ in time."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class SliderCrankDesign:
 
     @property
     def crank_over_rod(self) -> float:
-        """r/l."""
+        """Crank over rod, r/l."""
         return self.crank_m / self.rod_m
 
     def to_json(self) -> dict[str, Any]:
-        """Lengths, ratio and transmission angle."""
+        """Return lengths, ratio and transmission angle."""
         return asdict(self) | {"r_over_l": self.crank_over_rod, "mu_min_deg": math.degrees(self.mu_min_rad)}
 
     def machine(self, section: BarSection = CAST_IRON, slider_kg: float = 1.0, name: str = "slider_crank") -> Machine:
-        """The machine: crank about O, rod, slider along +x; links are bars of the section."""
+        """Build the machine: crank about O, rod, slider along +x; links are bars of the section."""
         return Machine(
             name=name,
             description=f"slider-crank of {1e3 * self.stroke_m:g} mm stroke",
@@ -68,13 +68,16 @@ class SliderCrankDesign:
 class SliderCrankFamily:
     """All slider-cranks of a stroke s and a rotation pi + alpha from the outer to the inner dead centre.
 
-    The crank's axis sees the two ends of the stroke under alpha, at the distances rod + crank and rod - crank
-    (cosine law); with r = crank/rod and h^2 = r^2 cos^2(alpha/2) + sin^2(alpha/2)
+    The crank's axis sees the two ends of the stroke under alpha, at the distances rod + crank and rod - crank (cosine
+    law). With r = crank/rod and h^2 = r^2 cos^2(alpha/2) + sin^2(alpha/2)
 
         rod = s/(2 h),  crank = r rod,  offset = rod^2 (1 - r^2) sin(alpha)/s,
 
-    the limit of the crank-rocker's family for a rocker without end. r runs from tan^2(alpha/2) to 1, both
-    change points. Raises SceneError for a stroke that is no length or a rotation that leaves no r.
+    the limit of the crank-rocker family for an infinite rocker. The ratio r runs from tan^2(alpha/2) to 1, both change
+    points.
+
+    Raises:
+        SceneError: for a stroke that is not positive or a rotation without an admissible r.
     """
 
     stroke_m: float
@@ -97,7 +100,7 @@ class SliderCrankFamily:
         return math.tan(self.imbalance_rad / 2.0) ** 2
 
     def at_ratio(self, ratio: float) -> SliderCrankDesign:
-        """The member with this crank over rod. Raises SceneError outside of the family."""
+        """Return the member with this crank over rod. Raises SceneError outside the family."""
         if not self.smallest_ratio < ratio < 1.0:
             raise SceneError(
                 f"crank over rod {ratio:g}: must lie between {self.smallest_ratio:.4g} and 1 for this task"
@@ -117,7 +120,7 @@ class SliderCrankFamily:
         )
 
     def best_transmission(self) -> SliderCrankDesign | None:
-        """The member of the largest mu_min; None in line, where it only grows with the rod."""
+        """Find the member of the largest mu_min; None without offset, where mu_min grows with the rod."""
         if self.imbalance_rad == 0.0:
             return None
         span = (self.smallest_ratio + 1e-12, 1.0 - 1e-12)
@@ -130,29 +133,29 @@ class SliderCrankFamily:
         return self.at_ratio(float(found.x))
 
     def best(self) -> SliderCrankDesign | None:
-        """Crank over rod nearest 0.3 with the transmission angle within 40 deg of 90; None where none is."""
-        least = math.pi / 2 - LARGEST_DEVIATION_RAD
+        """Find crank over rod nearest 0.3 with a transmission angle within 40 deg of 90, or None."""
+        smallest = math.pi / 2 - LARGEST_DEVIATION_RAD
         if self.imbalance_rad == 0.0:
             return self.at_ratio(WANTED_RATIO)
         peak = self.best_transmission()
         assert peak is not None
-        if peak.mu_min_rad < least:
+        if peak.mu_min_rad < smallest:
             return None
         wanted = max(WANTED_RATIO, self.smallest_ratio * (1.0 + 1e-12))
-        if self.at_ratio(wanted).mu_min_rad >= least:
+        if self.at_ratio(wanted).mu_min_rad >= smallest:
             return self.at_ratio(wanted)
-        ratio = brentq(lambda r: self.at_ratio(r).mu_min_rad - least, wanted, peak.crank_over_rod, xtol=1e-15)
+        ratio = brentq(lambda r: self.at_ratio(r).mu_min_rad - smallest, wanted, peak.crank_over_rod, xtol=1e-15)
         return self.at_ratio(float(ratio))
 
 
 def offset_slider(
     stroke_m: float, rotation_rad: float = math.pi, crank_over_rod: float | None = None
 ) -> SliderCrankDesign:
-    """The slider-crank of a stroke whose crank turns by `rotation_rad` from the outer to the inner dead centre.
+    """Synthesise the slider-crank of a stroke whose crank turns by `rotation_rad` from outer to inner dead centre.
 
-    The crank turns counter-clockwise, the slider moves along +x on a guide above the axis where the rotation exceeds
-    180 deg. Without `crank_over_rod` the one of crank over rod nearest 0.3 with a transmission angle of at least 50
-    deg, and where there is none, the one of the best transmission angle. Raises SceneError as the family does.
+    The crank turns counter-clockwise. The slider moves along +x on a guide above the axis if the rotation exceeds 180
+    deg. Without `crank_over_rod` the design has crank over rod nearest 0.3 with a transmission angle of at smallest 50
+    deg, or else the best transmission angle. Raises SceneError as the family does.
     """
     family = SliderCrankFamily(float(stroke_m), float(rotation_rad) - math.pi)
     if crank_over_rod is not None:

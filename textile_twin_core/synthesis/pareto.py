@@ -1,6 +1,7 @@
-"""Pareto search by generalised differential evolution (GDE3; Kukkonen and Lampinen 2005), a whole generation at a time.
+"""Pareto search by generalised differential evolution (GDE3; Kukkonen and Lampinen 2005), by whole generations.
 
-Written out because a generation of a compiled evaluator takes less than the bookkeeping of object-based libraries.
+This own implementation exists because a generation of the compiled evaluator takes less time than the bookkeeping of
+object-based libraries.
 """
 
 from __future__ import annotations
@@ -14,24 +15,24 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 
 _SCALE, _CROSSOVER = (0.3, 0.9), 0.9
 Evaluate = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""From designs (n, parameters) to goals to be made small (n, goals) and by how much limits are broken (n,)."""
+"""Maps designs (n, parameters) to goals to be minimised (n, goals) and violations of limits (n,)."""
 
 
 @dataclass(frozen=True)
 class Population:
-    """Designs (n, parameters), their goals (n, goals) and by how much they break limits (n,)."""
+    """Designs (n, parameters), their goals (n, goals) and violations of limits (n,)."""
 
     designs: FloatArray
     goals: FloatArray
     lacks: FloatArray
 
     def chosen(self, which: IntArray | BoolArray) -> Population:
-        """Some of them."""
+        """Select some of the designs."""
         return Population(self.designs[which], self.goals[which], self.lacks[which])
 
     @property
     def front(self) -> Population:
-        """Those that keep all limits and of which no other is better in all goals."""
+        """Select the designs within all limits that no other design dominates."""
         fit = self.chosen(self.lacks <= 0.0)
         return fit.chosen(_ranks(fit) == 0) if fit.lacks.size else fit
 
@@ -39,7 +40,7 @@ class Population:
 def generations(
     start: FloatArray, low: FloatArray, high: FloatArray, evaluate: Evaluate, random: np.random.Generator
 ) -> Iterator[Population]:
-    """The population of `start` (n, parameters), then of one generation after the other, within low..high."""
+    """Yield the population of `start` (n, parameters), then one generation after another, within low..high."""
     designs = start
     now = Population(designs, *evaluate(designs))
     size = start.shape[0]
@@ -60,7 +61,7 @@ def _parts(population: Population) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _trials(designs: FloatArray, low: FloatArray, high: FloatArray, random: np.random.Generator) -> FloatArray:
-    """One trial for each design: a third plus a scaled difference of two others (rand/1/bin), reflected into range."""
+    """Make one trial per design: a third plus a scaled difference of two others (rand/1/bin), reflected into range."""
     size, count = designs.shape
     a, b, c = (random.permutation(size) for _ in range(3))
     scale = random.uniform(*_SCALE, (size, 1))
@@ -74,30 +75,30 @@ def _trials(designs: FloatArray, low: FloatArray, high: FloatArray, random: np.r
 
 
 def _dominates(one: Population, other: Population) -> BoolArray:
-    """(n,) whether each of one is to be preferred to its counterpart: limits first, then all goals."""
+    """Return (n,) whether each design is preferred to its counterpart: limits first, then all goals."""
     no_worse = (one.goals <= other.goals).all(axis=1) & (one.goals < other.goals).any(axis=1)
     both_fit = (one.lacks <= 0.0) & (other.lacks <= 0.0)
     return np.asarray(np.where(both_fit, no_worse, one.lacks < other.lacks))
 
 
 def _survivors(population: Population, size: int) -> IntArray:
-    """The best by front, of the last front that fits in part those that stand alone."""
+    """Select the best by front, and of the last front that fits in part the least crowded."""
     ranks = _ranks(population)
     chosen: list[IntArray] = []
-    left = size
+    free = size
     for rank in range(int(ranks.max()) + 1):
         members = np.flatnonzero(ranks == rank)
-        if members.size > left:
-            members = members[_spread(population.goals[members], left)]
+        if members.size > free:
+            members = members[_spread(population.goals[members], free)]
         chosen.append(members)
-        left -= members.size
-        if left == 0:
+        free -= members.size
+        if free == 0:
             break
     return np.concatenate(chosen)
 
 
 def _ranks(population: Population) -> IntArray:
-    """(n,) front by front: 0 for those that none is better than; what breaks limits follows after, by how much."""
+    """Rank (n,) by front: 0 for non-dominated designs; designs beyond limits follow in order of violation."""
     fit = population.lacks <= 0.0
     ranks = np.zeros(fit.size, dtype=np.int64)
     goals = population.goals[fit]
@@ -120,12 +121,12 @@ def _ranks(population: Population) -> IntArray:
 
 
 def _spread(goals: FloatArray, size: int) -> IntArray:
-    """The `size` members of a front that stand farthest from their neighbours, the most crowded left out one by one."""
+    """Select the `size` members of a front farthest from their neighbours, removing the most crowded in turn."""
     alive = np.arange(goals.shape[0])
     extent = np.ptp(goals, axis=0)
     scaled = (goals - goals.min(axis=0)) / np.where(extent > 0.0, extent, 1.0)
     while alive.size > size:
-        # a fifth of what is too many at a time, since those left have other neighbours then
+        # remove a fifth of the excess at a time, since the neighbours change
         drop = max(1, (alive.size - size) // 5)
         crowding = _crowding(scaled[alive])
         alive = np.delete(alive, np.argsort(crowding, kind="stable")[:drop])
@@ -133,7 +134,7 @@ def _spread(goals: FloatArray, size: int) -> IntArray:
 
 
 def _crowding(goals: FloatArray) -> FloatArray:
-    """(n,) distance to the neighbours along each goal (Deb et al. 2002); infinite at the ends."""
+    """Compute the (n,) distance to the neighbours along each goal (Deb et al. 2002); infinite at the ends."""
     total = np.zeros(goals.shape[0])
     for column in goals.T:
         order = np.argsort(column, kind="stable")

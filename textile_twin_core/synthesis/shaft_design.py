@@ -14,7 +14,7 @@ MOST_STATIONS = 64
 
 
 def shaft_values(machine: AnyMachine) -> dict[str, float]:
-    """The diameter [m] where all pieces are bars of one diameter, and the stations of an even shaft."""
+    """Return the diameter [m] if all pieces are bars of one diameter, and the stations of an even shaft."""
     shaft = machine.shaft if isinstance(machine, Machine) else None
     if shaft is None or len({piece.diameter_m for piece in shaft.pieces}) > 1 or shaft.pieces[0].diameter_m is None:
         return {}
@@ -23,10 +23,10 @@ def shaft_values(machine: AnyMachine) -> dict[str, float]:
 
 
 def with_shaft(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
-    """The machine with these values of `SHAFT_PARAMETERS`; stations are rounded.
+    """Return the machine with these values of `SHAFT_PARAMETERS`; stations are rounded.
 
-    More or fewer stations keep length, damping and drive of an even shaft; each carries a linkage, whose phases repeat
-    those that are declared. Raises MachineError for a shaft that cannot be.
+    A different number of stations preserves length, damping and drive of an even shaft. Each station carries a linkage,
+    whose phases repeat the declared ones. Raises MachineError for an impossible shaft.
     """
     shaft = machine.shaft if isinstance(machine, Machine) else None
     if shaft is None or not isinstance(machine, Machine):
@@ -52,7 +52,7 @@ def with_shaft(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
 
 
 def _even_form(shaft: MainShaft) -> EvenShaft | None:
-    """The short form of a shaft; None where it has none."""
+    """Return the short form of a shaft, or None."""
     piece, count = shaft.pieces[0], len(shaft.pieces)
     if piece.diameter_m is None or piece.length_m is None:
         return None

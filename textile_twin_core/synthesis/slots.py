@@ -1,4 +1,4 @@
-"""Slots: every number in a machine's declaration by a name of its own, to read and to replace it."""
+"""Slots: unique names for every number in a machine's declaration, for reading and replacing it."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from textile_twin_core.mechanism import (
 
 
 class Slot(NamedTuple):
-    """Where a number stands: a field of the machine, an entry in it, an attribute and, in a tuple, a place.
+    """Place of a number: a field of the machine, an entry in it, an attribute and, in a tuple, an index.
 
-    A place inside a part of a tuple is a path, such as (0, "point_m", 1).
+    An index inside a part of a tuple is a path, such as (0, "point_m", 1).
     """
 
     name: str
@@ -40,7 +40,7 @@ class Slot(NamedTuple):
 
 
 def slots(machine: AnyMachine) -> tuple[Slot, ...]:
-    """Every number of the parts of a machine, in the order of its declaration.
+    """List every number of the parts of a machine, in the order of its declaration.
 
     Raises SceneError for a machine of neither kind.
     """
@@ -52,7 +52,7 @@ def slots(machine: AnyMachine) -> tuple[Slot, ...]:
 
 
 def _of_linkage(machine: Machine) -> Iterator[Slot]:
-    """Numbers of points, groups, bodies, measures and loads."""
+    """Yield the slots of points, groups, bodies, measures and loads."""
     yield from (Slot(f"{name}.{'xy'[k]}_m", "points", name, "", k) for name in machine.points for k in (0, 1))
     for i, group in enumerate(machine.groups):
         yield from (Slot(name, "groups", i, attribute, place) for name, attribute, place in _of_group(group))
@@ -72,7 +72,7 @@ def _of_linkage(machine: Machine) -> Iterator[Slot]:
 
 
 def _of_contact(machine: ContactMachine) -> Iterator[Slot]:
-    """Numbers of the strokes, bodies, springs, stops and pads; the last stroke leads back to 0, wherever that is."""
+    """Yield the slots of strokes, bodies, springs, stops and pads; the last stroke always returns to 0."""
     strokes = machine.driven.strokes
     for i in range(len(strokes)):
         name = f"{machine.driven.name}.stroke_{i + 1}"
@@ -89,7 +89,7 @@ def _of_contact(machine: ContactMachine) -> Iterator[Slot]:
 
 
 def _floats(part: Any) -> list[str]:
-    """Names of the fields that are one number."""
+    """List the fields that are one number."""
     hints = get_type_hints(type(part))
     return [field.name for field in dataclasses.fields(part) if hints[field.name] is float]
 
@@ -139,7 +139,7 @@ def _of_group(group: Group) -> Iterator[tuple[str, str, int | tuple[int | str, .
 
 
 def read(machine: AnyMachine) -> dict[str, float]:
-    """The machine's numbers by slot."""
+    """Read the machine's numbers by slot."""
     return {slot.name: float(_get(machine, slot)) for slot in slots(machine)}
 
 
@@ -156,7 +156,7 @@ def _path(slot: Slot) -> tuple[int | str, ...]:
 
 
 def not_negative(machine: AnyMachine) -> dict[str, bool]:
-    """The slots whose parts refuse a number below zero, such as a mass, and whether they take zero."""
+    """Return the slots whose parts reject a negative number, such as a mass, and whether they accept zero."""
     taken = {slot.name: (_takes(machine, slot, -1.0), _takes(machine, slot, 0.0)) for slot in slots(machine)}
     return {name: zero for name, (negative, zero) in taken.items() if not negative}
 
@@ -170,9 +170,11 @@ def _takes(machine: AnyMachine, slot: Slot, value: float) -> bool:
 
 
 def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
-    """The machine with other numbers in some of its slots.
+    """Return the machine with other numbers in some of its slots.
 
-    Raises SceneError for a slot that is not there, MachineError where the machine cannot be so.
+    Raises:
+        SceneError: for an unknown slot.
+        MachineError: for an impossible machine.
     """
     known = {slot.name: slot for slot in slots(machine)}
     entries: dict[str, dict[int | str, Any]] = {}
@@ -187,12 +189,12 @@ def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
 
 
 def _replaced(entry: Any, slot: Slot, value: float) -> Any:
-    """A part, or a point, with another number in this slot of it. Raises MachineError where it cannot be so."""
+    """Replace the number in this slot of a part or point. Raises MachineError if that is impossible."""
     return _with(entry, ((slot.attribute,) if slot.attribute else ()) + _path(slot), value)
 
 
 def _with(entry: Any, path: tuple[int | str, ...], value: float) -> Any:
-    """A tuple or part with another number at the end of a path."""
+    """Replace the number at the end of a path in a tuple or part."""
     if not path:
         return value
     step, *rest = path

@@ -1,4 +1,4 @@
-"""Four-bars whose coupler point goes exactly through up to five given points, in order."""
+"""Four-bars whose coupler point passes exactly through up to five given points, in order."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _ROUNDS = 8
 _STEPS = 40
 _STEP = 1e-7
 _HELD = 1e-11
-"""A closed design misses no point by more, in sizes of the task."""
+"""Largest miss of a point by a solution, in units of the task's size."""
 _LONGEST = 8.0
-"""No link is longer, in sizes of the task."""
+"""Largest length of a link, in units of the task's size."""
 Found = tuple[float, FloatArray, float, FloatArray]
 """Worst transmission angle, design, side, crank angles."""
 _APART_RAD = math.radians(3.0)
@@ -34,7 +34,7 @@ _APART_RAD = math.radians(3.0)
 
 @dataclass(frozen=True)
 class PointsDesign:
-    """A four-bar through the points: at which crank angles (n,) it meets them [rad], and by how much it misses [m]."""
+    """A four-bar through the points, with its crank angles (n,) at the points [rad] and the largest miss [m]."""
 
     four_bar: FourBarDesign
     angles_rad: tuple[float, ...]
@@ -44,13 +44,18 @@ class PointsDesign:
 def through_points(
     points_m: Sequence[tuple[float, float]], seed: int = 0, count: int = 5, smallest_mu_rad: float = 0.0
 ) -> tuple[PointsDesign, ...]:
-    """Crank-rockers whose coupler point passes two to five points [m] in their order, best transmission angle first.
+    """Find crank-rockers whose coupler point passes two to five points [m] in order, best transmission angle first.
 
-    Pivots, lengths, coupler point and the crank angle at each point are unknown: 9 + n unknowns for 2 n equations, of
-    which every start is led to the nearest solution by Newton's method with the shortest step (Gauss-Newton for an
-    underdetermined system; Deuflhard 2011). Kept are those on which the crank turns fully and meets the points one
-    after the other. The same seed gives the same designs. Raises SceneError for points that are too few, too many,
-    not finite or one and the same, and where no crank-rocker was found.
+    Pivots, lengths, coupler point and the crank angle at each point are 9 + n unknowns of 2 n equations. From each
+    start the nearest solution is found by Newton's method with the shortest step (Gauss-Newton for an underdetermined
+    system). Solutions are accepted if the crank turns fully and meets the points in order. The same seed gives the same
+    designs.
+
+    Raises:
+        SceneError: for points that are too few, too many, not finite or identical, and if no crank-rocker is found.
+
+    References:
+        Deuflhard 2011: Gauss-Newton for underdetermined systems.
     """
     points = _checked(points_m)
     centre, size = complex(points.mean()), float(np.abs(points - points.mean()).max())
@@ -81,7 +86,7 @@ def _checked(points_m: Sequence[tuple[float, float]]) -> ComplexArray:
 
 
 def _starts(random: np.random.Generator, task: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """Rough linkages of the task's size, and crank angles spread over a turn, either way round."""
+    """Draw rough linkages of the task's size, and crank angles spread over a turn in either sense."""
     pivots = random.normal(scale=1.5, size=(_STARTS, 4))
     crank = random.uniform(0.2, 1.2, _STARTS)
     ground = np.hypot(pivots[:, 2] - pivots[:, 0], pivots[:, 3] - pivots[:, 1])
@@ -96,13 +101,13 @@ def _starts(random: np.random.Generator, task: ComplexArray) -> tuple[FloatArray
 
 
 def _misses(unknowns: FloatArray, side: FloatArray, task: ComplexArray) -> FloatArray:
-    """(n, 2 k) how far the coupler point is from each point."""
+    """Compute the (n, 2 k) deviation of the coupler point from each point."""
     away = coupler_points(unknowns[:, :9], side, unknowns[:, 9:]) - task
     return np.concatenate([away.real, away.imag], axis=1)
 
 
 def _solve(unknowns: FloatArray, side: FloatArray, task: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """Newton with the shortest step; linkages that open on the way are left behind."""
+    """Apply Newton's method with the shortest step; discard linkages that open."""
     for _ in range(_STEPS):
         miss = _misses(unknowns, side, task)
         slopes = np.empty((*miss.shape, unknowns.shape[1]))
@@ -135,7 +140,7 @@ def _accepted(unknowns: FloatArray, side: FloatArray, task: ComplexArray, smalle
 
 
 def _in_order(angles: FloatArray) -> bool:
-    """Whether a crank that turns one way round meets the angles one after the other, apart from each other."""
+    """Return whether a crank turning in one sense meets the angles one after another, apart from each other."""
     for sense in (1.0, -1.0):
         gaps = np.mod(sense * np.diff(np.append(angles, angles[0])), 2.0 * math.pi)
         if (gaps > _APART_RAD).all() and gaps.sum() < 2.5 * math.pi:

@@ -1,4 +1,4 @@
-"""Tolerances: what small errors of the parameters do to the numbers of a design, one by one and all together."""
+"""Tolerance analysis: effect of small parameter errors on a design's key figures, singly and together."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ _RELATIVE = 1e-5
 
 
 class ManyDesigns(Protocol):
-    """What works out the numbers of many designs, such as a `Batch`."""
+    """Evaluator of many designs, such as a `Batch`."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The numbers that can be asked for."""
+        """Names of the available results."""
         ...
 
     def evaluate(self, values: Mapping[str, FloatArray], names: Iterable[str]) -> dict[str, FloatArray]:
-        """Numbers by name, each (n,), for values (n,) by name; NaN for a design that cannot close or be."""
+        """Compute results by name, each (n,), for values (n,) by name; NaN for an impossible design."""
         ...
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A number must be at least, or at most, a value (SI)."""
+    """Lower or upper limit of a key figure (SI)."""
 
     number: str
     at_least: bool
     value: float
 
     def broken(self, values: FloatArray) -> BoolArray:
-        """(n,) whether values lie beyond the limit; NaN does."""
+        """Return (n,) whether values violate the limit; NaN does."""
         with np.errstate(invalid="ignore"):
             kept = values >= self.value if self.at_least else values <= self.value
         return np.asarray(~kept)
@@ -50,7 +50,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Spread:
-    """How a number spreads: its nominal value, mean, standard deviation, 0.5 and 99.5 per cent, and worst case."""
+    """Distribution of a key figure: nominal value, mean, standard deviation, 0.5 and 99.5 per cent, and worst case."""
 
     nominal: float
     mean: float
@@ -63,7 +63,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Outcome of a tolerance analysis: spread by number, share of parts that break any limit, and each of them."""
+    """Result of a tolerance analysis: distributions by name, and the share of parts that violate any or each limit."""
 
     spreads: Mapping[str, Spread]
     scrap_rate: float
@@ -74,9 +74,9 @@ class Tolerances:
 def sensitivities(
     family: Family, values: Mapping[str, float], batch: ManyDesigns, names: Sequence[str], parameters: Sequence[str]
 ) -> dict[str, dict[str, float]]:
-    """Derivative of each number by each parameter (SI), by number and parameter: differences in one batch.
+    """Compute the derivative of each key figure by each parameter (SI), from differences in one batch.
 
-    They are central, and one-sided where a design on one side cannot be, as of a mass of zero.
+    They are central, and one-sided next to an impossible design, such as a mass below zero.
     """
     units = {p.name: p.unit for p in family.parameters}
     base = _nominal(family, values)
@@ -93,7 +93,7 @@ def sensitivities(
 
 
 def _slope(below: float, here: float, above: float, step: float) -> float:
-    """A derivative from values a step apart; the outer ones may be NaN, but not both."""
+    """Compute a derivative from values a step apart; one of the outer ones may be NaN."""
     sides = np.isfinite(below), np.isfinite(above)
     low, high = (below if sides[0] else here), (above if sides[1] else here)
     return float((high - low) / (max(sum(sides), 1) * step)) if any(sides) else float("nan")
@@ -110,12 +110,14 @@ def monte_carlo(
     corners: int = CORNERS,
     seed: int = 0,
 ) -> Tolerances:
-    """The spread of numbers where parameters lie within +- their tolerance, and how many parts break a limit.
+    """Simulate the key figures for parameters within +- their tolerance, and the share of parts that violate a limit.
 
-    Errors are normal with a standard deviation of a third of the tolerance, cut off at it. The worst case is the worst
-    of all corners of the tolerances, or of `corners` of them where there are more. Parts that cannot close are scrap,
-    as are those of a mass or length below zero. The same seed gives the same numbers. Raises SceneError for a tolerance
-    that is not positive.
+    Errors are normal with a standard deviation of a third of the tolerance, truncated at the tolerance. The worst case
+    is that of all corners of the tolerances, or of `corners` random ones if there are more. Parts that cannot close or
+    have a negative mass or length are scrap. The same seed gives the same result.
+
+    Raises:
+        SceneError: for a tolerance that is not positive.
     """
     for p, tolerance in tolerances.items():
         if not tolerance > 0.0:
@@ -156,7 +158,7 @@ def _evaluate(
 
 
 def _cut_normal(random: np.random.Generator, samples: int) -> FloatArray:
-    """Normal errors in parts of the tolerance, those beyond it drawn again."""
+    """Draw normal errors as shares of the tolerance, redrawing those beyond it."""
     drawn = random.standard_normal(samples) / 3.0
     while (beyond := np.abs(drawn) > 1.0).any():
         drawn[beyond] = random.standard_normal(int(beyond.sum())) / 3.0
@@ -189,7 +191,7 @@ def _spread(nominal: float, found: FloatArray, corners: FloatArray) -> Spread:
 
 
 def batch_of(family: Family, values: Mapping[str, float], speed_rad_s: float, within_m: float | None) -> Batch:
-    """The batch of a design's family. Raises SceneError where it has none."""
+    """Build the batch of a design's family. Raises SceneError if it has none."""
     machine = family.machine(values)
     if not isinstance(machine, Machine):
         raise SceneError(f"machine '{machine.name}' has a history; its designs are looked at one by one")

@@ -1,4 +1,4 @@
-"""Balancing a machine: counterweights, springs, linkages out of phase, and flywheels, each before and after."""
+"""Balancing of a machine by counterweights, springs, linkages out of phase and flywheels, before and after."""
 
 from textile_twin_core.synthesis.balancing.counterweight import Counterweight, Counterweighted, counterweights
 from textile_twin_core.synthesis.balancing.flywheel import Flywheel, flywheel
@@ -7,7 +7,7 @@ from textile_twin_core.synthesis.balancing.shaking import Shaking, shaking
 from textile_twin_core.synthesis.balancing.spring import Sprung, balancing_spring
 
 WAYS = ("counterweight", "force", "spring", "second-linkage", "flywheel")
-"""Ways of balancing, as people ask for them."""
+"""Methods of balancing, by the names used on the command line."""
 
 __all__ = [
     "WAYS",

@@ -1,4 +1,4 @@
-"""Counterweights on links that turn or rock about fixed points, against gravity torque or shaking force."""
+"""Counterweights on links with a fixed pivot, against gravity torque or shaking force."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class Counterweight:
 
 @dataclass(frozen=True)
 class Counterweighted:
-    """The machine with its counterweights, and what they work against over a turn, (n,) or (n, 2), before and after.
+    """A machine with its counterweights, and the balanced quantity over a turn, (n,) or (n, 2), before and after.
 
-    `before` and `after` are the gravity torque [N m] or the shaking force's components [N] at the shaft angles.
+    `before` and `after` are the gravity torque [N m] or the components of the shaking force [N] at the shaft angles.
     """
 
     machine: Machine
@@ -46,7 +46,7 @@ class Counterweighted:
 
     @property
     def rms(self) -> tuple[float, float]:
-        """Root mean square of the torque, or of the size of the force, before and after."""
+        """Return the root mean square of the torque, or of the magnitude of the force, before and after."""
         before, after = (math.sqrt(float((x**2).sum()) / self.theta_rad.size) for x in (self.before, self.after))
         return before, after
 
@@ -58,13 +58,19 @@ def counterweights(
     radius_m: float | None = None,
     speed_rad_s: float | None = None,
 ) -> Counterweighted:
-    """The counterweights on `links` that leave the least gravity torque, or shaking force, in the mean square.
+    """Find the counterweights on `links` that minimise the mean square of gravity torque or shaking force.
 
-    A weight of mass moment S e^(i d) [kg m] on a link about a fixed point adds linear terms in S cos d and S sin d, so
-    the best is a linear least-squares problem. On the crank alone (the default) that takes away the first harmonic
-    exactly. On every grounded link of a four-bar it takes away the whole shaking force (Berkof and Lowen 1969).
-    `radius_m` is where the masses sit, by default as far out as the link's own end. Raises MachineError for a link that
-    does not turn about a fixed point, a machine without masses, or weights without effect; SceneError for another aim.
+    A weight of mass moment S e^(i d) [kg m] on a link about a fixed point adds linear terms in S cos d and S sin d,
+    which gives a linear least-squares problem. Weights on the crank alone (the default) remove the first harmonic
+    exactly. Weights on every grounded link of a four-bar remove the whole shaking force. `radius_m` is the radius of
+    the masses, by default that of the link's own end.
+
+    Raises:
+        MachineError: for a link without a fixed pivot, a machine without masses, or weights without effect.
+        SceneError: for an unknown aim.
+
+    References:
+        Berkof and Lowen 1969: complete force balance of four-bars.
     """
     if against not in get_args(Against):
         raise SceneError(f"counterweights work against {' or '.join(get_args(Against))}, not '{against}'")
@@ -96,7 +102,7 @@ def counterweights(
 
 
 def _effect(machine: Machine, names: Sequence[str], against: Against, theta: FloatArray, speed: float) -> FloatArray:
-    """(m, 2 k) what 1 kg m on each of k links adds, along the link and across it."""
+    """Compute the (m, 2 k) effect of 1 kg m on each of k links, along the link and across it."""
     before = _felt(machine, against, theta, speed)
     changed = [_felt(_with(machine, name, 1.0, turn), against, theta, speed) for name in names for turn in (1.0, 1.0j)]
     return np.stack([(felt - before).reshape(-1) for felt in changed], axis=1)
@@ -120,7 +126,7 @@ def _slides(link: LinkMotion) -> bool:
 
 
 def _with(machine: Machine, link: str, mass_kg: float, place: complex) -> Machine:
-    """The machine with a point mass at a place in the link's frame [m]."""
+    """Return the machine with a point mass at a position in the link's frame [m]."""
     length = machine.linkage.solved.links[link].length
     body = Body(link, mass_kg, 0.0, (place.real / length, place.imag / length))
     return replace(machine, bodies=(*machine.bodies, body))

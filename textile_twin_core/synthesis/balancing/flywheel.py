@@ -1,4 +1,4 @@
-"""A flywheel against speed ripple: its inertia from the swing of energy over one turn."""
+"""Flywheel against speed ripple, from the variation of kinetic energy over one turn."""
 
 from __future__ import annotations
 
@@ -20,12 +20,14 @@ _HEAVIEST = 1e9
 
 @dataclass(frozen=True)
 class Flywheel:
-    """The machine with its flywheel and what it does under a constant drive torque.
+    """A machine with its flywheel, and its motion under a constant drive torque.
 
-    `ripple` is (largest - smallest) over mean speed, before and after; `mean_torque_Nm` the drive torque that keeps the
-    speed; `energy_swing_J` largest less smallest kinetic energy that weight and
-    loads make; `speed_at_zero_rad_s` the speed at shaft angle 0 in this motion; `rule_of_thumb_kgm2` the energy swing
-    over ripple times speed squared, which takes the machine's own inertia as nothing.
+    Attributes:
+        ripple: (largest - smallest) over mean speed, before and after.
+        mean_torque_Nm: drive torque that maintains the speed.
+        energy_swing_J: largest less smallest kinetic energy, from weight and loads.
+        speed_at_zero_rad_s: speed at shaft angle 0 in this motion.
+        rule_of_thumb_kgm2: energy swing over ripple times speed squared, which neglects the machine's own inertia.
     """
 
     machine: Machine
@@ -39,13 +41,15 @@ class Flywheel:
 
 
 def flywheel(machine: Machine, ripple: float, speed_rad_s: float | None = None) -> Flywheel:
-    """The flywheel that holds the ripple of the speed, (largest - smallest)/mean, under a constant drive torque.
+    """Size the flywheel that limits the speed ripple, (largest - smallest)/mean, under a constant drive torque.
 
     At a mean drive torque the kinetic energy is E0 + integral of (mean torque - weight and loads) dtheta, and the speed
-    sqrt(2 E/(J + flywheel)), with the loads as they are at the nominal speed. Solved for the flywheel by bisection,
-    without the usual assumption of a constant inertia. 0 where the machine needs none.
-    Raises SceneError for a ripple not between 0 and 1 or so small that no flywheel holds it, MachineError for a machine
-    without masses, or one that does not turn fully.
+    is sqrt(2 E/(J + flywheel)), with the loads taken at the nominal speed. The flywheel is solved by bisection, without
+    the usual assumption of a constant inertia. It is 0 where the machine needs none.
+
+    Raises:
+        SceneError: for a ripple outside 0 .. 1, or too small for any flywheel.
+        MachineError: for a machine without masses, or one that does not turn fully.
     """
     if not 0.0 < ripple < 1.0:
         raise SceneError(f"ripple {ripple!r}: give a number between 0 and 1, such as 0.02 for 2 %")
@@ -68,7 +72,7 @@ def flywheel(machine: Machine, ripple: float, speed_rad_s: float | None = None) 
 
 
 def _turn(machine: Machine, speed: float) -> tuple[FloatArray, FloatArray, float]:
-    """Over a turn: inertia [kg m^2], work of drive, weight and loads since its beginning [J]; mean drive torque."""
+    """Compute inertia [kg m^2], work of drive, weight and loads [J] over a turn, and the mean drive torque."""
     if not machine.linkage.solved.turns_fully:
         raise MachineError(f"machine '{machine.name}' does not turn fully; no constant torque keeps its speed")
     theta = shaft_angles(_SAMPLES)
@@ -82,7 +86,7 @@ def _turn(machine: Machine, speed: float) -> tuple[FloatArray, FloatArray, float
 
 
 def _energy(inertia: FloatArray, work: FloatArray, extra: float, speed: float) -> FloatArray:
-    """Kinetic energy (n,) of the turn whose mean speed over the angle is the speed asked [J]."""
+    """Compute the kinetic energy (n,) of the turn whose mean speed over the angle is the requested one [J]."""
     total = inertia + extra
 
     def surplus(start: float) -> float:

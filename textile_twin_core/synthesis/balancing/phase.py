@@ -1,4 +1,4 @@
-"""A second linkage on the same shaft, out of phase, so that one gives what the other takes."""
+"""A second linkage on the same shaft, out of phase, so that the inertial torques compensate each other."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _GRID = 721
 
 @dataclass(frozen=True)
 class Phased:
-    """The machine with a second linkage at `phase_rad`, and the inertial torque over a turn, (n,) [N m].
+    """A machine with a second linkage at `phase_rad`, and the inertial torque over a turn, (n,) [N m].
 
-    `together_Nm` is that of two linkages in step, `apart_Nm` that of the two at the phase.
+    `together_Nm` is the torque of two linkages in phase, `apart_Nm` that of the two at the phase.
     """
 
     machine: Machine
@@ -31,11 +31,13 @@ class Phased:
 
 
 def opposed_linkages(machine: Machine, phase_rad: float | None = None, speed_rad_s: float | None = None) -> Phased:
-    """The machine with two linkages, the second ahead by `phase_rad`, or by what leaves the least inertial torque.
+    """Add a second linkage, ahead by `phase_rad` or by the phase of least inertial torque.
 
-    With the torque's harmonics c_n, two linkages at the phase p leave c_n (1 + e^(i n p)): in antiphase (p = pi) the
-    odd harmonics vanish and the even ones double. Without `phase_rad` the p of the smallest sum of their squares is
-    taken. Raises MachineError for a machine that does not turn fully or has no masses.
+    With the torque's harmonics c_n, two linkages at the phase p give c_n (1 + e^(i n p)). In antiphase (p = pi) the odd
+    harmonics vanish and the even ones double. Without `phase_rad` the result is the p of the smallest sum of squares.
+
+    Raises:
+        MachineError: for a machine that does not turn fully or has no masses.
     """
     if not machine.linkage.solved.turns_fully:
         raise MachineError(f"machine '{machine.name}' does not turn fully; phases on its shaft mean nothing")
@@ -52,14 +54,14 @@ def opposed_linkages(machine: Machine, phase_rad: float | None = None, speed_rad
 
 
 def _best_phase(power: FloatArray) -> float:
-    """The phase in (0, pi] of the smallest sum of squares of c_n (1 + e^(i n p)); it is even and periodic in p."""
+    """Find the phase p in (0, pi] of the smallest sum of squares of c_n (1 + e^(i n p)), even and periodic in p."""
     orders = np.arange(power.size)
 
-    def left(phase: float) -> float:
+    def power_at(phase: float) -> float:
         return float(np.sum(power * (1.0 + np.cos(orders * phase))))
 
     grid = np.linspace(0.0, math.pi, _GRID)
-    k = int(np.argmin([left(p) for p in grid.tolist()]))
+    k = int(np.argmin([power_at(p) for p in grid.tolist()]))
     low, high = grid[max(k - 1, 0)], grid[min(k + 1, _GRID - 1)]
-    found = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": 1e-12})
-    return min((float(found.x), float(grid[k])), key=left)
+    found = minimize_scalar(power_at, bounds=(low, high), method="bounded", options={"xatol": 1e-12})
+    return min((float(found.x), float(grid[k])), key=power_at)

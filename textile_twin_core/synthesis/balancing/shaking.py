@@ -1,4 +1,4 @@
-"""Shaking force and moment: what a machine's inertia does to its frame."""
+"""Shaking force and moment of a machine's inertia on its frame."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from textile_twin_core.synthesis.turn import SAMPLES, over_turn
 
 @dataclass(frozen=True)
 class Shaking:
-    """Over the turn at constant speed, (n,) arrays: shaking force [N] on the frame and moment about the origin [N m].
+    """Shaking force on the frame [N] and moment about the origin [N m] over a turn at constant speed, (n,) arrays.
 
-    The force is -sum(m a) of all bodies of all linkages, the moment theirs about the frame's origin with -sum(I alpha),
-    all linkages taken as lying in one plane. Weight and loads are not in it.
+    The force is -sum(m a) of all bodies of all linkages. The moment is that of these forces about the frame's origin,
+    with -sum(I alpha), taking all linkages in one plane. Weight and loads are not included.
     """
 
     theta_rad: FloatArray
@@ -29,14 +29,14 @@ class Shaking:
 
     @property
     def force_N(self) -> FloatArray:
-        """(n,) size of the force."""
+        """(n,) magnitude of the force [N]."""
         return np.hypot(self.x_N, self.y_N)
 
 
 def shaking(machine: Machine, speed_rad_s: float, theta_rad: FloatArray | None = None) -> Shaking:
-    """Shaking force and moment at a constant speed, at shaft angles (n,) [rad]: by default 720 of the machine's turn.
+    """Compute shaking force and moment at a constant speed, at shaft angles (n,) [rad], by default 720 per turn.
 
-    From the motion's own derivatives by the shaft angle, by arrays: quick enough to follow a slider.
+    The computation uses the motion's derivatives by the shaft angle on arrays, quickly enough for interactive use.
     """
     theta = machine.shaft_angles(SAMPLES) if theta_rad is None else theta_rad
     moved = [(k.motion, b) for k in machine.model.linkages for b in k.bodies]
@@ -58,7 +58,7 @@ def shaking(machine: Machine, speed_rad_s: float, theta_rad: FloatArray | None =
 
 
 def _parts(motion: Motion, body: Body) -> tuple[Expr, ...]:
-    """What a body's inertia follows from: where its link starts and how that point and the link speed up."""
+    """Return the motion that determines a body's inertia force: start of its link, and accelerations of both."""
     if body.is_flywheel:
         return (motion.rotations[body.on].second,)
     link = motion.links[body.on]

@@ -1,4 +1,4 @@
-"""A spring between two points that takes the most out of a machine's torque at one speed."""
+"""A spring between two points that minimises a machine's torque at one speed."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from textile_twin_core.machine.machine import Machine
 from textile_twin_core.synthesis.turn import SAMPLES, over_turn, without_effect
 
 _SHORTEST = 0.02
-"""Points that come nearer than this share of their largest distance leave no room for a spring."""
+"""Smallest distance of a spring's ends as a share of their largest distance."""
 
 
 @dataclass(frozen=True)
 class Sprung:
-    """The machine with its spring, and the balancing torque over a turn, (n,) [N m], before and after."""
+    """A machine with its spring, and the balancing torque over a turn, (n,) [N m], before and after."""
 
     machine: Machine
     spring: Spring
@@ -30,29 +30,32 @@ class Sprung:
 
     @property
     def rms_share(self) -> float:
-        """RMS torque after over before."""
+        """RMS torque after over that before."""
         return float(np.sqrt(np.mean(self.after_Nm**2) / np.mean(self.before_Nm**2)))
 
 
 def balancing_spring(
     machine: Machine, speed_rad_s: float | None = None, ends: Sequence[tuple[str, str]] | None = None
 ) -> Sprung:
-    """The spring that leaves the least balancing torque in the mean square, at a constant speed.
+    """Find the spring that minimises the mean square of the balancing torque at a constant speed.
 
-    Between two points at distance d a spring adds k d d' - k d0 d' to the torque, linear in k and k d0; the best of
-    every pair of `ends` (by default all pairs of a fixed and a moving point) by least squares, k positive. It stores
-    what the masses give back, so it fits one speed: the inertial part grows with its square. With several linkages on
-    the shaft each has one. Raises MachineError where
-    no pair helps, or masses are missing; SceneError for an unknown point.
+    Between two points at distance d a spring adds k d d' - k d0 d' to the torque, linear in k and k d0. Each pair of
+    `ends` (by default all pairs of a fixed and a moving point) is fitted by least squares with k positive, and the best
+    pair is taken. The spring suits one speed, since the inertial torque grows with the square of the speed. With
+    several linkages on the shaft each has one spring.
+
+    Raises:
+        MachineError: if no pair helps, or masses are missing.
+        SceneError: for an unknown point.
     """
     speed = machine.nominal_speed_rad_s if speed_rad_s is None else speed_rad_s
     theta = machine.shaft_angles(SAMPLES)
     (before,) = over_turn([machine.model.output("balancing_torque_Nm")], theta, speed)
     best: tuple[float, Spring] | None = None
     for start, end in _pairs(machine) if ends is None else ends:
-        spring, left = _fit(machine, start, end, theta, before)
-        if spring is not None and (best is None or left < best[0]):
-            best = left, spring
+        spring, residual = _fit(machine, start, end, theta, before)
+        if spring is not None and (best is None or residual < best[0]):
+            best = residual, spring
     if best is None or not best[0] < float(np.sum(before**2)):
         raise MachineError(f"machine '{machine.name}': no spring between these points lowers its torque")
     sprung = replace(machine, loads=(*machine.loads, best[1]))
@@ -72,7 +75,7 @@ def _fit(machine: Machine, start: str, end: str, theta: FloatArray, before: Floa
         if name not in points:
             raise SceneError(f"there is no point '{name}' for a spring; points: {', '.join(points)}")
     effect = np.zeros((theta.size, 2))
-    for linkage in machine.model.linkages:  # each carries such a spring, as it carries every load
+    for linkage in machine.model.linkages:  # each linkage carries such a spring, as it carries every load
         here = linkage.motion.points
         way = here[end].position - here[start].position
         length = sqrt(way.dot(way))
@@ -87,8 +90,8 @@ def _fit(machine: Machine, start: str, end: str, theta: FloatArray, before: Floa
     stiffness, pull = np.linalg.lstsq(effect, -before, rcond=1e-12)[0].tolist()
     if not stiffness > 0.0:
         return None, np.inf
-    left = float(np.sum((before + effect @ np.array([stiffness, pull])) ** 2))
+    residual = float(np.sum((before + effect @ np.array([stiffness, pull])) ** 2))
     free = pull / stiffness
     if free >= 0.0:
-        return Spring(start, end, stiffness, free), left
-    return Spring(start, end, stiffness, 0.0, preload_N=-pull), left
+        return Spring(start, end, stiffness, free), residual
+    return Spring(start, end, stiffness, 0.0, preload_N=-pull), residual
