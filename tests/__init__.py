@@ -1,1 +1,1 @@
-"""Tests and what they are held against."""
+"""Tests and their references."""

@@ -1,4 +1,4 @@
-"""Loops that tests want compiled, however short their blocks are."""
+"""Compilation of test loops regardless of the length of their blocks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from textile_twin_core.expression import loop
 
 
 def compile_at_once(made: loop.Loop) -> loop.Loop:
-    """The loop, as if it had met very many samples."""
+    """Mark the loop as having processed very many samples."""
     made.compile_now()
     assert made.is_compiled
     return made

@@ -1,4 +1,4 @@
-"""How the tests run: which of them side by side, and none against the clock."""
+"""Scheduling of the tests over processes."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
 START_NODES = ("tests/ros/", "tests/launch_scripts/", "tests/docs/")
-"""Folders whose tests start processes that talk in real time: one after the other, so that none lacks a processor."""
+"""Folders whose tests start real-time processes: these run one after the other, so that each has a processor."""
 
 settings.register_profile("suite", deadline=None)
 settings.load_profile("suite")
 
 
 class Rows(LoadScopeScheduling):
-    """Hands whole files to the workers, and the folders above as one."""
+    """Scheduler that gives whole files to the workers, and the folders above as one."""
 
     def _split_scope(self, nodeid: str) -> str:
         return "nodes" if nodeid.startswith(START_NODES) else nodeid.split("::", 1)[0]

@@ -1,4 +1,4 @@
-"""A disk without room: no file grows beyond a limit."""
+"""Simulation of a full disk by a limit on file sizes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def full_disk(room: int) -> Iterator[None]:
-    """No file of this process grows beyond so many bytes."""
+    """Limit the size of the files of this process [bytes]."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
     try:

@@ -63,7 +63,7 @@ def test_the_names_of_the_catalogue_and_of_files_have_examples() -> None:
     assert {"tufting", "create", "load_machine_file", "write_table", "TorqueOverTime", "Machine"} <= names
 
 
-def test_objects_say_what_they_are() -> None:
+def test_objects_describe_themselves() -> None:
     machine = ttc.machines.tufting()
     twin = ttc.compile(machine, outputs=["balancing_torque_Nm", *machine.outputs[:6]])
     session = twin.session()

@@ -1,4 +1,4 @@
-"""The house's rules that no other tool checks: where imports stand, and one word for one thing."""
+"""Rules of the project that no other tool checks: places of imports, and unique class names."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MODULES = {
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 REQUIRED = {*sys.stdlib_module_names, *(Requirement(each).name for each in PROJECT["project"]["dependencies"])}
 NOT_INSTALLED = PROJECT["tool"]["setuptools"]["packages"]["find"]["exclude"]
-"""Packages of ours that are not in the wheel."""
+"""Our packages that the wheel does not include."""
 
 
 def is_for_types(node: ast.AST) -> bool:
@@ -40,14 +40,14 @@ def is_for_types(node: ast.AST) -> bool:
 
 
 def imported(node: ast.AST) -> list[str]:
-    """The full names of what one statement imports."""
+    """List the full names that one statement imports."""
     if isinstance(node, ast.Import):
         return [each.name for each in node.names]
     return [f"{node.module}.{each.name}" for each in node.names] if isinstance(node, ast.ImportFrom) else []
 
 
 def loaded(body: Iterable[ast.stmt]) -> Iterator[str]:
-    """What statements of a module import when the module is imported."""
+    """Yield the names that statements of a module import at its import."""
     for node in body:
         yield from imported(node)
         if isinstance(node, (ast.If, ast.Try)) and not is_for_types(node):
@@ -62,7 +62,7 @@ def loaded_by(module: str) -> tuple[str, ...]:
 
 @cache
 def home(name: str) -> str | None:
-    """The module of ours that an imported name leads to: for what a package imports when it is used, its place."""
+    """Return our module that defines an imported name, also for lazily imported names of a package."""
     while name and name not in MODULES:
         name, _, attribute = name.rpartition(".")
         for node in MODULES[name].body if name in MODULES else ():
@@ -76,7 +76,7 @@ def home(name: str) -> str | None:
 
 @cache
 def needs(name: str) -> frozenset[str]:
-    """The packages beyond the required ones without which a name cannot be imported."""
+    """Return the optional packages without which a name cannot be imported."""
     found = {each for each in NOT_INSTALLED if name.startswith(f"{each}.")}
     met, left = set[str](), [name]
     while left:
@@ -121,7 +121,7 @@ def test_what_an_import_needs_is_known(name: str, packages: set[str]) -> None:
 
 
 def test_a_class_has_a_name_of_its_own() -> None:
-    """One word for one thing: whoever reads a name in two places is right to think that it is one class."""
+    """A class name occurs once in the package, so that it always means the same class."""
     places = defaultdict(list)
     for module, tree in MODULES.items():
         for node in tree.body:
@@ -131,7 +131,7 @@ def test_a_class_has_a_name_of_its_own() -> None:
 
 
 def test_parts_of_scipy_come_when_they_are_used() -> None:
-    # They are a third of what a node or a command reads at its start.
+    # They are a third of the files that a node or a command reads at its start.
     program = (
         "import sys, textile_twin_core.twin, textile_twin_core.comparison;"
         " print([name for name in ('scipy.optimize', 'scipy.interpolate', 'scipy.integrate') if name in sys.modules])"

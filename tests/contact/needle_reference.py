@@ -1,7 +1,7 @@
-"""The needle transfer's forward stroke with 30 digits, written for this machine alone: no code of the package in it.
+"""The needle transfer's forward stroke with 30 digits, written for this machine without code of the package.
 
-Equations 13 and 14 of Pejchar and Beran (2011) by their own Taylor series in steps of 50 to 300 microseconds; the four
-conditions (pin, cone, pad, contact of F and G) are followed as flags.
+Equations 13 and 14 of Pejchar and Beran (2011) are solved by their own Taylor series in steps of 50 to 300
+microseconds; the four conditions (pin, cone, pad, contact of F and G) are flags.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Stroke:
         return coefficients
 
     def run(self, until: str) -> Stroke:
-        """Integrate from rest; stops at `until` seconds."""
+        """Integrate from standstill to `until` seconds."""
         x2, v2, x3, v3 = number(self.start_2), mp.mpf(0), number("0.0929"), mp.mpf(0)
         pin, cone, pad = True, True, False
         t, end = mp.mpf(0), number(until)
@@ -115,7 +115,7 @@ class Stroke:
         cone: bool,
         pad: bool,
     ) -> tuple[list[mp.mpf], list[mp.mpf], tuple[list[mp.mpf], list[mp.mpf]]]:
-        """Series of x_2 and x_3, and of the forces on them that are not of pin or cone."""
+        """Compute the series of x_2 and x_3, and of the forces on them other than those of pin and cone."""
         a2, a3 = [state[0], state[1] * h], [state[2], state[3] * h]
         if pin:
             a2 = [c + (number(self.start_2) if k == 0 else 0) for k, c in enumerate(x1)]
@@ -159,7 +159,7 @@ class Stroke:
         cone: bool,
         pad: bool,
     ) -> dict[str, list[mp.mpf]]:
-        """Functions that turn negative at an event."""
+        """Return functions that turn negative at an event."""
         bend = [c / self.h**2 for c in slope(slope(x1))]
         found: dict[str, list[mp.mpf]] = {}
         if pin:
@@ -178,7 +178,7 @@ class Stroke:
         return found
 
     def extremes(self, t: mp.mpf, h: mp.mpf, u: mp.mpf, x1: list[mp.mpf], a2: list[mp.mpf], pad: bool) -> None:
-        """Largest deceleration of element 2 on the pad the first time, and how far it leaves the pin before."""
+        """Record the first largest deceleration of element 2 on the pad, and its earlier gap from the pin."""
         touches = [name for _, name in self.events].count("pad touched")
         if pad and touches == 1:
             jerk = slope(slope(slope(a2)))
@@ -214,7 +214,7 @@ def minus(a: list[mp.mpf], b: list[mp.mpf], constant: mp.mpf) -> list[mp.mpf]:
 
 
 def first_negative(p: list[mp.mpf]) -> mp.mpf | None:
-    """First u in (0, 1] where p turns negative, looked for at 64 places; a start within 1e-18 counts as zero."""
+    """Find the first u in (0, 1] where p turns negative, on 64 samples; a start within 1e-18 counts as zero."""
     quiet = mp.mpf("1e-18")
 
     def function(u: mp.mpf) -> mp.mpf:

@@ -1,4 +1,4 @@
-"""Impacts, resting contact and chattering against mechanics worked out by hand."""
+"""Impacts, resting contact and chattering against mechanics computed by hand."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def shaking(end_s: float, amplitude: float, frequency: float, phase: float = 0.0
 
 
 def ball(restitution: float) -> ContactModel:
-    """A ball of 0.2 kg above a table: x is its height below the frame, so that the table is an upper limit."""
+    """Build a ball of 0.2 kg above a table: x is its height below the frame, so the table is an upper limit."""
     return ContactModel(
         "table", (SlidingBody("ball", 0.2, 0.2 * G),), stops=(Stop("floor", FRAME, "ball", 0.0, restitution),)
     )
@@ -93,7 +93,7 @@ def test_a_body_on_a_shaken_table_is_released_where_the_table_falls_faster() -> 
 
 
 def test_a_fall_through_and_back_within_one_step_is_not_missed() -> None:
-    """A parabola that crosses the stop for 2 microseconds in a step of seconds."""
+    """A parabola crosses the stop for 2 microseconds in a step of seconds."""
     dip = 0.5 * G * 1e-6**2
     model = ContactModel("drive", (SlidingBody("body", 1.0, -G),), stops=(Stop("lid", FRAME, "body", 0.0, 1.0),))
     speed = math.sqrt(2.0 * G * (0.3 + dip))
@@ -167,7 +167,7 @@ def test_two_stops_in_one_place_act_as_one() -> None:
     assert run.energies.imbalance < 1e-14
 
 
-def test_a_jam_is_told_with_the_stops_and_the_time() -> None:
+def test_the_error_of_a_jam_names_the_stops_and_the_time() -> None:
     model = ContactModel(
         "drive",
         (SlidingBody("body", 0.2),),
@@ -197,7 +197,7 @@ def test_wrong_models_and_starts_are_refused() -> None:
         run_contact(ContactIntegrator(ball(0.5)), [-0.1], [*still(0.1), DrivePiece(0.1, 0.2, Section((0.01,)), (0.0,))])
 
 
-def test_squeezing_a_perfect_bouncer_is_given_up_in_finite_time() -> None:
+def test_squeezing_a_perfect_bouncer_stops_in_finite_time() -> None:
     """Between a wall and a drive that comes up to it the speed of a body with restitution 1 has no bound."""
     model = ContactModel(
         "drive",
@@ -251,7 +251,7 @@ def test_energy_is_booked_to_the_last_joule(seed: int) -> None:
 
 
 def test_two_stops_that_face_each_other_hand_the_force_over() -> None:
-    """Between them they tie two bodies: the force of one passes through zero and the other takes it over."""
+    """Two stops tie two bodies: the force of one passes through zero and the other takes over."""
     mass_1, mass_2, k, start = 0.16, 0.72, 4000.0, 0.002
     model = ContactModel(
         "drive",

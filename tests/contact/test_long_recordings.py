@@ -1,4 +1,4 @@
-"""Hours of samples, angles of many turns, noise between samples: neither takes digits from the needle transfer."""
+"""Precision of the needle transfer over hours of samples, angles of many turns, and noise between samples."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_phases_of_many_turns_against_fifty_digits() -> None:
 @pytest.mark.parametrize("start_s", [1e4, 1e7])
 @pytest.mark.parametrize("turns", [0, 16_000, 160_000_000])
 def test_late_samples_of_many_turns_move_it_as_early_ones(start_s: float, turns: int) -> None:
-    """One shaft, as it comes with its own clock and turn count; the angle is rounded as it comes."""
+    """The same shaft motion with a late clock and a large turn count; the angle has their rounding."""
     machine = needle_transfer()
     rng = np.random.default_rng(3)
     clock = start_s + np.cumsum(rng.uniform(0.0019, 0.0021, 250))
@@ -67,7 +67,7 @@ def test_late_samples_of_many_turns_move_it_as_early_ones(start_s: float, turns:
 
 
 def test_a_steady_run_of_hours_stays_on_the_published_cycle() -> None:
-    """The machine joined after 1e7 s of a steady shaft at a phase moves as in its own simulation from rest."""
+    """A machine joined after 1e7 s of steady rotation moves as in its own simulation from the start."""
     machine = needle_transfer()
     w = machine.nominal_speed_rad_s
     times = np.arange(241) * 1e-3

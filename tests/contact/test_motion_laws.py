@@ -1,4 +1,4 @@
-"""Laws of motion against their definitions, integrated with many digits, and against the shaft that drives them."""
+"""Laws of motion against their definitions, integrated with many digits, and as the drive of a shaft."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def test_wrong_laws_are_refused() -> None:
 
 
 def test_few_points_of_a_smooth_curve_are_a_law_and_stay_as_they_are() -> None:
-    """Six points beside the crests of a sine curve; a table over the whole turn may be read only."""
+    """Six points beside the crests of a sine curve; a table over the whole turn may be read-only."""
     knots = np.linspace(0.0, 2.0 * math.pi, 7)
     lift = 0.02 * np.sin(knots)
     lift.flags.writeable = False

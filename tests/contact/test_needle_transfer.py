@@ -1,4 +1,4 @@
-"""The needle transfer against the paper, a 30-digit calculation of its own, an independent solver, and hard cases."""
+"""The needle transfer against the paper, a 30-digit calculation, an independent solver, and hard cases."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ NAMES = {
 @pytest.mark.parametrize("law", ["modified_sine", "cycloidal"])
 @pytest.mark.parametrize("design", DESIGNS)
 def test_event_times_against_thirty_digits(design: str, law: str) -> None:
-    """Every event of the stroke up to the fourth impact of F and G, to 2e-15 s: a reference 1e12 times tighter."""
+    """All events of the stroke up to the fourth impact of F and G agree to 2e-15 s."""
     pad, length, duration = {"modified_sine": ("0.0949", "0.0326", "0.02462")}.get(
         law, ("0.0989", "0.03484", "0.02338")
     )
@@ -87,7 +87,7 @@ def test_event_times_against_thirty_digits(design: str, law: str) -> None:
 
 
 def test_motion_against_a_solver_that_knows_no_events() -> None:
-    """From touch to rebound of the original design: DOP853 at 1e-13 on the printed equations 13 and 14."""
+    """DOP853 at 1e-13 on the printed equations 13 and 14, from touch to rebound of the original design."""
     machine = needle_transfer()
     run = machine.simulate(end_s=0.02)
     touch, cone = run.happened("touch", PAD)[0].time_s, run.happened("release", CONE)[0].time_s
@@ -111,7 +111,7 @@ def test_motion_against_a_solver_that_knows_no_events() -> None:
 
 
 def same_events(a: ContactRun, b: ContactRun) -> float:
-    """Largest shift between the events of two runs, bounces that are lower than a nanometre aside."""
+    """Compute the largest shift between the events of two runs, ignoring bounces below a nanometre."""
     first, second = ([e for e in run.events if e.kind != "impact" or e.approach_speed_m_s > 1e-3] for run in (a, b))
     assert [(e.kind, e.name) for e in first] == [(e.kind, e.name) for e in second]
     return max(abs(x.time_s - y.time_s) for x, y in zip(first, second, strict=True))
@@ -182,7 +182,7 @@ def test_samples_at_constant_speed_give_the_run_whatever_the_blocks_and_the_wrap
             for element, row in rows.items():
                 found = np.concatenate([part[f"{element}_position_m"] for part in parts])
                 assert np.abs(found - run.positions[row]).max() < 1e-14
-            # a blow's acceleration is read off the same series, before the event where one falls on a sample
+            # the acceleration of an impact comes from the same series, before an event that falls on a sample
             found = np.concatenate([part["element_2_acceleration_m_s2"] for part in parts])
             assert np.abs(found - run.accelerations[0]).max() < 1e-4
             assert [(e.kind, e.name) for e in motion.events] == [(e.kind, e.name) for e in run.events]
@@ -227,7 +227,7 @@ def test_the_drives_work_is_the_energy_it_brings_in() -> None:
 
 
 def test_a_first_sample_anywhere_in_the_cycle_finds_the_machine_there() -> None:
-    """Once transients have died out the machine that was joined late moves as the one followed from the start."""
+    """After transients have died out, a machine joined late moves as one followed from the start."""
     machine = needle_transfer()
     times, theta, omega, alpha = samples(machine.nominal_speed_rad_s, 481, 1e-3)
     whole = ContactMotion(machine).step(times, theta, omega, alpha)
@@ -237,7 +237,7 @@ def test_a_first_sample_anywhere_in_the_cycle_finds_the_machine_there() -> None:
         assert late.max() < 1e-9
 
 
-def test_a_gap_of_many_turns_starts_anew_and_standstill_holds() -> None:
+def test_a_gap_of_many_turns_restarts_and_standstill_holds() -> None:
     machine = needle_transfer()
     motion = ContactMotion(machine)
     times = np.array([0.0, 0.001, 10.0, 10.001, 10.005, 20.5])
@@ -249,7 +249,7 @@ def test_a_gap_of_many_turns_starts_anew_and_standstill_holds() -> None:
     assert found["element_2_velocity_m_s"][-1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_wrong_input_is_told_with_its_sample() -> None:
+def test_the_error_of_wrong_input_names_the_sample() -> None:
     machine = needle_transfer()
     with pytest.raises(SceneError, match="no output 'needle_position_m'"):
         ContactMotion(machine, ["needle_position_m"])

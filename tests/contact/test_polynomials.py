@@ -1,4 +1,4 @@
-"""No crossing is missed: roots isolated by Bernstein coefficients against roots that are known."""
+"""Guaranteed crossings: roots isolated by Bernstein coefficients against known roots."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from textile_twin_core.contact.polynomials import first_crossing, value
 
 
 def from_roots(*roots: float, lead: float = 1.0) -> np.ndarray:
-    """Power coefficients, lowest first."""
+    """Return power coefficients, lowest first."""
     return lead * np.polynomial.polynomial.polyfromroots(roots)
 
 
@@ -66,7 +66,7 @@ def test_first_of_many_roots(roots: list[float], complex_pairs: list[tuple[float
 
 
 def test_a_hop_of_a_trillionth_of_the_step_is_not_taken_for_a_touch() -> None:
-    """Up by little more than noise, then far down: the last bounce before rest on something that falls away."""
+    """The function rises slightly above noise, then falls far: the last bounce on a falling body."""
     hop = np.array([1e-17, 1.8e-15, -1.05e-3, 1.6e-4, 8.3e-6])
     found = first_crossing(hop, 1.5e-15)
     assert found == pytest.approx(1.8e-15 / 1.05e-3, rel=1e-6)

@@ -27,7 +27,7 @@ from textile_twin_core.mechanism.motion_law import Section
 
 
 def random_model(random: np.random.Generator) -> tuple[ContactModel, np.ndarray]:
-    """Up to three bodies with anything between any two ends; many stops are closed at the start, some twice over."""
+    """Draw up to three bodies with random parts between any two ends; many stops are closed at the start."""
     count = int(random.integers(1, 4))
     bodies = tuple(
         SlidingBody(f"b{k}", 10 ** random.uniform(-2, 0), random.normal() * (random.random() < 0.5))
@@ -70,7 +70,7 @@ _END_S = 0.4
 
 
 def random_run(seed: int) -> Callable[[], ContactRun]:
-    """Runs of such a model that is thrown at its stops while the drive shakes, with one integrator."""
+    """Return runs of such a model, thrown at its stops while the drive shakes, with one integrator."""
     random = np.random.default_rng(seed)
     model, start = random_model(random)
     frequency, amplitude = 2 * math.pi * random.uniform(1, 30), 10 ** random.uniform(-4, -2)
@@ -105,4 +105,4 @@ def test_a_log_that_is_given_more_room_tells_the_same() -> None:
             assert with_room.events == run.events
             np.testing.assert_array_equal(with_room.positions, run.positions)
             stretches, events = max(stretches, len(run.segments)), max(events, len(run.events))
-    assert stretches > 16 and events > 16  # more than there is room for at first
+    assert stretches > 16 and events > 16  # more than the initial capacity

@@ -29,13 +29,13 @@ def still(end_s: float) -> list[DrivePiece]:
 
 
 def last(run: ContactRun) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities of the bodies at the end."""
+    """Return positions and velocities of the bodies at the end."""
     return run.positions[:-1, -1], run.velocities[:-1, -1]
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_linear_motion_is_the_matrix_exponential(seed: int) -> None:
-    """Two bodies on springs and dampers; the drive is polynomial plus harmonic, so that it obeys w' = S w itself."""
+    """Two bodies on springs and dampers; the drive is polynomial plus harmonic, and obeys w' = S w itself."""
     random = np.random.default_rng(seed)
     mass = random.uniform(0.005, 0.05, 2)
     k, b = random.uniform(100.0, 1000.0, 3), random.uniform(0.0, 15.0, 3)

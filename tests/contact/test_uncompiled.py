@@ -1,4 +1,4 @@
-"""The loops as they stand in Python: what runs where there is no compiler, and what a debugger steps through."""
+"""The loops as plain Python, as they run without a compiler and in a debugger."""
 
 from __future__ import annotations
 

@@ -37,12 +37,12 @@ LEAST_TRANSMISSION = math.radians(5.0)
 
 @st.composite
 def machines(draw: Any) -> Machine:
-    """A machine that closes all round with a transmission angle over 5 deg."""
+    """Draw a machine that closes over the whole turn with a transmission angle over 5 deg."""
     return closing_machine(draw(st.sampled_from(KINDS)), np.random.default_rng(draw(st.integers(0, 2**32 - 1))))
 
 
 def closing_machine(kind: str, rng: np.random.Generator) -> Machine:
-    """The first machine of a kind that closes all round with a transmission angle over 5 deg."""
+    """Return the first machine of a kind that closes over the whole turn with a transmission angle over 5 deg."""
     while True:
         try:
             machine = _machine(kind, rng)
@@ -54,7 +54,7 @@ def closing_machine(kind: str, rng: np.random.Generator) -> Machine:
 
 @st.composite
 def nearly_stretched(draw: Any) -> Machine:
-    """A four-bar whose coupler and rocker are 1e-9 to 1e-3 of their length from one line once a turn."""
+    """Draw a four-bar whose coupler and rocker come once a turn within 1e-9 to 1e-3 of their length to one line."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     crank, coupler = rng.uniform(0.1, 0.4), rng.uniform(0.6, 0.9)
     short = 10.0 ** rng.uniform(-9.0, -3.0)
@@ -159,7 +159,7 @@ def _loads(links: list[str], measures: tuple[Travel, ...], size: float) -> list[
 
 @st.composite
 def motions(draw: Any, count: int = 64) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Angles over several turns, speeds of both signs and accelerations, (count,) each."""
+    """Draw angles over several turns, speeds of both signs and accelerations, (count,) each."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     speed, growth = rng.uniform(0.5, 60.0), rng.choice([0.0, 50.0, 2000.0])
     return rng.uniform(-30.0, 30.0, count), rng.uniform(-speed, speed, count), rng.uniform(-growth, growth, count)

@@ -1,4 +1,4 @@
-"""The needle in the backing: where it stands tells it, live and offline, and what never enters is not held."""
+"""The needle in the backing: its position decides, live and offline, and a needle that never enters is free."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SPEED = 16.755
 
 @pytest.mark.parametrize("method", ["exact", "table"])
 @pytest.mark.parametrize("speed", [SPEED, -SPEED])
-def test_a_needle_that_never_comes_as_far_as_the_entry_is_not_held(method: str, speed: float) -> None:
+def test_a_needle_that_never_reaches_the_entry_plane_is_free(method: str, speed: float) -> None:
     shallow = ttc.machines.tufting(entry_plane_m=LOWEST_M + 1e-4, exit_plane_m=0.57)
     found = ttc.compile(shallow, [LOAD], method).evaluate(THETA, speed)[LOAD]  # type: ignore[arg-type]
     free = ttc.compile(ttc.machines.tufting(backing_force_N=0.0), [LOAD], "exact").evaluate(THETA, speed)[LOAD]
@@ -25,7 +25,7 @@ def test_a_needle_that_never_comes_as_far_as_the_entry_is_not_held(method: str, 
     assert not [event.name for event in shallow.events() if "backing" in event.name]
 
 
-def test_a_needle_that_just_comes_so_far_is_held_on_its_way_out() -> None:
+def test_a_needle_that_just_reaches_the_plane_has_friction_when_leaving() -> None:
     deep = ttc.machines.tufting(entry_plane_m=LOWEST_M - 1e-4, exit_plane_m=0.57)
     names = sorted(event.name for event in deep.events() if "backing" in event.name)
     assert names == ["needle_enters_backing", "needle_leaves_backing"]
@@ -38,7 +38,7 @@ def test_a_needle_that_just_comes_so_far_is_held_on_its_way_out() -> None:
 
 
 @pytest.mark.parametrize("planes", [(0.55784, 0.55784), (0.5580, 0.5575)])
-def test_a_record_that_begins_in_the_backing_is_held_as_the_whole_one_is(planes: tuple[float, float]) -> None:
+def test_a_record_that_begins_in_the_backing_agrees_with_the_whole_record(planes: tuple[float, float]) -> None:
     """The shaft turns forward, back and forward again; the second record begins with the needle at its lowest."""
     machine = ttc.machines.tufting(entry_plane_m=planes[0], exit_plane_m=planes[1])
     time = np.arange(0.0, 3.0, 0.002)

@@ -40,7 +40,7 @@ def test_constant_torque_on_a_rotor() -> None:
     assert event.time_s == pytest.approx(1.6, abs=1e-14)
 
 
-def test_coast_down_by_viscous_and_dry_friction_ends_at_rest() -> None:
+def test_coast_down_by_viscous_and_dry_friction_ends_at_standstill() -> None:
     """J w' = -c w - M: w = (w0 + M/c) exp(-c t / J) - M/c, which ends at t = J/c ln(1 + c w0 / M)."""
     j, c, m, w0 = 2.0, 0.4, 1.5, 9.0
     t = np.linspace(0.0, 10.0, 101)
@@ -97,10 +97,10 @@ def test_pendulum_against_elliptic_functions() -> None:
 @pytest.mark.parametrize(
     ("kind", "seed", "theta0", "omega0"), [("coupler dyad", 149, -1.555, -52.3), ("coupler dyad", 274, 2.6859, 44.99)]
 )
-def test_a_step_whose_error_the_integrator_does_not_see_is_made_anew(
+def test_a_step_whose_error_the_integrator_does_not_see_is_repeated(
     kind: str, seed: int, theta0: float, omega0: float
 ) -> None:
-    """In these motions DOP853 takes a step a hundred times less exact than it believes; the energy account tells."""
+    """DOP853 makes a step a hundred times less accurate than its estimate; the energy account shows it."""
     machine, t = closing_machine(kind, np.random.default_rng(seed)), np.linspace(0.0, 1.0, 11)
     run, exact = (ttc.drive(machine, 0.0, theta0, omega0, t, tolerance) for tolerance in (1e-10, 1e-13))
     assert np.abs(run.theta_rad - exact.theta_rad).max() < 1e-7
@@ -109,7 +109,7 @@ def test_a_step_whose_error_the_integrator_does_not_see_is_made_anew(
 
 
 def test_run_up_of_the_tufting_machine_against_another_integrator() -> None:
-    """Radau with the twin's own torque, between the same leaps left to its step control."""
+    """Radau integrates the twin's own torque between the same load steps, with its own step control."""
     machine = dataclasses.replace(TUFTING, bodies=(*TUFTING.bodies, Body.flywheel(0.15)))
     t = np.linspace(0.0, 1.5, 151)
     run = ttc.drive(machine, lambda time, theta, omega: 20.0 - 0.8 * omega, 0.0, 0.0, t)
@@ -147,7 +147,7 @@ def test_energy_is_booked(loads: tuple[Load, ...]) -> None:
         assert work.shape == run.time_s.shape
 
 
-def test_two_phased_linkages_leap_at_each_ones_own_angle() -> None:
+def test_loads_of_two_phased_linkages_step_at_their_own_angles() -> None:
     phases = (0.0, math.pi / 3)
     machine = dataclasses.replace(
         TUFTING,
@@ -224,7 +224,7 @@ def test_a_linkage_driven_into_its_toggle_says_where(loads: tuple[Load, ...]) ->
 
 
 def test_two_planes_of_the_backing_are_met_in_both_directions() -> None:
-    """Turning back, the needle goes in where it came out: the planes change their parts."""
+    """When the shaft turns back, the needle enters at the exit plane: the planes exchange their roles."""
     backing = Backing("needle", 300.0, 0.5565, 0.5585, 20.0)
     machine = dataclasses.replace(TUFTING, loads=(backing,), bodies=(*TUFTING.bodies, Body.flywheel(0.5)))
     twin = ttc.compile(machine, ["needle_position_m"], method="exact")
@@ -247,7 +247,7 @@ def test_a_machine_without_masses_says_which() -> None:
         ttc.drive(ttc.machines.elliptic_gear_beatup(), 1.0, 0.0, 0.0, 1.0)
 
 
-def test_leaps_near_each_other_against_an_integration_between_their_exact_angles() -> None:
+def test_load_steps_near_each_other_against_an_integration_between_their_exact_angles() -> None:
     """Two linkages 0.1 deg apart and a second backing just behind the first: every plane is met, each on its own."""
     near, planes = math.radians(0.1), (0.55784, 0.557841)
     backings = tuple(Backing("needle", 400.0, plane, plane) for plane in planes)
@@ -277,7 +277,7 @@ def test_leaps_near_each_other_against_an_integration_between_their_exact_angles
 
     state = np.array([0.0, 14.0])
     for low, high in pairwise([0.0, *expected, float(run.theta_rad[-1])]):
-        inner = (low + 1e-13, high - 1e-13)  # a hair inside, so that both sides of a leap stay apart
+        inner = (low + 1e-13, high - 1e-13)  # slightly inside, so that both sides of a step stay apart
         state = solve_ivp(slope, inner, state, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
     assert run.time_s[-1] == pytest.approx(state[0], abs=1e-10)
     assert run.omega_rad_s[-1] == pytest.approx(state[1], abs=1e-8)

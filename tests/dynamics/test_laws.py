@@ -1,4 +1,4 @@
-"""What must hold for any machine: both routes to the torque, the power balance, exact derivatives."""
+"""Laws of every machine: equal torque by both routes, the power balance, exact derivatives."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ several = settings(
 
 
 def published(name: str) -> Machine | None:
-    """A published linkage machine, with masses of our own where the paper gives none; None for other machines."""
+    """Return a published linkage machine, with added masses where the paper gives none; None for other machines."""
     machine = ttc.machines.create(name)
     if not isinstance(machine, Machine):
         return None
@@ -42,7 +42,7 @@ LINKAGES = [name for name in ttc.machines.NAMES if published(name) is not None]
 
 
 def peak_of(twin: ttc.Twin, motion: Motion) -> float:
-    """Largest torque over a turn at the motion's largest speed and acceleration."""
+    """Compute the largest torque over a turn at the motion's largest speed and acceleration."""
     theta = np.linspace(0.0, 2.0 * math.pi, 361)
     omega, alpha = (float(np.abs(a).max()) for a in motion[1:])
     signs = [(w, a) for w in (omega, -omega) for a in (alpha, -alpha)]
@@ -50,7 +50,7 @@ def peak_of(twin: ttc.Twin, motion: Motion) -> float:
 
 
 def disagreement(machine: Machine, motion: Motion) -> float:
-    """Largest difference of the two routes over the peak."""
+    """Compute the largest difference of the two routes over the peak."""
     twin = ttc.compile(machine, ROUTES, method="exact")
     one, two = twin.evaluate(*motion).values()
     return float(np.abs(one - two).max()) / max(peak_of(twin, motion), float(np.abs(one).max()))
@@ -89,7 +89,7 @@ def test_both_routes_near_toggles_by_conditioning(machine: Machine, motion: Moti
 
 
 def energy_rate(machine: Machine, theta: float, omega: float, alpha: float) -> float:
-    """Rate of kinetic and potential energy by a complex step along the motion [W]."""
+    """Compute the rate of kinetic and potential energy by a complex step along the motion [W]."""
     outputs = [machine.model.output("kinetic_energy_J"), machine.model.output("potential_energy_J")]
     ahead = {
         "theta": complex(theta, STEP * omega),
@@ -123,7 +123,7 @@ def test_power_balance_of_random_machines(machine: Machine, motion: Motion) -> N
 
 
 def derivative_pairs(machine: Machine) -> list[tuple[str, Expr, Expr]]:
-    """(name, function of theta, its declared derivative), over the machine's first linkage."""
+    """List (name, function of theta, its declared derivative) over the machine's first linkage."""
     model = machine.model
     motion = model.first.motion
     pairs = [

@@ -1,4 +1,4 @@
-"""Every load against its power worked out by hand, and by both routes to the torque."""
+"""Every load against its power computed by hand, and by both routes to the torque."""
 
 from __future__ import annotations
 
@@ -262,7 +262,7 @@ def test_unknown_names(load: Load, message: str) -> None:
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, 2.5, -1.9, *np.radians([1, 2, 5, 118, -30])])
 def test_friction_of_a_slider_on_any_guide(angle: float) -> None:
-    """The friction force works along the slider's way: the torque is its speed per shaft speed times the force."""
+    """The friction force acts along the slider: the torque is slider speed per shaft speed times the force."""
     guide = (math.cos(angle), math.sin(angle))
     groups = (Crank("l1", "O", "A", 0.05), RRPDyad("rod", "slider", "A", "B", "T", (0.2, 0.1), (0.0, 0.01), guide))
     machine = Machine(

@@ -1,4 +1,4 @@
-"""Pins that hold more than two links: the force told is that of one of them, by its own balance."""
+"""Pins of more than two links: the reported force is that of the coupler, by its own balance."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ MORE: tuple[Group, ...] = (
     RRRDyad("rod", "lever", "B", "G", "E", (0.35, 0.3)),
     RRPDyad("bar", "slider", "B", "F", "T", (0.5, 0.1), (0.1, 0.1), (0.3, 1.0)),
 )
-"""What hangs on the point B."""
+"""Groups mounted on the point B."""
 
 
 def test_the_pin_of_a_dyad_tells_what_its_coupler_exerts() -> None:
-    """Newton's and Euler's equations of the coupler alone give the force, whatever hangs on the pin."""
+    """The Newton-Euler equations of the coupler alone give the force, independent of other links on the pin."""
     mass, inertia, length = 0.8, 0.011, 0.31
     groups = (Crank("crank", "O", "A", 0.06), RRRDyad("coupler", "rocker", "A", "C", "B", (length, 0.25)), *MORE)
     bodies = [Body(link, 0.6, 0.003) for link in ("rocker", "rod", "lever", "bar", "slider")]

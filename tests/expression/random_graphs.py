@@ -1,4 +1,4 @@
-"""Random expressions, each with its value beside it in extended precision and how far rounding may move that."""
+"""Random expressions with their values in extended precision and a bound of rounding."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LARGEST = 1e6
 
 @dataclass(frozen=True)
 class Carried:
-    """An expression, its value, and the bound of what rounding of its parts does to that."""
+    """An expression, its value, and a bound of the rounding of its parts."""
 
     expression: Expr
     value: mp.mpf
@@ -48,7 +48,7 @@ class Program:
     y: float
 
     def run(self) -> list[Carried]:
-        """All that the steps make; those that would divide by nearly nothing, leap or grow too large are left out."""
+        """Execute the steps; those that would divide by nearly zero, be discontinuous or grow too large are skipped."""
         with mp.workdps(DIGITS):
             made = [Carried(e, mp.mpf(v), mp.mpf(0)) for e, v in ((X, self.x), (Y, self.y))]
             made += [Carried(const(c), mp.mpf(c), mp.mpf(0)) for c in _CONSTANTS]

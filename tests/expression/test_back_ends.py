@@ -20,7 +20,7 @@ from textile_twin_core.expression.loop import Loop, Numpy
 from textile_twin_core.expression.scalar import compile_scalar
 
 _ROOM = 30.0
-"""Times the bound of rounding: expressions are evaluated in another order than they were made."""
+"""Allowed multiple of the bound of rounding, since back ends evaluate in another order."""
 
 
 def check(made: list[Carried], found: Iterable[Any]) -> None:

@@ -80,7 +80,7 @@ def test_nan_infinity_and_what_has_no_value_stay_where_they_are(loop: Loop) -> N
     assert np.isinf(found[1][13])
 
 
-def test_angles_beyond_the_reduction_go_the_way_of_numpy(loop: Loop) -> None:
+def test_angles_beyond_the_reduction_use_numpy(loop: Loop) -> None:
     x = np.array([0.3, 2e9, -1e12, 1e300])
     check(loop, x, np.ones(4))
 

@@ -1,4 +1,4 @@
-"""The rules of algebra: values carried beside random expressions; a wrong rule does not stay unseen."""
+"""The algebraic rules against values carried with random expressions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from textile_twin_core.expression.graph import OPERATIONS, node
 
 
 def excess(program: Program, made: list[Carried]) -> float:
-    """How far an expression's value is from the one carried beside it, at most, over what rounding may do."""
+    """Compute the largest deviation of an expression's value from the carried one, over the bound of rounding."""
     with mp.workdps(DIGITS):
         inputs = {"x": mp.mpf(program.x), "y": mp.mpf(program.y)}
         found = interpret([c.expression for c in made], inputs, mp)
@@ -109,7 +109,7 @@ def test_constants_gather(expression: Expr, operations: int) -> None:
 @pytest.mark.parametrize("x", [-1.5, 0.0, 2.0, 1e-200])
 @pytest.mark.parametrize("y", [-3.0, 0.0, 0.5, 1e-200])
 def test_friction_on_what_moves_is_its_size_times_the_sign_of_the_rest(x: float, y: float) -> None:
-    """x z sign(x y) = |x| z sign(y): the sign of x is not evaluated, so that a tiny product does not lose it either."""
+    """x z sign(x y) = |x| z sign(y): the sign of x is not evaluated, so that a tiny product keeps its sign."""
     e = X * (3.0 * sign(X * Y))
     assert e is 3.0 * (absolute(X) * sign(Y))
     expected = 3.0 * abs(x) * (0.0 if y == 0.0 else math.copysign(1.0, y))

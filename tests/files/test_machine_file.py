@@ -1,4 +1,4 @@
-"""Machine files: what they declare is what the same declaration in Python gives, and faults name their place."""
+"""Machine files: they declare the same as Python declarations, and errors name their place."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_a_declared_machine_moves_as_its_geometry_says(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("change", [{}, {"name": "no 7"}, {"parameters": {}}, {"gravity_m_s2": (0.0, 0.0)}])
 def test_the_tufting_machine_goes_through_a_file(tmp_path: Path, change: dict[str, Any]) -> None:
-    """By the published name and parameters while these make it, else by its groups."""
+    """The file has published name and parameters where these suffice, else the groups."""
     machine = dataclasses.replace(ttc.machines.tufting(backing_force_N=900.0, torque_sensor_delay_s=0.002), **change)
     assert ("machine" in machine_document(machine)) is (change.keys() <= {"name"})
     if "gravity_m_s2" in change:
@@ -65,7 +65,7 @@ def test_the_tufting_machine_goes_through_a_file(tmp_path: Path, change: dict[st
 
 @pytest.mark.parametrize("change", [{}, {"name": "no 7", "parameters": {}, "nominal_speed_rad_s": np.float64(20.0)}])
 def test_numbers_may_come_from_numpy(tmp_path: Path, change: dict[str, Any]) -> None:
-    """By the published name and parameters, and by groups."""
+    """Published name and parameters, and groups."""
     machine = dataclasses.replace(ttc.machines.tufting(backing_force_N=np.float64(900.0)), **change)
     save_machine_file(machine, tmp_path / "m.yaml")
     assert load_machine_file(tmp_path / "m.yaml") == machine
@@ -105,7 +105,7 @@ def test_a_bar_takes_its_mass_from_density_and_section(tmp_path: Path) -> None:
 
 
 def test_words_and_numbers_are_read_as_people_mean_them(tmp_path: Path) -> None:
-    """In YAML 1.1 `on` is true, 1e-9 is text and 0700 is 448."""
+    """YAML 1.1 would read `on` as true, 1e-9 as text and 0700 as 448."""
     text = LOOM + "loads:\n  - {type: backing, on: sley, force_N: 1e3, entry_plane_m: 1, exit_plane_m: 1}\n"
     with pytest.raises(MachineError, match=r"straight travel"):
         ttc.compile(load_machine_file(_file(tmp_path, text)), ["reaction_O_x_N"])
@@ -191,14 +191,14 @@ def test_a_file_that_is_not_there_or_is_no_text(tmp_path: Path) -> None:
         save_machine_file(ttc.machines.tufting(), tmp_path / "b.yaml" / "m.yaml")
 
 
-def test_a_method_that_is_none_is_told_with_its_file(tmp_path: Path) -> None:
+def test_the_error_of_an_unknown_method_names_the_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("machine: tufting\nscene: {method: exakt}\n")
     with pytest.raises(MachineError, match=r"mine.yaml: scene.method: .*exact"):
         load_machine_file(path)
 
 
-def test_a_file_that_is_no_machine_file_is_not_told_whole(tmp_path: Path) -> None:
+def test_the_error_of_a_file_of_another_kind_is_short(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("time,angle,torque\n" + "0.1,0.2,0.3\n" * 5000, encoding="utf-8")
     with pytest.raises(
         MachineError, match=r"log.csv: the file: must be a mapping .*'time,angle,torque.* \.\.$"

@@ -1,4 +1,4 @@
-"""docs/machine_file.md: it tells every key that the reader takes, with its default, and its examples hold."""
+"""docs/machine_file.md lists every key of the reader with its default, and its examples are valid."""
 
 from __future__ import annotations
 
@@ -68,19 +68,19 @@ def _chapter(title: str) -> str:
 
 
 def _rows(title: str) -> dict[str, str]:
-    """The second cell of each row of the chapter's table, by the first."""
+    """Return the second cell of each row of the chapter's table, by the first."""
     rows = (line.strip("| ").split(" | ") for line in _chapter(title).splitlines() if line.startswith("| "))
     return {row[0].strip("`"): row[1] for row in rows if row[0] not in ("type", "key", "in", "sensor", "body")}
 
 
-def _told(cell: str) -> dict[str, Any]:
-    """Keys in code with their defaults; `...` where there is none."""
+def _documented(cell: str) -> dict[str, Any]:
+    """Parse keys in code with their defaults; `...` marks a key without one."""
     spans = (span.partition(": ") for span in re.findall(r"`([^`]+)`", cell))
     return {key: yaml.safe_load(default.replace("1e-", "1.0e-")) if colon else ... for key, colon, default in spans}
 
 
 def _taken(cls: type, **given: Any) -> set[str]:
-    """The keys that the reader takes for a declaration, from what it says to a wrong one."""
+    """Return the keys that the reader accepts for a declaration, from its message on a wrong one."""
     with pytest.raises(MachineError) as caught:
         build(cls, {"qqqq": 0}, "here", **given)
     return set(str(caught.value).split("there are: ")[1].split(", "))
@@ -93,11 +93,11 @@ def _default(cls: type, key: str) -> Any:
     return plain(field.default if field.default_factory is dataclasses.MISSING else field.default_factory())
 
 
-def _same(told: Any, default: Any) -> bool:
-    if isinstance(default, (float, list)) and told is not ...:
+def _same(documented: Any, default: Any) -> bool:
+    if isinstance(default, (float, list)) and documented is not ...:
         numbers = not isinstance(default, list) or all(isinstance(v, float) for v in default)
-        return bool(told == (pytest.approx(default, rel=1e-5) if numbers else default))
-    return bool(told == default)
+        return bool(documented == (pytest.approx(default, rel=1e-5) if numbers else default))
+    return bool(documented == default)
 
 
 def _load(folder: Path, text: str) -> Machine:
@@ -115,9 +115,9 @@ def test_every_type_has_its_row(title: str) -> None:
 
 @pytest.mark.parametrize(("chapter", "row", "cls"), PARTS, ids=[part[1] for part in PARTS])
 def test_a_row_tells_the_keys_that_the_reader_takes(chapter: str, row: str, cls: type) -> None:
-    told = _told(_rows(chapter)[row])
-    assert told.keys() == _taken(cls)
-    for key, default in told.items():
+    documented = _documented(_rows(chapter)[row])
+    assert documented.keys() == _taken(cls)
+    for key, default in documented.items():
         assert _same(default, _default(cls, key)), f"{row}.{key}: the page says {default!r}"
 
 
@@ -125,11 +125,11 @@ def test_the_top_level_keys(tmp_path: Path) -> None:
     with pytest.raises(MachineError) as caught:
         _load(tmp_path, "qqqq: 0")
     taken = set(str(caught.value).split("there are: ")[1].split(", "))
-    told: dict[str, Any] = {}
+    documented: dict[str, Any] = {}
     for line in _chapter("Top-level keys").splitlines()[3:]:
-        told |= _told(line.strip("| ").split(" | ")[0]) if line.startswith("| ") else {}
-    assert told.keys() == taken | {"parameters"}
-    for key, default in told.items():
+        documented |= _documented(line.strip("| ").split(" | ")[0]) if line.startswith("| ") else {}
+    assert documented.keys() == taken | {"parameters"}
+    for key, default in documented.items():
         empty = default in ({}, []) and not _default(Machine, key)
         assert empty or key in ("name", "machine", "parameters") or _same(default, _default(Machine, key)), (
             f"{key}: the page says {default!r}"
@@ -142,7 +142,7 @@ def test_the_top_level_keys(tmp_path: Path) -> None:
 
 
 def test_the_ways_to_give_a_body() -> None:
-    rows = {row: _told(cell.split("`: a balanced")[0]) for row, cell in _rows("Bodies").items()}
+    rows = {row: _documented(cell.split("`: a balanced")[0]) for row, cell in _rows("Bodies").items()}
     assert rows["mass"].keys() == _taken(Body, on="l1")
     assert all(_same(default, _default(Body, key)) for key, default in rows["mass"].items())
     assert rows["straight bar over the whole link"].keys() == {"density_kg_m3", "width_m", "thickness_m"}
@@ -150,7 +150,7 @@ def test_the_ways_to_give_a_body() -> None:
 
 @pytest.mark.parametrize("text", [*COMPLETE, *PUBLISHED], ids=lambda text: text.split("\n")[0][:30])
 def test_a_complete_example_loads_and_runs(tmp_path: Path, text: str) -> None:
-    """And both ways to the torque agree: virtual work and the joints' reactions."""
+    """Both routes to the torque agree: virtual work and joint reactions."""
     _check_torque(_load(tmp_path, text))
 
 
@@ -174,7 +174,7 @@ def test_the_loads_fragment_shows_every_load(tmp_path: Path) -> None:
 
 
 def _with(fragment: str) -> str:
-    """The page's complete example with keys of the fragment in place of its own."""
+    """Merge the fragment's keys into the page's complete example."""
     assert yaml.safe_load(COMPLETE[0])["name"] == "needle_drive"
     parts = re.split(r"^(?=\w)", COMPLETE[0], flags=re.M)
     new = yaml.safe_load(fragment).keys()
@@ -222,7 +222,7 @@ transmitted: {arm_torque_Nm: l4}
     assert twin.evaluate(0.5, 0.0, 0.0)["arm_torque_Nm"] == pytest.approx(9.81 * 0.05 * math.cos(0.5))
 
 
-def test_every_branch_and_method_is_told() -> None:
+def test_every_branch_and_method_is_documented() -> None:
     for cls in GROUPS.values():
         for branch in get_args(get_type_hints(cls).get("branch")):
             assert f"`{branch}`" in _chapter("Groups")

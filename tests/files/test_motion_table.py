@@ -1,4 +1,4 @@
-"""Tables of motion: numbers survive bit for bit, forms people write are read, faults name their place."""
+"""Motion tables: bit-exact numbers, common formats, errors with their place."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ def test_a_unit_driven_by_a_torque_moves_as_drive_does(name: str, fmi: Fmi, unit
 
 
 def test_the_needle_in_the_backing_and_dry_friction_are_met_exactly(units: Any) -> None:
-    """The tufting shaft meets the planes at work, coasts to rest, holds, breaks loose and turns back, as in `drive`."""
+    """The tufting shaft passes the planes under load, coasts to standstill, sticks, breaks loose and turns back."""
     path, _ = units("tufting", "torque", 2)
     machine = machine_named("tufting")
     steps = [(0.1, 15.0), (0.1, -15.0), (0.06, -30.0), (0.05, 35.0), (0.1, 35.0)]
@@ -244,7 +244,7 @@ def test_the_command_writes_a_unit_and_says_what_is_in_it(tmp_path: Path, capsys
 
 
 def test_numbers_that_choose_another_closed_form_stay_constants(tmp_path: Path) -> None:
-    """A parallelogram with other lengths is none, and goes through its change points no more."""
+    """A parallelogram with other lengths loses its form and its passage through the change points."""
     machine = Machine(
         name="parallelogram",
         points={"O": (0.0, 0.0), "C": (0.3, 0.0)},

@@ -1,1 +1,1 @@
-"""Recordings and exact numbers that the tests are held against; nothing here uses the engine."""
+"""Reference recordings and exact numbers for the tests, without any code of the engine."""

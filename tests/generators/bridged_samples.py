@@ -1,6 +1,6 @@
-"""Angle and torque of a tufting machine as a bridge stamps them: in bursts, on arrival.
+"""Angle and torque of a tufting machine with stamps of a bridge: in bursts, on arrival.
 
-The shaft's motion is a closed form, with a run-up and a ripple, so that true times, angles and torques are known.
+The shaft's motion is a closed form with a run-up and a ripple, so that true times, angles and torques are known.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Sampled:
 
 
 def shaft_angle(time_s: FloatArray, run_up_s: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Angle, speed and acceleration at times (n,) [s]: 16.755 rad/s, with a run-up that begins at half that speed."""
+    """Compute angle, speed and acceleration at times (n,) [s]: 16.755 rad/s after a run-up from half that speed."""
     t = np.asarray(time_s)
     full = TURN * 160.0 / 60.0
     rise = max(run_up_s, 1e-9)
@@ -62,7 +62,7 @@ def sampled(
     jitter_s: float = 20e-6,
     drift: float = 3e-5,
 ) -> Sampled:
-    """Samples with right stamps: taken evenly by a clock that is `drift` slow, the torque 0.25 ms after the angle."""
+    """Sample with correct stamps from an even clock that is `drift` slow, the torque 0.25 ms after the angle."""
     rng = np.random.default_rng(seed)
     number = np.arange(int(duration_s * rate_Hz))
     even = number * (1.0 + drift) / rate_Hz + rng.uniform(0.0, 1.0 / rate_Hz)
@@ -88,11 +88,11 @@ def bridged(
     seed: int = 2,
     late_s: float = 0.0,
 ) -> Sampled:
-    """The same, stamped as a bridge sends them: every `period_s`, its messages `inside_s` apart.
+    """Replace the stamps by those of a bridge: bursts every `period_s`, with messages `inside_s` apart.
 
     Args:
-        which: "angle", "torque" or "both" go through it, in the order in which they were taken.
-        late_s: standard deviation of the instants at which it sends, one-sided.
+        which: "angle", "torque" or "both", the signals that pass the bridge, in the order of sampling.
+        late_s: standard deviation of the instants of sending [s], one-sided.
     """
     rng = np.random.default_rng(seed)
     times = [samples.angle_s, samples.torque_s]
@@ -113,7 +113,7 @@ def bridged(
 
 
 def write_samples(path: Path, samples: Sampled) -> Path:
-    """A recording of the samples at `path`, and the path."""
+    """Write a recording of the samples to `path`, and return the path."""
     with BagWriter(path) as bag:
         bag.write_joint_states("main_shaft/angle", samples.angle_stamps, ["main_shaft"], samples.angle)
         bag.write_wrenches("balancing_torque/measured", samples.torque_stamps, samples.torque_Nm)

@@ -1,4 +1,4 @@
-"""Random machines of every class-II group, slotted levers, yokes, sliders on moving links and gears among them."""
+"""Random machines of every class-II group, including slotted levers, yokes, sliders on moving links and gears."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _TEETH = ((40, 20), (30, 30), (60, 20), (21, 7))
 
 
 def class_two_machine(kind: str, rng: np.random.Generator) -> Machine:
-    """The first random machine of a kind that closes all round, away from dead points."""
+    """Return the first random machine of a kind that closes over the whole turn, away from dead points."""
     while True:
         try:
             machine = _machine(kind, rng)
@@ -106,13 +106,13 @@ def _gears(rng: np.random.Generator, at: str, to: str, driver: str | None) -> Ge
 
 
 def _links(rng: np.random.Generator, points: dict[str, Any], start: str) -> tuple[Group, ...]:
-    """A rocker's dyad on a point of a slider."""
+    """Build a rocker's dyad on a point of a slider."""
     points["X"] = _pair(rng, -0.5, 0.5)
     return (RRRDyad("coupler", "rocker", start, "X", "B", _pair(rng, 0.2, 0.7), _side(rng)),)
 
 
 def _train(rng: np.random.Generator, points: dict[str, Any]) -> tuple[Group, ...]:
-    """Behind a gear another one, and on its shaft a crank at another place."""
+    """Build a second gear behind the first, and a crank on its shaft elsewhere."""
     points["X"], points["Y"] = _pair(rng, -0.5, 0.5), _pair(rng, -0.5, 0.5)
     teeth = _TEETH[rng.integers(len(_TEETH))]
     wheel = GearPair("wheel", "C", "X", "W", 0.03, teeth, "gear", phase_rad=0.5, mesh="M", pressure_angle_rad=0.0)

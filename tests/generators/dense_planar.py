@@ -1,8 +1,8 @@
-"""Any class-II linkage as bodies and constraints, with one dense Newton-Euler system a sample.
+"""Any class-II linkage as bodies and constraints, with one dense Newton-Euler system per sample.
 
 The coordinates are start point and angle of every link. The constraints, differentiated twice by the complex step, give
-positions (by Newton's method), rates and bends; the unknown forces of all joints and the torque on the shaft then come
-from one linear system of three equations a link. No group is solved on its own here, and nothing in closed form.
+positions (by Newton's method) and both derivatives. The unknown forces of all joints and the torque on the shaft follow
+from one linear system of three equations per link, without closed forms and without a division into groups.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ _STEP = 1e-30
 
 
 def turned(angle: Any, vector: complex) -> Array:
-    """A vector of a frame that stands at an angle (which may be complex, for the complex step)."""
+    """Rotate a vector by an angle, which may be complex for the complex step."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([c * vector.real - s * vector.imag, s * vector.real + c * vector.imag])
 
 
 @dataclass(frozen=True)
 class Pin:
-    """Points of two links coincide; of the ground (GROUND) the second is a place."""
+    """Points of two links coincide; for the ground (GROUND) the second is a position."""
 
     name: str
     one: int
@@ -52,7 +52,7 @@ class Pin:
 
 @dataclass(frozen=True)
 class Slide:
-    """A link's start lies on a line of another link, and it points along that line."""
+    """A link's start lies on a line of another link, and the link points along that line."""
 
     name: str
     slider: int
@@ -63,7 +63,10 @@ class Slide:
 
 @dataclass(frozen=True)
 class Mesh:
-    """angle(driven) - (1 - k) angle(carrier) - k angle(driver) is constant; the gears touch at `share` of the way."""
+    """Gears in mesh, touching at `share` of the centre line.
+
+    The constant is angle(driven) - (1 - k) angle(carrier) - k angle(driver).
+    """
 
     name: str
     driven: int
@@ -79,7 +82,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Same:
-    """Two links keep their angle; a driven link keeps its angle to the shaft's (`one` is None)."""
+    """Two links with a constant relative angle; a driven link keeps its angle to the shaft (`one` is None)."""
 
     one: int | None
     two: int
@@ -195,8 +198,8 @@ class Dense:
     def angle(self, q: Array, link: int) -> Any:
         return 0.0 if link == GROUND else q[3 * link + 2]
 
-    def residual(self, q: Array, theta: Any, rest: dict[int, Any]) -> Array:
-        """What vanishes; `rest` holds the constant angles of meshes and welds."""
+    def residual(self, q: Array, theta: Any, offsets: dict[int, Any]) -> Array:
+        """Compute the residual of the constraints; `offsets` holds the constant angles of meshes and welds."""
         rows: list[Any] = []
         for k, joint in enumerate(self.joints):
             match joint:
@@ -205,50 +208,50 @@ class Dense:
                 case Slide():
                     line = self.angle(q, joint.carrier) + joint.angle
                     way = q[3 * joint.slider : 3 * joint.slider + 2] - self.point(q, joint.carrier, joint.place)
-                    rows += [turned(line, 1j) @ way, q[3 * joint.slider + 2] - line - rest[k]]
+                    rows += [turned(line, 1j) @ way, q[3 * joint.slider + 2] - line - offsets[k]]
                 case Mesh():
                     driver = theta if joint.shaft else 0.0 if joint.driver is None else q[3 * joint.driver + 2]
                     carried = (1.0 - joint.k) * self.angle(q, joint.carrier)
-                    rows.append(q[3 * joint.driven + 2] - carried - joint.k * driver - rest[k])
+                    rows.append(q[3 * joint.driven + 2] - carried - joint.k * driver - offsets[k])
                 case Same():
                     other = theta if joint.one is None else q[3 * joint.one + 2]
-                    rows.append(q[3 * joint.two + 2] - other - rest[k])
+                    rows.append(q[3 * joint.two + 2] - other - offsets[k])
         return np.array(rows)
 
-    def slopes(self, q: Array, theta: float, rest: dict[int, Any]) -> tuple[Array, Array]:
-        """The Jacobian by q and the slope by theta, by the complex step."""
+    def slopes(self, q: Array, theta: float, offsets: dict[int, Any]) -> tuple[Array, Array]:
+        """Compute the Jacobian by q and the derivative by theta with the complex step."""
         columns = []
         for k in range(q.size):
             nudged = q.astype(complex)
             nudged[k] += 1j * _STEP
-            columns.append(self.residual(nudged, theta, rest).imag / _STEP)
-        return np.array(columns).T, self.residual(q.astype(complex), theta + 1j * _STEP, rest).imag / _STEP
+            columns.append(self.residual(nudged, theta, offsets).imag / _STEP)
+        return np.array(columns).T, self.residual(q.astype(complex), theta + 1j * _STEP, offsets).imag / _STEP
 
-    def bend(self, q: Array, q1: Array, theta: float, rest: dict[int, Any]) -> Array:
-        """The second derivative of the residual along (q1, 1)."""
+    def bend(self, q: Array, q1: Array, theta: float, offsets: dict[int, Any]) -> Array:
+        """Compute the second derivative of the residual along (q1, 1)."""
         jets = np.array([Jet(a, b) for a, b in zip(q, q1, strict=True)], dtype=object)
-        return np.array([float(getattr(row, "second", 0.0)) for row in self.residual(jets, Jet(theta, 1.0), rest)])
+        return np.array([float(getattr(row, "second", 0.0)) for row in self.residual(jets, Jet(theta, 1.0), offsets)])
 
-    def assembled(self, guess: Array, theta: float, rest: dict[int, Any]) -> Array:
-        """The coordinates at theta, by Newton's method."""
+    def assembled(self, guess: Array, theta: float, offsets: dict[int, Any]) -> Array:
+        """Solve the coordinates at theta by Newton's method."""
         q = guess.copy()
         for _ in range(20):
-            jacobian, _ = self.slopes(q, theta, rest)
-            step = np.linalg.solve(jacobian, self.residual(q, theta, rest))
+            jacobian, _ = self.slopes(q, theta, offsets)
+            step = np.linalg.solve(jacobian, self.residual(q, theta, offsets))
             q = q - step
             if np.abs(step).max() < 1e-15 * max(1.0, np.abs(q).max()):
                 break
         return np.asarray(q)
 
     def forces(
-        self, q: Array, theta: float, omega: float, alpha: float, rest: dict[int, Any]
+        self, q: Array, theta: float, omega: float, alpha: float, offsets: dict[int, Any]
     ) -> tuple[dict[str, Array], float]:
-        """Force of every joint on its first link (pins: x, y; slides: across, moment), and the torque on the shaft."""
-        jacobian, by_theta = self.slopes(q, theta, rest)
+        """Solve the force of every joint on its first link (pins: x, y; slides: across, moment), and the torque."""
+        jacobian, by_theta = self.slopes(q, theta, offsets)
         q1 = -np.linalg.solve(jacobian, by_theta)
-        q2 = -np.linalg.solve(jacobian, self.bend(q, q1, theta, rest))
+        q2 = -np.linalg.solve(jacobian, self.bend(q, q1, theta, offsets))
         gravity = np.array(self.machine.gravity_m_s2)
-        right = np.zeros(q.size)  # mass times acceleration less weight, and about each link's start
+        right = np.zeros(q.size)  # mass times acceleration less weight, with moments about each link's start
         for body in self.machine.bodies:
             k = self.links.index(body.on)
             length = self.machine.linkage.solved.links[body.on].length
@@ -313,10 +316,10 @@ class Dense:
 
 
 def compare(machine: Machine, found: dict[str, Array], theta: Array, omega: float, alpha: float) -> dict[str, float]:
-    """Largest differences from the dense solution, over the longest link, the peak torque and the largest force.
+    """Compute the largest differences from the dense solution, over longest link, peak torque and largest force.
 
-    `found` holds the machine's outputs at the angles: points, link angles, the two torques, and `reaction_P` of pins;
-    compared are those that hold two links, as one joint of the dense system.
+    `found` holds the machine's outputs at the angles: points, link angles, the two torques, and `reaction_P` of pins.
+    Only pins of two links are compared, which are one joint of the dense system.
     """
     dense = Dense(machine)
     starts = {link.name: link.start for link in machine.links}
@@ -324,7 +327,7 @@ def compare(machine: Machine, found: dict[str, Array], theta: Array, omega: floa
     worst = dict.fromkeys(("place", "torque", "newton_euler", "reaction"), 0.0)
     peak = float(np.abs(found["balancing_torque_Nm"]).max())
     forces: dict[str, list[Array]] = {}
-    rest: dict[int, Any] = {}
+    offsets: dict[int, Any] = {}
     torques = []
     for k, angle in enumerate(theta.tolist()):
         guess = np.zeros(3 * len(dense.links))
@@ -334,16 +337,16 @@ def compare(machine: Machine, found: dict[str, Array], theta: Array, omega: floa
                 np.broadcast_to(found[name], theta.shape)[k]
                 for name in (f"point_{starts[link]}_x_m", f"point_{starts[link]}_y_m", f"theta_{short}_rad")
             ]
-        if not rest:  # constant angles, from the first sample
+        if not offsets:  # constant angles, from the first sample
             zero = dict.fromkeys(range(len(dense.joints)), 0.0)
             rows, row = dense.residual(guess, angle, zero), 0
             for j, joint in enumerate(dense.joints):
                 row += 1 if isinstance(joint, (Same, Mesh)) else 2
-                rest[j] = 0.0 if isinstance(joint, Pin) else float(rows[row - 1])
-        q = dense.assembled(guess, angle, rest)
+                offsets[j] = 0.0 if isinstance(joint, Pin) else float(rows[row - 1])
+        q = dense.assembled(guess, angle, offsets)
         moved = np.abs(q - guess) / np.tile([size, size, 1.0], len(dense.links))
         worst["place"] = max(worst["place"], float(moved.max()))
-        joints, torque = dense.forces(q, angle, omega, alpha, rest)
+        joints, torque = dense.forces(q, angle, omega, alpha, offsets)
         torques.append(torque)
         for name, force in joints.items():
             forces.setdefault(name, []).append(force)
@@ -363,7 +366,7 @@ def compare(machine: Machine, found: dict[str, Array], theta: Array, omega: floa
 
 @dataclass(frozen=True)
 class Jet:
-    """A value with its first and second derivative along a way."""
+    """A value with its first and second derivative along a curve."""
 
     value: Any
     first: Any = 0.0

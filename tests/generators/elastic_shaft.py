@@ -22,7 +22,7 @@ TURN = 2.0 * math.pi
 STEEL_SHEAR_MODULUS_PA = 7.9e10
 STEEL_DENSITY_KG_M3 = 7850.0
 ENTRY_RAD, EXIT_RAD = 0.38312100023839724, 3.3846508836082833
-"""Crank angles at which the needle reaches and leaves the backing, to 16 digits."""
+"""Crank angles of the needle's entry into and exit from the backing, to 16 digits."""
 _HARMONICS_FROM = 128
 _TABLE = 8192
 _STEP_S = 5e-6
@@ -51,13 +51,13 @@ class WideMachine:
 
     @property
     def piece_stiffness_Nm_rad(self) -> float:
-        """G pi d^4 / 32 l of one piece."""
+        """Stiffness G pi d^4 / 32 l of one piece [N m/rad]."""
         second_moment = math.pi * self.diameter_m**4 / 32.0
         return STEEL_SHEAR_MODULUS_PA * second_moment * self.stations / self.length_m
 
     @property
     def disc_inertias_kgm2(self) -> Floats:
-        """(stations + 1,) steel at each station: half of each piece beside it."""
+        """Inertia (stations + 1,) of the steel at each station: half of each adjacent piece."""
         piece = STEEL_DENSITY_KG_M3 * math.pi * self.diameter_m**4 / 32.0 * self.length_m / self.stations
         steel = np.full(self.stations + 1, piece)
         steel[[0, -1]] *= 0.5
@@ -83,11 +83,14 @@ class WideMachine:
 
 @dataclass(frozen=True)
 class Record:
-    """What happened, and what the sensors saw.
+    """Motion and sensor readings.
 
     Attributes:
-        time_s: (n,). encoder_rad: (n,) unwrapped readings at the drive's end. measured_Nm: (n,) with noise.
-        torque_Nm: (n,) true torque of the first piece. angles_rad, speeds_rad_s: (n, stations + 1).
+        time_s: (n,) times [s].
+        encoder_rad: (n,) unwrapped readings at the drive's end.
+        measured_Nm: (n,) torque with noise.
+        torque_Nm: (n,) true torque of the first piece.
+        angles_rad, speeds_rad_s: (n, stations + 1) states of the stations.
         drive_torque_Nm: (n,) true air-gap torque T - s (omega0 - omega_ref).
     """
 
@@ -160,14 +163,14 @@ def simulate(
 
 
 def needle_m(angle_rad: Floats) -> Floats:
-    """Position of the needle at crank angles of one linkage, downwards from C [m]."""
+    """Compute the needle's position at crank angles of one linkage, downwards from C [m]."""
     table = _tables()[4]
     return np.asarray(np.interp(np.mod(angle_rad, TURN), np.arange(_TABLE + 1) * (TURN / _TABLE), table))
 
 
 @cache
 def _tables() -> Floats:
-    """(5, _TABLE + 1) J, J'/2, V', friction torque at 1000 N, needle position over a turn; linear between nodes."""
+    """Tabulate (5, _TABLE + 1) J, J'/2, V', friction torque at 1000 N and needle position over a turn."""
     grid = np.arange(_HARMONICS_FROM) * (TURN / _HARMONICS_FROM)
     names = ("equivalent_inertia_kgm2", "equivalent_inertia_slope_kgm2", "torque_gravity_Nm", "needle_position_m")
     always = {"backing_plane_m": "0", "backing_force_N": "0"}
@@ -204,7 +207,7 @@ def _accelerations(angle, speed, motor, inertia, phases, stiffness, damping, for
             torque -= tables[2, k] + part * (tables[2, k + 1] - tables[2, k])
             if 0.38312100023839724 < turned < 3.3846508836082833 and speed[i] != 0.0:
                 load = force * (tables[3, k] + part * (tables[3, k + 1] - tables[3, k]))
-                # Friction that holds at standstill, over 0.01 rad/s.
+                # Friction builds up over 0.01 rad/s.
                 torque -= load * max(-1.0, min(1.0, speed[i] / 0.01))
         result[i] = torque / mass
         before = after

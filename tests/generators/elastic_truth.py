@@ -1,6 +1,6 @@
-"""An elastic shaft with tufting linkages by other equations: dense, in each station's own angle, by DOP853.
+"""An elastic shaft with tufting linkages by independent equations: dense, in each station's own angle, by DOP853.
 
-Nothing is shared with the engine. The linkage is that of `tufting_truth` (complex loop equations in many digits) at a
+No code is shared with the engine. The linkage is that of `tufting_truth` (complex loop equations in many digits) at a
 few angles, as a Fourier series; each station has its own absolute angle behind its gears.
 """
 
@@ -24,7 +24,7 @@ PLANE_M = 0.55784
 
 @cache
 def series() -> npt.NDArray[np.complex128]:
-    """(3, harmonics) complex Fourier coefficients of inertia, potential energy and needle position."""
+    """Compute the (3, harmonics) complex Fourier coefficients of inertia, potential energy and needle position."""
     names = ("equivalent_inertia_kgm2", "potential_energy_J", "needle_position_m")
     turn = [truth(2.0 * math.pi * k / _ANGLES, 0.0, 0.0, 20, reactions=False) for k in range(_ANGLES)]
     values = np.array([[float(at[name]) for at in turn] for name in names])
@@ -34,7 +34,7 @@ def series() -> npt.NDArray[np.complex128]:
 
 
 def linkage(theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """J, J', V', needle position y and y' at crank angles."""
+    """Compute J, J', V', needle position y and y' at crank angles."""
     orders = np.arange(_ANGLES // 2)
     wave = np.exp(1j * np.outer(orders, theta))
     inertia, potential, needle = series()
@@ -50,7 +50,7 @@ def linkage(theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Floa
 
 @dataclass
 class Chain:
-    """Stations with discs and linkages (`carries`), pieces with gears and play, loads and the motion of the base."""
+    """Stations with discs and linkages (`carries`), pieces with gears and backlash, loads and base motion."""
 
     discs: FloatArray
     stiffness: FloatArray
@@ -74,7 +74,7 @@ class Chain:
         self.inside = np.zeros(self.discs.size, dtype=bool)
 
     def piece_torques(self, theta: FloatArray, omega: FloatArray) -> FloatArray:
-        """Torque of each piece on its far station."""
+        """Compute the torque of each piece on its far station."""
         twist = theta[:-1] / self.gears - theta[1:]
         rate = omega[:-1] / self.gears - omega[1:]
         reach = np.sign(twist) * np.maximum(np.abs(twist) - 0.5 * self.play, 0.0)
@@ -83,7 +83,7 @@ class Chain:
         return torque
 
     def accelerations(self, t: float, theta: FloatArray, omega: FloatArray) -> FloatArray:
-        """Acceleration of every station."""
+        """Compute the acceleration of every station."""
         J, slope, weight, _, travel = linkage(theta + self.phase)
         resisting = 0.5 * slope * omega**2 + weight + self.viscous * omega
         if self.force is not None:
@@ -98,7 +98,7 @@ class Chain:
         return found
 
     def run(self, start: FloatArray, times: FloatArray, tolerance: float = 1e-11) -> tuple[FloatArray, FloatArray]:
-        """(samples, stations) angles and speeds from `start`, (angles, speeds), on."""
+        """Integrate (samples, stations) angles and speeds from `start`, (angles, speeds)."""
         n = self.discs.size
 
         def slopes(t: float, y: FloatArray) -> FloatArray:
@@ -140,7 +140,7 @@ class Chain:
         return rows[:, :n], rows[:, n:]
 
     def _crossing(self, station: int) -> Callable[[float, FloatArray], float]:
-        """Depth of a needle in the backing, which ends a run where it enters or leaves."""
+        """Return the needle's depth in the backing, whose zero ends a run at entry or exit."""
 
         def depth(t: float, y: FloatArray) -> float:
             theta = np.array([y[station] + self.phase[station]])

@@ -1,4 +1,4 @@
-"""Faults that set in while a machine runs: healthy turns, then a fault of a kind and size. Truth as in `shaft_law`."""
+"""Faults during operation: healthy turns, then a fault of a kind and size, with the truth of `shaft_law`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EXPECTED = {
     "dropout": "dropout",
     "stuck": "stuck",
 }
-"""The kind of alarm that is right for each fault."""
+"""The correct kind of alarm for each fault."""
 
 SIZES = {
     "needle_force": (0.05, 0.1, 0.2),
@@ -39,7 +39,7 @@ SIZES = {
 
 @dataclass(frozen=True)
 class Faulty:
-    """A recording with a fault from `onset_s` (after its beginning) on."""
+    """A recording with a fault from `onset_s` after its beginning."""
 
     recording: MillRecording
     case: Case
@@ -49,7 +49,7 @@ class Faulty:
 def faulty(
     kind: str, size: float, seed: int, duration_s: float = 70.0, onset_s: float = 48.0, rate: float = 500.0
 ) -> Faulty:
-    """A tufting machine at one speed with a fault of a kind and size; kind '' is healthy."""
+    """Record a tufting machine at one speed with a fault of a kind and size; kind '' is healthy."""
     case = healthy("tufting", seed, run_up=False, duration_s=duration_s)
     if rate != 500.0:
         case = replace(case, encoder=replace(case.encoder, rate_hz=rate), torque=replace(case.torque, rate_hz=rate))
@@ -59,7 +59,7 @@ def faulty(
 def with_fault(
     made: MillRecording, case: Case, kind: str, size: float, onset_s: float, until_s: float = math.inf
 ) -> MillRecording:
-    """A recording of a case with a fault more, from a time after its beginning on until another [s]."""
+    """Add a fault to a recording of a case, from one time after its beginning until another [s]."""
     rng = np.random.default_rng([case.seed, 99])
     time = (made.torque_stamps_ns - made.torque_stamps_ns[0]) * 1e-9 + 0.0507
     on = (time > onset_s) & (time <= until_s)

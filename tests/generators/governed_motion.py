@@ -1,4 +1,4 @@
-"""A machine under a proportional and integral controller of its speed: its torque falls as the speed rises."""
+"""A machine under a proportional-integral speed controller, whose torque falls as the speed rises."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ _State = tuple[float, float, float]
 
 
 def governed_motion(case: Case, gain_Nms: float, speeds: tuple[float, float]) -> tuple[Floats, Floats, Floats, Floats]:
-    """Time [s] and the shaft's angle [rad], speed [rad/s] and torque [N m] of a case's machine, (n,) each.
+    """Integrate time [s] and the shaft's angle [rad], speed [rad/s] and torque [N m] of a case's machine, (n,) each.
 
-    It starts at the first speed and changes to the second between 45 % and 55 % of the time; Runge and Kutta's method
-    of fourth order. The machine's friction must be Coulomb's and viscous, its torque otherwise smooth in the angle.
+    The speed starts at the first value and changes to the second between 45 % and 55 % of the time. The method is the
+    Runge-Kutta method of fourth order. The machine's friction must be Coulomb's and viscous, its torque otherwise
+    smooth.
     """
     grid = 2.0 * math.pi * np.arange(_ANGLES) / _ANGLES
     none = np.zeros(_ANGLES)

@@ -1,9 +1,9 @@
-"""Write synthetic recordings of the machines beside the tufting one: `python -m tests.generators.mill_bags FOLDER`.
+"""Write synthetic recordings of the machines other than tufting: `python -m tests.generators.mill_bags FOLDER`.
 
-Each becomes a rosbag2 folder (MCAP). The shaft's motion is planned in closed form (`planned_motion`), the encoder is
-an absolute one of 14 bits at 500 Hz. The handloom's torque follows from bodies in redundant coordinates (`multibody`),
-which share no code with the engine; of the other two no masses or no torque are published, so theirs hold the angle
-alone. The same seed gives the same messages.
+Each becomes a rosbag2 folder (MCAP). The shaft's motion is planned in closed form (`planned_motion`); the encoder is an
+absolute one of 14 bits at 500 Hz. The handloom's torque follows from bodies in redundant coordinates (`multibody`),
+which share no code with the engine. The other two recordings hold the angle alone, since no masses or no torque are
+published. The same seed gives the same messages.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ RATE_HZ, DURATION_S, BITS = 500.0, 16.0, 14
 STAMP_ERROR_S, LOSS = 20e-6, 0.01
 TORQUE_NOISE_NM = 0.03
 FRICTION = Friction(viscous_Nms=0.01, coulomb_Nm=0.2)
-"""Of the loom's bearings, of which its machine says nothing."""
+"""Friction of the loom's bearings, which its paper does not give."""
 SPEED_RAD_S = {"handloom_beatup": 15.5, "elliptic_gear_beatup": 31.4, "needle_transfer": 26.18}
-"""As published: 148 rpm, 300 rpm, 250 cycles a minute."""
+"""Published speeds: 148 rpm, 300 rpm, 250 cycles per minute."""
 # Topalbekiroglu and Celik 2010: crank, coupler, rocker AB and the bar AE that it is a part of, with the beater at E.
 CRANK_M, COUPLER_M, ROCKER_M, GROUND_M, BAR_M = 0.0597, 0.2007, 0.23082, 0.3, 0.3001
 CRANK_KG, COUPLER_KG, BAR_KG, BEATER_KG = 0.129, 0.434, 0.649, 2.5
@@ -36,7 +36,7 @@ CRANK_KGM2, COUPLER_KGM2, BAR_KGM2 = 4.073e-5, 0.0015, 0.0049
 
 
 def handloom_law() -> ShaftLaw:
-    """The handloom as its shaft feels it; bar and beater are one body."""
+    """Return the handloom's reduction to the shaft; bar and beater are one body."""
     pin = complex(CRANK_M, 0.0)
     across = complex(GROUND_M, 0.0) - pin
     along = (abs(across) ** 2 + COUPLER_M**2 - ROCKER_M**2) / (2.0 * abs(across))
@@ -62,7 +62,7 @@ def handloom_law() -> ShaftLaw:
 
 
 def plan(machine: str) -> Plan:
-    """Half a second of rest, a run-up in 3 s, running with a ripple of 1.5 % and a change of speed, a pause."""
+    """Plan half a second of standstill, a run-up in 3 s, running with 1.5 % ripple and a change of speed, a pause."""
     speed, end = SPEED_RAD_S[machine], DURATION_S
     points = [(0.0, 0.0), (0.5, 0.0), (3.5, speed), (8.0, 1.002 * speed), (9.0, 0.8 * speed), (10.0, 0.8 * speed)]
     points += [(11.0, speed), (end - 2.5, 0.998 * speed), (end - 0.5, 0.0), (end, 0.0)]
@@ -110,7 +110,7 @@ def write_bag(path: Path, machine: str, seed: int = 1) -> None:
 
 
 def _logged(times: Floats, values: Floats, rng: np.random.Generator) -> list[tuple[int, float]]:
-    """Stamps with their error and values, without those that were lost."""
+    """Return stamps with their error and values, without lost samples."""
     error = np.clip(STAMP_ERROR_S * rng.standard_normal(times.size), -5.0 * STAMP_ERROR_S, 5.0 * STAMP_ERROR_S)
     stamps = np.rint((times + error) * 1e6).astype(np.int64) * 1000 + START_NS
     kept = rng.random(times.size) >= LOSS
@@ -118,7 +118,7 @@ def _logged(times: Floats, values: Floats, rng: np.random.Generator) -> list[tup
 
 
 def facts(machine: str, seed: int) -> dict[str, str]:
-    """Where the recording comes from and what is true in it, as text for metadata.yaml."""
+    """Describe the origin and the truth of the recording as text for metadata.yaml."""
     said = {
         "origin": "synthetic: tests/generators/mill_bags.py, no machine was measured",
         "machine": machine,
@@ -138,7 +138,7 @@ def facts(machine: str, seed: int) -> dict[str, str]:
 
 
 def main() -> None:
-    """Command line: where to write, which seed."""
+    """Parse the command line (folder and seed) and write."""
     parser = argparse.ArgumentParser(description="Write synthetic recordings of the looms and the needle transfer.")
     parser.add_argument("folder", type=Path, help="folder in which the recordings are made")
     parser.add_argument("--seed", type=int, default=1)

@@ -1,4 +1,4 @@
-"""Recordings as a mill's logger makes them, healthy and with a mistake in them or in the machine file.
+"""Recordings of a mill's logger, healthy or with one mistake in the recording or the machine file.
 
 The truth is `shaft_law` over `planned_motion`; the sensors are here. `CASES` holds every mistake by name, with the
 causes that a verdict may name first.
@@ -50,7 +50,7 @@ class TorqueSensor:
 
 @dataclass(frozen=True)
 class Settings:
-    """What the machine file says of the sensors and of friction."""
+    """Sensor and friction values in the machine file."""
 
     zero_rad: float = 0.0
     direction: int = 1
@@ -63,7 +63,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Case:
-    """A recording's truth and what the user's machine file says of it."""
+    """A recording's truth and the user's machine file."""
 
     machine: str = "tufting"
     told_machine: str = ""
@@ -83,7 +83,7 @@ class Case:
 
 @dataclass(frozen=True)
 class MillRecording:
-    """What was logged: angle and torque with their stamps."""
+    """Logged angle and torque with their stamps."""
 
     angle_stamps_ns: Stamps
     angle: Floats
@@ -93,14 +93,14 @@ class MillRecording:
 
 
 def healthy(machine: str, seed: int, **changes: object) -> Case:
-    """A case without a mistake; the loom has its friction, in the file too."""
+    """Return a case without a mistake; the loom has its friction, also in the file."""
     friction = LOOM_FRICTION if machine == "loom" else Friction()
     case = Case(machine=machine, told_machine=machine, friction=friction, seed=seed)
     return dataclasses.replace(case, **changes)  # type: ignore[arg-type]
 
 
 def torque_of(case: Case, theta: Floats, omega: Floats, alpha: Floats) -> Floats:
-    """The true torque of a case's machine."""
+    """Compute the true torque of a case's machine."""
     law, backing = (tufting_law(), case.backing) if case.machine == "tufting" else (loom_law(), None)
     return law.torque(theta, omega, alpha, case.friction, backing, case.added_inertia_kgm2)
 
@@ -195,7 +195,7 @@ def _other(case: Case, rng: np.random.Generator) -> Case:
 
 
 def _half_turn(case: Case, rng: np.random.Generator) -> Case:
-    # switched on in the second half of the shaft's turn, which the wrapped encoder shows as the first
+    # switched on in the second half of the shaft's turn, which the wrapped encoder reports as the first
     start = float(rng.uniform(3.3, 5.2))
     told = replace(case.told, ratio=0.5)
     return replace(case, encoder=replace(case.encoder, ratio=0.5), told=told, start_rad=start)
@@ -232,13 +232,13 @@ MISTAKES: dict[str, tuple[Mistake, tuple[str, ...]]] = {
     "flywheel": (_flywheel, ("unmodelled_inertia",)),
     "load_force": (_force, ("load_force",)),
 }
-"""How to make each mistake, and the causes that are right to name first."""
+"""Function that makes each mistake, and the correct first causes."""
 
 ONLY_TUFTING = ("load_force",)
 
 
 def mistaken(machine: str, names: tuple[str, ...], seed: int, **changes: object) -> tuple[Case, set[str]]:
-    """A case with the named mistakes, and the causes that are right; without a run-up zero and delay are one."""
+    """Return a case with the named mistakes, and the correct causes; without a run-up zero and delay are equivalent."""
     case, right = healthy(machine, seed, **changes), set[str]()
     rng = np.random.default_rng([seed, 7])
     for name in names:

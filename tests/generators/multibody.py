@@ -1,8 +1,8 @@
 """Planar multibody systems in redundant coordinates: each body has x, y and angle, joints are constraints.
 
-The equations of motion of one driven turn follow from the constraint Jacobian alone (Nikravesh, "Planar
-Multibody Dynamics"): positions by Newton's method, velocities and accelerations by linear solves, the torque
-on the driven body by projection onto the admissible direction. No loop is solved in closed form here.
+The equations of motion of one driven turn follow from the constraint Jacobian alone: positions by Newton's method,
+velocities and accelerations by linear solves, the torque on the driven body by projection onto the admissible
+direction. No loop is solved in closed form (Nikravesh, "Planar Multibody Dynamics").
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Pin:
-    """A body-fixed point [m] coincides with a point of another body, or of the ground (`second` is None)."""
+    """A body-fixed point [m] coincides with a point of another body, or of the ground if `second` is None."""
 
     first: int
     at_first: Vector
@@ -102,18 +102,18 @@ class Multibody:
         return Turn(theta, q, q1, q2)
 
     def inertia(self, turn: Turn) -> tuple[Floats, Floats]:
-        """Equivalent inertia seen by the driven body [kg m^2] and half its derivative by the angle."""
+        """Compute the equivalent inertia at the driven body [kg m^2] and half its derivative by the angle."""
         mass = np.array([m for body in self.bodies for m in (body.mass_kg, body.mass_kg, body.inertia_kgm2)])
         return (turn.q1**2) @ mass, (turn.q1 * turn.q2) @ mass
 
     def gravity_torque(self, turn: Turn) -> Floats:
-        """Torque on the driven body that holds the system against gravity along -y [N m]."""
+        """Compute the torque on the driven body that holds the system against gravity along -y [N m]."""
         weight = np.array([w for body in self.bodies for w in (0.0, body.mass_kg * self.gravity_m_s2, 0.0)])
         torque: Floats = turn.q1 @ weight
         return torque
 
     def _constraints(self, q: Floats, rate: Floats, theta: Floats) -> tuple[Floats, Floats, Floats]:
-        """Residuals, their Jacobian by q, and the second derivative of the residuals along `rate`."""
+        """Compute the residuals, their Jacobian by q, and the second derivative of the residuals along `rate`."""
         residual = np.zeros((q.shape[0], self._rows))
         jacobian = np.zeros((q.shape[0], self._rows, q.shape[1]))
         curvature = np.zeros((q.shape[0], self._rows))

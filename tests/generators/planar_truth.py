@@ -1,8 +1,8 @@
 """Planar loops to any number of digits: four-bar and slider-crank, positions and exact derivatives.
 
-Vectors are complex numbers. A dyad is closed by the triangle of its lengths over the line of its ends;
-the derivatives come from the loop equation itself, differentiated and solved as a linear equation. At fifty
-digits the cancellation near dead centres and change points, which ruins double precision, does not matter.
+Vectors are complex numbers. A dyad is closed by the triangle of its lengths over the line of its ends. The derivatives
+come from the loop equation, differentiated and solved as a linear equation. With fifty digits the cancellation near
+dead centres and change points is harmless.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import Any
 import mpmath as mp
 
 Number = Any
-"""A real or complex number of mpmath, or what mpmath turns into one: a float is taken at its exact value."""
+"""A real or complex number of mpmath, or a value it converts: a float is taken at its exact value."""
 
 
 def dyad_position(start: Number, end: Number, first: Number, second: Number, left: bool) -> Number:
-    """Where the links `first` from `start` and `second` from `end` meet, left or right of start -> end."""
+    """Solve the joint of the links `first` from `start` and `second` from `end`, left or right of start -> end."""
     way = end - start
     square = mp.re(way) ** 2 + mp.im(way) ** 2
     along = (first**2 - second**2 + square) / (2 * square)
@@ -25,7 +25,7 @@ def dyad_position(start: Number, end: Number, first: Number, second: Number, lef
 
 
 def dyad_rates(drift: Number, first: Number, second: Number) -> tuple[Number, Number]:
-    """The real p, q with drift + i p first = i q second, for link vectors `first` and `second`."""
+    """Solve the real p, q with drift + i p first = i q second, for link vectors `first` and `second`."""
     cross = mp.im(mp.conj(first) * second)
     return -mp.re(drift * mp.conj(second)) / cross, -mp.re(drift * mp.conj(first)) / cross
 
@@ -33,7 +33,7 @@ def dyad_rates(drift: Number, first: Number, second: Number) -> tuple[Number, Nu
 def dyad(
     start: tuple[Number, Number, Number], end: Number, first: Number, second: Number, left: bool
 ) -> tuple[tuple[Number, Number, Number], tuple[Number, Number, Number]]:
-    """Angles of the vectors start -> B and end -> B with two derivatives by the crank angle.
+    """Solve the angles of the vectors start -> B and end -> B with two derivatives by the crank angle.
 
     `start` is the moving end with its two derivatives, `end` is fixed; lengths in m.
     """
@@ -55,10 +55,11 @@ def four_bar(
     left: bool = True,
     digits: int = 50,
 ) -> dict[str, Number]:
-    """Crank l1 about the origin, coupler l2 from A to B, rocker l3 from C to B, C at distance `ground`.
+    """Solve crank l1 about the origin, coupler l2 from A to B, rocker l3 from C to B, with C at distance `ground`.
 
-    Returns th2, th3 [rad], p2, p3, q2, q3 (first and second derivative by the crank angle), mu (angle A-B-C)
-    and h (distance of B from the line A -> C over |AC|, left positive).
+    Returns:
+        th2, th3 [rad], p2, p3, q2, q3 (first and second derivative by the crank angle), mu (angle A-B-C) and h
+        (distance of B from the line A -> C over |AC|, left positive).
     """
     with mp.workdps(digits):
         l1, l2, l3 = mp.mpf(l1), mp.mpf(l2), mp.mpf(l3)
@@ -72,10 +73,11 @@ def four_bar(
 
 
 def slider_crank(crank: Number, rod: Number, offset: Number, theta: Number, *, digits: int = 50) -> dict[str, Number]:
-    """Slider on a line parallel to x at height `offset`, ahead of the crank.
+    """Solve a slider on a line parallel to x at height `offset`, ahead of the crank.
 
-    Returns x and its derivatives dx, d2x by the crank angle, rod_angle (from the crank pin to the slider) and
-    drop_from_dead_centre (distance to the outer dead centre), in m and rad.
+    Returns:
+        x and its derivatives dx, d2x by the crank angle, rod_angle (from the crank pin to the slider) and
+        drop_from_dead_centre (distance to the outer dead centre), in m and rad.
     """
     with mp.workdps(digits):
         crank, rod, offset, theta = mp.mpf(crank), mp.mpf(rod), mp.mpf(offset), mp.mpf(theta)

@@ -1,4 +1,4 @@
-"""Shaft motions in closed form: rest, run-up, steady speed with ripple, speed changes, coast-down."""
+"""Shaft motions in closed form: standstill, run-up, steady speed with ripple, speed changes, coast-down."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Plan:
     ripple: Sequence[tuple[int, float, float]] = ()
 
     def at(self, time: npt.NDArray[np.floating[Any]]) -> tuple[Floats, Floats, Floats]:
-        """Angle [rad], speed [rad/s] and acceleration [rad/s^2] at times (n,) within the plan."""
+        """Compute angle [rad], speed [rad/s] and acceleration [rad/s^2] at times (n,) within the plan."""
         psi, mean, change = np.zeros_like(time), np.zeros_like(time), np.zeros_like(time)
         done = 0.0
         for (t0, b0), (t1, b1) in zip(self.points[:-1], self.points[1:], strict=True):
@@ -48,14 +48,14 @@ class Plan:
 
 
 def steady(duration_s: float, speed: float, rng: np.random.Generator) -> Plan:
-    """One speed throughout (it wanders by 0.3 %), a ripple of 1 to 3 %."""
+    """Plan one speed throughout, with 0.3 % of wander and a ripple of 1 to 3 %."""
     times = np.arange(0.0, duration_s + 3.0, 3.0)
     points = [(float(t), speed * (1.0 + 0.003 * rng.standard_normal())) for t in times]
     return Plan(points, float(rng.uniform(0.0, 2.0 * math.pi)), _ripple(rng))
 
 
 def run_up_and_down(duration_s: float, speed: float, rng: np.random.Generator) -> Plan:
-    """A second of rest, run-up in 4 s, running with two changes of speed, coast-down in 5 s, rest."""
+    """Plan a second of standstill, run-up in 4 s, running with two changes of speed, coast-down in 5 s, standstill."""
     end = duration_s
     third = (end - 11.0) / 3.0
     points = [(0.0, 0.0), (1.0, 0.0), (5.0, speed), (5.0 + third, speed * (1.0 + 0.003 * rng.standard_normal()))]

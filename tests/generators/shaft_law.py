@@ -1,7 +1,7 @@
-"""Two machines as their shaft feels them, from bodies in redundant coordinates: what test recordings are made of.
+"""Two machines reduced to their shaft, from bodies in redundant coordinates, as truth of test recordings.
 
-Nothing here shares code with the engine: the bodies and joints are those of `multibody`, tabulated over one turn and
-read by scipy's periodic cubic spline.
+No code is shared with the engine: the bodies and joints are those of `multibody`, tabulated over one turn and
+interpolated by scipy's periodic cubic spline.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ NODES = 4096
 
 @dataclass(frozen=True)
 class Friction:
-    """What acts against the shaft's rotation: `viscous_Nms` times its speed, `coulomb_Nm` while it turns."""
+    """Friction against the shaft's rotation: `viscous_Nms` times its speed, plus `coulomb_Nm` while it turns."""
 
     viscous_Nms: float = 0.0
     coulomb_Nm: float = 0.0
@@ -29,7 +29,7 @@ class Friction:
 
 @dataclass(frozen=True)
 class Backing:
-    """Friction on the needle below a plane (distance under C) on its way down and up, and above it."""
+    """Friction on the needle below a plane (distance under C) while moving down and up, and above it."""
 
     force_N: float = 1000.0
     free_force_N: float = 0.0
@@ -52,7 +52,7 @@ class ShaftLaw:
         self._spline = CubicSpline(theta, columns, axis=1, bc_type="periodic")
 
     def at(self, theta: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Inertia [kg m^2], half slope, gravity torque [N m], travel [m] and its slope [m/rad] at angles (n,)."""
+        """Return inertia [kg m^2], half slope, gravity torque [N m], travel [m] and its slope at angles (n,)."""
         inertia, half_slope, gravity, travel, slope = self._spline(np.mod(theta, 2.0 * math.pi))
         return inertia, half_slope, gravity, travel, slope
 
@@ -65,7 +65,7 @@ class ShaftLaw:
         backing: Backing | None = None,
         added_inertia_kgm2: float = 0.0,
     ) -> Floats:
-        """Balancing torque [N m] of shaft motion (n,): Lagrange's equation of the reduced system plus its loads."""
+        """Compute the balancing torque [N m] of shaft motion (n,) by Lagrange's equation, with loads."""
         inertia, half_slope, gravity, travel, slope = self.at(theta)
         torque = (inertia + added_inertia_kgm2) * alpha + half_slope * omega**2 + gravity
         torque = torque + friction.viscous_Nms * omega + friction.coulomb_Nm * np.sign(omega)
@@ -79,14 +79,14 @@ class ShaftLaw:
 
 @cache
 def tufting_law() -> ShaftLaw:
-    """The tufting machine of Xu et al. 2016; its travel is the needle's distance below C."""
+    """Reduce the tufting machine of Xu et al. 2016; its travel is the needle's distance below C."""
     # y of the needle bar's centroid: the tip lies 0.22 m below it, C at 0.155 m
     return ShaftLaw(tufting_multibody(), travel=16, travel_sense=-1.0, travel_origin=0.155 + 0.220)
 
 
 @cache
 def loom_law() -> ShaftLaw:
-    """A crank-rocker with a heavy sley; its travel is the height of the rocker's centroid."""
+    """Reduce a crank-rocker with a heavy sley; its travel is the height of the rocker's centroid."""
     crank, coupler, rocker, ground = 0.06, 0.20, 0.23, 0.30
     pin = complex(crank, 0.0)
     across = complex(ground, 0.0) - pin
@@ -122,6 +122,6 @@ bodies:
 measures: [{type: arc, name: sley, link: l3, radius_m: 0.23}]
 loads: [{type: shaft_friction, viscous_Nms: 0.04, coulomb_Nm: 1.0}]
 """
-"""The same loom as a user would declare it; its friction is LOOM_FRICTION."""
+"""User's declaration of the same loom; its friction is LOOM_FRICTION."""
 
 LOOM_FRICTION = Friction(viscous_Nms=0.04, coulomb_Nm=1.0)

@@ -1,7 +1,7 @@
-"""The fourth paper's test: the sley's displacement as a high-speed camera gives it, by equations of its own.
+"""The fourth paper's test: the sley's displacement filmed by a high-speed camera, by independent equations.
 
-Gears by the closed form of equal ellipses about their foci (Zhao, Ren and Chen 2011, Eq. 1-5), crank-rocker by the
-law of cosines; nothing of the engine.
+The gears follow the closed form of equal ellipses about their foci (Zhao, Ren and Chen 2011, Eq. 1-5), the crank-rocker
+the law of cosines, without code of the engine.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ START_NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class CameraTrace:
-    """What was logged at 1 kHz: stamps [ns], spindle angle wrapped [rad], displacement from the rear [m]."""
+    """Log at 1 kHz: stamps [ns], wrapped spindle angle [rad], displacement from the rear [m]."""
 
     stamps_ns: npt.NDArray[np.int64]
     angle_rad: Floats
@@ -30,16 +30,16 @@ class CameraTrace:
 
 
 def displacement(theta: Floats) -> Floats:
-    """The sley's arc from its rear point [m] at spindle angles (n,); at 0 it is in front."""
+    """Compute the sley's arc from its rear point [m] at spindle angles (n,); at 0 the sley is in front."""
     turned = _driven(theta + PAST_RAD) - _driven(np.array([PAST_RAD]))
-    reach = CRANK + COUPLER  # stretched in front
+    reach = CRANK + COUPLER  # stretched at the front
     front = math.acos((reach**2 + GROUND**2 - ROCKER**2) / (2.0 * reach * GROUND))
     swing = _rocker(front - turned)
     return np.asarray(SLEY * (swing - _rocker(np.linspace(0.0, 2.0 * np.pi, 200_001)).min()))
 
 
 def _driven(angle: Floats) -> Floats:
-    """Turn of the driven gear since its greatest speed, at the driver's since then, continuous."""
+    """Compute the driven gear's angle since its greatest speed from the driver's, unwrapped."""
     eccentricity = math.sqrt(1.0 - AXIS_RATIO**2)
     factor = (1.0 + eccentricity) / (1.0 - eccentricity)
     turn = np.rint(angle / (2.0 * np.pi))
@@ -47,7 +47,7 @@ def _driven(angle: Floats) -> Floats:
 
 
 def _rocker(crank: Floats) -> Floats:
-    """Angle at the rocker's axis from the ground line, crank angle from the ground line."""
+    """Compute the angle at the rocker's axis from the ground line, given the crank angle from the ground line."""
     pin_x, pin_y = CRANK * np.cos(crank), CRANK * np.sin(crank)
     away = np.hypot(GROUND - pin_x, pin_y)
     to_pin = np.arctan2(pin_y, GROUND - pin_x)
@@ -57,7 +57,7 @@ def _rocker(crank: Floats) -> Floats:
 def filmed(
     seed: int, scale: float, delay_s: float, zero_rad: float, duration_s: float = 12.0, run_up: bool = True
 ) -> CameraTrace:
-    """A film at 100 r/min with 0.2 mm of noise, the camera off in scale and late, the encoder off in zero."""
+    """Film at 100 r/min with 0.2 mm of noise, camera errors in scale and delay, and an encoder zero."""
     rng = np.random.default_rng([seed, 4])
     speed = 100.0 * 2.0 * math.pi / 60.0
     points = (

@@ -1,4 +1,4 @@
-"""The recordings of the other machines: their generator against the engine, and what lies in `bags/`."""
+"""The recordings of the other machines: their generator against the engine, and the files in `bags/`."""
 
 from __future__ import annotations
 

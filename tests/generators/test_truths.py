@@ -1,4 +1,4 @@
-"""The exact numbers are held against independently computed cases and against what the paper prints."""
+"""The exact numbers against independently computed cases and the papers' printed values."""
 
 from __future__ import annotations
 

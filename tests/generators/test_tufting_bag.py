@@ -1,4 +1,4 @@
-"""The synthetic recording: energy of the simulated machine, what the sensors did, the recording in bags/."""
+"""The synthetic recording: energy of the simulated machine, sensor errors, the recording in bags/."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ SHORT = Recording(duration_s=2.5, rig=Rig(brake_s=0.3, ramp_s=0.8))
 
 @pytest.fixture(scope="module")
 def start_up() -> Run:
-    """The first six seconds behind the recording in bags/."""
+    """Simulate the first six seconds behind the recording in bags/."""
     return run(Rig(), 6.0)
 
 
 def linkage_at(theta: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Inertia, half its slope, gravity torque, needle below C, its slope: one row for each."""
+    """Evaluate inertia, half its slope, gravity torque, needle below C and its slope, one row each."""
     linkage = tabulated_linkage()
     return np.array([linkage.at(angle) for angle in theta.tolist()]).T
 
 
 def messages(path: Path) -> dict[str, tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]]:
-    """Stamps [ns since the start] and values of both topics."""
+    """Read stamps [ns since the start] and values of both topics."""
     rows: dict[str, list[tuple[int, float]]] = {ANGLE_TOPIC: [], TORQUE_TOPIC: []}
     with AnyReader([path]) as bag:
         for connection, _, raw in bag.messages():
@@ -42,7 +42,7 @@ def messages(path: Path) -> dict[str, tuple[np.ndarray[Any, Any], np.ndarray[Any
 
 
 def test_work_of_the_shaft_is_stored_or_lost(start_up: Run) -> None:
-    """What the shaft puts into the crank is stored as energy, or lost in bearings and backing."""
+    """Work of the shaft on the crank equals stored energy plus losses in bearings and backing."""
     rig, theta, omega = Rig(), start_up.theta_rad, start_up.omega_rad_s
     inertia, _, _, below, slope = linkage_at(theta)
     masses = np.array([body.mass_kg for body in tufting_multibody().bodies])
@@ -70,7 +70,7 @@ def test_machine_runs_up_and_ripples(start_up: Run) -> None:
 
 
 def test_sensors_do_what_the_metadata_says() -> None:
-    """Delay, gain, noise, stamps and losses, found again from samples and truth."""
+    """Delay, gain, noise, stamps and losses are recovered from samples and truth."""
     sensors = SHORT.sensors
     angles, torques, truth = record(SHORT)
     for samples, phase in ((angles, 0.0), (torques, sensors.torque_phase_s)):
@@ -101,7 +101,7 @@ def test_same_seed_same_bytes(tmp_path: Path) -> None:
 
 
 def test_recording_in_bags_is_what_the_generator_makes(start_up: Run) -> None:
-    """Small, at least 45 s long, its first seconds the simulated machine to one step of the encoder."""
+    """The file is small, at least 45 s long, and starts with the simulated machine to one encoder step."""
     assert sum(file.stat().st_size for file in BAG.iterdir()) < 2_000_000
     with AnyReader([BAG]) as bag:
         assert bag.duration > 45e9

@@ -1,4 +1,4 @@
-"""The machine as a case's user declares it: the engine's own declaration, with the case's settings of the sensors."""
+"""The machine of a case's user: the engine's own declaration with the case's sensor settings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _declared(name: str) -> Machine:
 
 
 def told_machine(case: Case) -> Machine:
-    """What the user's machine file says."""
+    """Return the machine of the user's machine file."""
     machine, told = _declared(case.told_machine), case.told
     if not told.friction:
         machine = replace(machine, loads=tuple(load for load in machine.loads if not isinstance(load, ShaftFriction)))

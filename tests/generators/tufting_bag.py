@@ -1,9 +1,9 @@
 """Write a synthetic recording of the tufting machine: `python -m tests.generators.tufting_bag OUT`.
 
-OUT becomes a rosbag2 directory (MCAP). The machine is the rig of `tufting_rig` with its own equations of
-motion; the sensors are here: an absolute encoder on the crank and a torque sensor in the shaft, sampled one
-shortly after the other at 500 Hz, with errors of the stamps and lost samples. The same seed and duration give
-the same bytes on the same machine.
+OUT becomes a rosbag2 directory (MCAP). The machine is the rig of `tufting_rig` with its own equations of motion. The
+sensors are here: an absolute encoder on the crank and a torque sensor in the shaft, sampled one shortly after the other
+at 500 Hz, with errors of the stamps and lost samples. The same seed and duration give the same bytes on the same
+machine.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ SENSOR_QOS = Qos(
 
 @dataclass(frozen=True)
 class Sensors:
-    """The truth about the sensors; measured torque(t) = gain * torque(t - delay) + offset + noise."""
+    """True sensor parameters; measured torque(t) = gain * torque(t - delay) + offset + noise."""
 
     rate_hz: float = 500.0
     encoder_bits: int = 16
@@ -60,7 +60,7 @@ class Sensors:
 
 @dataclass(frozen=True)
 class Recording:
-    """What is recorded: duration [s], seed, the rig and the sensors."""
+    """Settings of a recording: duration [s], seed, the rig and the sensors."""
 
     duration_s: float = 46.0
     seed: int = 20160614
@@ -70,7 +70,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples that got through: stamp and arrival [ns], value [rad, wrapped to one turn, or N m]."""
+    """Received samples: stamp and arrival [ns], value [rad, wrapped to one turn, or N m]."""
 
     stamps_ns: Stamps
     arrivals_ns: Stamps
@@ -78,7 +78,7 @@ class Samples:
 
 
 def record(recording: Recording) -> tuple[Samples, Samples, Run]:
-    """Run the rig and sample it: angle samples, torque samples, and the truth they were taken from."""
+    """Run the rig and sample it; return angle samples, torque samples, and the truth."""
     sensors = recording.sensors
     truth = run(recording.rig, recording.duration_s)
     rng = np.random.default_rng(recording.seed)
@@ -148,7 +148,7 @@ def _lists(samples: Samples) -> tuple[list[int], list[int], list[float]]:
 
 
 def _through_the_wire(time: Floats, values: Floats, error_s: float, loss: float, rng: np.random.Generator) -> Samples:
-    """Stamp with an error (whole microseconds), lose samples one by one and in short runs, arrive later."""
+    """Add stamp errors (whole microseconds), losses of single samples and short runs, and a delayed arrival."""
     error = np.clip(error_s * rng.standard_normal(time.size), -5.0 * error_s, 5.0 * error_s)
     stamps = np.rint((time + error) * 1e6).astype(np.int64) * 1000 + START_NS
     latency = np.rint(120.0 + rng.exponential(30.0, time.size)).astype(np.int64) * 1000
@@ -160,7 +160,7 @@ def _through_the_wire(time: Floats, values: Floats, error_s: float, loss: float,
 
 
 def _custom_data(recording: Recording, truth: Run) -> dict[str, str]:
-    """Where the recording comes from and what is true in it, as text for metadata.yaml."""
+    """Describe the origin and the truth of the recording as text for metadata.yaml."""
     steady = truth.omega_rad_s[truth.time_s > recording.rig.brake_s + recording.rig.ramp_s + 1.0]
     facts: dict[str, object] = {
         "origin": "synthetic: simulated by tests/generators/tufting_bag.py, no machine was measured",
@@ -176,7 +176,7 @@ def _custom_data(recording: Recording, truth: Run) -> dict[str, str]:
 
 
 def main() -> None:
-    """Command line: where to write, how long, which seed."""
+    """Parse the command line (folder, duration and seed) and write."""
     parser = argparse.ArgumentParser(description="Write a synthetic recording of the tufting machine.")
     parser.add_argument("out", type=Path, help="directory to make")
     parser.add_argument("--duration", type=float, default=Recording.duration_s, metavar="S", help="seconds recorded")

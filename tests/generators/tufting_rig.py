@@ -1,9 +1,8 @@
-"""A tufting machine on its drive, from rest to speed: motor, flywheel, elastic shaft, bearings, six-bar.
+"""A tufting machine on its drive, from standstill to speed: motor, flywheel, elastic shaft, bearings, six-bar.
 
-The linkage is that of Xu et al. 2016 (Table 1); the drive line around it is made up, and sized so that a
-machine at 160 rpm shows a speed ripple of a few percent. What a twin of the linkage alone does not know is
-here: shaft elasticity and damping, bearing friction, needle points that are not quite level, friction that
-needs a slip.
+The linkage is that of Xu et al. 2016 (Table 1). The drive line around it is invented, and sized for a speed ripple of a
+few percent at 160 rpm. It includes effects beyond a twin of the linkage: shaft elasticity and damping, bearing
+friction, needle points that are not level, friction that needs a slip.
 
     motor, flywheel --- torque sensor, elastic shaft --- bearings, crank with encoder, six-bar, backing
 """
@@ -23,11 +22,11 @@ STEPS_PER_SECOND = 16_000
 
 @dataclass(frozen=True)
 class Rig:
-    """The truth behind a recording, SI units.
+    """True parameters of a recording, SI units.
 
-    The backing holds the needles below `backing_plane_m` (distance under C) with `backing_force_N` against
-    their motion. The points of the row lie within `needle_spread_m`, half above and half below the nominal
-    one, so the force grows over that depth. Friction builds up over a creep speed: tanh(speed / creep).
+    The backing holds the needles below `backing_plane_m` (distance under C) with `backing_force_N` against their
+    motion. The needle points lie within `needle_spread_m`, half above and half below the nominal one, so the force
+    grows over that depth. Friction builds up over a creep speed: tanh(speed / creep).
     """
 
     speed_rpm: float = 160.0
@@ -53,7 +52,7 @@ class Rig:
 
 @dataclass(frozen=True)
 class Run:
-    """What happened, at STEPS_PER_SECOND: time, angle and speed of the crank, torque in the shaft."""
+    """Simulated motion at STEPS_PER_SECOND: time, angle and speed of the crank, torque in the shaft."""
 
     time_s: Floats
     theta_rad: Floats
@@ -62,7 +61,7 @@ class Run:
 
 
 def tufting_multibody() -> Multibody:
-    """The needle six-bar of Xu et al. 2016, Table 1: l3 and l4 two bodies welded at C, centroids mid-link."""
+    """Build the needle six-bar of Xu et al. 2016, Table 1: l3 and l4 two bodies welded at C, centroids mid-link."""
     l1, l2, l3, l4, l5, l6 = 0.015, 0.138, 0.115, 0.125, 0.120, 0.440
     x1, x2, height = 0.070, 0.100, 0.155
     bodies = [
@@ -88,7 +87,7 @@ def tufting_multibody() -> Multibody:
 
 
 class Linkage:
-    """The six-bar as the shaft feels it, tabulated over one turn and read by straight lines between nodes."""
+    """The six-bar reduced to the shaft, tabulated over one turn and interpolated linearly."""
 
     nodes = 1 << 14
 
@@ -103,7 +102,7 @@ class Linkage:
         self._scale = self.nodes / (2.0 * math.pi)
 
     def at(self, theta: float) -> tuple[float, float, float, float, float]:
-        """Inertia, half its slope, gravity torque, needle tip below C [m] and its slope [m/rad]."""
+        """Interpolate inertia, half its slope, gravity torque, needle tip below C [m] and its slope [m/rad]."""
         position = theta * self._scale
         node = math.floor(position)
         part = position - node
@@ -114,7 +113,7 @@ class Linkage:
 
 @cache
 def tabulated_linkage() -> Linkage:
-    """The linkage, tabulated once."""
+    """Tabulate the linkage once."""
     return Linkage()
 
 
@@ -129,17 +128,17 @@ class Machine:
         self.linkage = tabulated_linkage()
 
     def at_rest(self) -> State:
-        """Brake on, crank hanging in the shaft: the angle where the twist carries the linkage's weight."""
+        """Return the initial state: brake on, crank hanging in the shaft, whose twist carries the linkage's weight."""
         gravity = self.linkage.at(self.rig.start_rad)[2]
         return self.rig.start_rad + gravity / self.rig.shaft_stiffness_Nm_rad, 0.0, self.rig.start_rad, 0.0
 
     def shaft_torque(self, state: State) -> float:
-        """Torque that the flywheel end applies to the crank end [N m]."""
+        """Compute the torque of the flywheel end on the crank end [N m]."""
         twist, twist_rate = state[0] - state[2], state[1] - state[3]
         return self.rig.shaft_stiffness_Nm_rad * twist + self.rig.shaft_damping_Nms_rad * twist_rate
 
     def motor_torque(self, time: float, speed: float) -> float:
-        """Induction motor on an inverter: Kloss' formula against a ramped, slowly wandering field speed."""
+        """Compute the torque of an inverter-fed induction motor by Kloss' formula, with a ramped, wandering field."""
         rig = self.rig
         rated = rig.speed_rpm * math.pi / 30.0 + rig.mean_slip_rad_s
         since = time - rig.brake_s
@@ -149,7 +148,7 @@ class Machine:
         return 2.0 * rig.breakdown_torque_Nm * slip / (1.0 + slip * slip)
 
     def rates(self, time: float, state: State) -> State:
-        """Time derivative of the state."""
+        """Compute the time derivative of the state."""
         rig = self.rig
         _, flywheel_speed, theta, omega = state
         inertia, half_slope, gravity, drop, drop_slope = self.linkage.at(theta)

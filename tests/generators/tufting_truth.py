@@ -1,8 +1,8 @@
 """The tufting machine to any number of digits: motion, torque by virtual work, reactions by Newton and Euler.
 
-Complex loop equations as in Xu et al. 2016 (Eq. 1, 14, 15), differentiated exactly; forces from the free
-bodies, solved as one linear system. Signs: x right, y up, angles counter-clockwise; a reaction is what the
-ground or the earlier link exerts on the later one; the needle's position counts downwards from C.
+Complex loop equations as in Xu et al. 2016 (Eq. 1, 14, 15) are differentiated exactly; forces come from the free
+bodies, solved as one linear system. Signs: x right, y up, angles counter-clockwise; a reaction is the force of the
+ground or the earlier link on the later one; the needle's position counts downwards from C.
 """
 
 from __future__ import annotations
@@ -55,10 +55,10 @@ def truth(
     parameters: Mapping[str, Number] | None = None,
     reactions: bool = True,
 ) -> dict[str, Number]:
-    """Every output of the tufting machine at one angle [rad], speed [rad/s] and acceleration [rad/s^2].
+    """Compute every output of the tufting machine at one angle [rad], speed [rad/s] and acceleration [rad/s^2].
 
-    Floats are taken at their exact value, strings as decimals; `parameters` replaces entries of PARAMETERS.
-    The result has the output names of the machine. Without `reactions` the linear system is not solved.
+    Floats are taken at their exact value, strings as decimals; `parameters` replaces entries of PARAMETERS. The result
+    has the output names of the machine. Without `reactions` the linear system is not solved.
     """
     with mp.workdps(digits):
         value = {name: mp.mpf(number) for name, number in {**PARAMETERS, **(parameters or {})}.items()}
@@ -115,7 +115,7 @@ class _Machine:
         self.pins["F"] = (slider[0] - 1j * l6, slider[1], slider[2])
 
     def outputs(self, reactions: bool) -> dict[str, Number]:
-        """Everything by name; the torque comes from virtual work, the reactions from the free bodies."""
+        """Compute all outputs by name; the torque comes from virtual work, the reactions from the free bodies."""
         value, omega, alpha = self.value, self.omega, self.alpha
         gravity = value["gravity_m_s2"]
         found: dict[str, Number] = {}
@@ -198,7 +198,7 @@ class _Machine:
         found["driven_shaft_torque_Nm"] = needed + _cross(elbow - centre, on_rod)
 
     def _needed_force(self, link: int) -> Number:
-        """Force that joints and loads must exert on a link: mass times acceleration, and its weight."""
+        """Compute the force that joints and loads must exert on a link: mass times acceleration less its weight."""
         gravity = mp.mpc(0, self.value["gravity_m_s2"])
         return self.mass[link - 1] * (self._acceleration(self.centroids[link - 1]) + gravity)
 
@@ -207,7 +207,7 @@ class _Machine:
 
 
 def _link(start: Jet, length: Number, angle: Jet) -> Jet:
-    """The far end of a link with its derivatives."""
+    """Compute the far end of a link with its derivatives."""
     arm = length * mp.expj(angle[0])
     return start[0] + arm, start[1] + 1j * angle[1] * arm, start[2] + (1j * angle[2] - angle[1] ** 2) * arm
 

@@ -1,4 +1,4 @@
-"""A crank-rocker worked out apart from the engine: circles and derivatives in 40 digits, statics as a 9 x 9 system."""
+"""A crank-rocker computed without the engine: circles and derivatives in 40 digits, statics as a 9 x 9 system."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Curve = Callable[[mp.mpf], mp.mpc]
 
 
 def rocker_joint(pin: mp.mpc, pivot: mp.mpc, coupler: float, rocker: float, side: int) -> mp.mpc:
-    """Where the circles about crank pin and pivot meet; side +1: left of the line from pin to pivot."""
+    """Intersect the circles about crank pin and pivot; side +1: left of the line from pin to pivot."""
     across = pivot - pin
     distance = abs(across)
     along = (distance**2 + mp.mpf(coupler) ** 2 - mp.mpf(rocker) ** 2) / (2 * distance)

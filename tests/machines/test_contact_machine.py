@@ -32,8 +32,9 @@ def picker(**declared: Any) -> ContactMachine:
 
 
 def test_a_pick_at_uniform_nominal_acceleration() -> None:
-    """x = s - a / n^2 (1 - cos n t) with n^2 = k / m: the picker behind its stick on an elastic strap, the loom's
-    "alacrity" n (Marks and Robinson, Principles of Weaving, 1976).
+    """A picker on an elastic strap follows x = s - a / n^2 (1 - cos n t) with n^2 = k / m.
+
+    The frequency n is the loom's "alacrity" (Marks and Robinson, Principles of Weaving, 1976).
     """
     a, n = 900.0, math.sqrt(24e3 / 0.25)
     whole = Section((0.0, 0.0, 0.5 * a / SPEED**2))
@@ -75,7 +76,7 @@ def test_energy_of_the_example_over_five_picks() -> None:
 
 
 def test_torque_of_the_drive_does_its_work() -> None:
-    """The torque over the angle is the work of the force on the stick: what is damped, lost and stored."""
+    """The torque over the angle is the work of the force on the stick: damped, lost and stored energy."""
     machine = ttc.load_machine(EXAMPLE)
     theta = np.linspace(0.0, 2.0 * math.pi, 200_001)
     twin = ttc.compile(machine, outputs=["balancing_torque_Nm"])

@@ -1,4 +1,4 @@
-"""Declarations that would mean something else than they say are refused when the machine is made."""
+"""Contradictory declarations, which are rejected when the machine is built."""
 
 from __future__ import annotations
 

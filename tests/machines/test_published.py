@@ -1,6 +1,6 @@
-"""Every printed number held to its last digit, or to an independent value and a reason where print is wrong.
+"""Every printed number to its last digit, or an independent value and a reason for a misprint.
 
-The independent values were worked out from the printed lengths and masses without this package.
+The independent values were computed from the printed lengths and masses without this package.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ NOT_PRINTED: dict[str, tuple[float, float]] = {
     "optimised: gap between F and G at the start": (1.9, 1e-12),
 }
 
-# printed in words or as a range: the words, and what holds of the computed value
+# printed in words or as a range: the words, and a condition on the computed value
 IN_WORDS: dict[str, tuple[str | None, tuple[float, float] | str]] = {
     "stroke of the needle": ("about 33", (32.7883, 32.7885)),
     "driven shaft over main shaft, largest torques": ("far greater", (7.6, 7.7)),
@@ -173,7 +173,7 @@ def test_words_and_ranges(quantity: str) -> None:
         assert holds[0] < row.computed < holds[1]
 
 
-def test_every_row_is_held_once() -> None:
+def test_every_row_is_compared_once() -> None:
     held = [*AGREE, *DIFFER, *NOT_PRINTED, *IN_WORDS]
     assert sorted(held) == sorted(ROWS)
     assert len(ROWS) == len(EVERY)

@@ -1,4 +1,4 @@
-"""The tufting paper's equations: misprints mended they give what the machine gives, unmended what their rows say."""
+"""The tufting paper's equations: corrected they agree with the machine, as printed they give the rows' statements."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from textile_twin_core.machine import AnyMachine, ContactMachine
 
 
 def test_bodies_of_one_link_are_put_together() -> None:
-    """Against the sums of mass, first and second moment of three bodies about the link's start."""
+    """The sums of mass, first and second moment of three bodies about the link's start."""
     machine = ttc.machines.handloom_beatup()
     bodies = (Body("l4", 0.6, 0.005), Body("l4", 2.5, 0.0, (1.0, 0.2)), Body("l4", 0.0, 0.002))
     robot = Xml.fromstring(replace(machine, bodies=bodies).urdf())

@@ -1,4 +1,4 @@
-"""The equations of Xu et al. 2016 as they are printed, each misprint mended only on demand."""
+"""The equations of Xu et al. 2016 as printed, with optional corrections of each misprint."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ W1 = 160.0 * 2.0 * np.pi / 60.0
 
 @dataclass(frozen=True)
 class Mended:
-    """Which misprints are mended."""
+    """Choice of the misprints to correct."""
 
     eq_9: bool = True
     eq_14: bool = True
@@ -75,7 +75,7 @@ def centroid_accelerations(t1: float, mended: Mended = Mended()) -> dict[int, co
 
 
 def forces(t1: float, friction: float, mended: Mended = Mended()) -> dict[str, float]:
-    """Eq. 29 to 32 and 40 to 43 solved, without their empty columns; friction is 0 out of the backing."""
+    """Solve Eq. 29 to 32 and 40 to 43 without their empty columns; friction is 0 outside the backing."""
     k, s = motion(t1, mended), centroid_accelerations(t1, mended)
     f = {i: -M[i] * a for i, a in s.items()}
     torque = {i: -J[i] * k[f"a{i}"] for i in (2, 3, 4, 5)}
@@ -139,7 +139,7 @@ def forces(t1: float, friction: float, mended: Mended = Mended()) -> dict[str, f
     return {
         "balancing_torque_Nm": mb,
         "driven_shaft_torque_Nm": -mr,
-        # the paper gives what the later rod exerts on the earlier one, the machine what the earlier exerts on the later
+        # the paper gives the force of the later rod on the earlier one, the machine the opposite
         **{"reaction_O_x_N": ox, "reaction_O_y_N": oy, "reaction_A_x_N": -ax, "reaction_A_y_N": -ay},
         **{"reaction_B_x_N": -bx, "reaction_B_y_N": -by, "reaction_C_x_N": c3x + cx, "reaction_C_y_N": c3y + cy},
         **{"reaction_D_x_N": -dx, "reaction_D_y_N": -dy, "reaction_E_x_N": -ex, "reaction_E_y_N": -ey},

@@ -19,11 +19,11 @@ from textile_twin_core.mechanism import Crank, Linkage, RRPDyad, RRRDyad
 
 DIGITS = 50
 NUDGE = mp.mpf(2) ** -53
-"""What rounding may do to an angle near 1 rad."""
+"""Rounding of an angle near 1 rad."""
 
 
 def by_every_back_end(expressions: Sequence[Expr], theta: float) -> list[tuple[float, ...]]:
-    """Values at an angle: as plain floats, from an array, and by the code of the loop that long arrays go through."""
+    """Evaluate expressions at an angle by plain floats, by an array, and by the code of the compiled loop."""
     scalar, loop, one = _back_ends(tuple(expressions))
     blocks = [np.empty(9) for _ in expressions]
     loop([np.full(9, theta)], blocks)
@@ -66,7 +66,7 @@ class FourBarCase:
             return found | {"u2": mp.expj(found["th2"]), "u3": mp.expj(found["th3"])}
 
     def errors(self, branch: str | None = None) -> list[tuple[str, float, float]]:
-        """(what, error, change by rounding of the angle) of directions, speeds and accelerations, every back end.
+        """Return (name, error, change by rounding of the angle) of directions and rates, for every back end.
 
         Speeds and accelerations are relative to the larger of the two links'.
         """
@@ -110,7 +110,7 @@ class SliderCase:
             return slider_crank(self.crank, self.rod, offset, mp.mpf(self.theta) - turn + nudge, digits=DIGITS)
 
     def errors(self) -> list[tuple[str, float, float]]:
-        """(what, error, change by rounding of the angle) of x, dx, d2x, relative to each or to the crank."""
+        """Return (name, error, change by rounding of the angle) of x, dx, d2x, relative to each or to the crank."""
         end = self.linkage().solved.points["B"]
         norm = math.hypot(*self.guide_direction)
         ax, ay = self.guide_direction[0] / norm, self.guide_direction[1] / norm

@@ -1,4 +1,4 @@
-"""Cams and followers: against envelopes at 40 digits, linkages that move alike, and closed forms of contact force."""
+"""Cams and followers against envelopes at 40 digits, equivalent linkages, and closed forms of contact force."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def machine(group: CamFollower, **declared: Any) -> ttc.Machine:
 
 
 def cycloidal(strokes: tuple[Stroke, ...], angle: Any) -> Any:
-    """The lift at a cam angle in [0, 2 pi), by the law's definition."""
+    """Compute the lift at a cam angle in [0, 2 pi) by the law's definition."""
     before = mp.mpf(0)
     for stroke in strokes:
         u = (angle - stroke.start_rad) / stroke.turn_rad
@@ -160,8 +160,8 @@ def test_both_routes_with_a_spring_and_a_dyad_on_the_end_of_the_follower(kind: s
 
 
 @pytest.mark.parametrize("kind", CONJUGATE)
-def test_conjugate_cams_move_the_follower_both_ways(kind: str) -> None:
-    """One of them presses, never both; and the torque is that of one cam which could pull."""
+def test_conjugate_cams_move_the_follower_in_both_directions(kind: str) -> None:
+    """Exactly one of them presses, and the torque is that of one cam that could pull."""
     m, alone = machine(CONJUGATE[kind]), machine(replace(CONJUGATE[kind], second=None))
     names = ["contact_force_f_N", "contact_force_f_second_N", "balancing_torque_Nm"]
     found = ttc.compile(m, outputs=names, method="exact").evaluate(THETA, 40.0)
@@ -226,7 +226,7 @@ def test_a_cam_that_moves_as_linkages_do_needs_their_torque() -> None:
 
 
 def _same_torque(linkage: ttc.Machine, like: ttc.Machine) -> None:
-    """To the error of a spline of 720 knots in the acceleration."""
+    """Compare torques to the error in acceleration of a spline of 720 knots."""
     torques = [ttc.compile(m).evaluate(THETA + 0.002, 25.0, 90.0)["balancing_torque_Nm"] for m in (linkage, like)]
     np.testing.assert_allclose(torques[1], torques[0], atol=1e-8 * np.abs(torques[0]).max())
 
@@ -255,15 +255,15 @@ def test_a_cam_that_would_be_undercut_is_refused_with_the_angle() -> None:
     """Radial roller, by the textbook's radius of its centre's path (Norton 2009, ch. 7)."""
     strokes = (Stroke(0.5, 0.9, 0.03, "cycloidal"), Stroke(3.0, 2.0, 0.0, "cycloidal"))
 
-    def spare(angle: Any) -> Any:
+    def margin(angle: Any) -> Any:
         lift = lambda a: cycloidal(strokes, a)  # noqa: E731
         r, v, a = mp.mpf("0.055") + lift(angle), mp.diff(lift, angle), mp.diff(lift, angle, 2)
         return (r * r + v * v) ** mp.mpf("1.5") - mp.mpf("0.025") * (r * r + 2 * v * v - r * a)
 
     with mp.workdps(30):
         angles = [mp.mpf(k) / 100 for k in range(50, 141)]
-        after = next(k for k, angle in enumerate(angles) if spare(angle) < 0)
-        begins = math.degrees(mp.findroot(spare, (angles[after - 1], angles[after]), solver="ridder"))
+        after = next(k for k, angle in enumerate(angles) if margin(angle) < 0)
+        begins = math.degrees(mp.findroot(margin, (angles[after - 1], angles[after]), solver="ridder"))
     group = replace(cam(strokes, **SLIDES, roller_radius_m=0.025), base_radius_m=0.03)
     with pytest.raises(MachineError) as refused:
         machine(group)

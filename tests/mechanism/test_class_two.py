@@ -1,4 +1,4 @@
-"""Machines of every class-II group against one dense Newton-Euler system a sample."""
+"""Machines of every class-II group against one dense Newton-Euler system per sample."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What slotted dyads and gears refuse, and what loads, tables, several linkages and files make of them."""
+"""Declarations that slotted dyads and gears reject, and their loads, tables, linkages and files."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_guides_that_come_parallel_are_refused_with_the_angle() -> None:
 
 
 def test_a_triad_is_refused_with_what_to_do() -> None:
-    """Stephenson's third six-bar, driven on the side where it does not fall into dyads."""
+    """Stephenson's third six-bar, driven on the side where it does not consist of dyads."""
     one = RRRDyad("l2", "l3", "A", "F", "B", (0.2, 0.2))
     two = RRRDyad("l4", "l5", "B", "C", "F", (0.2, 0.2))
     with pytest.raises(
@@ -218,7 +218,7 @@ def test_a_ratio_that_is_no_whole_number_holds_over_a_part_of_a_turn() -> None:
 
 
 def test_three_to_two_as_the_message_advises() -> None:
-    """On a main shaft that turns once a cycle both shafts turn whole times."""
+    """With a main shaft that turns once per cycle, both shafts make whole turns."""
     fast = GearPair("fast", "Z", "O", "A", 0.06, (60, 20), "main_shaft", internal=True, phase_rad=0.2)
     slow = GearPair("slow", "Z", "C", "D", 0.05, (40, 20), "main_shaft", internal=True, phase_rad=0.4, mesh="M")
     dyad = RRRDyad("coupler", "rocker", "A", "D", "B", (0.23, 0.2))

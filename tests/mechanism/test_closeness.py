@@ -1,4 +1,4 @@
-"""Closeness to change points and toggles, transmission angles and Grashof's class; linkages that cannot be made."""
+"""Closeness to change points and toggles, transmission angles and Grashof's class; impossible linkages."""
 
 from __future__ import annotations
 
@@ -228,7 +228,7 @@ def test_unknown_names_outside_the_groups(name: str) -> None:
 @pytest.mark.parametrize("shift", np.linspace(0.0, 2.0, 23).tolist())
 @pytest.mark.parametrize("difference", [1e-9, 1e-6, -1e-6])
 def test_of_minima_that_are_nearly_alike_the_smallest_is_found(shift: float, difference: float) -> None:
-    """As of a chain that comes near to opening several times a turn: which of them is less, no grid tells."""
+    """A grid cannot decide between several minima of a chain that nearly opens several times per turn."""
     _, found = smallest_value(cos(3.0 * ANGLE + shift) + difference * cos(ANGLE + 0.3), (0.0, 2.0 * math.pi))
 
     def exact(theta: Any) -> Any:

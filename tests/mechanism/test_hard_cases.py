@@ -123,7 +123,7 @@ def four_bars(proportions: tuple[float, ...], ground_angle: float, turns: float)
         with mp.workdps(60):
             x, y = (mp.mpf(v) for v in ground)
             reach = abs(mp.mpc(x, y) - l1 * mp.expj(mp.mpf(theta)))
-            # within 1e-12 of opening nothing can be said: the next double may not close
+            # within 1e-12 of opening the next double may not close
             if mp.mpf(l2) + l3 > reach * (1 + mp.mpf("1e-24")) and reach > abs(mp.mpf(l2) - l3) * (1 + mp.mpf("1e-24")):
                 cases.append(case)
     return cases
@@ -132,7 +132,7 @@ def four_bars(proportions: tuple[float, ...], ground_angle: float, turns: float)
 @pytest.mark.parametrize("ground_angle", [0.0, 2.3])
 @pytest.mark.parametrize("name", PROPORTIONS)
 def test_four_bars_of_every_kind(name: str, ground_angle: float) -> None:
-    """No error above 1e-14, but what the rounding of the angle alone, 1.1e-16 rad, does to the exact answer."""
+    """Errors stay below 1e-14, apart from the effect of rounding the angle by 1.1e-16 rad."""
     cases = four_bars(PROPORTIONS[name], ground_angle, 0.0)
     assert cases
     for case in cases:
@@ -162,7 +162,7 @@ def test_four_bars_after_many_turns(turns: float) -> None:
 def test_passing_change_points_keeps_every_digit(
     proportions: tuple[float, ...], branch: str, ground_angle: float
 ) -> None:
-    """On either side of a change point the linkage is the one that 60 digits give, with the side it has there."""
+    """On both sides of a change point the linkage agrees with 60 digits, with its side there."""
     l1, l2, l3, g = proportions
     for end, distance in itertools.product((0.0, math.pi, 2.0 * math.pi, -math.pi), DISTANCES):
         theta = end + distance

@@ -84,7 +84,7 @@ PROPORTIONS = {
 @pytest.mark.parametrize("angle", [0.0, 2.3])
 @pytest.mark.parametrize("name", PROPORTIONS)
 def test_slotted_levers(name: str, angle: float, cylinder: bool) -> None:
-    """No error above 2e-15, but what rounding of the crank angle by 1.1e-16 rad does to the exact answer."""
+    """Errors stay below 2e-15, apart from the effect of rounding the crank angle by 1.1e-16 rad."""
     crank, ground, offset = PROPORTIONS[name]
     pivot = (ground, 0.0) if angle == 0.0 else (ground * math.cos(angle), ground * math.sin(angle))
     for end, distance in itertools.product((0.0, math.pi), NEAR):
@@ -121,7 +121,7 @@ def test_yokes_near_their_dead_centres(slot_rad: float) -> None:
 
 @pytest.mark.parametrize("lean", [1.0, 0.1, 1e-3, 1e-5])
 def test_guides_that_come_near_to_parallel(lean: float) -> None:
-    """The error grows as rounding over the angle that is left between the guides, once more for each derivative."""
+    """The error grows as rounding over the angle between the guides, by one power more for each derivative."""
     dyad = PRPDyad(("one", "two"), "R", ("S", "T"), (0.05, 0.1), (Guide("crank", (0.0, 0.01)), Guide(None, (0.3, 0.2))))
     low, high = lean, math.pi - lean
     linkage = Linkage({"O": (0.0, 0.0)}, (Crank("crank", "O", "A", 0.1), dyad), (low, high))
@@ -167,19 +167,19 @@ def test_a_geared_crank_near_its_change_point_keeps_its_digits() -> None:
                 assert abs(value - factor * exact[name]) / scale < 1e-14 + 12.0 * by_rounding, (theta, name)
 
 
-@pytest.mark.parametrize("spare", [1e-3, 1e-9, 1e-12])
-def test_a_slot_ends_at_the_angle_that_is_stated(spare: float) -> None:
+@pytest.mark.parametrize("margin", [1e-3, 1e-9, 1e-12])
+def test_a_slot_ends_at_the_angle_that_is_stated(margin: float) -> None:
     """A slot that is a little too short names the angle where the slider passes its end; one a little longer holds."""
 
     def linkage(high: float) -> Linkage:
         dyad = RPRDyad("block", "lever", "A", "C", "B", "T", (0.02, 0.5), slot_m=(0.1, high))
         return Linkage({"O": (0.0, 0.0), "C": (0.0, -0.25)}, (Crank("crank", "O", "A", 0.1), dyad))
 
-    (closeness,) = check_assembly(linkage(0.35 + spare))
+    (closeness,) = check_assembly(linkage(0.35 + margin))
     assert closeness.margin > 0.1  # the end of a slot is no dead point
     with pytest.raises(MachineError, match=r"leaves its slot: it begins at a shaft angle of (\S+) deg") as caught:
-        check_assembly(linkage(0.35 - spare))
+        check_assembly(linkage(0.35 - margin))
     stated = float(str(caught.value).split("angle of ")[1].split(" deg")[0])
-    high = 0.35 - spare
+    high = 0.35 - margin
     wanted = math.asin((high**2 - 0.1**2 - 0.25**2) / (2.0 * 0.1 * 0.25))
-    assert stated == pytest.approx(math.degrees(wanted), abs=1e-4 if spare > 1e-10 else 0.01)
+    assert stated == pytest.approx(math.degrees(wanted), abs=1e-4 if margin > 1e-10 else 0.01)

@@ -84,7 +84,7 @@ PIN = 0.11 * np.exp(1j * THETA)
 
 
 def test_whitworth() -> None:
-    """The lever points from its pivot to the pin; it makes the cutting half turn while the crank turns by more."""
+    """The lever points from its pivot to the pin; its cutting half turn takes more than half a turn of the crank."""
     angle, speed, way = values(WHITWORTH, "theta_lever_rad", "omega_lever_rad_s", "joint_slider_position")
     wanted = np.unwrap(np.arctan2(PIN.imag + 0.04, PIN.real))
     assert np.abs(np.exp(1j * angle) - np.exp(1j * wanted)).max() < 1e-14
@@ -97,7 +97,7 @@ def test_whitworth() -> None:
 
 
 def test_shaper() -> None:
-    """By the tangent from the pivot to the circle of the offset about the pin, and Pythagoras for the link."""
+    """The angle follows from the tangent from the pivot to the circle of the offset, the link from Pythagoras."""
     reach = PIN + 0.25j
     lever = reach / (np.sqrt(np.abs(reach) ** 2 - 0.02**2) + 0.02j)
     assert np.abs(np.abs(lever) - 1.0).max() < 1e-14
@@ -131,7 +131,7 @@ def test_scotch_yoke() -> None:
 
 
 def test_geared_five_bar() -> None:
-    """The second crank turns twice, the other way; two circles give the joint."""
+    """The second crank turns twice in the opposite direction; two circles give the joint."""
     second = 0.3 + 0.06 * np.exp(1j * (0.7 - 2.0 * THETA))
     assert np.abs(point(FIVE_BAR, "D") - second).max() < 1e-12
     wanted = [meeting(a, d, 0.33, 0.27, left=True) for a, d in zip(PIN.tolist(), second.tolist(), strict=True)]
@@ -153,7 +153,7 @@ def test_torque_by_both_routes_and_by_the_energy_of_pinocchio(of: Machine) -> No
 
 
 def energies(of: Machine) -> tuple[FloatArray, FloatArray]:
-    """Kinetic and potential energy [J] of the robot description, by Pinocchio."""
+    """Compute kinetic and potential energy [J] of the robot description by Pinocchio."""
     model = pinocchio.buildModelFromXML(of.urdf())
     data = model.createData()
     moved = {name: values(of, *outputs) for name, outputs in of.joint_outputs.items()}

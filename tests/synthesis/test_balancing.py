@@ -1,4 +1,4 @@
-"""Balancing against closed forms, and against the motion that `drive` integrates."""
+"""Balancing against closed forms, and against the motion integrated by `drive`."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_shaking_force_of_a_four_bar_vanishes_with_the_weights_of_berkof_and_low
 
 
 def test_shaking_force_is_what_the_ground_bears() -> None:
-    """Without weight and loads: minus the reactions of the ground on the linkage, by Newton and Euler."""
+    """The shaking force without weight and loads is minus the ground reactions by Newton and Euler."""
     machine = machines.tufting(gravity_m_s2=0.0, backing_force_N=0.0)
     names = ["reaction_O_x_N", "reaction_O_y_N", "reaction_C_x_N", "reaction_C_y_N", "reaction_guide_N"]
     speed = machine.nominal_speed_rad_s
@@ -80,14 +80,14 @@ def test_antiphase_takes_the_odd_harmonics_and_doubles_the_even_ones() -> None:
 
 
 def let_run(machine: machines.Machine) -> tuple[FloatArray, FloatArray]:
-    """Angle [rad] and speed [rad/s] over a turn that nothing drives, as `drive` integrates it."""
+    """Integrate angle [rad] and speed [rad/s] over a turn without drive torque."""
     run = ttc.drive(machine, 0.0, 0.0, 20.0, np.linspace(0.0, 0.5, 3000))
     turn = run.theta_rad < 2.0 * math.pi
     return run.theta_rad[turn], run.omega_rad_s[turn]
 
 
 def test_antiphase_and_flywheel_agree_with_theory_where_drive_lets_them_run() -> None:
-    """Without weight and drive J omega^2 / 2 stays; under a heavy wheel ripple is energy swing over J omega^2."""
+    """J omega^2 / 2 stays constant without weight; with a heavy wheel ripple is energy swing over J omega^2."""
     loom = machines.handloom_beatup(gravity_m_s2=0.0)
     one = ttc.compile(loom, ["equivalent_inertia_kgm2"], method="exact")
 
@@ -185,7 +185,7 @@ def part_of_a_turn() -> ttc.Machine:
 
 
 def test_a_part_of_the_turn_is_balanced_over_that_part() -> None:
-    """What a least-squares fit leaves is at right angles to what it had: the cosine and sine of the crank's angle."""
+    """The residual of a least-squares fit is orthogonal to its terms: cosine and sine of the crank's angle."""
     machine = part_of_a_turn()
     found = counterweights(machine)
     assert 0.6 < found.theta_rad.min() < 0.602 and 1.498 < found.theta_rad.max() < 1.5
@@ -202,7 +202,7 @@ def test_a_part_of_the_turn_is_balanced_over_that_part() -> None:
 
 @pytest.mark.parametrize("count", [2, 3])
 def test_what_linkages_on_one_shaft_undo_needs_no_weight(count: int) -> None:
-    """Evenly apart, cranks balance each other: not 1e14 kg for what rounding leaves of a weight's effect."""
+    """Evenly spaced cranks balance each other: the residual of a weight's effect is rounding, not 1e14 kg."""
     places = tuple(ShaftPlace(2.0 * math.pi * k / count) for k in range(count))
     machine = replace(machines.handloom_beatup(), linkages=places)
     for against in ("gravity_torque", "shaking_force"):

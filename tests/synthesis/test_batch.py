@@ -88,7 +88,7 @@ def test_batch_agrees_with_the_exact_machine(machine: Machine) -> None:
 
 
 def test_paper_s_parameters_and_slots_are_one_machine() -> None:
-    """Every slot of every published machine, from parameters that all differ from the paper's."""
+    """Every slot of every published machine agrees for parameters that all differ from the paper's."""
     random = np.random.default_rng(2)
     for machine in MACHINES[:3]:
         family = family_of(machine)
@@ -213,7 +213,7 @@ def test_every_slot_can_be_written_and_read() -> None:
 
 @pytest.mark.parametrize("law", ["simple_harmonic", "modified_sine", "cycloidal", "polynomial_345"])
 def test_the_acceleration_of_a_cam_that_starts_at_once_is_no_more_than_it_is(law: str, tmp_path: Path) -> None:
-    """From the dwell on: a simple harmonic's acceleration begins with its largest, lift (pi w/turn)^2/2."""
+    """A simple harmonic's acceleration after a dwell begins with its largest value, lift (pi w/turn)^2/2."""
     (tmp_path / "cam.yaml").write_text(f"""
       points: {{O: [0, 0]}}
       groups:

@@ -1,4 +1,4 @@
-"""Four-bars through points and along curves, checked on the machine that they become."""
+"""Four-bars through points and along curves, checked on the machines built from them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_limit_of_the_transmission_angle_is_kept() -> None:
 
 @pytest.mark.slow
 def test_curve_of_a_known_linkage_is_found_again() -> None:
-    """To half a percent of its size; other four-bars share nearly the same curve, so lengths are not compared."""
+    """The curve agrees to half a percent of its size; lengths are not compared, since similar curves exist."""
     targets = KNOWN.points(np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False) + 0.01)
     seen: list[float] = []
     found = fit_curve(
@@ -73,7 +73,7 @@ def test_curve_of_a_known_linkage_is_found_again() -> None:
     assert math.sqrt((away**2).mean()) == pytest.approx(found.rms_m, rel=1e-6)
 
 
-def test_search_stops_when_told() -> None:
+def test_search_stops_on_request() -> None:
     found = fit_curve(POINTS + [(0.0, 0.06)], progress=lambda share: True)
     assert found.stopped and found.designs < 3000
     assert found.four_bar.machine().closeness[0].grashof == "crank-rocker"

@@ -16,7 +16,7 @@ from textile_twin_core.synthesis import CrankRockerFamily, best_rotation, crank_
 
 SWING = np.radians(30.0)
 STEPS = 720
-"""Of the grid over a turn of the crank on which dead centres are looked for first."""
+"""Size of the grid over a turn of the crank for the first search of dead centres."""
 
 
 def printed_equations(swing: mp.mpf, rotation: mp.mpf, beta: mp.mpf) -> tuple[mp.mpf, mp.mpf, mp.mpf]:
@@ -29,7 +29,7 @@ def printed_equations(swing: mp.mpf, rotation: mp.mpf, beta: mp.mpf) -> tuple[mp
 
 
 def assemble(a: float, b: float, c: float, crank_angle: mp.mpf) -> tuple[mp.mpf, mp.mpf]:
-    """Rocker and transmission angle by intersecting circles about the crank pin and the pivot (1, 0)."""
+    """Compute rocker and transmission angle by intersecting circles about the crank pin and the pivot (1, 0)."""
     pin = a * mp.expj(crank_angle)
     across = 1 - pin
     distance = abs(across)
@@ -39,7 +39,7 @@ def assemble(a: float, b: float, c: float, crank_angle: mp.mpf) -> tuple[mp.mpf,
 
 
 def dead_centre(a: float, b: float, c: float, start: float) -> tuple[mp.mpf, mp.mpf]:
-    """Crank angle within a step of the grid around `start` at which the rocker turns back, and its angle there."""
+    """Find the crank angle of a dead centre within a grid step of `start`, and the rocker's angle there."""
     with mp.workdps(40):
 
         def rocker(angle: mp.mpf) -> mp.mpf:
@@ -51,7 +51,7 @@ def dead_centre(a: float, b: float, c: float, start: float) -> tuple[mp.mpf, mp.
 
 
 def measured(a: float, b: float, c: float) -> tuple[float, float, float]:
-    """From the motion: swing, counter-clockwise rotation from stretched to folded, mu_min."""
+    """Measure swing, counter-clockwise rotation from stretched to folded, and mu_min from the motion."""
     grid = np.linspace(0.0, 2 * np.pi, STEPS + 1)
     pin = a * np.exp(1j * grid)
     distance = np.abs(1 - pin)
@@ -76,13 +76,13 @@ def measured(a: float, b: float, c: float) -> tuple[float, float, float]:
 @example(swing=46.0, place=0.9799999999999999, within=0.05078125)
 @settings(max_examples=25)
 def test_assembled_linkage_swings_and_turns_as_asked(swing: float, place: float, within: float) -> None:
-    """Over the whole admissible range, beyond phi = 180 + psi included."""
+    """The whole admissible range is covered, also beyond phi = 180 + psi."""
     rotation = 90 + swing / 2 + 180 * place
     family = CrankRockerFamily(np.radians(swing), np.radians(rotation) - np.pi)
     links = family.at_ratio(family.smallest_ratio + within * (1 - family.smallest_ratio))
     a, b, c = (float(side[0]) for side in (links.crank, links.coupler, links.rocker))
     if max(b, c) > 50:
-        return  # the coupler grows without bound towards phi = 180 + psi: other tests look there
+        return  # the coupler grows without bound towards phi = 180 + psi, which other tests cover
     swung, turned, mu_min = measured(a, b, c)
     assert np.degrees(swung) == pytest.approx(swing, abs=1e-9)
     assert np.degrees(turned) == pytest.approx(rotation, abs=1e-8)
@@ -106,7 +106,7 @@ def test_every_whole_degree_is_a_crank_rocker_of_the_task(rotation: int) -> None
 
 
 def test_no_crank_rocker_outside_the_bounds() -> None:
-    """One degree outside, the equations give no crank-rocker, or one of another swing or rotation."""
+    """The equations one degree outside give no crank-rocker, or one of another swing or rotation."""
     for rotation in (110, 140, 170, 180, 195, 215, 250):
         low, high = np.degrees(CrankRockerFamily(SWING, np.radians(rotation) - np.pi).beta_bounds_rad)
         for beta in (low - 1, high + 1):
@@ -239,7 +239,7 @@ def test_criteria_lead_to_half_a_turn_and_the_best_row_of_the_table() -> None:
 
 
 def test_nearest_ratio_stands_on_the_limit_of_the_transmission_angle() -> None:
-    """Where r/l = 0.3 has too small a transmission angle, the nearest one that is good enough is taken."""
+    """If r/l = 0.3 has too small a transmission angle, the nearest sufficient ratio is taken."""
     result = crank_rocker(np.radians(20.0), np.radians(195.0))
     assert result.best is not None and result.best_continuous is not None
     continuous = result.best_continuous

@@ -1,4 +1,4 @@
-"""The rocker through three positions of the weaver's hand, and the loom that Khare and Dave's equations make of it."""
+"""The rocker through three positions of the weaver's hand, and the loom by Khare and Dave's equations."""
 
 from __future__ import annotations
 

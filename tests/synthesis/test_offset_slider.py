@@ -1,4 +1,4 @@
-"""Slider-cranks from stroke and time ratio, against the motion of the machine that they become."""
+"""Slider-cranks from stroke and time ratio, against the motion of their machines."""
 
 from __future__ import annotations
 
