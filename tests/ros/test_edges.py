@@ -95,7 +95,7 @@ def test_edges_and_current_live_as_offline(suite: Suite, tmp_path: Path) -> None
 def test_edges_that_cannot_be_counted_are_told_at_the_start(suite: Suite) -> None:
     program = suite.start("twin_node", "angle_type:=edges", "encoder_teeth:=60")
     assert program.wait() == 2
-    assert "nothing tells which tooth comes by: set missing_teeth of the encoder" in program.words()
+    assert "nothing marks tooth 0 of the wheel: set missing_teeth of the encoder" in program.words()
     assert "Traceback" not in program.words()
 
 

@@ -1,4 +1,4 @@
-"""The told error of machines that stand far from the origin, against the same machine at the origin."""
+"""Stated error of machines far from the origin, against the same machine at the origin."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ OUTPUTS = (
     *("needle_position_m", "sley_position_m", "theta_5_rad", "theta_6_rad", "omega_5_rad_s", "alpha_5_rad_s2"),
     *("reaction_C_x_N", "reaction_E_x_N", "balancing_torque_Nm", "torque_load_Nm"),
 )
-"""None of them changes with the place."""
+"""Outputs that do not depend on the position of the machine."""
 
 
 def there(machine: Machine, distance_m: float) -> Machine:
-    """The machine moved so far, with coordinates that are exact here and there."""
+    """Return the machine moved by a distance whose coordinates are exact at both places."""
 
     def moved(point: tuple[float, float]) -> tuple[float, float]:
         x, y = (round(part * 2**24) / 2**24 for part in point)
@@ -38,7 +38,7 @@ def there(machine: Machine, distance_m: float) -> Machine:
 
 @pytest.mark.parametrize("distance_m", [0.0, 1.0, 16.0, 1024.0])
 @pytest.mark.parametrize("machine", [ttc.machines.tufting(), ttc.load_machine("examples/six_bar_loom.yaml")])
-def test_the_told_error_holds_far_from_the_origin(machine: Machine, distance_m: float) -> None:
+def test_the_stated_error_holds_far_from_the_origin(machine: Machine, distance_m: float) -> None:
     here, far = there(machine, 0.0), there(machine, distance_m)
     names = [name for name in here.outputs if name in OUTPUTS]
     assert len(names) == len(OUTPUTS) - 1

@@ -1,4 +1,4 @@
-"""Compiled twins: floats and arrays, shapes, and errors for people."""
+"""Compiled twins: floats and arrays, shapes, and error messages."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_floats_and_arrays_agree(machine: ttc.Machine) -> None:
             assert block[name][i] == pytest.approx(value, rel=1e-13, abs=1e-12), name
 
 
-def test_shapes_are_kept_and_broadcast(machine: ttc.Machine) -> None:
+def test_shapes_are_preserved_and_broadcast(machine: ttc.Machine) -> None:
     twin = ttc.compile(machine, ["balancing_torque_Nm"], method="exact")
     theta, omega = np.linspace(0, 6, 7)[:, None], np.array([0.0, 5.0, 16.0])
     r = twin.evaluate(theta, omega, 0.0)["balancing_torque_Nm"]
@@ -153,7 +153,7 @@ def test_auto_keeps_to_closed_forms_where_no_table_is_fine_enough() -> None:
     assert np.array_equal(auto["omega_2_rad_s"], exact["omega_2_rad_s"])
 
 
-def test_description_tells_of_every_load() -> None:
+def test_description_names_every_load() -> None:
     machine = four_bar(0.06, 0.2, 0.23, loads=(loads.JointDamping("l3", 0.5), loads.TorsionSpring("l3", 10.0, 1.0)))
     torque = ttc.compile(machine, ["balancing_torque_Nm"], "exact").describe()
     assert "load jointdamping: evaluated" in torque
@@ -163,7 +163,7 @@ def test_description_tells_of_every_load() -> None:
 
 def test_a_machine_with_history_checks_its_arrays() -> None:
     twin = ttc.compile(ttc.machines.needle_transfer(), ["element_1_position_m"])
-    assert ttc.machines.needle_transfer().name == "needle_transfer"  # what it imports does not take its place
+    assert ttc.machines.needle_transfer().name == "needle_transfer"  # its imports do not replace it
     theta = np.linspace(0.0, 1.0, 20)
     assert twin.evaluate(np.empty(0), 26.0)["element_1_position_m"].shape == (0,)
     with pytest.raises(ttc.MotionError, match="do not fit"):
@@ -172,7 +172,7 @@ def test_a_machine_with_history_checks_its_arrays() -> None:
         twin.evaluate(theta, 26.0, out={})
 
 
-def test_compiled_anew_it_gives_the_same_to_the_last_digit() -> None:
+def test_a_second_compilation_gives_the_same_to_the_last_digit() -> None:
     rng = np.random.default_rng(8)
     motion = rng.normal(size=(3, 70_000)) * np.array([[100.0], [20.0], [1e3]])  # long enough to be compiled at once
     code = (

@@ -1,4 +1,4 @@
-"""Copies of machines, twins and predictions, in this process and in another, tell the same."""
+"""Copies of machines, twins and predictions, in this process and in another, give the same results."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def machine(request: pytest.FixtureRequest) -> AnyMachine:
 
 
 def _outputs(machine: AnyMachine) -> list[str]:
-    """Some of all kinds that the machine can tell."""
+    """Return outputs of each kind that the machine has."""
     untold = getattr(machine, "missing_for_torque", ())
     return [name for name in machine.outputs if not untold or name.endswith(("_m", "_m_s", "_m_s2", "_rad"))][::5]
 
@@ -74,7 +74,7 @@ def test_a_copied_twin_gives_the_same_outputs(machine: AnyMachine, kind: str) ->
     _same(twin.evaluate(*_motion(machine)), again.evaluate(*_motion(machine)))
 
 
-def test_a_table_is_made_anew_to_the_same_tolerance() -> None:
+def test_a_copied_table_is_rebuilt_to_the_same_tolerance() -> None:
     twin = ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm"], method="table", tolerance=1e-6)
     again = pickle.loads(pickle.dumps(twin))
     assert again.method == "table" and again.reached_error == twin.reached_error <= 1e-6
@@ -89,7 +89,7 @@ def test_a_twin_works_in_another_process(machine: AnyMachine) -> None:
     outputs, values = pickle.loads(answer.stdout)
     assert outputs == twin.outputs
     expected = twin.evaluate(*motion)
-    for name in outputs:  # sums may be taken in another order there
+    for name in outputs:  # the other process may sum in another order
         np.testing.assert_allclose(values[name], expected[name], rtol=0, atol=1e-14 * np.abs(expected[name]).max())
 
 
@@ -117,5 +117,5 @@ def test_a_session_goes_on_with_a_copy_and_refuses_another_machine() -> None:
     session = ttc.compile(machine, ["balancing_torque_Nm"]).session()
     session.use(ttc.compile(copy.deepcopy(machine), ["needle_position_m"]))
     for other in (ttc.machines.tufting(l1_m=0.014), ttc.machines.handloom_beatup(), ttc.machines.needle_transfer()):
-        with pytest.raises(ttc.SceneError, match=f"machine 'tufting', and the twin of a '{other.name}'"):
+        with pytest.raises(ttc.SceneError, match=f"machine 'tufting', and the twin is of a different machine '{other.name}'"):
             session.use(ttc.compile(other))

@@ -1,4 +1,4 @@
-"""Live state of an elastic main shaft against a simulation by other equations, with hard inputs."""
+"""Live state of an elastic main shaft against an independent simulation, with hard inputs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TURN = 2.0 * math.pi
 
 
 def declared(wide: WideMachine, known: bool, **changes: object) -> Machine:
-    """The simulated machine as a user declares it."""
+    """Declare the simulated machine as a user would."""
     drive = ShaftDrive(None, wide.drive_inertia_kgm2, wide.slip_Nms_rad) if known else ShaftDrive()
     shaft = EvenShaft(
         wide.diameter_m,
@@ -36,21 +36,21 @@ def declared(wide: WideMachine, known: bool, **changes: object) -> Machine:
 
 @cache
 def record(wide: WideMachine, rpm: float, seconds: float = 4.0) -> Record:
-    """A recording of steady work."""
+    """Simulate a recording at constant speed."""
     return simulate(wide, rpm, seconds, settle_s=1.0)
 
 
 def observed(
     machine: Machine, made: Record, outputs: tuple[str, ...] = (TORQUE, FAR), shaft: str = "causal"
 ) -> Samples:
-    """All predictions of a record in one block."""
+    """Return all predictions of a record, from one block."""
     session = ttc.compile(machine, outputs=outputs).session(shaft)
     samples = session.step(made.stamps_ns, made.encoder_rad)
     return samples if len(samples) else session.finish()
 
 
 def error_over_peak(samples: Samples, made: Record, after_s: float) -> float:
-    """Root mean square error of the torque over the largest torque."""
+    """Compute the root mean square error of the torque over the largest torque."""
     off = (samples[TORQUE] - made.torque_Nm[samples.index])[made.time_s[samples.index] > after_s]
     return float(np.sqrt(np.mean(off**2)) / np.abs(made.torque_Nm).max())
 
@@ -70,7 +70,7 @@ def test_a_known_drive_gives_torque_and_far_needle() -> None:
     assert samples.settled[late].all()
 
 
-def test_an_unknown_drive_is_estimated_on_the_way() -> None:
+def test_an_unknown_drive_is_estimated() -> None:
     wide = WideMachine(0.04, phases_rad=tuple(math.pi * (k % 2) for k in range(16)))
     made = record(wide, 300.0)
     machine = declared(wide, False)
@@ -236,7 +236,7 @@ def test_a_drive_behind_a_gear_is_the_same_drive() -> None:
     np.testing.assert_allclose(behind["station_s0_speed_rad_s"], -2.0 * behind.omega_rad_s, rtol=1e-9)
 
 
-def test_a_chain_that_was_lost_begins_again() -> None:
+def test_a_lost_track_restarts() -> None:
     made = record(WideMachine(0.06), 300.0)
     session = ttc.compile(declared(WideMachine(0.06), False), outputs=(TORQUE,)).session()
     session.step(made.stamps_ns[:1000], made.encoder_rad[:1000])

@@ -75,7 +75,7 @@ def test_encoder_is_undone() -> None:
 
 @pytest.mark.parametrize(("turned", "wraps"), [(14.25, True), (-14.25, True), (14.25, False)])
 def test_an_encoder_zero_of_many_turns_keeps_a_wrapped_angle_wrapped(turned: float, wraps: bool) -> None:
-    """As that of an encoder that counts its turns is; with one of 90 rad each turn of a wrapped angle was a leap."""
+    """Use the zero of a multi-turn encoder; a zero of 90 rad once made each wrap of the angle a discontinuity."""
     plain = ttc.machines.tufting()
     zeroed = replace(plain, sensors=Sensors(Encoder(zero_rad=turned * TURN)))
     stamps, theta = motion()
@@ -92,7 +92,7 @@ def test_winding_angles_go_on_while_the_phase_stays_exact() -> None:
     stamps, theta = motion()
     samples = twin.session().step(stamps, theta)
     assert np.allclose(samples["joint_main_shaft_position"], samples.theta_rad, atol=1e-12)
-    assert abs(np.diff(samples["joint_coupler_position"])).max() < 0.1  # no leap at the turn of the angle
+    assert abs(np.diff(samples["joint_coupler_position"])).max() < 0.1  # continuous where the angle wraps
 
 
 def test_sigma_of_the_torque_follows_from_the_state() -> None:
@@ -146,7 +146,7 @@ def test_impacts_are_taken_once_whatever_the_blocks() -> None:
         found.append([(stamp, event.kind, event.name, event.impulse_Ns) for stamp, event in taken])
     assert found[0] == found[1]
     hits = [(stamp, name) for stamp, kind, name, impulse in found[0] if kind == "impact" and impulse > 5e-3]
-    # Away from the start, where the shaft's state is not known yet: as when the motion itself is given.
+    # After the start, where the estimate has not converged: same as with the exact motion.
     twin.evaluate(angle, np.full(1000, speed), np.zeros(1000), time=1e-9 * (stamps - stamps[0]))
     given = [(e.time_s, e.name) for e in twin.events if e.kind == "impact" and e.impulse_Ns > 5e-3]
     assert [name for _, name in hits] == [name for _, name in given] and len(hits) > 4

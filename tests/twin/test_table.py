@@ -1,4 +1,4 @@
-"""Tables: tolerance kept, leaps exact, large angles, and the honesty of the reached error."""
+"""Tables: tolerance, exact discontinuities, large angles, and the reached error against the true one."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ TORQUE = "balancing_torque_Nm"
 
 @pytest.fixture(autouse=True)
 def compiled_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However short a block is: without a compiled loop it would be evaluated exactly."""
+    """Compile loops at once, however short a block is; otherwise short blocks are evaluated exactly."""
     monkeypatch.setattr(loop, "_LONG", 1)
     monkeypatch.setattr(loop, "_WORTH", 1)
-    monkeypatch.setattr(loop, "_MET", Counter())  # what other tests compiled, and these, stays apart
+    monkeypatch.setattr(loop, "_MET", Counter())  # separate cache from other tests
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def machine() -> ttc.Machine:
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("share", [0.2, 1.0, 5.0])
-def test_tolerance_is_kept_at_every_speed(machine: ttc.Machine, tolerance: float, share: float) -> None:
+def test_tolerance_holds_at_every_speed(machine: ttc.Machine, tolerance: float, share: float) -> None:
     rng = np.random.default_rng(3)
     theta, alpha = rng.uniform(-50.0, 50.0, 20000), rng.uniform(-1, 1, 20000) * 0.1 * (share * SPEED) ** 2
     exact = ttc.compile(machine, [TORQUE, "needle_position_m"], "exact").evaluate(theta, share * SPEED, alpha)
@@ -45,7 +45,7 @@ def test_tolerance_is_kept_at_every_speed(machine: ttc.Machine, tolerance: float
 
 
 def test_entry_and_exit_stay_exact(machine: ttc.Machine) -> None:
-    """A rough table must not move the leap of the torque: on both sides within 1e-12 rad it is on the right one."""
+    """Check with a coarse table that the torque is on the correct side within 1e-12 rad of the discontinuity."""
     table = ttc.compile(machine, [TORQUE], "table", 1e-3)
     exact = ttc.compile(machine, [TORQUE], "exact")
     for event in machine.events():
@@ -53,7 +53,7 @@ def test_entry_and_exit_stay_exact(machine: ttc.Machine) -> None:
             continue
         near = event.angle_rad + np.array([-1e-12, 1e-12]) + 2.0 * math.pi * 5
         a, b = (t.evaluate(near, SPEED, 0.0)[TORQUE] for t in (table, exact))
-        assert np.abs(a - b).max() < 0.02  # the leap is 16 N m
+        assert np.abs(a - b).max() < 0.02  # the step is 16 N m
         single = [table.evaluate(float(x), SPEED, 0.0)[TORQUE] for x in near]
         assert np.abs(np.array(single) - b).max() < 0.02
 
@@ -73,7 +73,9 @@ def test_a_billion_radians_keep_their_phase(machine: ttc.Machine) -> None:
 )
 @pytest.mark.parametrize("output", [TORQUE, "needle_position_m", "driven_shaft_torque_Nm"])
 def test_reached_error_is_honest(machine: ttc.Machine, method: str, tolerance: float, output: str) -> None:
-    """Against 50 digits on random angles: never above the reached error, and at least a tenth of it or of 1e-15."""
+    """Check against 50 digits at random angles: never above the reached error, and at least a tenth of it or of
+    1e-15.
+    """
     twin = ttc.compile(machine, [output], method, tolerance)
     rng = np.random.default_rng(11)
     theta = rng.uniform(0.0, 2.0 * math.pi, 700)
@@ -91,8 +93,8 @@ def test_reached_error_is_honest(machine: ttc.Machine, method: str, tolerance: f
 def test_reached_error_asked_first_is_that_of_the_table(
     machine: ttc.Machine, monkeypatch: pytest.MonkeyPatch, method: str
 ) -> None:
-    """Before enough samples were met for a compiled loop, blocks go by the closed forms: their error is none of it."""
-    monkeypatch.undo()  # with the thresholds of every day
+    """Ask before any loop is compiled, when blocks would be evaluated by the closed forms."""
+    monkeypatch.undo()  # with the usual thresholds
     monkeypatch.setattr(loop, "_MET", Counter())
     twin = ttc.compile(machine, [TORQUE], method, 1e-3)
     reached = twin.reached_error
@@ -110,7 +112,7 @@ def test_nan_and_infinity_pass_through_a_table(machine: ttc.Machine) -> None:
 
 @pytest.mark.slow
 def test_many_linkages_with_events_at_the_origin(machine: ttc.Machine) -> None:
-    """Phases that put entries and exits on both sides of angle 0 are met exactly."""
+    """Check phases that put entries and exits on both sides of angle 0."""
     entry = machine.events()[0].angle_rad
     places = tuple(ShaftPlace(p) for p in (entry, entry - 0.01, entry + 0.01, 0.3, 2.0, 4.0))
     mill = replace(machine, linkages=places)
@@ -123,8 +125,10 @@ def test_many_linkages_with_events_at_the_origin(machine: ttc.Machine) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", [SPEED, -SPEED, 0.0])
-def test_every_direction_and_every_number_of_leaps_in_an_interval(machine: ttc.Machine, speed: float) -> None:
-    """A coarse table has an interval with several leaps: each sample takes the piece between its own two."""
+def test_every_direction_and_every_number_of_steps_in_an_interval(machine: ttc.Machine, speed: float) -> None:
+    """Check a coarse table with several discontinuities in one interval: each sample uses the piece between two
+    of them.
+    """
     entry = machine.events()[0].angle_rad
     places = tuple(ShaftPlace(p) for p in (entry, entry - 0.004, entry - 0.009, entry + 0.03, 1.0))
     mill = replace(machine, linkages=places)
@@ -139,7 +143,7 @@ def test_every_direction_and_every_number_of_leaps_in_an_interval(machine: ttc.M
 
 
 def test_mixed_directions_and_an_unknown_speed(machine: ttc.Machine) -> None:
-    """Friction follows the sign of each sample's speed; where the speed is NaN the torque is NaN, the position not."""
+    """Check that friction follows the sign of each speed; a NaN speed gives a NaN torque but a finite position."""
     rng = np.random.default_rng(8)
     theta, omega = rng.uniform(0.0, 7.0, 999), rng.choice([-SPEED, -1e-9, 0.0, 1e-9, SPEED], 999)
     outputs = [TORQUE, "needle_position_m"]

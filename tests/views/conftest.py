@@ -1,4 +1,4 @@
-"""A run of the tufting machine with known torques, compared once for all tests of the views."""
+"""Comparison of a simulated run of the tufting machine, shared by the tests of the views."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ START_NS = 1_763_000_000_000_000_000
 
 @dataclass(frozen=True)
 class Run:
-    """What went into the comparison, and the comparison."""
+    """Inputs of the comparison, and the comparison."""
 
     machine: ttc.Machine
     stamps_ns: IntArray
@@ -33,7 +33,9 @@ class Run:
 
 
 def make_run(seconds: float = 6.0) -> Run:
-    """A shaft that runs up in a second to 160 rpm; the sensor lags 2 ms, one turn has a knock of 2.5 N m."""
+    """Simulate a run-up to 160 rpm in a second, with a sensor delay of 2 ms and a disturbance of 2.5 N m in one
+    turn.
+    """
     rng = np.random.default_rng(11)
     machine = ttc.machines.tufting(torque_sensor_delay_s=0.0, torque_sensor_gain=1.01)
     n = int(500 * seconds)
@@ -73,14 +75,14 @@ def run() -> Run:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """The viewer writes settings at its first use: not into the home of whoever runs the tests."""
+    """Give the viewer a temporary home, since it writes settings at its first use."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HOME", str(tmp_path_factory.mktemp("home")))
         yield
 
 
 def rows_of(path: Path, entity: str, component: str) -> tuple[FloatArray, list[list[Any]]]:
-    """Times [s] and the values of one component in a recording, in order of time; static rows come without time."""
+    """Return the times [s] and values of one component in a recording, in order of time; static rows have no time."""
     found: list[tuple[float, list[Any]]] = []
     for chunk in rerun.chunk.RrdReader(str(path)).stream().filter(content=entity):
         batch = chunk.to_record_batch()
@@ -95,6 +97,6 @@ def rows_of(path: Path, entity: str, component: str) -> tuple[FloatArray, list[l
 
 
 def scalars_of(path: Path, entity: str, component: str = "Scalars:scalars") -> tuple[FloatArray, FloatArray]:
-    """Times [s] and numbers of a component that holds one number a row."""
+    """Return the times [s] and numbers of a component that holds one number per row."""
     times, values = rows_of(path, entity, component)
     return times, np.array([value[0] for value in values], dtype=np.float64)

@@ -34,20 +34,22 @@ EVENTS = [
 ]
 
 
-def check_hits(path: Path) -> None:
-    """Every impact where and when it was, marked once with its bounces, and the pad pressed in between."""
+def check_contacts(path: Path) -> None:
+    """Check that each impact is at its time and place, marked once with its bounces, and that the pad is pressed
+    in between.
+    """
     for name, when, speeds, element in (
         ("collet_contact", [0.1005, 0.101], [0.8, 0.4], 2),
         ("rubber_pad", [0.3], [2.5], 1),
         ("cone", [0.9], [1.2], 2),
     ):
-        times, shown = scalars_of(path, f"/hits/{name}/top")
+        times, shown = scalars_of(path, f"/contacts/{name}/top")
         np.testing.assert_allclose(times, when, atol=1e-9)
         np.testing.assert_array_equal(shown, speeds)
         times, shown = scalars_of(path, f"/position/at_{name}")
         places = np.interp(when, 1e-3 * np.arange(2000), 1e3 * POSITIONS[:, element])
         np.testing.assert_allclose(shown, places, rtol=1e-9)
-        times, _ = rows_of(path, f"/elements/hits/{name}", "LineStrips2D:strips")
+        times, _ = rows_of(path, f"/elements/contacts/{name}", "LineStrips2D:strips")
         np.testing.assert_allclose(times, when[:1], atol=1e-9)
     times, states = rows_of(path, "/pads/rubber_pad", "StateChange:state")
     np.testing.assert_allclose(times, [0.3, 0.304], atol=1e-9)
@@ -58,7 +60,7 @@ def check_hits(path: Path) -> None:
 
 
 def check(path: Path, frames: tuple[int, int]) -> None:
-    """What a reader of the recording finds."""
+    """Check the recording against the simulated motion."""
     for number, element in enumerate(MACHINE.elements):
         times, shown = scalars_of(path, f"/position/{element}")
         np.testing.assert_allclose(times, (STAMPS - START_NS) * 1e-9, atol=1e-9)
@@ -75,7 +77,7 @@ def test_live(tmp_path: Path) -> None:
     with LiveElements(MACHINE, port=None, path=tmp_path / "live.rrd", flush_s=0.02) as view:
         for first in range(0, 2000, 70):
             part = slice(first, first + 70)
-            # What happens comes before the motion that leads there, or after it.
+            # Events arrive before or after their motion.
             stamps = [each for each in EVENTS if first <= (each.stamp - START_NS) / 1e6 < first + 70]
             if first % 140:
                 view.add_events(stamps)
@@ -84,10 +86,10 @@ def test_live(tmp_path: Path) -> None:
                 view.add_events(stamps)
     assert view.error is None and view.dropped == 0
     check(tmp_path / "live.rrd", (110, 121))
-    check_hits(tmp_path / "live.rrd")
+    check_contacts(tmp_path / "live.rrd")
 
 
 def test_of_a_recording(tmp_path: Path) -> None:
     write_element_recording(tmp_path / "e.rrd", MACHINE, STAMPS, POSITIONS, VELOCITIES, EVENTS, title="a test")
     check(tmp_path / "e.rrd", (950, 1001))
-    check_hits(tmp_path / "e.rrd")
+    check_contacts(tmp_path / "e.rrd")

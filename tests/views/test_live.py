@@ -1,4 +1,4 @@
-"""The live view: every sample arrives, bounded buffers, served on loopback only."""
+"""Tests of the live view: every sample arrives, buffers are bounded, the server listens on loopback only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from textile_twin_core.views.port import Port
 
 PATIENCE_S = 60.0
 NEVER_S = 3600.0
-"""The thread that draws comes to nothing before the end: the test itself draws block by block, at no clock's pace."""
+"""Flush period beyond the end of a test, so that the test itself draws block by block."""
 
 
 def free_port() -> int:
@@ -52,14 +52,14 @@ def test_every_sample_is_in_the_recording(run: Run, tmp_path: Path) -> None:
     times, _ = rows_of(path, "/world/base/links/l1", "Transform3D:translation")
     assert 50 * 6 * 0.8 < times.size <= 60 * 6 + 1  # at most 60 pictures a second
     _, states = rows_of(path, "/phase/needle_backing", "StateChange:state")
-    # Blocks leave no phase out and name none twice.
+    # No phase is missing or repeated at the seams of blocks.
     assert all(a != b for a, b in zip(states[1:], states[:-1], strict=True))
     turns = np.count_nonzero(np.diff(np.floor((run.theta_rad - 0.38312100023839724) / (2 * np.pi))))
     assert len(states) == 2 * turns + 1
 
 
 def test_wrapped_angles_and_torque_that_comes_first_are_drawn_in_place(run: Run, tmp_path: Path) -> None:
-    """The curve over the angle ends at the angle of its last sample, however blocks fall."""
+    """Check that the curve over the angle ends at the angle of its last sample, for any division into blocks."""
     path = tmp_path / "live.rrd"
     with LiveView(run.machine, port=None, path=path, flush_s=0.02) as view:
         for first in range(1000, 2000, 20):
@@ -95,7 +95,7 @@ def test_serves_on_loopback_and_closes_its_port(run: Run) -> None:
 
 
 def other_address() -> str:
-    """An address of this machine that is not 127.0.0.1; Linux answers on all of 127/8."""
+    """Return an address of this machine other than 127.0.0.1; Linux answers on all of 127/8."""
     return "127.0.0.2"
 
 
@@ -112,14 +112,14 @@ def test_a_taken_port_gives_the_next(run: Run) -> None:
                     pass
 
 
-def test_no_port_left_is_told() -> None:
+def test_no_free_port_is_an_error() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 65535))
         with pytest.raises(TwinError, match=r"127\.0\.0\.1: all ports from 65535 to 65535 are taken"):
             Port("127.0.0.1", 65535)
 
 
-def test_an_address_of_another_computer_is_told() -> None:
+def test_an_address_of_another_computer_is_an_error() -> None:
     with pytest.raises(TwinError, match=r"192\.0\.2\.1:98\d\d: Cannot assign"):
         Port("192.0.2.1", 9876)
 
@@ -153,7 +153,7 @@ def test_a_torque_that_cannot_be_spoils_no_statistics(run: Run, tmp_path: Path) 
             view.add_residual(times, residual[stamps])
             view._take_and_draw()
     assert view.error is None
-    assert 0.05 < rms_told(path)[-1] < 2.0
+    assert 0.05 < logged_rms(path)[-1] < 2.0
     _, drawn = scalars_of(path, "/torque/measured")
     assert np.flatnonzero(np.isnan(drawn)).tolist() == [1500]
 
@@ -173,17 +173,17 @@ def test_one_wrong_torque_is_forgotten_after_two_minutes(run: Run, tmp_path: Pat
             view.add_residual(stamps, residual)
             view._take_and_draw()
     assert view.error is None
-    told = rms_told(path)
-    assert max(told) > 1e4
-    np.testing.assert_allclose(told[-1], 0.1, rtol=0.1)
+    rms = logged_rms(path)
+    assert max(rms) > 1e4
+    np.testing.assert_allclose(rms[-1], 0.1, rtol=0.1)
     for entity in ("/angle/last", "/by_angle/extremes"):
         _, rows = rows_of(path, entity, "LineStrips2D:strips")
         heights = np.array([point[1] for strips in rows[-30:] for strip in strips for point in strip])
         assert np.ptp(heights) > 200.0, entity
 
 
-def rms_told(path: Path) -> list[float]:
-    """The RMS residual of each summary [N m]."""
+def logged_rms(path: Path) -> list[float]:
+    """Return the RMS residual of each summary [N m]."""
     _, summaries = rows_of(path, "/summary", "TextDocument:text")
     lines = [line for summary in summaries for line in summary[0].splitlines() if "RMS" in line]
     return [float(line.split("|")[2].removesuffix(" N m ")) for line in lines]

@@ -1,4 +1,4 @@
-"""What the shaft's angle alone shows: of every linkage, live and of a recording, with the same numbers."""
+"""Tests of the motion views: every linkage, live and recorded, with the same numbers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from textile_twin_core.cli.main import main
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings import BagWriter
 from textile_twin_core.views import LiveView, write_motion_recording
-from textile_twin_core.views.travels import lanes_for, marks_for
+from textile_twin_core.views.measure_curves import marks_for, phase_rows_for
 
 SPEED = 31.4
 STAMPS = START_NS + np.arange(1500) * 2_000_000
@@ -30,7 +30,7 @@ def gear_loom() -> Machine:
 
 
 def check(path: Path) -> None:
-    """What a reader of the recording finds."""
+    """Check the recording against the linkage."""
     times, sley = scalars_of(path, "/travel/sley")
     np.testing.assert_allclose(times, (STAMPS - START_NS) * 1e-9, atol=1e-9)
     assert np.ptp(sley) == pytest.approx(85.0, abs=0.05)  # the fourth paper's stroke [mm]
@@ -65,12 +65,12 @@ def test_live(tmp_path: Path) -> None:
 
 
 def test_dwell_and_beat_up_are_where_the_paper_has_them() -> None:
-    (lane,) = lanes_for(gear_loom())
-    begins = {state: math.degrees(angle) for angle, state in lane.begins}
+    (row,) = phase_rows_for(gear_loom())
+    begins = {state: math.degrees(angle) for angle, state in row.begins}
     # The printed dwell is 92 .. 285 degrees, within 7 mm of the rear: 5 % of the stroke is 4.25 mm.
     assert 92.0 < begins["dwell"] < 125.0 and 255.0 < begins["forward"] < 285.0
     assert [name for name, _ in marks_for(gear_loom())] == ["beat-up"]
-    assert {lane.name for lane in lanes_for(ttc.machines.tufting())} == {"needle_backing", "needle_stroke"}
+    assert {row.name for row in phase_rows_for(ttc.machines.tufting())} == {"needle_backing", "needle_stroke"}
 
 
 @pytest.mark.parametrize("machine", ["elliptic_gear_beatup", "needle_transfer", "tufting"])
@@ -90,8 +90,8 @@ def test_a_replay_without_any_output_is_refused(capsys: pytest.CaptureFixture[st
     assert "--out or --rrd is missing" in capsys.readouterr().err
 
 
-def test_a_sley_that_swings_while_it_rests_beats_once(tmp_path: Path) -> None:
-    """A cam with a small lift in its dwell, and with two full ones: not every event of turning back is a beat."""
+def test_a_sley_that_swings_in_its_dwell_beats_once(tmp_path: Path) -> None:
+    """Check a cam with a small lift in its dwell against one with two full lifts: only full strokes are beats."""
     text = (Path(__file__).parents[2] / "examples" / "cam_loom.yaml").read_text()
     start = text.index("strokes: [")
     strokes = text[start : text.index("]}", start) + 1]
@@ -107,7 +107,7 @@ def test_a_sley_that_swings_while_it_rests_beats_once(tmp_path: Path) -> None:
 
 
 def test_a_gap_keeps_its_turns_and_no_line_goes_over_it(tmp_path: Path) -> None:
-    """Half a second is lost, in which the shaft turns two and a half times."""
+    """Drop half a second, in which the shaft makes two and a half turns."""
     machine = gear_loom()
     kept = (np.arange(1500) < 500) | (np.arange(1500) >= 750)
     path = tmp_path / "gap.rrd"

@@ -1,4 +1,4 @@
-"""Natural frequencies and critical speeds over an order-speed map."""
+"""Tests of natural frequencies and critical speeds drawn over an order-speed map."""
 
 from __future__ import annotations
 
@@ -28,6 +28,6 @@ def test_the_line_of_a_mode_and_its_critical_speeds_stand_where_they_are_met() -
     rpm, order = axes.lines[0].get_data()
     np.testing.assert_allclose(np.asarray(rpm) * np.asarray(order) / 60.0, resonances.modes[0].damped_Hz)
     dots = np.concatenate([np.asarray(each.get_offsets()) for each in axes.collections if each.get_array() is None])
-    # The order 15 of this machine meets its first mode at 448.9 rpm (integrated run-ups).
+    # Order 15 of this machine meets its first mode at 448.9 rpm (integrated run-ups).
     assert abs(dots[np.argmin(abs(dots[:, 1] - 15.0)), 0] - 448.9) < 0.005 * 448.9
     assert set(dots[:, 1]) == {each.order for each in resonances.critical if each.mode == 1 and each.order < 24}

@@ -1,4 +1,4 @@
-"""The viewer without a screen: curves and machine are really drawn, and the machine moves."""
+"""Tests of the viewer without a display: curves and machine are drawn, and the machine moves."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.views.conftest import Run
 from tests.views.test_live import PATIENCE_S, feed, free_port
 from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.views import LiveView, open_viewer, palette, screenshot, screenshots, write_comparison_recording
-from textile_twin_core.views.viewer import _patiently
+from textile_twin_core.views.viewer import _ask_repeatedly
 
 Pixels = npt.NDArray[np.int64]
 
@@ -29,7 +29,7 @@ needs_vulkan = pytest.mark.skipif(
     reason="no Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1",
 )
 
-# Parts of the 1920 x 1080 window: (left, top, right, bottom).
+# Regions of the 1920 x 1080 window: (left, top, right, bottom).
 MACHINE = (0, 70, 490, 800)
 TORQUE = (515, 75, 1915, 335)
 RESIDUAL = (515, 385, 1915, 520)
@@ -47,7 +47,7 @@ def part(image: Pixels, box: tuple[int, int, int, int]) -> Pixels:
 
 
 def columns_of(image: Pixels, colour: palette.Colour, near: int = 40) -> int:
-    """Columns of an image that hold the colour: how far a curve reaches, however thin."""
+    """Return the columns of an image that contain the colour: the extent of a curve, however thin."""
     return int(np.count_nonzero((np.abs(image - np.array(colour)).max(axis=2) < near).any(axis=0)))
 
 
@@ -99,7 +99,7 @@ def test_no_viewer_is_left_behind(run: Run, tmp_path: Path, monkeypatch: pytest.
 
 
 def started_by(mark: Path) -> list[bytes]:
-    """Commands of the living processes that inherited the mark."""
+    """Return the commands of the living processes that inherited the mark."""
     found = []
     for process in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
@@ -120,28 +120,30 @@ def test_a_viewer_whose_transport_fails_for_a_moment_is_asked_again() -> None:
     port = free_port()
     server = "import socket, sys, time; time.sleep(1.5); socket.create_server(('127.0.0.1', int(sys.argv[1]))).accept()"
     with subprocess.Popen([sys.executable, "-c", server, str(port)]) as process:
-        _patiently(process, "answer", PATIENCE_S, lambda: socket.create_connection(("127.0.0.1", port), 1.0).close())
+        _ask_repeatedly(
+            process, "answer", PATIENCE_S, lambda: socket.create_connection(("127.0.0.1", port), 1.0).close()
+        )
         assert process.wait() == 0
         with pytest.raises(TwinError, match="the viewer ended with code 0"):
-            _patiently(process, "answer", PATIENCE_S, lambda: socket.create_connection(("127.0.0.1", port), 1.0))
+            _ask_repeatedly(process, "answer", PATIENCE_S, lambda: socket.create_connection(("127.0.0.1", port), 1.0))
 
 
-def test_a_viewer_that_is_ended_or_too_slow_is_told_in_our_words() -> None:
-    """Not in those of the transport, whatever it says."""
+def test_a_viewer_that_is_ended_or_too_slow_is_reported_in_our_words() -> None:
+    """Check that the message is ours and not that of the transport."""
 
     def fail() -> None:
         raise RuntimeError('status: Unavailable, message: "transport error", details: [], metadata: MetadataMap {}')
 
     with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) as process:
         with pytest.raises(TwinError) as slow:
-            _patiently(process, "show it at 3 s", 0.3, fail)
+            _ask_repeatedly(process, "show it at 3 s", 0.3, fail)
         assert str(slow.value) == (
             "the viewer did not show it at 3 s in 0.3 s: try again when the computer has less to do"
         )
         process.terminate()
         process.wait()
         with pytest.raises(TwinError) as ended:
-            _patiently(process, "show it at 3 s", 30.0, fail)
+            _ask_repeatedly(process, "show it at 3 s", 30.0, fail)
     assert str(ended.value) == "the viewer was ended by signal 15 (Terminated); draw it again"
 
 

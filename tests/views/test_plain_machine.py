@@ -1,4 +1,4 @@
-"""Views of a machine that is no loom: names of its events, warnings, and a picture in which nothing covers another."""
+"""Views of a machine other than a loom: names of events, warnings, a picture without overlaps."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import textile_twin_core as ttc
 from tests.views.conftest import Run, rows_of
 from textile_twin_core.comparison import compare_torque
 from textile_twin_core.views import plot_machine, write_comparison_recording
+from textile_twin_core.views.measure_curves import marks_for, phase_rows_for
 from textile_twin_core.views.plot_linkage import clearest_angle, draw_linkage
 from textile_twin_core.views.recording import limit_of
 from textile_twin_core.views.scene import build_scene
-from textile_twin_core.views.travels import lanes_for, marks_for
 
 PUMP = ttc.load_machine("examples/beam_pump.yaml")
 
@@ -28,17 +28,17 @@ def test_an_arc_is_named_as_its_measure_and_a_sleys_beats_up() -> None:
     still = np.zeros_like(theta)
     position = ttc.compile(PUMP, outputs=["horse_head_position_m"]).evaluate(theta, still, still)
     assert abs(theta[np.argmax(position["horse_head_position_m"])] - angle) < 1e-3
-    (lane,) = lanes_for(PUMP)
-    assert {state for _, state in lane.begins} == {"forward", "back"}
+    (row,) = phase_rows_for(PUMP)
+    assert {state for _, state in row.begins} == {"forward", "back"}
     for loom in (ttc.machines.handloom_beatup(), ttc.machines.elliptic_gear_beatup()):
         assert "beat-up" in {name for name, _ in marks_for(loom)}
-        assert any("beat-up" in {state for _, state in lane.begins} for lane in lanes_for(loom))
+        assert any("beat-up" in {state for _, state in row.begins} for row in phase_rows_for(loom))
 
 
 @pytest.mark.parametrize("noise_Nm", [0.02, 0.3])
 def test_a_machine_in_order_raises_no_warning_and_a_knock_does(run: Run, tmp_path: Path, noise_Nm: float) -> None:
     rng = np.random.default_rng(3)
-    # A periodic residual, as of a friction that is not in the file, and noise.
+    # A periodic residual, such as unmodelled friction, and noise.
     healthy = 1.01 * run.predicted_Nm + noise_Nm * (np.sin(run.theta_rad) + rng.normal(0.0, 1.0, len(run.theta_rad)))
     knocked = healthy + 20.0 * noise_Nm * (np.floor(run.theta_rad / (2.0 * np.pi)) == 11)
     for measured, turns in ((healthy, 0), (knocked, 1)):
@@ -72,7 +72,7 @@ def test_links_and_labels_of_a_picture_do_not_cover_each_other(machine: ttc.Mach
 
 
 def test_the_picture_is_drawn_at_the_angle_asked_for(tmp_path: Path) -> None:
-    """At the ends of the stroke crank and pitman lie in one line; the default is elsewhere."""
+    """Draw at the ends of the stroke, where crank and pitman lie in one line; the default angle is elsewhere."""
     scene = build_scene(PUMP)
     theta = clearest_angle(PUMP, scene)
     crank, pitman = (

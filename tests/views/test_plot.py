@@ -1,4 +1,4 @@
-"""The plot: written whole, small enough for a page, with both curves in it."""
+"""Tests of the comparison plot: written whole, small enough for a page, with both curves in it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from textile_twin_core.views import plot_comparison
 
 
 def share_of(path: Path, colour: tuple[int, int, int], box: tuple[float, float, float, float]) -> float:
-    """Share of the columns of a part of the picture, in fractions of its size, that hold the colour."""
+    """Return the share of columns in a region of the picture (fractions of its size) that contain the colour."""
     image = np.asarray(Image.open(path).convert("RGB"), dtype=np.int64)
     height, width = image.shape[:2]
     view = image[int(box[1] * height) : int(box[3] * height), int(box[0] * width) : int(box[2] * width)]

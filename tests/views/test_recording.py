@@ -1,4 +1,4 @@
-"""The recording read back: what went in stands in it, and the linkage moves as the mechanism's own equations say."""
+"""Tests of the recording read back: its values are the inputs, and the linkage follows independent equations."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_residual_has_gaps_where_nothing_was_compared(recording: Path, run: Run)
 
 
 def test_links_stand_where_the_loop_closes(recording: Path, run: Run) -> None:
-    """Crank, coupler and needle bar from the loop closure of Xu et al. 2016, Eq. 1 and 14, solved here."""
+    """Solve crank, coupler and needle bar from the loop closure of Xu et al. 2016, Eq. 1 and 14."""
     times, places = rows_of(recording, "/world/base/links/l2", "Transform3D:translation")
     theta = np.interp(times, (run.stamps_ns - START_NS) * 1e-9, run.theta_rad)
     start = np.array([place[0] for place in places])[:, :2]
@@ -95,7 +95,7 @@ def test_the_bad_turn_is_in_the_list_of_events(recording: Path) -> None:
     assert any("turn 9: residual +2." in text[0] for text in texts), texts
 
 
-def test_the_summary_tells_the_numbers(recording: Path, run: Run) -> None:
+def test_the_summary_has_the_numbers(recording: Path, run: Run) -> None:
     _, texts = rows_of(recording, "/summary", "TextDocument:text")
     text = str(texts[0][0])
     assert "run-up to 160 rpm" in text

@@ -1,4 +1,4 @@
-"""The report and the machine's picture: complete, self-contained, and drawn of every machine."""
+"""Tests of the report and the machine's picture: complete, self-contained, for every machine."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def test_the_report_holds_verdict_numbers_and_pictures_and_nothing_from_outside(
     assert not re.search(r'(src|href)="(?!data:)', page)
 
 
-def test_a_report_of_what_cannot_be_judged_says_nothing_good_of_the_sensor(tmp_path: Path) -> None:
-    """Less than a turn: neither is the machine found right, nor does the recording tell of a gain."""
+def test_a_report_of_a_recording_too_short_to_judge_has_no_sensor_estimate(tmp_path: Path) -> None:
+    """Check a recording of less than a turn, which supports neither a verdict nor an estimate of the gain."""
     twin, time = ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm"]), np.arange(400) / 500.0
     stamps, still = np.rint(time * 1e9).astype(np.int64), np.zeros_like(time)
     for name, speed in (("short", 3.0), ("long", 16.0)):
@@ -55,6 +55,6 @@ def test_a_report_of_what_cannot_be_judged_says_nothing_good_of_the_sensor(tmp_p
         assert main(["compare", str(tmp_path / name), "--machine", "tufting", "--html", str(report)]) == 0
     short, long = ((tmp_path / f"{name}.html").read_text() for name in ("short", "long"))
     assert 'class="verdict"' in short and "nothing can be told" in short
-    assert short.count(">not told<") == 3 and "1.0000, +0.0000 N m (configured)" in short
+    assert short.count(">not identifiable<") == 3 and "1.0000, +0.0000 N m (configured)" in short
     assert not re.search(r">[^<]*\bnan\b[^<]*<", short)
-    assert 'class="verdict good"' in long and "not told" not in long and "(configured)" not in long
+    assert 'class="verdict good"' in long and "not identifiable" not in long and "(configured)" not in long

@@ -1,4 +1,4 @@
-"""Recordings for the viewer on a disk that takes no more: an error, and never half a file in place of a whole one."""
+"""Recordings for the viewer on a full disk: an error, and a complete file is never replaced by a partial one."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def test_a_comparison_that_does_not_fit_leaves_the_old_file(run: Run, tmp_path: 
     assert path.read_bytes() == b"old"
 
 
-def test_a_motion_that_does_not_fit_is_told(run: Run, tmp_path: Path) -> None:
+def test_a_motion_that_does_not_fit_is_an_error(run: Run, tmp_path: Path) -> None:
     with full_disk(500_000), pytest.raises(RecordingError, match="File too large"):
         write_motion_recording(tmp_path / "m.rrd", run.machine, run.stamps_ns, run.theta_rad, title="a test")
 
 
-def test_a_file_that_lacks_its_end_alone_is_told(tmp_path: Path) -> None:
-    """Everything logged was written, and then there was no room for what closes the file."""
+def test_a_file_without_its_footer_is_an_error(tmp_path: Path) -> None:
+    """Leave room for all logged data but not for the footer of the file."""
 
     def write(path: Path, limit: int) -> None:
         with full_disk(limit):
@@ -54,7 +54,7 @@ def test_a_file_that_lacks_its_end_alone_is_told(tmp_path: Path) -> None:
         write(tmp_path / "cut.rrd", whole - 20)
 
 
-def test_a_live_view_tells_of_a_full_disk_while_it_runs(run: Run, tmp_path: Path) -> None:
+def test_a_live_view_reports_a_full_disk_while_it_runs(run: Run, tmp_path: Path) -> None:
     with (
         full_disk(600_000),
         LiveView(run.machine, port=None, path=tmp_path / "live.rrd", flush_s=0.02) as view,
@@ -66,7 +66,7 @@ def test_a_live_view_tells_of_a_full_disk_while_it_runs(run: Run, tmp_path: Path
         assert isinstance(view.error, RecordingError)
 
 
-def test_a_live_view_tells_of_a_file_that_could_not_be_completed(run: Run, tmp_path: Path) -> None:
+def test_a_live_view_reports_an_incomplete_file(run: Run, tmp_path: Path) -> None:
     with LiveView(run.machine, port=None, path=tmp_path / "live.rrd", flush_s=60.0) as view:
         view.add_predicted(run.stamps_ns, run.theta_rad, run.predicted_Nm)
         with full_disk(500_000):
@@ -74,7 +74,7 @@ def test_a_live_view_tells_of_a_file_that_could_not_be_completed(run: Run, tmp_p
     assert isinstance(view.error, RecordingError)
 
 
-def test_what_the_viewer_would_wait_for_in_vain_is_told_at_once(run: Run, tmp_path: Path) -> None:
+def test_a_file_that_the_viewer_cannot_open_is_an_error_at_once(run: Run, tmp_path: Path) -> None:
     whole = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine, title="a test").read_bytes()
     check_whole(tmp_path / "run.rrd")
     for content, words in ((b"", "is no recording"), (b"junk" * 99, "is no recording"), (whole[:-200], "has no end")):

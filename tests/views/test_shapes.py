@@ -1,4 +1,4 @@
-"""Solids, scene, canvas and phases against what geometry says they must be."""
+"""Solids, scene, canvas and phases against plain geometry."""
 
 from __future__ import annotations
 
@@ -11,19 +11,26 @@ from textile_twin_core.mechanism import CamFollower, Crank, RRRDyad
 from textile_twin_core.mechanism.cam_follower import SecondRoller
 from textile_twin_core.mechanism.law_strokes import Stroke
 from textile_twin_core.views.angle_canvas import AngleCanvas, canvas_for, round_ticks, split_turns
-from textile_twin_core.views.phases import Direction, Lane, StateChanges, inside_backing, lanes_of, state_changes
+from textile_twin_core.views.phases import (
+    Direction,
+    PhaseRow,
+    StateChanges,
+    inside_backing,
+    phase_rows_of,
+    state_changes,
+)
 from textile_twin_core.views.scene import build_scene, poses
 from textile_twin_core.views.solids import Solid, circle, extrude, rectangle, stadium
 
 
 def volume(solid: Solid) -> float:
-    """Volume by the divergence theorem: positive only when every triangle looks outwards."""
+    """Compute the volume by the divergence theorem: positive only when every triangle faces outwards."""
     a, b, c = (solid.vertices[solid.triangles[:, k]] for k in range(3))
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 
 
-def _changes(lane: Lane, time_s: FloatArray, theta_rad: FloatArray) -> StateChanges:
-    return state_changes(lane, time_s, theta_rad, Direction().take(theta_rad))
+def _changes(row: PhaseRow, time_s: FloatArray, theta_rad: FloatArray) -> StateChanges:
+    return state_changes(row, time_s, theta_rad, Direction().take(theta_rad))
 
 
 def test_solids_are_closed_and_look_outwards() -> None:
@@ -33,7 +40,7 @@ def test_solids_are_closed_and_look_outwards() -> None:
     assert volume(bar) == pytest.approx(2.0 + np.pi * 0.25, rel=1e-4)
     cone = extrude(circle(1.0, sides=400), 0.0, 3.0, colour, end_scale=1e-9)
     assert volume(cone) == pytest.approx(np.pi, rel=1e-3)
-    boomerang = [(2.0, 0.0), (0.0, 2.0), (-1.0, -1.0), (0.0, -0.5)]  # seen whole from (0, 0)
+    boomerang = [(2.0, 0.0), (0.0, 2.0), (-1.0, -1.0), (0.0, -0.5)]  # visible whole from (0, 0)
     assert volume(extrude(boomerang, 0.0, 3.0, colour, centre=(0.0, 0.0))) == pytest.approx(3.0 * 3.75)
     turned = bar.turned((0, 1, 0), (0, 0, 1), (1, 0, 0)).moved((5.0, -7.0, 2.0))
     assert volume(turned) == pytest.approx(volume(bar))
@@ -71,25 +78,25 @@ def test_lines_are_split_at_full_turns_and_gaps() -> None:
 
 def test_phases_follow_the_shaft_forwards_and_backwards() -> None:
     events = ttc.machines.tufting().events()
-    lanes = {lane.name: lane for lane in lanes_of(events)}
-    assert set(lanes) == {"needle_backing", "needle_stroke"}
+    phase_rows = {row.name: row for row in phase_rows_of(events)}
+    assert set(phase_rows) == {"needle_backing", "needle_stroke"}
     time = np.linspace(0.0, 2.0, 801)
-    forward = _changes(lanes["needle_backing"], time, 2 * np.pi * time)
+    forward = _changes(phase_rows["needle_backing"], time, 2 * np.pi * time)
     assert forward.states == ("free", "in backing", "free", "in backing", "free")
     entry, leave = 0.38312100023839724 / (2 * np.pi), 3.3846508836082833 / (2 * np.pi)
     np.testing.assert_allclose(forward.time_s, [0.0, entry, leave, 1 + entry, 1 + leave], atol=1e-9)
-    backward = _changes(lanes["needle_backing"], time, -2 * np.pi * time)
+    backward = _changes(phase_rows["needle_backing"], time, -2 * np.pi * time)
     assert backward.states == ("free", "in backing", "free", "in backing", "free")
     np.testing.assert_allclose(backward.time_s, [0.0, 1 - leave, 1 - entry, 2 - leave, 2 - entry], atol=1e-9)
-    # The needle goes forward between its rear and its front point, whichever way the shaft turns.
+    # The needle moves forward from its rear to its front point in either direction of rotation.
     turns = [event.angle_rad / (2 * np.pi) for event in events if event.name.endswith(("_largest", "_smallest"))]
     for sign, expected in ((1, ("forward", "back") * 2 + ("forward",)), (-1, ("back", "forward") * 2 + ("back",))):
-        stroke = _changes(lanes["needle_stroke"], time, sign * 2 * np.pi * time)
+        stroke = _changes(phase_rows["needle_stroke"], time, sign * 2 * np.pi * time)
         states = [state for state, when in zip(stroke.states, stroke.time_s, strict=True) if when == 0.0 or when > 0.01]
         assert tuple(states)[-4:] == expected[-4:]
         ends = sorted((sign * turn) % 1.0 + k for turn in turns for k in (0, 1))
         np.testing.assert_allclose(stroke.time_s[-4:], ends, atol=1e-9)
-    inside = inside_backing(list(lanes.values()))
+    inside = inside_backing(list(phase_rows.values()))
     assert inside.mean() == pytest.approx(leave - entry, abs=2 / 720)
 
 
@@ -105,7 +112,7 @@ def test_every_linkage_has_a_scene(name: str) -> None:
 
 
 def test_a_part_of_the_turn_has_a_scene_of_its_own() -> None:
-    """The linkage cannot close elsewhere: A goes about O and B about C, as far as the crank goes within the range."""
+    """Restrict the range to where the linkage closes: A moves about O and B about C within the crank's range."""
     groups = (Crank("l1", "O", "A", 0.12), RRRDyad("l2", "l3", "A", "C", "B", (0.05, 0.11), branch="right"))
     machine = ttc.Machine("part", {"O": (0.0, 0.0), "C": (0.1, 0.0)}, groups, range_rad=(0.6, 1.5))
     scene = build_scene(machine)
@@ -138,5 +145,5 @@ def test_rollers_touch_the_cams_that_are_drawn() -> None:
 
 
 def _turn(angle: float) -> np.ndarray:
-    """Rows of a matrix that turns a row vector by an angle."""
+    """Return the matrix that turns a row vector by an angle."""
     return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])

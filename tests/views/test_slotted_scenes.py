@@ -1,4 +1,4 @@
-"""Pictures of machines with sliders on moving links and round gears: what stands still and what moves."""
+"""Pictures of machines with sliders on moving links and round gears: fixed and moving parts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ def scene(name: str) -> MachineScene:
 
 
 def test_a_slot_on_a_lever_is_no_guide_on_the_ground() -> None:
-    """The fixed solids stand at the bearings and along the ram's guide, and nowhere along the crank's pin."""
+    """Check that the fixed solids stand at the bearings and along the ram's guide, and nowhere along the crank's
+    pin.
+    """
     drawn = scene("whitworth_shaper")
     assert drawn.fixed_points.keys() == {"O", "C"}
     corners = drawn.fixed.vertices[:, :2]

@@ -18,7 +18,7 @@ from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_tu
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.twin import Twin, compile_rigid
-from textile_twin_core.twin.sense import next_to_rest
+from textile_twin_core.twin.sense import negligible_speed
 
 _ZEROS, _DELAYS, _HALVINGS = 72, 48, 40
 _LONGEST_DELAY_S = 1.0
@@ -333,7 +333,7 @@ def _depends_on_sense(twin: Twin, name: str) -> bool:
     They differ by more than rounding beside what the quantity is at a speed; a velocity is none of its own there.
     """
     theta = TURN * np.arange(720) / 720
-    forward, back = (twin.evaluate(theta, next_to_rest(np.full(720, way)), 0.0)[name] for way in (1.0, -1.0))
+    forward, back = (twin.evaluate(theta, negligible_speed(np.full(720, way)), 0.0)[name] for way in (1.0, -1.0))
     usual = np.abs(_over_a_turn(twin, name, 1.0))
     return bool(np.nanmax(np.abs(forward - back)) > _CONSTANT * np.nanmax(usual))
 

@@ -11,7 +11,7 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.machine_topics import referred
 from textile_twin_core.recordings.samples import AngleSamples
 from textile_twin_core.twin import compile_machine
-from textile_twin_core.twin.references import reference_of
+from textile_twin_core.twin.encoder_reference import reference_of
 
 _PASSED = 2.7
 """Low-pass of the pickup over the rate of the teeth: noise goes, the edge keeps its place."""

@@ -14,7 +14,7 @@ from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.message_types import HEADER
 from textile_twin_core.recordings.recorded_clock import set_back, stamps_ahead
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
-from textile_twin_core.twin.references import Reading, Reference, reference_of
+from textile_twin_core.twin.encoder_reference import Reading, Reference, reference_of
 
 ANGLE_TOPIC = "main_shaft/angle"
 SECOND_ANGLE_TOPIC = "main_shaft/second_angle"

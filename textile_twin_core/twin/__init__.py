@@ -1,4 +1,4 @@
-"""Twins: machines compiled for the outputs of a scene, and sessions that feed them with angle samples."""
+"""Twins: machines compiled for the outputs of a scene, and sessions that evaluate them at angle samples."""
 
 from textile_twin_core.twin.compilation import compile_machine, compile_rigid, idle_twin
 from textile_twin_core.twin.compiled import Twin

@@ -1,4 +1,4 @@
-"""The error that a method reaches, measured against extended precision on random angles."""
+"""Error of an evaluation method, measured against extended precision at random angles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DOUBLE_ROUNDING = float(np.finfo(np.float64).eps)
 
 
 class Evaluator(Protocol):
-    """A method of evaluation."""
+    """Method of evaluation."""
 
     def fill(self, inputs: Sequence[FloatArray], out: Mapping[str, FloatArray]) -> None:
         """Evaluate one-dimensional inputs into `out`."""
@@ -27,12 +27,14 @@ class Evaluator(Protocol):
 
 
 def reached_errors(machine: Machine, outputs: Mapping[str, Expr], evaluator: Evaluator) -> dict[str, float]:
-    """Error over peak per output: the largest on random angles at nominal speed, times a margin of two.
+    """Measure the error over peak of each output: the maximum over random angles at nominal speed, times a
+    margin of two.
 
-    The reference is the same closed form in numpy's long double (19 digits where the processor has
-    them); the margin covers angles not met and the rounding of the declared constants. Where all fixed points are
-    far from the origin, differences of their coordinates are rounded as these are: that is added, over the shortest
-    link's length.
+    The reference is the same closed form in numpy's long double (19 digits where the processor has them). The
+    margin covers
+    other angles and the rounding of the declared constants. If all fixed points are far from the origin, the
+    differences of
+    their coordinates lose digits; this rounding, over the length of the shortest link, is added.
     """
     rng = np.random.default_rng(20_160_117)
     speed = machine.nominal_speed_rad_s
@@ -46,7 +48,7 @@ def reached_errors(machine: Machine, outputs: Mapping[str, Expr], evaluator: Eva
     wide = {"theta": theta, "omega": omega, "alpha": alpha}
     inputs = {name: values.astype(np.longdouble) for name, values in wide.items()}
     reference = interpret(outputs.values(), inputs, Numpy)
-    rounded = _of_the_distance(machine)
+    rounded = _coordinate_rounding(machine)
     errors = {}
     for name, exact in zip(outputs, reference, strict=True):
         peak = float(np.abs(exact).max())
@@ -56,8 +58,8 @@ def reached_errors(machine: Machine, outputs: Mapping[str, Expr], evaluator: Eva
     return errors
 
 
-def _of_the_distance(machine: Machine) -> float:
-    """What the rounding of coordinates is of the shortest link; 0 where a fixed point is the origin."""
+def _coordinate_rounding(machine: Machine) -> float:
+    """Return the rounding of the coordinates over the length of the shortest link; 0 if a fixed point is the origin."""
     distance = min((math.hypot(x, y) for x, y in machine.points.values()), default=0.0)
     shortest = min((abs(link.length) for link in machine.linkage.solved.links.values() if link.length), default=0.0)
     return _DOUBLE_ROUNDING * distance / shortest if shortest else 0.0

@@ -1,18 +1,21 @@
-"""A grid of nodes over one turn: the node nearest to an angle and the rest, without loss up to 1e9 rad."""
+"""Grid of nodes over one turn: nearest node and offset of an angle, without loss of digits up to 1e9 rad."""
 
 from __future__ import annotations
 
 import math
 
-# 2 pi to 107 bits, as the sum of two doubles
+# 2 pi to 107 bits, as the sum of two doubles.
 _TURN = 2.0 * math.pi
-_TURN_REST = 2.4492935982947064e-16
+_TURN_LOW = 2.4492935982947064e-16
 
 
 class AngleGrid:
-    """`nodes`, a power of two, equally spaced over one turn.
+    """Grid of `nodes` (a power of two) equally spaced over one turn.
 
-    Their distance is kept in three `parts` (Cody and Waite 1980), so that products with the number of a node are exact.
+    The spacing is stored in three `parts`, so that its products with a node number are exact.
+
+    References:
+        W. J. Cody and W. Waite, Software Manual for the Elementary Functions, 1980.
     """
 
     def __init__(self, nodes: int) -> None:
@@ -22,11 +25,13 @@ class AngleGrid:
         self.step = _TURN / nodes
         first = _leading_bits(self.step, 14)
         second = _leading_bits(self.step - first, 14)
-        self.parts = (first, second, (self.step - first - second) + _TURN_REST / nodes)
+        self.parts = (first, second, (self.step - first - second) + _TURN_LOW / nodes)
 
     def reduction(self) -> list[str]:
-        """Lines of Python: from `theta` the nearest `node`, 0..nodes-1, and the angle `rest` from it."""
-        rounder = 1.5 * 2.0**52  # added to a number, it leaves the nearest integer in the last bits
+        """Return lines of Python that compute from `theta` the nearest `node`, 0..nodes-1, and the offset `rest`
+        from it.
+        """
+        rounder = 1.5 * 2.0**52  # adding it rounds a number to the nearest integer, in its last bits
         first, second, third = self.parts
         return [
             f"shifted = theta * {self.nodes / _TURN!r} + {rounder!r}",

@@ -1,4 +1,4 @@
-"""compile(machine, outputs, method, tolerance): the twin of a machine for the outputs asked."""
+"""Entry point `compile`: the twin of a machine for the requested outputs."""
 
 from __future__ import annotations
 
@@ -43,22 +43,23 @@ def compile_machine(
     method: str | None = None,
     tolerance: float | None = None,
 ) -> Twin | ElasticTwin | HistoryTwin:
-    """Compile a machine into a twin that computes the outputs asked for and nothing else.
+    """Compile a machine into a twin that computes the requested outputs and nothing else.
 
     Args:
-        machine: from `ttc.machines` or `ttc.load_machine`.
-        outputs: names of outputs, as `machine.outputs` lists them; those of the machine's scene without it.
-        method: "exact" evaluates closed forms, "table" periodic tables, "auto" whichever is faster (see `Twin`); that
-            of the machine's scene without it.
-        tolerance: error over the peak that a table may have; that of the machine's scene without it.
+        machine: A machine from `ttc.machines` or `ttc.load_machine`.
+        outputs: Names from `machine.outputs`; the outputs of the machine's scene by default.
+        method: "exact" evaluates closed forms, "table" evaluates periodic tables, "auto" selects the faster one (see
+            `Twin`); the method of the machine's scene by default.
+        tolerance: Largest error over the peak for a table; the tolerance of the machine's scene by default.
 
     Returns:
-        The twin: `evaluate` for shaft angles, speeds and accelerations, `session` for samples of an encoder. A
-        HistoryTwin for a machine with impacts, an ElasticTwin for one with an elastic shaft.
+        The twin: `evaluate` takes shaft angles, speeds and accelerations, `session` takes samples of an encoder.
+            The type is
+        HistoryTwin for a machine with impacts, ElasticTwin for one with an elastic shaft, and Twin otherwise.
 
     Raises:
-        SceneError: an unknown output or method, or a tolerance that is not positive.
-        MachineError: the machine lacks what an output needs, such as masses.
+        SceneError: An output or the method is unknown, or the tolerance is not positive.
+        MachineError: The machine lacks data that an output needs, such as masses.
 
     Example:
         >>> import textile_twin_core as ttc
@@ -70,7 +71,7 @@ def compile_machine(
 
 
 def idle_twin(machine: AnyMachine) -> Twin | ElasticTwin | HistoryTwin:
-    """Compile a machine for no output: its sessions follow the shaft alone."""
+    """Compile a machine for no output, so that its sessions estimate the shaft only."""
     return _twin(machine, (), "exact", machine.scene.tolerance)
 
 
@@ -93,19 +94,19 @@ def _twin(
 def compile_rigid(
     machine: Machine, outputs: Sequence[str] | None = None, method: str | None = None, tolerance: float | None = None
 ) -> Twin:
-    """Compile a linkage machine as if its main shaft were rigid; arguments and errors as `compile_machine`."""
+    """Compile a linkage machine as if its main shaft were rigid; arguments and errors as in `compile_machine`."""
     return Twin(machine, *_scene(machine, outputs, method, tolerance))
 
 
 def _scene(
     machine: AnyMachine, outputs: Sequence[str] | None, method: str | None, tolerance: float | None
 ) -> tuple[tuple[str, ...], str, float]:
-    """Output names, method and tolerance, checked."""
+    """Check and return output names, method and tolerance."""
     if isinstance(machine, (str, Path)):
         raise SceneError(f"compile takes a machine: ttc.machines.create('{machine}') or ttc.load_machine('{machine}')")
     if isinstance(outputs, str):
         raise SceneError(f"outputs must be a list of names, such as ['{outputs}']")
-    # plain names, since those of a numpy array would not stand in the code that is written for them
+    # Convert numpy strings to str, since the names appear in generated code.
     names = tuple(dict.fromkeys(str(name) for name in (machine.scene.outputs if outputs is None else outputs)))
     method = machine.scene.method if method is None else method
     tolerance = machine.scene.tolerance if tolerance is None else tolerance

@@ -1,4 +1,4 @@
-"""Twin: a machine compiled for its outputs; only what is asked for is computed."""
+"""Twin of a machine with one degree of freedom, compiled for the requested outputs."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from textile_twin_core.twin.session import Session
 from textile_twin_core.twin.table import FINEST_TABLE, TableEvaluator
 
 _TABLE_PAYS_FROM = 200_000
-"""Samples from which on a table is worth making."""
+"""Number of samples from which building a table pays off."""
 
 
 class Twin:
-    """A machine compiled for a scene.
+    """Machine compiled for a scene.
 
-    Method `exact` evaluates closed forms, `table` periodic tables refined to the tolerance; `auto` takes the
-    table for blocks that are long enough to pay for it, where it is the cheaper one, and else the closed forms.
+    Method `exact` evaluates closed forms; `table` evaluates periodic tables refined to the tolerance. `auto`
+    evaluates closed
+    forms, and tables for blocks long enough to pay for them, where tables are cheaper.
     """
 
     def __init__(self, machine: Machine, outputs: tuple[str, ...], method: str, tolerance: float) -> None:
@@ -41,7 +42,7 @@ class Twin:
         return twin_text(type(self).__name__, self.machine.name, self.outputs, self.method)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Compiled functions belong to their process: a copy is compiled anew.
+        # Compiled functions belong to their process, so a copy compiles its own.
         return type(self), (self.machine, self.outputs, self.method, self.tolerance)
 
     @cached_property
@@ -55,30 +56,30 @@ class Twin:
 
     @cached_property
     def _table_or_exact(self) -> ExactEvaluator | TableEvaluator:
-        """What `auto` takes for long blocks."""
+        """Evaluator that `auto` selects for long blocks."""
         if self.tolerance < FINEST_TABLE:
             return self._exact
         try:
             table = self._table
-        except SceneError:  # near a change point no table is fine enough
+        except SceneError:  # no table is fine enough near a change point
             return self._exact
         return table if table.cost < self._exact.cost else self._exact
 
     @cached_property
     def reached_errors(self) -> dict[str, float]:
-        """Largest error found per output, over its peak, at nominal speed, with a margin (see `accuracy`)."""
+        """Error over peak of each output at nominal speed, with a margin (see `accuracy`)."""
         evaluator = self._table_or_exact if self.method == "auto" else self._evaluator
         if isinstance(evaluator, TableEvaluator):
-            evaluator.loop.compile_now()  # what is not compiled goes by the closed forms, past the table
+            evaluator.loop.compile_now()  # without it the closed forms would answer instead of the table
         return reached_errors(self.machine, self._expressions, evaluator)
 
     @property
     def reached_error(self) -> float:
-        """The largest of `reached_errors`."""
+        """Largest of `reached_errors`."""
         return max(self.reached_errors.values(), default=0.0)
 
     def describe(self) -> str:
-        """What is evaluated and what was dropped, with the operations per sample counted."""
+        """Describe what is evaluated and what is dropped, with the number of operations per sample."""
         return describe(self.machine, self._expressions, self.method, self._exact, self._described_table)
 
     @property
@@ -98,14 +99,26 @@ class Twin:
         out: Mapping[str, FloatArray] | None = None,
         cores: int = 1,
     ) -> dict[str, Any]:
-        """The outputs by name, for shaft angle [rad], speed [rad/s] and acceleration [rad/s^2].
+        """Evaluate the outputs at shaft angles, speeds and accelerations.
 
-        Floats give floats. Arrays are broadcast against each other and give arrays of the common
-        shape; `out` may hold arrays of that shape, float64 and contiguous, to write into. Long blocks are shared by as
-        many `cores`. When the samples were taken (`time`) makes no difference to a machine without a history.
-        NaN in gives NaN out; so does, among arrays, an angle at which the machine cannot close or its motion is not
-        determined. Raises MotionError for such an angle or an infinite one given as a float, for shapes that do not
-        fit, and for arrays of `out` that are not separate; SceneError for `cores` below 1.
+        Args:
+            theta: Shaft angle [rad]. Floats give floats; arrays are broadcast and give arrays of the common shape.
+            omega: Shaft speed [rad/s].
+            alpha: Shaft acceleration [rad/s^2].
+            time: Times of the samples [s]; ignored, as the outputs depend on the present state only.
+            out: Arrays to write into, by output: float64, contiguous, of the common shape.
+            cores: Number of cores for long blocks.
+
+        Returns:
+            The outputs by name. NaN in gives NaN out. In arrays, an angle at which the machine cannot close or
+                its motion is not
+            determined gives NaN, too.
+
+        Raises:
+            MotionError: A float angle is infinite or outside the range of the linkage, shapes do not fit, or
+                arrays of `out`
+                overlap.
+            SceneError: `cores` is below 1.
         """
         if type(theta) is float and type(omega) is float and type(alpha) is float and out is None:
             try:
@@ -117,7 +130,7 @@ class Twin:
         if cores < 1:
             raise SceneError(f"cores must be 1 or more, not {cores}")
         if out is None and all(isinstance(value, (float, int)) for value in (theta, omega, alpha)):
-            return self.evaluate(float(theta), float(omega), float(alpha))  # numpy's floats and whole numbers
+            return self.evaluate(float(theta), float(omega), float(alpha))  # numpy floats and integers
         shape, columns = flat_columns({"theta": theta, "omega": omega, "alpha": alpha})
         if not shape and out is None:
             return self.evaluate(*(float(column[0]) for column in columns))
@@ -148,17 +161,21 @@ class Twin:
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:
-        """No impacts: the machine has no history."""
+        """Contact events: always empty, as the machine has no history."""
         return ()
 
     def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> InstantPredictor:
-        """What a session asks for predictions, which have no state."""
+        """Create the predictor of a session; it has no state."""
         return InstantPredictor(self)
 
     def session(self, shaft: str = "causal", **settings: Any) -> Session:
-        """A session: angle samples in, predictions out, state kept between blocks.
+        """Create a session, which takes angle samples and returns predictions, with state between blocks.
 
-        `shaft` is the estimator: causal, lag or smooth; its settings follow by keyword.
-        Raises SceneError for an unknown estimator or setting.
+        Args:
+            shaft: Shaft estimator: "causal", "lag" or "smooth".
+            **settings: Settings of the estimator.
+
+        Raises:
+            SceneError: The estimator or a setting is unknown.
         """
         return Session(self, shaft, **settings)

@@ -1,4 +1,4 @@
-"""The exact method: closed forms, as a compiled loop over long blocks and by plain `math` for single samples."""
+"""Exact method: closed forms, as a compiled loop over long blocks and as plain `math` for single samples."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from textile_twin_core.expression.traversal import operation_cost
 
 
 class ExactEvaluator:
-    """Closed forms of the outputs; each back end is made when first used."""
+    """Evaluator of the closed forms; each back end is built at its first use."""
 
     def __init__(self, outputs: Mapping[str, Expr]) -> None:
         self.expressions = dict(outputs)
@@ -24,9 +24,10 @@ class ExactEvaluator:
 
     @cached_property
     def single(self) -> Callable[[float, float, float], dict[str, float]]:
-        """Function of (theta, omega, alpha), floats, to a dict by output; `fill` may put a faster one in its place.
+        """Function of floats (theta, omega, alpha) that returns a dict by output; `fill` may replace it by a
+        faster one.
 
-        It raises ValueError where the linkage cannot close, ZeroDivisionError where its motion is not determined.
+        It raises ValueError where the linkage cannot close, and ZeroDivisionError where its motion is not determined.
         """
         return compile_scalar_mapping(self.expressions, INPUTS)
 
@@ -39,7 +40,7 @@ class ExactEvaluator:
     _swapped = False
 
     def _compiled_single(self, careful: Callable[..., dict[str, float]]) -> Callable[..., dict[str, float]]:
-        """The compiled closed forms, and the careful ones, which raise, where a value is not finite."""
+        """Combine the compiled closed forms with the careful ones, which raise where a value is not finite."""
         values = [f"v{k}" for k in range(len(self.expressions))]
         entries = ", ".join(f"{name!r}: {value}" for name, value in zip(self.expressions, values, strict=True))
         source = [
@@ -55,5 +56,5 @@ class ExactEvaluator:
 
     @property
     def cost(self) -> float:
-        """Operations per sample, weighed against additions."""
+        """Operations per sample, weighted by their time relative to an addition."""
         return operation_cost(list(self.expressions.values()))

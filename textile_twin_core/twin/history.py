@@ -22,14 +22,16 @@ from textile_twin_core.twin.predictor import Prediction, Predictor, StampedEvent
 from textile_twin_core.twin.session import Session
 
 _MOST_EVENTS = 100_000
-"""Impacts and touches that a session keeps for whoever takes them."""
+"""Capacity of a session for impacts and touches that are not taken yet."""
 
 
 class HistoryTwin:
-    """A machine with history, integrated event by event in the order of the samples.
+    """Machine with history, integrated event by event in the order of the samples.
 
-    There is one method, exact between events; `tolerance` is that of the integrator in the rubber pad.
-    `events` are the impacts and touches of the last `evaluate`, with their impulses.
+    Attributes:
+        method: Always "exact": exact between events.
+        tolerance: Tolerance of the integrator in the rubber pad.
+        events: Impacts and touches of the last `evaluate`, with their impulses.
     """
 
     method = "exact"
@@ -39,7 +41,7 @@ class HistoryTwin:
         self.events: list[ContactEvent] = []
         if not 1e-14 <= tolerance <= 1e-3:
             raise SceneError(f"a machine with history takes a tolerance between 1e-14 and 1e-3, not {tolerance!r}")
-        self._motion()  # refuse unknown outputs at once
+        self._motion()  # raises for unknown outputs
 
     def __repr__(self) -> str:
         return twin_text(type(self).__name__, self.machine.name, self.outputs, self.method)
@@ -56,11 +58,23 @@ class HistoryTwin:
         time: float | FloatArray | None = None,
         out: Mapping[str, FloatArray] | None = None,
     ) -> dict[str, Any]:
-        """The outputs by name at samples (n,) of shaft angle [rad], speed, acceleration and time [s], in order.
+        """Evaluate the outputs at samples (n,) of shaft angle, speed, acceleration and time, in order.
 
-        The driven element follows its law of motion at theta; the first sample finds the machine as it comes from its
-        declared start. Without `time` the shaft turns at a constant speed that is not zero. Raises
-        MotionError when times do not rise or cannot be told, and for arrays that do not fit.
+        The driven element follows its law of motion at theta. At the first sample the machine is in its declared
+        start state.
+
+        Args:
+            theta: Shaft angles [rad].
+            omega: Shaft speeds [rad/s].
+            alpha: Shaft accelerations [rad/s^2].
+            time: Increasing times [s]; optional for a constant, non-zero speed.
+            out: Arrays to write into, by output.
+
+        Returns:
+            The outputs by name.
+
+        Raises:
+            MotionError: Times do not increase or are missing, or arrays do not fit.
         """
         motion: dict[str, npt.ArrayLike] = {"theta": theta, "omega": omega, "alpha": alpha}
         if time is not None:
@@ -77,11 +91,11 @@ class HistoryTwin:
 
     @cached_property
     def reached_error(self) -> float:
-        """Error over peak of the worst output over one cycle, measured against a tolerance a thousand times tighter."""
+        """Error over peak of the worst output over one cycle, against a tolerance a thousand times tighter."""
         return measured_error(self.machine, self.outputs, self.tolerance)
 
     def describe(self) -> str:
-        """What is integrated, and how."""
+        """Describe what is integrated, and how."""
         model = self.machine.model
         bodies = ", ".join(body.name for body in model.bodies)
         return "\n".join(
@@ -94,11 +108,13 @@ class HistoryTwin:
         )
 
     def session(self, shaft: str = "causal", **settings: Any) -> Session:
-        """A session: angle samples in, predictions out, the machine's state kept between blocks."""
+        """Create a session, which takes angle samples and returns predictions, with the machine's state between
+        blocks.
+        """
         return Session(self, shaft, **settings)
 
     def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> HistoryPredictor:
-        """What a session asks for predictions; a history begins with it."""
+        """Create the predictor of a session; the history starts with it."""
         return HistoryPredictor(self._motion())
 
     def _motion(self) -> ContactMotion:
@@ -106,7 +122,7 @@ class HistoryTwin:
 
 
 class HistoryPredictor:
-    """Predictions at shaft states, in their order."""
+    """Predictor at shaft states in their order."""
 
     at_once = True
     estimator = None
@@ -117,7 +133,7 @@ class HistoryPredictor:
         self._events: deque[StampedEvent] = deque(maxlen=_MOST_EVENTS)
 
     def predict(self, states: ShaftStates) -> Prediction:
-        """Predictions at states."""
+        """Predict the outputs at states."""
         if len(states) == 0:
             return Prediction(states, {name: np.empty(0) for name in self.motion.outputs}, None)
         outputs = self._step(states.stamps, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
@@ -126,7 +142,7 @@ class HistoryPredictor:
     finish = predict
 
     def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
-        """Outputs at one state; no load of such a machine has a friction that follows the shaft's sense."""
+        """Predict the outputs at one state; such a machine has no friction that follows the sense of rotation."""
         *motion, _ = (np.array((value,)) for value in (stamp, *state))
         return {name: values.item() for name, values in self._step(*motion).items()}
 
@@ -142,13 +158,15 @@ class HistoryPredictor:
         return outputs
 
     def take_events(self) -> list[StampedEvent]:
-        """What has happened since the last time (the latest 100 000), with stamps as the states have them."""
+        """Remove and return the events since the last call (the latest 100 000), with stamps on the clock of the
+        states.
+        """
         taken = list(self._events)
         self._events.clear()
         return taken
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset the machine to its start state."""
         self.motion.reset()
         self._first = None
         self._events.clear()

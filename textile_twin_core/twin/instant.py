@@ -1,4 +1,4 @@
-"""Predictions of machines whose outputs depend on the present state of the shaft alone."""
+"""Predictions of machines whose outputs depend only on the present state of the shaft."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.twin.predictor import Prediction
-from textile_twin_core.twin.sense import next_to_rest, sense_unknown
+from textile_twin_core.twin.sense import negligible_speed, sense_unknown
 
 _FEW = 80
-"""Samples up to which one by one is faster than as arrays."""
+"""Number of samples up to which single evaluation is faster than arrays."""
 _INSIDE = 0.3819
-"""Share of the machine's range at which windings are read: away from the angles at which machines are set."""
+"""Share of the machine's range at which windings are evaluated, away from the usual dead points."""
 
 
 class InstantTwin(Protocol):
-    """A twin that tells its outputs at any shaft state (see Twin)."""
+    """Twin that evaluates its outputs at any shaft state (see `Twin`)."""
 
     @property
     def machine(self) -> Machine:
-        """Whose twin it is."""
+        """Machine of the twin."""
         ...
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names of what it tells."""
+        """Names of its outputs."""
         ...
 
     def evaluate(
@@ -43,15 +43,16 @@ class InstantTwin(Protocol):
         *,
         out: Mapping[str, FloatArray] | None = None,
     ) -> dict[str, Any]:
-        """The outputs by name."""
+        """Return the outputs by name."""
         ...
 
 
 class InstantPredictor:
-    """A twin evaluated at shaft states, by phase and turns, so that long runs keep their digits.
+    """Predictor that evaluates a twin at shaft states, by phase and turns so that long runs lose no digits.
 
-    Dry friction opposes a motion whose sense the state tells; where it tells none (see `sense`), there is none, as at
-    rest. All else that follows the speed stays.
+    Dry friction needs the sense of rotation. Where the state does not determine it (see `sense`), dry friction
+    is zero, as
+    at standstill; all other terms of the speed remain.
     """
 
     def __init__(self, twin: InstantTwin) -> None:
@@ -63,20 +64,20 @@ class InstantPredictor:
 
     @property
     def sensitivity(self) -> TorqueSensitivity | None:
-        """How the torque follows the state; None for a machine without masses."""
+        """Sensitivity of the torque to the state; None for a machine without masses."""
         return self._twin.machine.model.torque_sensitivity
 
     def predict(self, states: ShaftStates) -> Prediction:
-        """Predictions at states."""
+        """Predict the outputs at states."""
         motion = (states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
         outputs = self._block(motion)
         unknown = np.flatnonzero(sense_unknown(states))
         if unknown.size:
             theta, omega, alpha = (column[unknown] for column in motion)
-            rest = self._block((theta, np.zeros_like(omega), alpha))
-            turning = self._block((theta, next_to_rest(omega), alpha))
+            standstill = self._block((theta, np.zeros_like(omega), alpha))
+            turning = self._block((theta, negligible_speed(omega), alpha))
             for name, values in outputs.items():
-                values[unknown] += rest[name] - turning[name]
+                values[unknown] += standstill[name] - turning[name]
         for name, winding in self._winding.items():
             outputs[name] += winding * states.turns
         return Prediction(states, outputs, self.sensitivity)
@@ -84,14 +85,14 @@ class InstantPredictor:
     finish = predict
 
     def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
-        """Outputs at one state."""
+        """Predict the outputs at one state."""
         *motion, turns = state
         values = self._single(motion)
         if not sense_known:
             theta, omega, alpha = motion
-            rest = self._single((theta, 0.0, alpha))
-            turning = self._single((theta, float(next_to_rest(omega)), alpha))
-            values = {name: value + (rest[name] - turning[name]) for name, value in values.items()}
+            standstill = self._single((theta, 0.0, alpha))
+            turning = self._single((theta, float(negligible_speed(omega)), alpha))
+            values = {name: value + (standstill[name] - turning[name]) for name, value in values.items()}
         for name, winding in self._winding.items():
             values[name] += winding * turns
         return values
@@ -108,24 +109,24 @@ class InstantPredictor:
         return outputs
 
     def _single(self, state: Sequence[float]) -> dict[str, float]:
-        """One sample, as it would come out of a block: NaN where the machine's motion is not determined."""
+        """Evaluate one sample as in a block: NaN where the motion of the machine is not determined."""
         try:
             return self._twin.evaluate(*state)
         except MotionError:
             return dict.fromkeys(self._twin.outputs, math.nan)
 
     def take_events(self) -> tuple[()]:
-        """Nothing happens between the samples."""
+        """Return no events; there are none between samples."""
         return ()
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Do nothing; there is no state."""
 
 
 def windings(twin: InstantTwin) -> dict[str, float]:
-    """Outputs that wind up with the shaft, such as its angle: their growth over one turn.
+    """Return the growth over one turn of the outputs that wind up with the shaft, such as its angle.
 
-    Closed forms wind wherever the linkage closes, also when it does so over a part of the turn only.
+    Closed forms wind up wherever the linkage closes, even if it closes over a part of the turn only.
     """
     low, high = twin.machine.range_rad
     angle = low + _INSIDE * (high - low)

@@ -1,7 +1,7 @@
-"""Outputs as linear forms: smooth functions of the shaft angle times speed, its square, acceleration and loads.
+"""Linear forms of outputs: smooth functions of the shaft angle times speed, its square, acceleration and loads.
 
-Every output of one degree of freedom has this form, with the loads' intensities as further factors;
-so the functions of the angle alone can be tabulated once while what leaps stays exact.
+Every output of one degree of freedom has this form, with the intensities of the loads as further factors. The functions
+of the angle alone are tabulated once; discontinuous factors stay exact.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from textile_twin_core.machine.model import MachineModel
 from textile_twin_core.mechanism import THETA
 
 OMEGA_SQUARED = variable("omega_squared")
-_LEAPS = frozenset({"sign", "at_least", "abs", "select"})
+_DISCONTINUOUS = frozenset({"sign", "at_least", "abs", "select"})
 _FACTORS = (variable("omega"), OMEGA_SQUARED, variable("alpha"))
 
 
 @dataclass(frozen=True)
 class LinearForm:
-    """output = winding * theta + sum of coefficient(theta) * factor; the factor None stands for 1."""
+    """Linear form: output = winding * theta + sum of coefficient(theta) * factor; the factor None stands for 1."""
 
     winding: float
     terms: tuple[tuple[Expr, Expr | None], ...]
 
 
 class LinearForms:
-    """The linear forms of a machine's outputs, with its loads' intensities as variables."""
+    """Linear forms of the outputs of a machine, with the intensities of its loads as variables."""
 
     def __init__(self, machine: Machine) -> None:
         self._model = MachineModel(machine, ShaftState(omega_squared=OMEGA_SQUARED), loads_as_variables=True)
@@ -41,27 +41,27 @@ class LinearForms:
         }
 
     def form(self, output: str) -> LinearForm | None:
-        """The linear form of an output, None when it is not linear or not smooth in the angle."""
+        """Return the linear form of an output; None if it is not linear or not smooth in the angle."""
         expression = self._model.output(output)
         factors = [*_FACTORS, *self.intensities]
-        rest = substitute([expression], dict.fromkeys(factors, const(0.0)))[0]
+        constant = substitute([expression], dict.fromkeys(factors, const(0.0)))[0]
         coefficients = [derivative([expression], f)[0] for f in factors]
-        if not all(_smooth_in_theta(e) for e in (rest, *coefficients)):
+        if not all(_smooth_in_theta(e) for e in (constant, *coefficients)):
             return None
-        winding = _winding(rest)
-        terms = [(rest - winding * THETA, None), *zip(coefficients, factors, strict=True)]
+        winding = _winding(constant)
+        terms = [(constant - winding * THETA, None), *zip(coefficients, factors, strict=True)]
         zero = const(0.0)
         return LinearForm(winding, tuple((e, f) for e, f in terms if e is not zero))
 
 
 def depends_on(expression: Expr) -> set[str]:
-    """The variables that an expression needs."""
+    """Return the variables of an expression."""
     return {str(node.payload) for node in topological_order([expression]) if node.op == "variable"}
 
 
 def is_smooth(expression: Expr) -> bool:
-    """Whether the expression has no step and no kink."""
-    return all(node.op not in _LEAPS for node in topological_order([expression]))
+    """Return true if the expression has no step and no kink."""
+    return all(node.op not in _DISCONTINUOUS for node in topological_order([expression]))
 
 
 def _smooth_in_theta(expression: Expr) -> bool:

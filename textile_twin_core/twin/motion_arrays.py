@@ -1,4 +1,4 @@
-"""Shaft motion as users give it, as flat columns of one length, and the arrays that outputs are written into."""
+"""Shaft motion of a user as flat columns of one length, and the arrays that receive the outputs."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from textile_twin_core.errors import MotionError
 _SHORT = 16_384
 _FEW = 1024
 _LINE = 8
-"""Doubles of one cache line."""
+"""Doubles per cache line."""
 _APART = 5 * _LINE
 _DOUBLE = np.dtype(np.float64)
 _beginning = (c_char * 0).from_buffer
 
 
 def flat_columns(motion: Mapping[str, npt.ArrayLike]) -> tuple[tuple[int, ...], list[FloatArray]]:
-    """The common shape of numbers and arrays, and each of them broadcast to it, as one dimension of float64.
+    """Return the common shape of numbers and arrays, and each of them broadcast to it as one float64 dimension.
 
-    Raises MotionError for what is no real number and for shapes that do not fit each other.
+    Raises:
+        MotionError: A value is not a real number, or the shapes do not fit.
     """
     arrays = [_floats(name, value) for name, value in motion.items()]
     shape, *others = {a.shape for a in arrays}
@@ -42,7 +43,7 @@ def flat_columns(motion: Mapping[str, npt.ArrayLike]) -> tuple[tuple[int, ...], 
 
 
 def _spread(values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """An array broadcast to a shape, as one dimension; of a number, what is short is filled, not broadcast."""
+    """Broadcast an array to a shape, as one dimension; short columns of a number are filled, not broadcast."""
     size = math.prod(shape)
     if values.ndim == 1 and values.shape == shape:
         return values  # broadcasting costs as much as a short block
@@ -61,10 +62,11 @@ def arrays_for(
     out: Mapping[str, FloatArray] | None,
     columns: Iterable[FloatArray],
 ) -> dict[str, FloatArray]:
-    """Arrays of a shape by output: new ones, or those of `out`.
+    """Return one array of a shape per output: new ones, or those of `out`.
 
-    Raises MotionError where an array of `out` is missing, has another form, or shares memory with another one or
-    with the motion's `columns`, which are still read while outputs are written.
+    Raises:
+        MotionError: An array of `out` is missing or has another form, or shares memory with another one or with the
+            motion's `columns`, which are still read while outputs are written.
     """
     if out is None:
         return _new_arrays(list(outputs), shape)
@@ -79,9 +81,9 @@ def arrays_for(
 
 
 def _check_apart(outputs: Mapping[str, Any], columns: Iterable[Any], nbytes: int) -> None:
-    """Raises MotionError where outputs of so many bytes share memory, with each other or with the motion.
+    """Raise MotionError if outputs of `nbytes` bytes share memory with each other or with the motion.
 
-    Where arrays begin, ctypes tells in a tenth of the time that numpy takes.
+    Start addresses come from ctypes, which takes a tenth of numpy's time.
     """
     places = [(addressof(_beginning(a)), name) for name, a in outputs.items()]
     for column in columns:
@@ -89,7 +91,7 @@ def _check_apart(outputs: Mapping[str, Any], columns: Iterable[Any], nbytes: int
             places.append((addressof(_beginning(column)), ""))
         else:
             places += [(addressof(_beginning(a)), "") for a in outputs.values() if np.shares_memory(a, column)]
-    for (begin, one), (following, other) in pairwise(sorted(places)):  # of one size: who overlaps meets a neighbour
+    for (begin, one), (following, other) in pairwise(sorted(places)):  # equal sizes: overlapping arrays are neighbours
         if following < begin + nbytes and one != other:
             if one and other:
                 raise MotionError(f"out['{one}'] and out['{other}'] share memory; give each output an array of its own")
@@ -97,10 +99,11 @@ def _check_apart(outputs: Mapping[str, Any], columns: Iterable[Any], nbytes: int
 
 
 def _new_arrays(names: list[str], shape: tuple[int, ...]) -> dict[str, FloatArray]:
-    """Arrays in one block, each from a cache line's beginning and none at the same place in a page as its neighbours.
+    """Allocate arrays in one block, aligned to cache lines and at different offsets within a memory page.
 
-    Separate arrays of this size all begin at the same place in a page: written side by side they push each other out
-    of the cache. Short ones stay in it wherever they begin.
+    Separate large arrays all start at the same offset within a page, and evict each other from the cache when
+    written side
+    by side. Short arrays fit in the cache anyway.
     """
     size = math.prod(shape)
     if size <= _FEW:

@@ -1,7 +1,8 @@
 """Periodic tables: functions of the shaft angle as piecewise polynomials.
 
-Around each node stands the polynomial through the function's values at the Chebyshev points of the interval,
-in powers of the angle from the node; where a function leaps, one for each piece (see `pieces`).
+The polynomial around each node interpolates the function at the Chebyshev points of the interval, in powers of
+the angle
+from the node. Where a function is discontinuous, each piece has its own polynomial (see `pieces`).
 """
 
 from __future__ import annotations
@@ -25,20 +26,21 @@ MOST_NODES = 4096
 _FEWEST_NODES = 32
 _DEGREES = (1, 2, 3, 4, 5, 7)
 _CACHED_BYTES = 500_000
-"""A table of this size stays in a processor core's cache."""
+"""Largest table that stays in the cache of a processor core."""
 _REDUCTION, _NEAR, _FAR = 10.0, 20.0, 30.0
-"""Times of the angle's reduction and of a gather from the cache and from beyond it, as multiples of an addition's."""
+"""Times, relative to an addition, of the angle reduction and of a gather from within and beyond the cache."""
 _ROUNDING = 4e-16
 _MARGIN = 2.0
-"""For the angles between those that are looked at; the reached error has the same (see `accuracy`)."""
+"""Margin for the angles between those checked, as in `accuracy`."""
 
 
 @dataclass(frozen=True)
 class AngleTable:
     """Piecewise polynomials: coefficients (functions, degree + 1, rows), lowest power first.
 
-    `error` bounds the deviation of any output over its peak, at speeds from 0.1 to 10 times nominal: summed from the
-    largest deviations of the functions.
+    `error` bounds the deviation of any output over its peak, at speeds from 0.1 to 10 times nominal. It is the
+    weighted sum
+    of the largest deviations of the functions.
     """
 
     pieces: Pieces
@@ -47,7 +49,7 @@ class AngleTable:
 
     @property
     def grid(self) -> AngleGrid:
-        """The nodes."""
+        """Grid of the nodes."""
         return self.pieces.grid
 
     @property
@@ -57,19 +59,19 @@ class AngleTable:
 
     @property
     def cost(self) -> float:
-        """Time per sample of `reading`, as a multiple of an addition's."""
+        """Time per sample of `reading`, relative to an addition."""
         functions, points = int(self.coefficients.shape[0]), self.degree + 1
         near = 8 * functions * points * self.pieces.block <= _CACHED_BYTES
         gathers = functions * points + 2 * min(self.pieces.angles.size, 1)
         return _REDUCTION + gathers * (_NEAR if near else _FAR) + functions * self.degree
 
     def tables(self) -> dict[str, Any]:
-        """The arrays that `reading` needs."""
+        """Return the arrays that `reading` needs."""
         together = np.ascontiguousarray(self.coefficients.transpose(2, 0, 1)).reshape(-1)
         return {"coefficients": together, "ends": self.pieces.ends, "to_next": self.pieces.to_next}
 
     def reading(self) -> list[str]:
-        """Lines of Python: from `theta` and `omega` the functions' values f0, f1, .."""
+        """Return lines of Python that compute the functions f0, f1, .. from `theta` and `omega`."""
         functions, points, _ = self.coefficients.shape
         lines = [*self.grid.reduction(), *self.pieces.choice(), f"at = row * {functions * points}"]
         for f in range(functions):
@@ -82,10 +84,15 @@ class AngleTable:
 
 
 def tabulate(functions: Sequence[Expr], weights: FloatArray, tolerance: float) -> AngleTable | None:
-    """The cheapest table of functions of theta, phase and direction that keeps outputs within the tolerance.
+    """Build the cheapest table of functions of theta, phase and direction that meets the tolerance of the outputs.
 
-    `weights` (outputs, functions) is what an error of a function does to an output, over the output's peak. None
-    when rounding or `MOST_NODES` forbid it.
+    Args:
+        functions: Functions to tabulate.
+        weights: (outputs, functions) error of an output over its peak per error of a function.
+        tolerance: Largest error of an output over its peak.
+
+    Returns:
+        The table; None if rounding or `MOST_NODES` prevent it.
     """
     program = Loop(functions, ["theta", str(PHASE.payload), str(DIRECTION.payload)])
     found = [_coarsest(program, functions, weights, tolerance, degree) for degree in _DEGREES]
@@ -95,14 +102,14 @@ def tabulate(functions: Sequence[Expr], weights: FloatArray, tolerance: float) -
 def _coarsest(
     program: Loop, functions: Sequence[Expr], weights: FloatArray, tolerance: float, degree: int
 ) -> AngleTable | None:
-    """The table of a degree with the fewest nodes."""
+    """Build the table of a degree with the fewest nodes."""
     nodes = _FEWEST_NODES
     while nodes <= MOST_NODES:
         table = _fit(program, Pieces.of(functions, AngleGrid(nodes)), weights, degree)
         excess = _MARGIN * table.error / max(tolerance, _ROUNDING)
         if excess <= 1.0:
             return table
-        # halving the interval divides the error by 2^(degree + 1): jump, but never past what may suffice
+        # Halving the interval divides the error by 2^(degree + 1): skip the sizes that cannot suffice.
         nodes <<= max(1, math.floor(math.log2(max(excess, 2.0)) / (degree + 1)))
     return None
 
@@ -124,12 +131,12 @@ def _fit(program: Loop, pieces: Pieces, weights: FloatArray, degree: int) -> Ang
     approximate = np.zeros_like(exact)
     for power in reversed(orders):
         approximate = approximate * off + coefficients[:, power, :, None]
-    errors = np.nanmax(np.abs(approximate - exact), axis=(1, 2))  # NaN where no direction is known
+    errors = np.nanmax(np.abs(approximate - exact), axis=(1, 2))  # NaN where the direction is unknown
     return AngleTable(pieces, np.ascontiguousarray(coefficients), float((weights @ errors).max(initial=0.0)))
 
 
 def _evaluate(program: Loop, count: int, pieces: Pieces, off: FloatArray) -> FloatArray:
-    """(functions, rows, points), each row's piece continued over the whole interval."""
+    """Evaluate (functions, rows, points), with the piece of each row continued over the whole interval."""
     theta = pieces.centres[:, None] + off
     phase, direction = (np.broadcast_to(a[:, None], theta.shape) for a in (pieces.phases, pieces.directions))
     out = np.empty((count, *theta.shape))

@@ -1,4 +1,4 @@
-"""Intensities of loads as steps over phase and direction: each leap at its exact shaft angle, no kinematics needed."""
+"""Intensities of loads as steps over phase and direction, each at its exact shaft angle, without kinematics."""
 
 from __future__ import annotations
 
@@ -12,23 +12,26 @@ from textile_twin_core.machine.events import crossings
 from textile_twin_core.twin.linear_form import depends_on
 
 PHASE = variable("phase")
-"""The shaft angle within its turn, from half an interval below 0 to half an interval below 2 pi [rad]."""
+"""Wrapped shaft angle, from half an interval below 0 to half an interval below 2 pi [rad]."""
 DIRECTION = variable("direction")
-"""Of turning: the sign of the shaft's speed."""
+"""Direction of rotation: the sign of the shaft speed."""
 _BELOW_ORIGIN = 0.1
 _ONLY_THETA = {"theta"}
 _PIECEWISE = {"phase", "direction"}
 
 
 def as_phase_steps(intensity: Expr) -> list[tuple[Expr, Expr]] | None:
-    """The intensity as a sum of products: (function of phase and direction, function of speed and acceleration).
+    """Write the intensity as a sum of products: (function of phase and direction, function of speed and acceleration).
 
-    Every leap over the angle is a comparison of the phase. None when something smooth in the angle remains, or what
-    leaps with the angle and the speed together.
+    Every discontinuity over the angle becomes a comparison of the phase.
+
+    Returns:
+        The factors; None if a smooth function of the angle, or a step that depends on angle and speed together,
+            remains.
     """
     split = _split_signs(intensity)
     pieces: dict[Expr, Expr] = {sign(variable("omega")): DIRECTION}
-    for node in reversed(topological_order([split])):  # the largest pieces first
+    for node in reversed(topological_order([split])):  # largest pieces first
         if depends_on(node) == _ONLY_THETA and _is_staircase(node):
             pieces[node] = _steps(node)
     (result,) = substitute([split], pieces)
@@ -36,7 +39,7 @@ def as_phase_steps(intensity: Expr) -> list[tuple[Expr, Expr]] | None:
 
 
 def _products(expression: Expr) -> list[tuple[Expr, Expr]] | None:
-    """An expression as a sum of products of a function of phase and direction, and one without them."""
+    """Expand an expression into products of a function of phase and direction and one without them."""
     needs = depends_on(expression)
     if needs <= _PIECEWISE:
         return [(expression, const(1.0))]
@@ -58,7 +61,7 @@ def _products(expression: Expr) -> list[tuple[Expr, Expr]] | None:
 
 
 def _split_signs(expression: Expr) -> Expr:
-    """sign(f(theta) g) as sign(f) sign(g), and products with their factors of theta alone side by side."""
+    """Rewrite sign(f(theta) g) as sign(f) sign(g), and group the factors of theta alone."""
     parts: dict[Expr, Expr] = {}
     for node in topological_order([expression]):
         if node.op == "sign" and node.args[0].op in ("mul", "neg"):
@@ -79,7 +82,7 @@ def _product(factors: Iterable[Expr]) -> Expr:
 
 
 def _factors(product: Expr) -> list[Expr]:
-    """Factors of a product, those of theta alone kept together where they stand so."""
+    """Return the factors of a product; a sub-product of theta alone stays whole."""
     if product.op == "mul" and depends_on(product) != _ONLY_THETA:
         return [f for a in product.args for f in _factors(a)]
     if product.op == "neg":
@@ -87,8 +90,8 @@ def _factors(product: Expr) -> list[Expr]:
     return [product]
 
 
-def _leaps(expression: Expr) -> list[Expr]:
-    """The levels whose crossing of zero makes an expression leap; none for a smooth one."""
+def _step_levels(expression: Expr) -> list[Expr]:
+    """Return the levels whose zero crossings are discontinuities of an expression; empty for a smooth one."""
     levels = []
     for node in topological_order([expression]):
         if node.op == "sign":
@@ -99,15 +102,15 @@ def _leaps(expression: Expr) -> list[Expr]:
 
 
 def _is_staircase(expression: Expr) -> bool:
-    """Whether nothing but steps reaches the value: the angle enters through sign and at_least alone."""
+    """Return true if the angle enters through sign and at_least alone, so that the value changes in steps."""
     if expression.op in ("sign", "at_least", "const"):
         return True
     return bool(expression.args) and all(_is_staircase(a) for a in expression.args)
 
 
 def _steps(staircase: Expr) -> Expr:
-    """A staircase over theta as a sum of comparisons of the phase, one for each leap."""
-    edges = sorted({angle for level in _leaps(staircase) for side in crossings(level) for angle in side})
+    """Write a staircase over theta as a sum of comparisons of the phase, one per discontinuity."""
+    edges = sorted({angle for level in _step_levels(staircase) for side in crossings(level) for angle in side})
     edges = [a - 2.0 * math.pi for a in edges if a > 2.0 * math.pi - _BELOW_ORIGIN] + edges
     function = compile_scalar([staircase], ["theta"])
     heights = [function(0.5 * (a + b))[0] for a, b in pairwise([-_BELOW_ORIGIN, *edges, 2.0 * math.pi])]

@@ -1,4 +1,6 @@
-"""Rows of a table: one for each interval of the angle, more where a function leaps, for each direction of turning."""
+"""Rows of a table: one per interval of the angle, further ones after discontinuities, for each direction of
+rotation.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +18,17 @@ from textile_twin_core.twin.angle_grid import AngleGrid
 from textile_twin_core.twin.phase_steps import DIRECTION, PHASE
 
 _DIRECTIONS: Final = (1.0, -1.0, 0.0, math.nan)
-"""The blocks of rows: forward, reversed, at rest, and where the speed is not known."""
+"""Blocks of rows: forward, reverse, standstill, and unknown speed."""
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """The rows of a table whose functions leap at `angles`, (m,) ascending [rad], and may depend on the direction.
+    """Rows of a table whose functions are discontinuous at `angles`, (m,) ascending [rad], and may depend on the
+    direction.
 
-    In a block of rows, row k < nodes is the interval around node k up to its first leap, and row nodes + j the
-    piece after leap j. Where functions are `directed`, such a block stands for each direction of turning.
+    In a block of rows, row k < nodes is the interval around node k up to its first discontinuity, and row nodes
+    + j is the
+    piece after discontinuity j. If the functions are `directed`, there is one block per direction of rotation.
     """
 
     grid: AngleGrid
@@ -33,7 +37,7 @@ class Pieces:
 
     @classmethod
     def of(cls, functions: Iterable[Expr], grid: AngleGrid) -> Pieces:
-        """The rows that functions of angle, phase and direction need on a grid."""
+        """Build the rows that functions of angle, phase and direction need on a grid."""
         order = topological_order(functions)
         compared = {node.args for node in order if node.op == "at_least"}
         angles = {angle.value for phase, angle in compared if phase is PHASE}
@@ -43,12 +47,12 @@ class Pieces:
 
     @property
     def block(self) -> int:
-        """Rows for one direction."""
+        """Number of rows for one direction."""
         return self.grid.nodes + self.angles.size
 
     @property
     def rows(self) -> int:
-        """Rows in all."""
+        """Total number of rows."""
         return self.block * len(self._blocks)
 
     @property
@@ -57,18 +61,18 @@ class Pieces:
 
     @cached_property
     def nodes(self) -> IntArray:
-        """(m,) the node in whose interval each leap lies."""
+        """(m,) node in whose interval each discontinuity lies."""
         return np.floor(self.angles / self.grid.step + 0.5).astype(np.int64)
 
     @cached_property
     def centres(self) -> FloatArray:
-        """(rows,) angle of each row's node [rad]."""
+        """(rows,) angle of the node of each row [rad]."""
         node = np.concatenate((np.arange(self.grid.nodes), self.nodes))
         return np.tile(node * self.grid.step, len(self._blocks))
 
     @cached_property
     def phases(self) -> FloatArray:
-        """(rows,) an angle within each row's piece [rad]."""
+        """(rows,) an angle within the piece of each row [rad]."""
         half = 0.5 * self.grid.step
         found = self.centres[: self.block].copy()
         for j, (angle, node) in enumerate(zip(self.angles, self.nodes, strict=True)):
@@ -82,11 +86,13 @@ class Pieces:
 
     @cached_property
     def directions(self) -> FloatArray:
-        """(rows,) direction of turning of each row: 1, -1, 0, or NaN for none known."""
+        """(rows,) direction of rotation of each row: 1, -1, 0, or NaN for unknown."""
         return np.repeat(self._blocks, self.block)
 
     def choice(self) -> list[str]:
-        """Lines of Python: from `node`, the angle `rest` from it and the speed `omega` the `row`."""
+        """Return lines of Python that compute the `row` from `node`, the offset `rest` from it and the speed
+        `omega`.
+        """
         most = int(np.unique(self.nodes, return_counts=True)[1].max(initial=0))
         lines = ["row = node", *["row = row + (to_next[row] if rest >= ends[row] else 0)"] * most]
         if self.directed:
@@ -96,21 +102,21 @@ class Pieces:
 
     @cached_property
     def ends(self) -> FloatArray:
-        """(block,) angle from the row's node at which its piece ends by a leap, inf where by none."""
+        """(block,) offset from the node of a row to the discontinuity that ends its piece; inf where there is none."""
         ends = np.full(self.block, math.inf)
-        ends[self._rows_before_leaps] = self.angles - self.nodes * self.grid.step
+        ends[self._rows_before_steps] = self.angles - self.nodes * self.grid.step
         return ends
 
     @cached_property
     def to_next(self) -> IntArray:
-        """(block,) how many rows further the piece after such a leap stands."""
+        """(block,) number of rows from a row to the piece after its discontinuity."""
         steps = np.zeros(self.block, dtype=np.int64)
-        before = self._rows_before_leaps
+        before = self._rows_before_steps
         steps[before] = self.grid.nodes + np.arange(self.angles.size) - before
         return steps
 
     @cached_property
-    def _rows_before_leaps(self) -> IntArray:
-        """(m,) the row whose piece ends at each leap."""
+    def _rows_before_steps(self) -> IntArray:
+        """(m,) row whose piece ends at each discontinuity."""
         follows = np.append(False, self.nodes[1:] == self.nodes[:-1]) if self.angles.size else np.zeros(0, bool)
         return np.where(follows, self.grid.nodes + np.arange(self.angles.size) - 1, self.nodes)

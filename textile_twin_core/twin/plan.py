@@ -1,4 +1,4 @@
-"""The plan of a compiled twin in words: what is evaluated, what was dropped, and what it costs."""
+"""Description of a compiled twin: evaluated and dropped parts, and cost."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def describe(
     exact: ExactEvaluator,
     table: TableEvaluator | None,
 ) -> str:
-    """The plan as text, one fact a line."""
+    """Describe the plan, one fact per line."""
     lines = [f"{machine.name}: {', '.join(outputs)}"]
     if method == "auto":
         longer = "tables" if table is not None else "closed forms"
@@ -61,14 +61,14 @@ def _links(machine: Machine, outputs: Mapping[str, Expr]) -> list[str]:
             dropped.append(label)
     lines = [f"links evaluated: {', '.join(evaluated) or 'none'}"]
     if dropped:
-        lines.append(f"links of which nothing is followed: {', '.join(dropped)}")
+        lines.append(f"links dropped: {', '.join(dropped)}")
     return lines
 
 
 def _is_met(term: Expr, needed: set[int]) -> bool:
-    """Whether a term, but for a constant factor, is among the nodes needed."""
-    _, rest = scaled(term)
-    return bool(rest.args) and id(rest) in needed
+    """Return true if a term, up to a constant factor, is among the needed nodes."""
+    _, unscaled = scaled(term)
+    return bool(unscaled.args) and id(unscaled) in needed
 
 
 def _loads(machine: Machine, outputs: Mapping[str, Expr]) -> list[str]:

@@ -1,4 +1,4 @@
-"""What a session needs of a twin, and what a twin gives it for its predictions."""
+"""Protocols between a session and its twin, and the records that they exchange."""
 
 from __future__ import annotations
 
@@ -13,32 +13,35 @@ from textile_twin_core.shaft import OneState, ShaftStates
 
 
 class StampedEvent(NamedTuple):
-    """An impact or touch, and when it was as the samples are stamped: int [ns] or float [s]."""
+    """Impact or touch with its time on the clock of the samples: int [ns] or float [s]."""
 
     stamp: int | float
     event: ContactEvent
 
 
 _SHOWN = 4
-"""Names of outputs that a text lists."""
+"""Number of output names in a text."""
 
 
 def names_text(names: Sequence[str]) -> str:
-    """The first names, and how many more there are."""
+    """Format the first names and the number of further ones."""
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     return f"{', '.join(names[:_SHOWN])}{more}"
 
 
 def twin_text(kind: str, machine: str, outputs: Sequence[str], method: str) -> str:
-    """What a twin prints as."""
+    """Format the repr of a twin."""
     return f"<{kind} of '{machine}', {method}: {names_text(outputs)}>"
 
 
 class Prediction(NamedTuple):
-    """What a predictor makes of estimated shaft states.
+    """Outputs at estimated shaft states.
 
-    states: (n,) the estimated ones, or what a model of the shaft makes of them. outputs: (n,) arrays by name.
-    uncertainty: (n,) sigma of the torque [N m], or how the torque follows the state; None without a torque.
+    Attributes:
+        states: (n,) estimated states, or states of a shaft model driven by them.
+        outputs: (n,) arrays by name.
+        uncertainty: (n,) sigma of the torque [N m], or the sensitivity of the torque to the state; None without
+            a torque.
     """
 
     states: ShaftStates
@@ -47,50 +50,52 @@ class Prediction(NamedTuple):
 
 
 class Predictor(Protocol):
-    """What turns shaft states into outputs, in their order."""
+    """Converter of shaft states, in their order, into outputs."""
 
     @property
     def at_once(self) -> bool:
-        """Whether `predict_one` may be called."""
+        """True if `predict_one` may be called."""
         ...
 
     @property
     def estimator(self) -> str | None:
-        """The only shaft estimator whose states it takes; None for any."""
+        """Only shaft estimator that the predictor accepts; None for any."""
         ...
 
     def predict(self, states: ShaftStates) -> Prediction:
-        """Predictions at states."""
+        """Predict the outputs at states."""
         ...
 
     def finish(self, states: ShaftStates) -> Prediction:
-        """Predictions at the last states of a record, and what is held."""
+        """Predict the outputs at the last states of a record and at all states not predicted yet."""
         ...
 
     def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
-        """Outputs at one state; `sense_known`: whether it tells the sense of rotation (see `sense`)."""
+        """Predict the outputs at one state; `sense_known` is true if it determines the sense of rotation (see
+        `sense`).
+        """
         ...
 
     def take_events(self) -> Sequence[StampedEvent]:
-        """What has happened since the last time; nothing without a history."""
+        """Remove and return the events since the last call; empty without a history."""
         ...
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset the state."""
         ...
 
 
 class AnyTwin(Protocol):
-    """A machine compiled for its outputs, with or without a history."""
+    """Machine compiled for its outputs, with or without a history."""
 
     @property
     def machine(self) -> AnyMachine:
-        """Whose twin it is."""
+        """Machine of the twin."""
         ...
 
     @property
     def events(self) -> Sequence[ContactEvent]:
-        """The impacts and touches of the last `evaluate`; none without a history."""
+        """Impacts and touches of the last `evaluate`; empty without a history."""
         ...
 
     def evaluate(
@@ -102,9 +107,9 @@ class AnyTwin(Protocol):
         time: float | FloatArray | None = None,
         out: Mapping[str, FloatArray] | None = None,
     ) -> dict[str, Any]:
-        """The outputs by name at shaft states; only a machine with a history asks when they are."""
+        """Return the outputs by name at shaft states; only a machine with a history needs `time`."""
         ...
 
     def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> Predictor:
-        """Predictions from here on for a shaft estimator; `before`: the predictor whose state they go on with."""
+        """Create the predictor for a shaft estimator; `before` is a predictor whose state continues."""
         ...

@@ -1,4 +1,4 @@
-"""Tells a recording played once more from samples that merely come late."""
+"""Detection of a restarted recording, as distinct from late samples."""
 
 from __future__ import annotations
 
@@ -7,23 +7,25 @@ _SAMPLES = 10
 
 
 class RestartWatch:
-    """Watches stamps: when ten in a row, each newer than the one before, are all more than a second behind the newest
-    one, then time has been set back (a recording begins again, a simulation restarts), and they are not late samples.
-    `count` tells how often.
+    """Detector of stamps that were set back, as when a recording or a simulation restarts.
+
+    Time was set back if ten stamps in a row, each newer than the one before, are more than a second behind the
+    newest one.
+    `count` is the number of restarts.
     """
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the stamps."""
+        """Clear the stamps and the count."""
         self.count = 0
         self._newest_ns: int | None = None
         self._previous_ns = 0
         self._behind = 0
 
     def restarted(self, stamp_ns: int) -> bool:
-        """Take the next stamp; True where it shows that time has been set back."""
+        """Add the next stamp; return true if it shows that time was set back."""
         if self._newest_ns is None or stamp_ns > self._newest_ns - _BACK_NS:
             self._newest_ns = stamp_ns if self._newest_ns is None else max(self._newest_ns, stamp_ns)
             self._behind = 0

@@ -1,7 +1,7 @@
-"""The sense of rotation that an estimated state tells: where it tells none, dry friction has no sign.
+"""Sense of rotation of an estimated state; without it dry friction has no sign.
 
-A shaft at rest is estimated at 1e-7 rad/s rather than 0, of either sign. The friction of a backing would follow that
-sign with its whole force, and a prediction at rest would be off by as much as the friction is.
+The estimated speed of a shaft at standstill is about 1e-7 rad/s of either sign instead of 0. The friction of a backing
+would follow that sign at full force, and the prediction at standstill would be wrong by the friction.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.shaft import ShaftStates
 
 SENSE_SIGMAS = 3.0
-"""Standard deviations of the speed within which its sign is not known: one state in 370 at rest is beyond them."""
-_NEXT_TO_REST_RAD_S = 1e-100
-"""A speed whose sign counts, and whose size is lost beside any other term."""
+"""Number of standard deviations within which the sign of the speed is unknown (1 in 370 states exceeds it)."""
+_NEGLIGIBLE_RAD_S = 1e-100
+"""Speed that is negligible but has a sign."""
 
 
 def sense_unknown(states: ShaftStates) -> BoolArray:
-    """(n,) where the speed is within SENSE_SIGMAS of zero."""
+    """Return (n,) true where the speed is within SENSE_SIGMAS of zero."""
     return np.asarray(np.abs(states.omega_rad_s) <= SENSE_SIGMAS * states.sigma[:, 1])
 
 
-def next_to_rest(omega_rad_s: float | FloatArray) -> FloatArray:
-    """Speeds [rad/s] of the same signs at which nothing but the sign tells: what an output has here more than at
-    rest is its dry friction.
+def negligible_speed(omega_rad_s: float | FloatArray) -> FloatArray:
+    """Return negligible speeds [rad/s] of the same signs; outputs there exceed those at standstill by their dry
+    friction.
     """
-    return np.asarray(_NEXT_TO_REST_RAD_S * np.sign(omega_rad_s))
+    return np.asarray(_NEGLIGIBLE_RAD_S * np.sign(omega_rad_s))

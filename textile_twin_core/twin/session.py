@@ -1,4 +1,4 @@
-"""Session: what lives between samples. Angle samples go in, in blocks of any size; predictions come out."""
+"""Session: state between samples. Angle samples enter in blocks of any size; predictions come out."""
 
 from __future__ import annotations
 
@@ -22,28 +22,29 @@ from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent, n
 from textile_twin_core.twin.sense import SENSE_SIGMAS
 
 _PIECE = 65_536
-"""Samples whose covariances are copied at a time: those of an hour would take as much memory as all else."""
+"""Samples per copy of covariances, to bound the memory of long recordings."""
 
 
 class Sample(NamedTuple):
-    """The prediction at one accepted sample, in plain numbers."""
+    """Prediction at one accepted sample, as plain numbers."""
 
     stamp: Any
-    """as it came in: int [ns] or float [s]"""
+    """Stamp of the input sample: int [ns] or float [s]."""
     theta_rad: float
     omega_rad_s: float
     alpha_rad_s2: float
     torque_sigma_Nm: float
-    """NaN where it was not asked for"""
+    """Standard deviation of the torque; NaN unless requested."""
     outputs: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Predictions at accepted samples, each with its sample's own stamp.
+    """Predictions at accepted samples, each with the stamp of its sample.
 
-    states: the shaft's estimated states (stamps, index, omega_rad_s, alpha_rad_s2, covariance, settled).
-    outputs: (n,) arrays by output name.
+    Attributes:
+        states: Estimated states of the shaft (stamps, index, omega_rad_s, alpha_rad_s2, covariance, settled).
+        outputs: (n,) arrays by output name.
     """
 
     states: ShaftStates
@@ -51,7 +52,7 @@ class Samples:
     _uncertainty: TorqueSensitivity | FloatArray | None
 
     def __getstate__(self) -> dict[str, Any]:
-        # A sensitivity is compiled and belongs to its process; its result goes along.
+        # A compiled sensitivity belongs to its process, so its result is stored instead.
         return {**self.__dict__, "torque_sigma_Nm": self.torque_sigma_Nm, "_uncertainty": None}
 
     def __repr__(self) -> str:
@@ -65,7 +66,7 @@ class Samples:
 
     @property
     def stamps(self) -> FloatArray | IntArray:
-        """(n,) stamps as they came in."""
+        """(n,) stamps of the input samples."""
         return self.states.stamps
 
     @property
@@ -90,11 +91,11 @@ class Samples:
 
     @property
     def settled(self) -> BoolArray:
-        """(n,) whether the estimator had settled."""
+        """(n,) true where the estimator has converged."""
         return self.states.settled
 
     def rows(self, sigma: bool = False) -> Iterator[Sample]:
-        """The samples one by one; `sigma`: with that of the torque."""
+        """Iterate over single samples; `sigma` adds the standard deviation of the torque."""
         names = tuple(self.outputs)
         columns = zip(*(self.outputs[name].tolist() for name in names), strict=True) if names else repeat(())
         sigmas = self.torque_sigma_Nm.tolist() if sigma else repeat(math.nan)
@@ -106,7 +107,7 @@ class Samples:
 
     @cached_property
     def torque_sigma_Nm(self) -> FloatArray:
-        """(n,) standard deviation of the balancing torque that follows from the shaft state's [N m].
+        """(n,) standard deviation of the balancing torque, propagated from the state of the shaft [N m].
 
         NaN for a machine without a torque.
         """
@@ -124,7 +125,7 @@ class Samples:
 
 
 def encoder_settings(encoder: Encoder) -> dict[str, Any]:
-    """What a shaft estimator can be told of an encoder, in shaft angle."""
+    """Return the settings of a shaft estimator for an encoder, in terms of the shaft angle."""
     step = encoder.resolution_rad
     return {
         "period_rad": 2.0 * math.pi * encoder.ratio,  # one turn of the encoder
@@ -138,7 +139,7 @@ def encoder_settings(encoder: Encoder) -> dict[str, Any]:
 
 
 def _span_text(stamps: FloatArray | IntArray) -> str:
-    """From when to when; stamps are seconds, or whole numbers of nanoseconds."""
+    """Format the time span; stamps are seconds, or integers in nanoseconds."""
     if not len(stamps):
         return "no time"
     unit = 1e-9 if np.issubdtype(np.asarray(stamps).dtype, np.integer) else 1.0
@@ -146,7 +147,7 @@ def _span_text(stamps: FloatArray | IntArray) -> str:
 
 
 class Session:
-    """A twin that is fed with angle samples of its encoder."""
+    """Session of a twin that takes angle samples of its encoder."""
 
     def __init__(self, twin: AnyTwin, shaft: str, **settings: Any) -> None:
         self.twin, self.shaft = twin, shaft
@@ -165,25 +166,33 @@ class Session:
 
     @property
     def predictor(self) -> Predictor:
-        """What predicts from the shaft's states."""
+        """Predictor that evaluates the states of the shaft."""
         return self._predictor
 
     @property
     def report(self) -> SampleReport:
-        """Counts of samples accepted and rejected, and the estimator's state."""
+        """Counts of accepted and rejected samples, and the state of the estimator."""
         return self._estimator.report
 
     @property
     def at_once(self) -> bool:
-        """Whether samples one by one cost less than a block of them."""
+        """True if single samples cost less than a block of them."""
         return self._predictor.at_once and self._estimator.at_once
 
     def step(self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None) -> Samples:
-        """Take angle samples and predict.
+        """Process angle samples and predict.
 
-        stamps: integers [ns] or floats [s]; angles [rad] as the encoder measures them, wrapped or not;
-        velocities [rad/s] where the encoder gives them. From the third accepted sample on,
-        each accepted sample gets one prediction (with estimators that look ahead: later, or from `finish`).
+        From the third accepted sample on, each accepted sample gets one prediction. Estimators that look ahead
+        return it later,
+        or from `finish`.
+
+        Args:
+            stamps: (n,) integers [ns] or floats [s].
+            angles: (n,) measured angles of the encoder [rad], wrapped or not.
+            velocities: (n,) measured speeds [rad/s], where the encoder has them.
+
+        Returns:
+            The predictions that are available now.
         """
         angle = (np.asarray(angles, dtype=np.float64) - self._encoder.zero_rad) * self._factor
         velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * self._factor
@@ -192,10 +201,16 @@ class Session:
     def step_one(
         self, stamp: int | float, angle: float, velocity: float | None = None, sigma: bool = False
     ) -> Sequence[Sample]:
-        """What `step` gives for one sample, without arrays of results: what a live sample takes.
+        """Process one sample as `step` does, without arrays; made for live samples.
 
-        stamp: [ns], or [s] as a float; angle [rad]; velocity [rad/s] where the encoder gives one; `sigma`: with that
-        of the torque. The predictions that are known now, in their order.
+        Args:
+            stamp: Integer [ns] or float [s].
+            angle: Measured angle of the encoder [rad].
+            velocity: Measured speed [rad/s], where the encoder has it.
+            sigma: Include the standard deviation of the torque.
+
+        Returns:
+            The predictions that are available now, in order.
         """
         angle = (angle - self._encoder.zero_rad) * self._factor
         velocity = math.nan if velocity is None else velocity * self._factor
@@ -206,34 +221,35 @@ class Session:
         if state is None:
             return ()
         phase, omega, alpha, turns = state
-        theta = turns * TURN + (turns * TURN_TAIL + phase)  # as join_turns
+        theta = turns * TURN + (turns * TURN_TAIL + phase)  # same as join_turns
         known = abs(omega) > SENSE_SIGMAS * self._estimator.omega_sigma_rad_s
         outputs = self._predictor.predict_one(stamp, state, known)
         return (Sample(stamp, theta, omega, alpha, math.nan, outputs),)
 
     def take_events(self) -> Sequence[StampedEvent]:
-        """Impacts and touches of a machine with a history since the last time; they are kept until they are taken."""
+        """Remove and return the impacts and touches of a machine with a history since the last call."""
         return self._predictor.take_events()
 
     def use(self, twin: AnyTwin) -> None:
-        """Go on with another twin of the same machine: other outputs, the shaft's state is kept.
+        """Continue with another twin of the same machine, for other outputs; the state of the shaft remains.
 
-        Raises SceneError for a twin of another machine.
+        Raises:
+            SceneError: The twin is of another machine.
         """
         if twin.machine is not self.twin.machine and twin.machine != self.twin.machine:
             raise SceneError(
-                f"the session is of machine '{self.twin.machine.name}', and the twin of a '{twin.machine.name}' that"
-                " differs from it; open a session of its own"
+                f"the session is of machine '{self.twin.machine.name}', and the twin is of a different machine"
+                f" '{twin.machine.name}'; open a new session for it"
             )
         self.twin = twin
         self._predictor = twin.predictor(self.shaft, self._predictor)
 
     def finish(self) -> Samples:
-        """Predictions for the samples that the estimator still holds."""
+        """Return the predictions for the samples that the estimator still holds back."""
         return Samples(*self._predictor.finish(self._estimator.finish()))
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Reset the session to its initial state."""
         self._estimator.reset()
         self._predictor.reset()
 

@@ -1,4 +1,6 @@
-"""The table method: tabulated functions of the angle that leap where the loads do, and what remains in closed form."""
+"""Table method: tabulated functions of the angle with discontinuities at the loads' events, and remaining closed
+forms.
+"""
 
 from __future__ import annotations
 
@@ -23,17 +25,18 @@ from textile_twin_core.twin.periodic_table import AngleTable, tabulate
 from textile_twin_core.twin.phase_steps import as_phase_steps
 
 FINEST_TABLE = 1e-13
-"""A tolerance that tables of smooth mechanisms reach; below it, rounding of their coefficients counts."""
+"""Finest tolerance of tables of smooth mechanisms; below it the rounding of coefficients dominates."""
 _SPEED_SHARES = (0.1, 1.0, 10.0)
-"""The tolerance holds from a tenth to ten times the nominal speed."""
+"""Speeds over nominal at which the tolerance is ensured."""
 _ONE = const(1.0)
 _OMEGA = variable("omega")
 
 
 class TableEvaluator:
-    """Outputs from periodic tables; those that have no linear form stay exact (`exact_outputs`).
+    """Evaluator of outputs by periodic tables; outputs without a linear form stay exact (`exact_outputs`).
 
-    Raises SceneError when no table reaches the tolerance.
+    Raises:
+        SceneError: No table reaches the tolerance.
     """
 
     def __init__(self, machine: Machine, outputs: Mapping[str, Expr], tolerance: float) -> None:
@@ -49,11 +52,11 @@ class TableEvaluator:
                 combined[name] = expression
         self.exact_outputs = tuple(name for name in outputs if name not in combined)
         self.combined = {name: combined.get(name, outputs[name]) for name in outputs}
-        self.functions = tuple(held * function for function, (_, held) in self._names.items())
+        self.functions = tuple(stored * function for function, (_, stored) in self._names.items())
         self.table = self._tabulate(machine, tolerance)
 
     def _combine(self, forms: LinearForms, name: str) -> Expr | None:
-        """The output as an expression of tabulated values, speed and acceleration."""
+        """Write the output as an expression of tabulated values, speed and acceleration."""
         form = forms.form(name)
         if form is None:
             return None
@@ -65,20 +68,20 @@ class TableEvaluator:
                 if intensity is None:
                     return None
                 products = intensity
-            for leaping, share in products:
-                size, rest = scaled(share)
-                by_factor[rest] = by_factor.get(rest, const(0.0)) + size * coefficient * leaping
+            for step, share in products:
+                size, unscaled = scaled(share)
+                by_factor[unscaled] = by_factor.get(unscaled, const(0.0)) + size * coefficient * step
         total = form.winding * THETA
         for factor, function in by_factor.items():
             total += self._value(*scaled(function)) * (square(_OMEGA) if factor is OMEGA_SQUARED else factor)
         return total
 
     def _value(self, size: float, function: Expr) -> Expr:
-        """size * function as a tabulated value; the table holds it with the size it is first asked for."""
+        """Return size * function as a tabulated value; the table stores the function with its first requested size."""
         if function.is_constant:
             return size * function
-        name, held = self._names.setdefault(function, (variable(f"f{len(self._names)}"), size))
-        return (size / held) * name
+        name, stored = self._names.setdefault(function, (variable(f"f{len(self._names)}"), size))
+        return (size / stored) * name
 
     def _tabulate(self, machine: Machine, tolerance: float) -> AngleTable | None:
         if not self.functions:
@@ -93,7 +96,7 @@ class TableEvaluator:
         return table
 
     def _weights(self, nominal_speed: float) -> FloatArray:
-        """(rows, functions): error over peak of each output, at several speeds, per error of a function."""
+        """Return (rows, functions): error over peak of each output at several speeds, per error of a function."""
         theta = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
         zeros = {f"f{i}": 0.0 for i in range(len(self.functions))}
         rows = []
@@ -109,7 +112,7 @@ class TableEvaluator:
 
     @cached_property
     def loop(self) -> Loop:
-        """Reading the table, and what remains to be done with its values."""
+        """Loop that reads the table and evaluates the outputs from its values."""
         if self.table is None:
             return self.exact.loop
         outputs, plain = list(self.combined.values()), list(self.exact.expressions.values())
@@ -117,19 +120,21 @@ class TableEvaluator:
 
     @property
     def cost(self) -> float:
-        """Operations per sample, weighed against additions."""
+        """Operations per sample, weighted by their time relative to an addition."""
         return operation_cost(list(self.combined.values())) + (0.0 if self.table is None else self.table.cost)
 
     def single(self, theta: float, omega: float, alpha: float) -> dict[str, float]:
-        """The outputs at one sample, from the closed forms."""
+        """Evaluate the outputs at one sample by the closed forms."""
         return self.exact.single(theta, omega, alpha)
 
     def fill(self, inputs: Sequence[FloatArray], out: Mapping[str, FloatArray], cores: int = 1) -> None:
-        """Evaluate one-dimensional inputs into the arrays of `out`; short blocks by the closed forms."""
+        """Evaluate one-dimensional inputs into the arrays of `out`; short blocks use the closed forms."""
         self.loop(inputs, [out[name] for name in self.combined], cores)
 
 
 def _slopes(expression: Expr, count: int, state: Mapping[str, float | FloatArray]) -> FloatArray:
-    """How strongly, at most, an output follows each of its tabulated values f0, f1, .. at states."""
+    """Return the largest absolute derivative of an output with respect to each tabulated value f0, f1, .. over
+    states.
+    """
     slopes = [derivative([expression], variable(f"f{i}"))[0] for i in range(count)]
     return np.array([np.abs(slope).max() for slope in interpret(slopes, state, np)], dtype=np.float64)

@@ -42,7 +42,7 @@ __all__ = [
     "write_report",
 ]
 
-# Where its settings cannot be kept, Matplotlib says so in two lines and draws all the same.
+# Matplotlib warns where it cannot store its settings, although it draws all the same.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 __dir__ = listing_of(__all__)

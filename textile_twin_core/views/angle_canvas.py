@@ -1,4 +1,4 @@
-"""A plot over the shaft angle on a plane canvas: the viewer plots over time only, its planes have y down."""
+"""Canvas for a plot over the shaft angle. The viewer plots over time only, and in its 2D views y points down."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from textile_twin_core.arrays import BoolArray, FloatArray
 
 TWO_PI = 2.0 * np.pi
 
-#: Width and height of the canvases, in the proportions of the views that they fill.
+#: Width and height of the canvases, with the aspect ratio of the views that they fill.
 TORQUE_SIZE = (720.0, 430.0)
 RESIDUAL_SIZE = (720.0, 560.0)
 
 
 @dataclass(frozen=True, slots=True)
 class AngleCanvas:
-    """Maps (shaft angle, value) onto a canvas of `width` x `height` units, origin at the top left.
+    """Map of (shaft angle, value) onto a canvas of `width` x `height` units, origin at the top left.
 
     Attributes:
-        low, high: the values at the canvas's lower and upper edge.
-        width, height: size of the canvas; the viewer keeps its proportions.
+        low, high: Values at the lower and the upper edge of the canvas.
+        width, height: Size of the canvas; the viewer preserves its aspect ratio.
     """
 
     low: float
@@ -31,20 +31,20 @@ class AngleCanvas:
     height: float
 
     def place(self, theta_rad: FloatArray, value: FloatArray) -> FloatArray:
-        """Canvas points (n, 2) of angles and values (n,); angles are taken within one turn."""
+        """Return the canvas points (n, 2) of angles (n,) [rad] and values (n,); angles are wrapped to one turn."""
         return np.column_stack([self.x(theta_rad), self.y(value)])
 
     def x(self, theta_rad: FloatArray) -> FloatArray:
-        """Canvas x of angles."""
+        """Return the canvas x of angles [rad]."""
         return np.asarray(np.mod(theta_rad, TWO_PI) * (self.width / TWO_PI))
 
     def y(self, value: FloatArray) -> FloatArray:
-        """Canvas y of values; larger values stand higher."""
+        """Return the canvas y of values; larger values stand higher."""
         return np.asarray((self.high - value) * (self.height / (self.high - self.low)))
 
 
 def round_ticks(low: float, high: float, about: int) -> list[float]:
-    """About so many values in steps of 1, 2 or 5 times a power of ten within low .. high."""
+    """Return tick values in steps of 1, 2 or 5 times a power of ten within low .. high, `about` this many."""
     rough = (high - low) / max(about, 1)
     power = 10.0 ** np.floor(np.log10(rough))
     step = float(next(k * power for k in (1.0, 2.0, 5.0, 10.0) if k * power >= rough * (1.0 - 1e-9)))
@@ -53,7 +53,7 @@ def round_ticks(low: float, high: float, about: int) -> list[float]:
 
 
 def canvas_for(values: Sequence[FloatArray], width: float, height: float) -> AngleCanvas:
-    """A canvas that holds all finite values, with some room above and below and zero in sight."""
+    """Build a canvas that holds all finite values and zero, with a margin above and below."""
     finite = np.concatenate([*(v[np.asarray(np.isfinite(v))] for v in values), np.zeros(1)])
     low, high = float(finite.min()), float(finite.max())
     room = 0.08 * max(high - low, 1e-3)

@@ -1,4 +1,4 @@
-"""A bounded buffer of sample blocks between the thread that has them and the one that draws them."""
+"""Bounded buffer of sample blocks between the thread that receives them and the thread that draws them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Block: TypeAlias = tuple[FloatArray, ...]
 
 
 class Buffer:
-    """Blocks of columns between two threads; holds the newest samples and counts what it drops."""
+    """Thread-safe queue of blocks of columns; drops the oldest samples above `most` and counts them in `dropped`."""
 
     def __init__(self, most: int) -> None:
         self._most, self._held = most, 0
@@ -23,7 +23,7 @@ class Buffer:
         self.dropped = 0
 
     def put(self, block: Block) -> None:
-        """Add columns of equal length; the oldest blocks go when there are too many samples."""
+        """Append columns of equal length; drop the oldest blocks above the limit."""
         with self._lock:
             self._blocks.append(block)
             self._held += block[0].size
@@ -33,7 +33,7 @@ class Buffer:
                 self.dropped += gone
 
     def take(self) -> Block:
-        """Everything held, joined by column; empty without any."""
+        """Remove all blocks and return them joined by column; an empty tuple when there are none."""
         with self._lock:
             blocks = list(self._blocks)
             self._blocks.clear()

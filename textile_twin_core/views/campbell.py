@@ -17,7 +17,7 @@ _RPM = 30.0 / np.pi
 _MOST_MODES = 4
 _NAMED = 8
 _LABEL_SHARE = 0.03
-"""Room for an order's number over the size of the diagram."""
+"""Least distance between the numbers of two orders, over the size of the diagram."""
 _COLOURS = ("#1f6f8b", "#c1440e", "#5b7f3a", "#7a4b94")
 
 
@@ -39,7 +39,7 @@ def plot_campbell(path: str | os.PathLike[str], found: Resonances, *, title: str
 
 
 def campbell_figure(found: Resonances, title: str) -> Figure:
-    """The figure: the diagram on the left, mode shapes on the right."""
+    """Draw the diagram on the left and the mode shapes on the right."""
     figure = paper.new_figure(16.0, 9.0)
     grid = figure.add_gridspec(1, 2, width_ratios=[1.7, 1.0], left=0.06, right=0.975, top=0.86, bottom=0.09, wspace=0.2)
     figure.suptitle(title, x=0.06, ha="left", fontsize=17, weight="bold", color=paper.INK)

@@ -1,4 +1,4 @@
-"""Views of a contact machine's elements: live, and of a recording."""
+"""Views of the elements of a contact machine: live, and of a recording."""
 
 from __future__ import annotations
 
@@ -28,18 +28,19 @@ _MOST_EVENTS = 100_000
 
 
 class LiveElements(LiveRecording):
-    """A live recording of a contact machine.
+    """Live recording of a contact machine.
 
     Args:
-        machine: the machine that is shown.
-        host, port: where to serve; the next port that is free is taken, None serves nobody.
-        path: also write the recording to this .rrd file.
-        memory_limit: what the server keeps for viewers that come later, such as "64MB".
-        frames_hz: most pictures in a second.
-        flush_s: time between drawings.
+        machine: Machine to show.
+        host: Address to serve on.
+        port: First port to try; the next free one is taken. None: do not serve.
+        path: Also write the recording to this .rrd file.
+        memory_limit: Memory of the server for viewers that connect later, such as "64MB".
+        frames_hz: Largest rate of pictures [Hz].
+        flush_s: Time between drawings [s].
 
     Raises:
-        TwinError: neither port nor path is given, no port is free, or the file cannot be written.
+        TwinError: Neither port nor path is given, no port is free, or the file cannot be written.
     """
 
     def __init__(
@@ -62,11 +63,11 @@ class LiveElements(LiveRecording):
         self._worker.start()
 
     def add_motion(self, stamps_ns: IntArray, positions_m: FloatArray, velocities_m_s: FloatArray) -> None:
-        """Take stamps [ns] (n,), positions and velocities (n, elements)."""
+        """Add stamps [ns] (n,), positions [m] and velocities [m/s] (n, elements)."""
         self._put("motion", stamps_ns, *positions_m.T, *velocities_m_s.T)
 
     def add_events(self, events: Sequence[StampedEvent]) -> None:
-        """Take impacts and touches, stamped [ns] as the motion is."""
+        """Add impacts and touches with their stamps [ns], on the clock of the motion."""
         self._events.extend(events)
 
     def _draw(self, blocks: dict[str, Block]) -> None:
@@ -88,9 +89,19 @@ def write_element_recording(
     *,
     title: str,
 ) -> None:
-    """Write the elements' motion as a recording that the viewer opens: stamps (n,), the others (n, elements).
+    """Write the motion of the elements as a recording for the viewer.
 
-    Raises RecordingError when the file cannot be written there.
+    Args:
+        path: The .rrd file to write.
+        machine: Machine to show.
+        stamps_ns: Stamps (n,) [ns].
+        positions_m: Positions (n, elements) [m].
+        velocities_m_s: Velocities (n, elements) [m/s].
+        events: Impacts and touches with their stamps [ns].
+        title: Name of the recording.
+
+    Raises:
+        RecordingError: The file cannot be written there.
     """
     stream = rr.RecordingStream("textile-twin", recording_id=f"{machine.name}-{int(stamps_ns[0])}")
     drawing = ElementDrawing(machine, stream, _RECORDED_FRAMES_HZ)
@@ -105,7 +116,7 @@ def write_element_recording(
 
 
 def _shown_s(machine: ContactMachine) -> float:
-    """Time that the plots show [s]."""
+    """Return the time span of the plots [s]."""
     return _SHOWN_TURNS * 2.0 * np.pi / machine.nominal_speed_rad_s
 
 

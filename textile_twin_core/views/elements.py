@@ -1,4 +1,4 @@
-"""Sliding elements of a contact machine in a recording: blocks on their line, their motion over time, their hits."""
+"""Sliding elements of a contact machine in a recording: blocks on their line, motion over time, contact events."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ import rerun.blueprint as rrb
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.views import palette
+from textile_twin_core.views.contact_events import ContactDrawing
 from textile_twin_core.views.frames import Frames
-from textile_twin_core.views.hits import HitDrawing
 from textile_twin_core.views.layout import TIMELINE, over_time, page, time_axis
-from textile_twin_core.views.scribe import at_times, scalars
+from textile_twin_core.views.recording_writer import at_times, scalars
 
 if TYPE_CHECKING:
     from textile_twin_core.machine import ContactMachine
 
 _LENGTH, _HEIGHT, _PITCH = 0.55, 0.12, 0.2
-"""Of an element's block, and from one to the next across the line; in the longest stroke."""
+"""Length and height of an element's block and distance between two blocks, over the longest stroke."""
 _SUMMARY_S = 0.1
-"""What happens within this time is summed up at once."""
-_KEPT = 1000
-"""Samples of which an event may still come."""
+"""Events within this time share one update of the summary."""
+_STORED = 1000
+"""Samples stored for events that arrive after their motion."""
 
 
 class ElementDrawing:
-    """Draws a machine's elements; positions come as arrays (n, elements), in the order of `machine.elements`.
+    """Drawing of the elements of a machine. Positions are arrays (n, elements) in the order of `machine.elements`.
 
     Args:
-        machine: the machine.
-        stream: where to.
-        frames_hz: most pictures of the blocks in a second.
+        machine: Machine to draw.
+        stream: Stream to draw into.
+        frames_hz: Largest rate of pictures of the blocks [Hz].
     """
 
     def __init__(self, machine: ContactMachine, stream: rr.RecordingStream, frames_hz: float) -> None:
@@ -47,10 +47,10 @@ class ElementDrawing:
         self._time, self._places = np.empty(0), np.empty((0, len(machine.elements)))
         self._waiting: list[tuple[float, ContactEvent]] = []
         reach = 0.5 * _PITCH * self._stroke
-        self._hits = HitDrawing(machine, stream, self._place, self._row, reach)
+        self._contacts = ContactDrawing(machine, stream, self._place, self._row, reach)
 
     def blueprint(self, window_s: float) -> rrb.Blueprint:
-        """The layout: the blocks above, positions and velocities over the last seconds below."""
+        """Return the layout: the blocks above, positions and velocities over the last `window_s` seconds below."""
         axis = time_axis(window_s, 0.05 * window_s)
         stroke, rows = self._stroke, len(self._machine.elements)
         farthest = max(self._low, *self._machine.start, *(pad.position_m for pad in self._machine.pads))
@@ -70,9 +70,9 @@ class ElementDrawing:
             *(
                 (over_time(name, origin, axis, legend=True), share)
                 for name, origin, share in (
-                    ("Position, and where it strikes [mm]", "position", 1.5),
+                    ("Position, and place of each contact [mm]", "position", 1.5),
                     ("Velocity [m/s]", "velocity", 1.0),
-                    ("Speed with which stops and pads are struck [m/s]", "hits", 0.9),
+                    ("Approach speed at stops and pads [m/s]", "contacts", 0.9),
                 )
             ),
         ]
@@ -82,7 +82,7 @@ class ElementDrawing:
         return page(rrb.Vertical(*views, row_shares=list(shares)))
 
     def prepare(self) -> None:
-        """Draw what does not move."""
+        """Draw the static parts."""
         stroke = self._stroke
         size = [[_LENGTH * stroke, _HEIGHT * stroke]]
         for number, element in enumerate(self._machine.elements):
@@ -101,18 +101,18 @@ class ElementDrawing:
             self._stream.log(f"elements/pads/{pad.name}", drawn, static=True)
             label = rr.Points2D([line[0]], radii=[0.0], labels=[f"face of {pad.name}"], colors=[palette.TEXT])
             self._stream.log(f"elements/pads/{pad.name}/name", label, static=True)
-        self._hits.prepare()
+        self._contacts.prepare()
         self._sum_up(0.0)
 
     def happened(self, events: Sequence[tuple[float, ContactEvent]]) -> None:
-        """Take impacts and touches with their times [s], in order of time; motion may not have come so far yet."""
+        """Add impacts and touches with their times [s], in order of time. Events may arrive before their motion."""
         self._waiting += events
 
     def motion(self, time_s: FloatArray, positions_m: FloatArray, velocities_m_s: FloatArray) -> None:
-        """Draw the elements at times (n,): positions and velocities (n, elements); and what happened until then."""
-        self._time = np.concatenate([self._time[-_KEPT:], time_s])
-        self._places = np.concatenate([self._places[-_KEPT:], positions_m])
-        self._draw_hits(float(time_s[-1]))
+        """Draw positions [m] and velocities [m/s] (n, elements) at times (n,) [s], and the events up to then."""
+        self._time = np.concatenate([self._time[-_STORED:], time_s])
+        self._places = np.concatenate([self._places[-_STORED:], positions_m])
+        self._draw_contacts(float(time_s[-1]))
         frames = self._frames.of(time_s)
         for number, element in enumerate(self._machine.elements):
             place = positions_m[:, number]
@@ -124,24 +124,24 @@ class ElementDrawing:
                 columns = rr.Transform3D.columns(translation=moved)
                 self._stream.send_columns(f"elements/{element}", at_times(time_s[frames]), columns)
 
-    def _draw_hits(self, now_s: float) -> None:
+    def _draw_contacts(self, now_s: float) -> None:
         ready = [each for each in self._waiting if each[0] <= now_s]
         self._waiting = self._waiting[len(ready) :]
         while ready:
             together = [each for each in ready if each[0] <= ready[0][0] + _SUMMARY_S]
             ready = ready[len(together) :]
-            self._hits.draw(together)
+            self._contacts.draw(together)
             self._sum_up(together[-1][0])
 
     def _sum_up(self, now_s: float) -> None:
-        text = "\n".join([f"### {self._machine.name}", "", *self._hits.summary()])
+        text = "\n".join([f"### {self._machine.name}", "", *self._contacts.summary()])
         self._stream.set_time(TIMELINE, duration=now_s)
         self._stream.log("summary", rr.TextDocument(text, media_type="text/markdown"))
 
     def _place(self, element: str, time_s: FloatArray) -> FloatArray:
-        """Position [m] at times (n,) of late."""
+        """Interpolate the recent position of an element [m] at times (n,)."""
         return np.interp(time_s, self._time, self._places[:, self._machine.elements.index(element)])
 
     def _row(self, element: str) -> float:
-        """Where an element's block stands across the line [m]."""
+        """Return the place of an element's block across the line [m]."""
         return self._machine.elements.index(element) * _PITCH * self._stroke

@@ -1,4 +1,4 @@
-"""Which samples are drawn as pictures: so many a second at most, however the samples come in blocks."""
+"""Choice of the samples that are drawn as pictures, at a limited rate and independent of the block size."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from textile_twin_core.arrays import FloatArray, IntArray
 
 
 class Frames:
-    """Chooses samples at a limited rate [Hz]."""
+    """Selector of samples at a limited rate [Hz]."""
 
     def __init__(self, rate_hz: float) -> None:
         self._period_s, self._next_s = 1.0 / rate_hz, -math.inf
 
     def of(self, time_s: FloatArray) -> IntArray:
-        """Places of those to draw in the next block of times (n,), increasing [s]."""
+        """Return the indices of the samples to draw in the next block of increasing times (n,) [s]."""
         chosen = []
         for k, now in enumerate(time_s.tolist()):
             if now >= self._next_s:

@@ -1,4 +1,4 @@
-"""Places for the labels of a drawing, so that none lies on a line, a pin or another label."""
+"""Places for the labels of a drawing, clear of lines, pins and other labels."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from matplotlib.axes import Axes
 from textile_twin_core.arrays import FloatArray
 
 _LETTER, _LINE = 0.62, 1.25
-"""Width of a letter and height of a line, over the size of the type."""
+"""Width of a letter and height of a line, over the font size."""
 _STEP = 4.0
 _ALONG = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8)
 _ON_LABEL = 1000.0
 
 
 class LabelPlaces:
-    """Finds places one after the other; every label placed is in the way of later ones.
+    """Placement of labels one after the other; each placed label blocks its place for later ones.
 
     Args:
-        axes: where is drawn; all but the labels has to be there.
-        lines: ends (2, 2) of the lines, in the data's units.
-        radius: half the width of a line [points].
+        axes: Axes with everything drawn but the labels.
+        lines: Ends (2, 2) of each line, in data units.
+        radius: Half the width of a line [points].
     """
 
     def __init__(self, axes: Axes, lines: Iterable[FloatArray], radius: float) -> None:
-        axes.figure.draw_without_rendering()  # type: ignore[union-attr]  # only then the scale is known
+        axes.figure.draw_without_rendering()  # type: ignore[union-attr]  # sets the scale
         self._axes, self._scale, self._radius = axes, 72.0 / axes.figure.dpi, radius
         self._occupied = np.concatenate([self._along(line) for line in lines] or [np.empty((0, 2))])
         self._boxes: list[tuple[FloatArray, FloatArray]] = []
 
     def beside_line(self, text: str, size: float, line: FloatArray) -> FloatArray:
-        """The middle of a label beside a line (2, 2), in points from the line's middle."""
+        """Return the middle of a label beside a line (2, 2), in points from the middle of the line."""
         start, end = self._points(line)
         along = (end - start) / max(float(np.hypot(*(end - start))), 1e-9)
         across = np.array([-along[1], along[0]])
@@ -42,7 +42,7 @@ class LabelPlaces:
         return np.asarray(self._choose(candidates, half) - 0.5 * (start + end))
 
     def around_point(self, text: str, size: float, place: FloatArray, outward: FloatArray, away: float) -> FloatArray:
-        """The middle of a label around a point (2,), in points from it: outward, unless something is there."""
+        """Return the middle of a label near a point (2,), in points from it; outward where that place is free."""
         (middle,) = self._points(place[None])
         begin = np.arctan2(outward[1], outward[0])
         turns = sorted(np.linspace(-np.pi, np.pi, 16, endpoint=False), key=abs)

@@ -1,4 +1,4 @@
-"""What the last minutes held, while samples come in for weeks: residuals by angle, and extremes."""
+"""Statistics over the last minutes of an endless stream: residuals by shaft angle, and extremes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ T = TypeVar("T")
 
 
 class Latest(Generic[T]):
-    """Two gatherers, of which the one that is shown goes as the other has held `span_s`, and becomes it.
+    """Pair of accumulators that covers the last `span_s` to 2 `span_s` seconds in constant memory.
 
-    What is shown is thus of the last `span_s` to twice that.
+    Every `span_s` the shown accumulator is discarded; the other one takes its place and a new one starts.
 
     Args:
-        create: makes an empty gatherer.
-        span_s: seconds; inf keeps all.
+        create: Function that returns an empty accumulator.
+        span_s: Time span [s]; inf covers everything.
     """
 
     def __init__(self, create: Callable[[], T], span_s: float) -> None:
@@ -29,7 +29,7 @@ class Latest(Generic[T]):
         self._turned_s = np.nan
 
     def turn(self, time_s: float) -> None:
-        """Let go what is too old at this time [s]; also where time was set back."""
+        """Discard the older accumulator if it is due at this time [s], or if time moved backwards."""
         if not self._turned_s - self._span_s <= time_s < self._turned_s + self._span_s:
             if np.isfinite(self._turned_s):
                 self.shown, self._next = self._next, self._create()
@@ -37,12 +37,12 @@ class Latest(Generic[T]):
 
     @property
     def both(self) -> tuple[T, T]:
-        """What has to take all that comes."""
+        """Return the two accumulators; add each sample to both."""
         return self.shown, self._next
 
 
 class Residuals:
-    """Residuals by shaft angle in so many bins, and their statistics."""
+    """Residuals in `bins` bins of the shaft angle, and their statistics."""
 
     def __init__(self, bins: int) -> None:
         self._bins = RunningAngleBins(bins)
@@ -50,7 +50,7 @@ class Residuals:
         self.count, self.worst_Nm = 0, 0.0
 
     def add(self, theta_rad: FloatArray, residual_Nm: FloatArray) -> None:
-        """Take residuals (n,) at angles (n,), all finite."""
+        """Add residuals (n,) [N m] at angles (n,) [rad], all finite."""
         self._bins.add(theta_rad, residual_Nm)
         self._squares += float(residual_Nm @ residual_Nm)
         self.count += residual_Nm.size
@@ -58,22 +58,22 @@ class Residuals:
 
     @property
     def rms_Nm(self) -> float:
-        """Root mean square; there has to be one."""
+        """Root mean square; `count` must be positive."""
         return float(np.sqrt(self._squares / self.count))
 
     def bins(self) -> AngleBins:
-        """The bins of all of them."""
+        """Return the statistics by bin."""
         return self._bins.bins()
 
 
 class Extremes:
-    """The smallest and the largest of numbers; 0 stands for none."""
+    """Smallest and largest of numbers and zero."""
 
     def __init__(self) -> None:
         self.low, self.high = 0.0, 0.0
 
     def add(self, values: FloatArray) -> None:
-        """Take numbers (n,); those that are not finite are left out."""
+        """Add numbers (n,); ignore those that are not finite."""
         finite = values[np.isfinite(values)]
         self.low = min(self.low, float(np.min(finite, initial=0.0)))
         self.high = max(self.high, float(np.max(finite, initial=0.0)))

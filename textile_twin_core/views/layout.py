@@ -1,4 +1,4 @@
-"""The layout of the viewer: where each view stands and what it shows."""
+"""Layout of the viewer: place and content of each view."""
 
 from __future__ import annotations
 
@@ -16,40 +16,45 @@ from textile_twin_core.views.whole_width import WholeWidth
 
 TIMELINE = "time"
 
-Overrides: TypeAlias = dict[Any, Any]  # what the viewer's own type spells out in four lines
+Overrides: TypeAlias = dict[Any, Any]  # short for the viewer's own type
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What the layout depends on.
+    """Inputs of the layout.
 
     Attributes:
-        machine: name for the title. scene: the linkage, for the camera.
-        travel, torque, residual: canvases of the plots over the shaft angle; no travel without a measure, no torque
-            without masses, no residual while no torque was measured.
-        travels: names of the measures. lanes: rows of phases.
-        window_s: time shown before and after the cursor in the plots over time.
-        turn_s: the last turn, drawn bold over the shaft angle. kept_s: how long earlier turns stay there.
-        kept: the same in words. residual_title: the residual's title.
-        width: all linkages of a machine with an elastic shaft.
+        machine: Machine name, for the title.
+        scene: Linkage, for the camera.
+        travel: Canvas of the measures over the shaft angle; None for a machine without measures.
+        measures: Names of the measures.
+        phase_rows: Number of rows of phases.
+        torque: Canvas of the torque over the shaft angle; None for a machine without masses.
+        residual: Canvas of the residual over the shaft angle; None while no torque was measured.
+        window_s: Time shown before and after the cursor in the plots over time [s].
+        turn_s: Duration of the last turn, which is drawn bold over the shaft angle [s].
+        history_s: Time that earlier turns stay visible there [s].
+        history: The same as text.
+        residual_title: Title of the residual plot.
+        width: All linkages of a machine with an elastic shaft.
     """
 
     machine: str
     scene: MachineScene
     travel: AngleCanvas | None
-    travels: tuple[str, ...]
-    lanes: int
+    measures: tuple[str, ...]
+    phase_rows: int
     torque: AngleCanvas | None
     residual: AngleCanvas | None
     window_s: tuple[float, float]
     turn_s: float
-    kept_s: float
-    kept: str
+    history_s: float
+    history: str
     residual_title: str
     width: WholeWidth | None = None
 
     def blueprint(self) -> rrb.Blueprint:
-        """The layout as the viewer takes it."""
+        """Return the layout as a blueprint of the viewer."""
         plots = self._motion_plots() if self.torque is None or self.residual is None else self._torque_plots()
         if self.width is not None:
             above = rrb.Horizontal(self._whole_width(self.width), self._log(), column_shares=[4.0, 1.0])
@@ -58,10 +63,12 @@ class Layout:
         return page(rrb.Horizontal(machine, plots, column_shares=[1.0, 2.9]))
 
     def _torque_plots(self) -> rrb.Vertical:
-        """Measured beside predicted torque."""
+        """Arrange measured beside predicted torque."""
         assert self.torque is not None and self.residual is not None
         over_angle = rrb.Horizontal(
-            self._angle_view(f"Torque over shaft angle, {self.kept} [N m]", "angle", self.torque, self._kept_turns()),
+            self._angle_view(
+                f"Torque over shaft angle, {self.history} [N m]", "angle", self.torque, self._visible_turns()
+            ),
             self._angle_view("Residual by shaft angle: mean, spread, extremes [N m]", "by_angle", self.residual, {}),
             self._summary(),
             column_shares=[1.25, 1.0, 0.92],
@@ -75,18 +82,21 @@ class Layout:
         )
 
     def _motion_plots(self) -> rrb.Vertical:
-        """What the shaft's angle alone tells."""
-        of = f"{self.travels[0].capitalize()} position" if len(self.travels) == 1 else "Positions"
+        """Arrange the plots that need the shaft angle only."""
+        of = f"{self.measures[0].capitalize()} position" if len(self.measures) == 1 else "Positions"
         rows: list[tuple[rrb.View | rrb.Container, float]] = []
         beside: list[rrb.View | rrb.Container] = []
         if self.travel is not None:
-            rows.append((self._series(f"{of} [mm]", "travel", legend=len(self.travels) > 1), 2.6))
+            rows.append((self._series(f"{of} [mm]", "travel", legend=len(self.measures) > 1), 2.6))
             beside.append(self._angle_view(f"{of} over shaft angle [mm]", "travel_angle", self.travel, {}))
         if self.torque is not None:
             rows.append((self._series("Torque on the main shaft, predicted [N m]", "torque"), 2.6))
-            title = f"Torque over shaft angle, {self.kept} [N m]"
-            beside.append(self._angle_view(title, "angle", self.torque, self._kept_turns()))
-        rows += [(self._series("Speed of the shaft [rpm]", "speed"), 1.5), (self._phases(), 0.7 + 0.5 * self.lanes)]
+            title = f"Torque over shaft angle, {self.history} [N m]"
+            beside.append(self._angle_view(title, "angle", self.torque, self._visible_turns()))
+        rows += [
+            (self._series("Speed of the shaft [rpm]", "speed"), 1.5),
+            (self._phases(), 0.7 + 0.5 * self.phase_rows),
+        ]
         rows.append((rrb.Horizontal(*beside, self._summary(), column_shares=[1.0] * len(beside) + [0.8]), 3.9))
         views, shares = zip(*rows, strict=True)
         return rrb.Vertical(*views, row_shares=list(shares))
@@ -100,9 +110,9 @@ class Layout:
     def _window(self) -> rrb.TimeAxis:
         return time_axis(*self.window_s)
 
-    def _kept_turns(self) -> Overrides:
-        kept, last = _last(self.kept_s), _last(self.turn_s)
-        return {"angle/measured": kept, "angle/predicted": last, "angle/last": last}
+    def _visible_turns(self) -> Overrides:
+        earlier, last = _last(self.history_s), _last(self.turn_s)
+        return {"angle/measured": earlier, "angle/predicted": last, "angle/last": last}
 
     def _series(self, name: str, origin: str, *, legend: bool = False) -> rrb.TimeSeriesView:
         return over_time(name, origin, self._window(), legend=legend)
@@ -122,7 +132,7 @@ class Layout:
     def _linkage(self) -> rrb.Spatial3DView:
         low, high = self.scene.lower, self.scene.upper
         x, y = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])
-        # Far enough for a view that is higher than wide.
+        # This distance fits a view that is higher than wide.
         away = 1.24 * max(high[1] - low[1], (high[0] - low[0]) / 0.72)
         return rrb.Spatial3DView(
             name=f"Machine: {self.machine}",
@@ -139,7 +149,7 @@ class Layout:
         )
 
     def _whole_width(self, width: WholeWidth) -> rrb.Spatial3DView:
-        """All linkages, seen from the side and a little from the front, so that the row goes across the view."""
+        """Show all linkages from the side and slightly from the front, so that the row spans the view."""
         low, high = self.scene.lower, self.scene.upper
         x, z = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])
         near, far = -float(width.places_m[-1]), -float(width.places_m[0])
@@ -168,7 +178,7 @@ class Layout:
 
 
 def page(views: rrb.Container) -> rrb.Blueprint:
-    """A layout of these views alone, that follows what comes."""
+    """Build a blueprint of these views alone, which follows new data."""
     return rrb.Blueprint(
         views,
         rrb.BlueprintPanel(state="collapsed"),
@@ -180,12 +190,12 @@ def page(views: rrb.Container) -> rrb.Blueprint:
 
 
 def time_axis(before_s: float, after_s: float) -> rrb.TimeAxis:
-    """The time around the cursor."""
+    """Return the axis of time around the cursor."""
     return rrb.TimeAxis(view_range=rrb.TimeRange(start=_from_cursor(-before_s), end=_from_cursor(after_s)))
 
 
 def over_time(name: str, origin: str, axis: rrb.TimeAxis, *, legend: bool) -> rrb.TimeSeriesView:
-    """A plot of what is logged below `origin`."""
+    """Create a plot over time of the entities below `origin`."""
     return rrb.TimeSeriesView(
         name=name,
         origin=origin,

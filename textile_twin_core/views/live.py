@@ -1,4 +1,4 @@
-"""Live view: what a running machine does, served to any number of rerun viewers that come and go."""
+"""Live view of a running machine, served to any number of rerun viewers that come and go."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
 
 _MEMORY_S = 60.0
-"""One wrong value is in the statistics and scales of a view for two minutes at most."""
+"""Span of the statistics and scales [s]; an outlier affects them for at most twice this time."""
 
 
 class LiveView(LiveRecording):
-    """A live recording of one machine.
+    """Live recording of one machine.
 
-    The `add_` methods take blocks of samples and return at once.
+    The `add_` methods accept blocks of samples and return at once.
 
     Args:
-        machine: the machine that is shown.
-        host: address to serve on; loopback unless told otherwise.
-        port: port to serve on, or the next one that is free; None serves nobody.
-        path: also write the recording to this .rrd file.
-        memory_limit: what the server keeps for viewers that come later, such as "64MB".
-        limit_Nm: limit of the residual to draw, None for none.
-        frames_hz: most pictures of the linkage in a second.
-        flush_s: time between drawings.
-        buffer_samples: samples that each buffer holds at most.
+        machine: Machine to show.
+        host: Address to serve on; loopback by default.
+        port: First port to try; the next free one is taken. None: do not serve.
+        path: Also write the recording to this .rrd file.
+        memory_limit: Memory of the server for viewers that connect later, such as "64MB".
+        limit_Nm: Limit of the residual to draw [N m]; None draws no limit.
+        frames_hz: Largest rate of pictures of the linkage [Hz].
+        flush_s: Time between drawings [s].
+        buffer_samples: Capacity of each buffer.
 
     Raises:
-        TwinError: neither port nor path is given, no port is free, or the file cannot be written.
+        TwinError: Neither port nor path is given, no port is free, or the file cannot be written.
     """
 
     def __init__(
@@ -64,26 +64,26 @@ class LiveView(LiveRecording):
         self._worker.start()
 
     def add_motion(self, stamps_ns: IntArray, theta_rad: FloatArray) -> None:
-        """Take shaft angles (n,) of a machine whose masses are not known: stamps [ns] and the angle."""
+        """Add shaft angles (n,) [rad] with stamps [ns], for a machine whose masses are unknown."""
         self._put("motion", stamps_ns, theta_rad)
 
     def add_stations(self, stamps_ns: IntArray, stations_rad: FloatArray) -> None:
-        """Take angles (n, stations) of the stations of an elastic shaft."""
+        """Add angles (n, stations) [rad] of the stations of an elastic shaft, with stamps [ns]."""
         self._put("stations", stamps_ns, *stations_rad.T)
 
     def add_predicted(
         self, stamps_ns: IntArray, theta_rad: FloatArray, torque_Nm: FloatArray, sigma_Nm: FloatArray | None = None
     ) -> None:
-        """Take predictions (n,): stamps [ns], shaft angle, torque, and its sigma where known."""
+        """Add predictions (n,): stamps [ns], shaft angle [rad], torque and, where known, its sigma [N m]."""
         sigma = np.full(np.size(torque_Nm), np.nan) if sigma_Nm is None else sigma_Nm
         self._put("predicted", stamps_ns, theta_rad, torque_Nm, sigma)
 
     def add_measured(self, stamps_ns: IntArray, torque_Nm: FloatArray) -> None:
-        """Take measured torque (n,)."""
+        """Add measured torques (n,) [N m] with stamps [ns]."""
         self._put("measured", stamps_ns, torque_Nm)
 
     def add_residual(self, stamps_ns: IntArray, residual_Nm: FloatArray) -> None:
-        """Take residuals (n,), at the stamps of their measured samples."""
+        """Add residuals (n,) [N m], with the stamps [ns] of their measured samples."""
         self._put("residual", stamps_ns, residual_Nm)
 
     def _draw(self, blocks: dict[str, Block]) -> None:

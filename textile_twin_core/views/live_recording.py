@@ -1,4 +1,4 @@
-"""Live recording: blocks of samples drawn by a thread of its own, served to rerun viewers that come and go."""
+"""Live recording: a thread draws blocks of samples and serves them to rerun viewers that come and go."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import TwinError
 from textile_twin_core.views.buffer import Block, Buffer
 from textile_twin_core.views.port import Port
+from textile_twin_core.views.recording_writer import say
 from textile_twin_core.views.rrd_file import RrdFile
-from textile_twin_core.views.scribe import say
 
-_MOST_WORDS = 1000  # lines that wait to be drawn
+_MOST_LINES = 1000  # event lines that wait to be drawn
 
 
 class LiveRecording(ABC):
-    """What live views share: buffers, the thread that draws, server and file.
+    """Base of the live views: buffers, drawing thread, server and file.
 
-    Blocks of samples are put into bounded buffers at once; every `flush_s` they are drawn. When drawing cannot keep up
-    the oldest blocks are dropped and counted.
+    Blocks of samples enter bounded buffers at once and are drawn every `flush_s`. When drawing falls behind, the oldest
+    blocks are dropped and counted.
 
     Args:
-        kinds: names of the buffers.
-        flush_s: time between drawings.
-        buffer_samples: samples that each buffer holds at most.
+        kinds: Names of the buffers.
+        flush_s: Time between drawings [s].
+        buffer_samples: Capacity of each buffer.
     """
 
     def __init__(self, kinds: Sequence[str], flush_s: float = 0.1, buffer_samples: int = 200_000) -> None:
@@ -40,7 +40,7 @@ class LiveRecording(ABC):
         self._buffers = {name: Buffer(buffer_samples) for name in kinds}
         self._origin: int | None = None
         self._latest_s = 0.0
-        self._words: deque[tuple[str, str]] = deque(maxlen=_MOST_WORDS)
+        self._lines: deque[tuple[str, str]] = deque(maxlen=_MOST_LINES)
         self._stream = rr.RecordingStream("textile-twin")
         self._file: RrdFile | None = None
         self._port: Port | None = None
@@ -51,24 +51,24 @@ class LiveRecording(ABC):
 
     @abstractmethod
     def _draw(self, blocks: dict[str, Block]) -> None:
-        """Draw what has come since the last time, by kind; for the drawing thread."""
+        """Draw the new blocks by kind; runs in the drawing thread."""
 
     @property
     def dropped(self) -> int:
-        """Samples dropped because drawing could not keep up."""
+        """Samples dropped because drawing fell behind."""
         return sum(buffer.dropped for buffer in self._buffers.values())
 
     @property
     def error(self) -> Exception | None:
-        """What ended the drawing thread, or left the file without its end; None while all is well."""
+        """Error that ended the drawing thread or left the file incomplete; None otherwise."""
         return self._error
 
     def say(self, level: str, text: str) -> None:
-        """Add a line to the list of events, at the time of the latest sample; level: INFO, WARN or ERROR."""
-        self._words.append((level, text))
+        """Add a line to the list of events at the time of the latest sample; level: INFO, WARN or ERROR."""
+        self._lines.append((level, text))
 
     def close(self) -> None:
-        """Draw what is left, end the thread and close file and server; `error` tells whether it went well."""
+        """Draw the remaining blocks, end the thread and close file and server; check `error` afterwards."""
         if self._stop.is_set():
             return
         self._stop.set()
@@ -77,7 +77,7 @@ class LiveRecording(ABC):
         if self._file is not None:
             try:
                 self._file.finish()
-            except TwinError as error:  # the view's owner asks for it
+            except TwinError as error:  # reported by `error`
                 self._error = self._error or error
         if self._port is not None:
             self._port.release()
@@ -91,15 +91,15 @@ class LiveRecording(ABC):
     def _begin(
         self, blueprint: rrb.Blueprint, host: str, port: int | None, path: str | os.PathLike[str] | None, memory: str
     ) -> None:
-        """Serve and write, and begin to draw.
+        """Open server and file.
 
         Raises:
-            TwinError: neither port nor path is given, no port is free, or the file cannot be written.
+            TwinError: Neither port nor path is given, no port is free, or the file cannot be written.
         """
         if port is None and path is None:
             raise TwinError("a live view needs a port to serve on or a file to write to")
         if port is not None:
-            self._port = Port(host, port)  # the server would only log that it could not listen
+            self._port = Port(host, port)  # the server itself only logs a port that is in use
         if path is not None:
             self._file = RrdFile(path)
         try:
@@ -123,13 +123,13 @@ class LiveRecording(ABC):
             while not self._stop.wait(self._flush_s):
                 self._take_and_draw()
             self._take_and_draw()
-        except Exception as error:  # the thread's owner asks for it; a view must not end a node
+        except Exception as error:  # reported by `error`; a view must not end a node
             self._error = error
 
     def _take_and_draw(self) -> None:
         self._draw({name: block for name, buffer in self._buffers.items() if (block := buffer.take())})
-        while self._words:
-            say(self._stream, self._latest_s, *self._words.popleft())
+        while self._lines:
+            say(self._stream, self._latest_s, *self._lines.popleft())
         if self._file is not None and self._file.error is not None:
             raise self._file.error
 

@@ -30,15 +30,19 @@ _MOST_CURVES = 4
 def plot_machine(
     path: str | os.PathLike[str], machine: AnyMachine, *, rpm: float | None = None, at_deg: float | None = None
 ) -> Path:
-    """Write a machine's picture, 1600 x 1000 pixels: linkage, torque and its parts, motion of its measures.
+    """Write a picture of a machine, 1600 x 1000 pixels: linkage, torque and its parts, motion of its measures.
 
     Args:
-        path: the .png file to write.
-        machine: a linkage, or one that moves by a law of its own (it is shown by its curves alone).
-        rpm: speed of the shaft; the machine's nominal speed without it.
-        at_deg: shaft angle at which the linkage is drawn; without it where its links cover each other least.
+        path: The .png file to write.
+        machine: A linkage, or a machine with a law of motion, which is shown by its curves alone.
+        rpm: Speed of the shaft; the machine's nominal speed by default.
+        at_deg: Shaft angle of the drawn linkage; by default the angle at which its links cover each other least.
 
-    Raises RecordingError when the file cannot be written there.
+    Returns:
+        The path written.
+
+    Raises:
+        RecordingError: The file cannot be written there.
     """
     figure = _linkage_page(machine, rpm, at_deg) if isinstance(machine, Machine) else _law_page(machine, rpm)
     return paper.save_png(figure, path)
@@ -83,7 +87,7 @@ def _linkage_page(machine: Machine, rpm: float | None, at_deg: float | None) -> 
 
 
 def _law_page(machine: AnyMachine, rpm: float | None) -> Figure:
-    """A machine with a law of its own: what its scene asks for, over one turn."""
+    """Draw the motion outputs of a machine with a law of motion over one turn."""
     speed = machine.nominal_speed_rad_s if rpm is None else rpm * np.pi / 30.0
     time = np.linspace(0.0, 2.0 * np.pi / speed, _SAMPLES + 1)
     theta = speed * time

@@ -1,4 +1,4 @@
-"""Write what a shaft's angle alone tells of a machine as a recording of the rerun viewer, drawn as the live view is."""
+"""Motion of a machine, with its predicted torque, as a recording of the rerun viewer in the style of the live view."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import rerun as rr
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.views.live_drawing import LiveDrawing
+from textile_twin_core.views.recording_writer import gap_times, turn_s
 from textile_twin_core.views.rrd_file import written
-from textile_twin_core.views.scribe import gap_times, turn_s
 from textile_twin_core.views.whole_width import largest_twist
 
 if TYPE_CHECKING:
@@ -33,11 +33,20 @@ def write_motion_recording(
     title: str,
     stations_rad: FloatArray | None = None,
 ) -> None:
-    """Write the motion of a machine: stamps [ns] and unwrapped shaft angles (n,), and torque and sigma with masses.
+    """Write the motion of a machine, and its torque where its masses are known.
 
-    A machine with an elastic shaft is drawn by the angles (n, stations) of its stations.
+    Args:
+        path: The .rrd file to write.
+        machine: Machine to show.
+        stamps_ns: Stamps (n,) [ns].
+        theta_rad: Unwrapped shaft angles (n,) [rad].
+        torque_Nm: Predicted torques (n,) [N m], or None.
+        sigma_Nm: Their standard deviations (n,) [N m], or None.
+        title: Name of the recording.
+        stations_rad: Angles (n, stations) [rad] of the stations of an elastic shaft, or None.
 
-    Raises RecordingError when the file cannot be written there.
+    Raises:
+        RecordingError: The file cannot be written there.
     """
     stream = rr.RecordingStream("textile-twin", recording_id=f"{machine.name}-{int(stamps_ns[0])}")
     time = np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)

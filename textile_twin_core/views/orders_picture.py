@@ -1,4 +1,4 @@
-"""Order analysis on paper: map over time, map over speed, and order spectrum of each signal."""
+"""Picture of an order analysis: map over time, map over speed, and order spectrum of each signal."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from textile_twin_core.views import paper
 
 _RPM = 30.0 / np.pi
 _DECADES = 1e3
-"""The colours span three decades below the largest amplitude."""
+"""Range of the colours below the largest amplitude: three decades."""
 _NAMED = 5
 
 
@@ -29,15 +29,15 @@ def plot_orders(path: str | os.PathLike[str], maps: Mapping[str, OrderMap], *, t
     """Write the order maps of signals as one picture.
 
     Args:
-        path: the .png file to write.
-        maps: name of each signal with its unit -> its map.
-        title: what was analysed.
+        path: The .png file to write.
+        maps: Order map by signal name with unit.
+        title: Name of the analysed recording.
 
     Returns:
         The path written.
 
     Raises:
-        RecordingError: the file cannot be written there.
+        RecordingError: The file cannot be written there.
     """
     figure = orders_figure(maps)
     figure.suptitle(title, x=0.045, ha="left", fontsize=17, weight="bold", color=paper.INK)
@@ -45,10 +45,11 @@ def plot_orders(path: str | os.PathLike[str], maps: Mapping[str, OrderMap], *, t
 
 
 def orders_figure(maps: Mapping[str, OrderMap], resonances: Resonances | None = None) -> Figure:
-    """The figure: a row of three plots for each signal, 1600 pixels wide.
+    """Draw a row of three plots for each signal, 1600 pixels wide.
 
-    With `resonances` of an elastic shaft the maps over the speed show its natural frequencies as lines, and dots
-    where an order of the machine's own torque meets one: the critical speeds.
+    With `resonances` of an elastic shaft, the maps over speed also show its natural frequencies as lines and its
+    critical
+    speeds as dots, where an order of the machine's own torque meets a natural frequency.
     """
     height = 0.9 + 4.1 * len(maps)
     figure = paper.new_figure(16.0, height)
@@ -69,10 +70,10 @@ def orders_figure(maps: Mapping[str, OrderMap], resonances: Resonances | None = 
 
 
 def comparison_orders(comparison: Comparison) -> dict[str, OrderMap]:
-    """Order maps of the shaft's speed, the measured torque and the residual of a comparison.
+    """Compute the order maps of shaft speed, measured torque and residual of a comparison.
 
     Raises:
-        RecordingError: the shaft does not make enough turns one way without a gap.
+        RecordingError: The shaft makes too few turns in one direction without a gap.
     """
     origin = int(comparison.predicted_stamps_ns[0])
     time = np.asarray((comparison.predicted_stamps_ns - origin) * 1e-9)
@@ -111,7 +112,7 @@ def _over_speed(figure: Figure, axes: Axes, found: OrderMap, scale: LogNorm) -> 
 
 
 def _draw_resonances(axes: Axes, found: OrderMap, resonances: Resonances) -> None:
-    """Orders at which each mode is met, over the speed, and the critical speeds on them."""
+    """Draw the order of each mode over the speed, and the critical speeds on it."""
     low, high = (value for value in axes.get_xlim())
     rpm = np.linspace(max(low, 1e-3 * high), high, 200)
     top = float(found.order[-1])
@@ -144,7 +145,7 @@ def _spectrum(axes: Axes, found: OrderMap) -> None:
             fontsize=10, color=paper.RESIDUAL, weight="bold",
         )  # fmt: skip
     axes.set_xlim(0.0, float(found.order[-1]))
-    # A change of speed stands below the first orders, and would dwarf them.
+    # A change of speed appears below the first orders and would dwarf them.
     axes.set_ylim(0.0, 1.15 * max((peak.amplitude for peak in found.peaks()), default=1.0))
     paper.dress(axes, "Order spectrum, amplitude")
     axes.set_xlabel("order of the shaft", color=paper.MUTED)
@@ -161,7 +162,7 @@ def _map(axes: Axes, across: FloatArray, order: FloatArray, amplitude: FloatArra
 
 
 def _time_edges(found: OrderMap) -> FloatArray:
-    """Edges (w + 1,) between windows."""
+    """Return the edges (w + 1,) between the windows [s]."""
     time = found.time_s
     half = found.turns * TURN / (2 * PER_WINDOW) / found.speed_rad_s[[0, -1]]
     return np.concatenate([[time[0] - half[0]], 0.5 * (time[1:] + time[:-1]), [time[-1] + half[1]]])

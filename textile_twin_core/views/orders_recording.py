@@ -23,12 +23,12 @@ def write_orders_recording(path: str | os.PathLike[str], maps: Mapping[str, Orde
     """Write the order maps of signals as an .rrd file.
 
     Args:
-        path: the .rrd file to write.
-        maps: name of each signal with its unit -> its map.
-        title: what was analysed.
+        path: The .rrd file to write.
+        maps: Order map by signal name with unit.
+        title: Name of the analysed recording.
 
     Raises:
-        RecordingError: the file cannot be written there.
+        RecordingError: The file cannot be written there.
     """
     stream = rr.RecordingStream("textile-twin", recording_id=f"orders-{title}")
     rows: list[rrb.View | rrb.Container] = [
@@ -52,7 +52,7 @@ def write_orders_recording(path: str | os.PathLike[str], maps: Mapping[str, Orde
 
 
 def _row(origin: str, name: str, found: OrderMap) -> rrb.Horizontal:
-    """Map, spectrum and largest orders of one signal, side by side."""
+    """Arrange map, spectrum and largest orders of one signal side by side."""
     times = f"{found.time_s[0]:.1f} to {found.time_s[-1]:.1f} s"
     return rrb.Horizontal(
         rrb.TensorView(
@@ -86,7 +86,7 @@ def _log(stream: rr.RecordingStream, origin: str, found: OrderMap) -> None:
         static=True,
     )
     shown = found.spectrum.copy()
-    shown[0] = 0.0  # a mean would dwarf what varies
+    shown[0] = 0.0  # the mean would dwarf the other orders
     stream.log(
         f"{origin}/spectrum",
         rr.BarChart(shown, abscissa=found.order, widths=np.full(shown.size, found.order[1]), color=palette.PREDICTED),

@@ -1,4 +1,4 @@
-"""Colours of the views: one meaning, one colour, in the viewer and on paper; told apart by colour-blind eyes too."""
+"""Colours of the views, the same in the viewer and in pictures, and distinguishable for colour-blind readers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PREDICTED: Final[Colour] = (64, 190, 255)
 RESIDUAL: Final[Colour] = (255, 110, 160)
 OVER_LIMIT: Final[Colour] = (255, 70, 70)
 LIMIT: Final[Colour] = (130, 135, 145)
-TRAVELS: Final[tuple[Colour, ...]] = ((150, 214, 110), (64, 190, 255), (214, 150, 230), (236, 222, 170))
+MEASURES: Final[tuple[Colour, ...]] = ((150, 214, 110), (64, 190, 255), (214, 150, 230), (236, 222, 170))
 NOW: Final[Colour] = (255, 255, 255)
 
 IN_BACKING: Final[Colour] = (46, 160, 98)
@@ -41,6 +41,6 @@ LINKS: Final[tuple[Colour, ...]] = (
 
 
 def dim(colour: Colour, share: float) -> Colour:
-    """The colour as it looks at this share of opacity over the background: views of lines know no transparency."""
+    """Return the colour blended over the background at this opacity; views of lines have no transparency."""
     mixed = [round(share * c + (1.0 - share) * b) for c, b in zip(colour, BACKGROUND, strict=True)]
     return mixed[0], mixed[1], mixed[2]

@@ -1,4 +1,6 @@
-"""What the pictures on paper have in common: the viewer's hues, dark enough for white, quiet axes, one way to write."""
+"""Common style of the pictures: the viewer's hues darkened for a white page, light axes, and the writer of PNG
+files.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,14 @@ INK, MUTED, GRID = "#22272e", "#6b7480", "#e4e7eb"
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """A white figure of so many hundred pixels."""
+    """Create a white figure; width and height in hundreds of pixels."""
     figure = Figure(figsize=(width, height), dpi=100, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
 
 def dress(axes: Axes, title: str) -> None:
-    """A title at the left, a quiet grid behind all, and no frame above and right."""
+    """Set a title at the left and a light grid behind the data; remove the frame above and right."""
     axes.set_title(title, loc="left", fontsize=13, color=INK, pad=8)
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
@@ -33,14 +35,18 @@ def dress(axes: Axes, title: str) -> None:
 
 
 def show_one_turn(axes: Axes) -> None:
-    """Degrees of one turn of the shaft below."""
+    """Label the x axis with the degrees of one turn."""
     ticks = np.arange(0.0, 361.0, 45.0)
     axes.set_xlim(0.0, 360.0)
     axes.set_xticks(ticks, [f"{tick:.0f}°" for tick in ticks])
 
 
 def save_png(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Draw the figure into this file; its path. Raises RecordingError when it cannot be written there."""
+    """Write the figure as PNG and return its path.
+
+    Raises:
+        RecordingError: The file cannot be written there.
+    """
     target = Path(path)
     try:
         figure.savefig(target, format="png")

@@ -1,4 +1,4 @@
-"""A picture as a recording that the viewer opens."""
+"""Recording of the viewer that shows a picture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ from textile_twin_core.views.rrd_file import written
 
 
 def write_picture(path: Path, picture: Path, *, title: str) -> Path:
-    """Write an .rrd file that shows a .png file; its path. Raises RecordingError when it cannot be written there."""
+    """Write an .rrd file that shows a .png file, and return its path.
+
+    Raises:
+        RecordingError: The file cannot be written there.
+    """
     stream = rr.RecordingStream("textile-twin", recording_id=title)
     layout = rrb.Blueprint(rrb.Spatial2DView(origin="/", name=title), collapse_panels=True)
     with written(stream, path, layout):

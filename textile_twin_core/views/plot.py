@@ -1,4 +1,4 @@
-"""The comparison on one page: machine, torque over time and over the shaft angle, and where the residual lies."""
+"""Comparison on one page: machine, torque over time and over the shaft angle, residual over time and by angle."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison import Comparison
 from textile_twin_core.views import paper
-from textile_twin_core.views.phases import inside_backing, lanes_of, marks_of
+from textile_twin_core.views.phases import inside_backing, marks_of, phase_rows_of
 from textile_twin_core.views.plot_linkage import draw_linkage
+from textile_twin_core.views.recording_writer import gap_times
 from textile_twin_core.views.scene import build_scene
-from textile_twin_core.views.scribe import gap_times
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -30,16 +30,16 @@ def plot_comparison(path: str | os.PathLike[str], comparison: Comparison, machin
     """Write the comparison as one picture of 1600 x 1000 pixels.
 
     Args:
-        path: the .png file to write.
-        comparison: the result of `compare_torque`.
-        machine: the machine whose linkage is sketched.
-        title: what was compared; the machine's name without it.
+        path: The .png file to write.
+        comparison: Result of `compare_torque`.
+        machine: Machine whose linkage is sketched.
+        title: Name of the recording; the machine's name by default.
 
     Returns:
         The path written.
 
     Raises:
-        RecordingError: the file cannot be written there.
+        RecordingError: The file cannot be written there.
     """
     scene = build_scene(machine)
     figure = paper.new_figure(16.0, 10.0)
@@ -49,7 +49,7 @@ def plot_comparison(path: str | os.PathLike[str], comparison: Comparison, machin
     )  # fmt: skip
     _headline(figure, comparison, title or machine.name)
     draw_linkage(figure.add_subplot(grid[:, 0]), scene, machine)
-    inside = inside_backing(lanes_of(comparison.events))
+    inside = inside_backing(phase_rows_of(comparison.events))
     marks = marks_of(comparison.events)
     over_time, over_angle = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[0, 2])
     residual, by_angle = figure.add_subplot(grid[1, 1], sharex=over_time), figure.add_subplot(grid[1, 2])
@@ -75,7 +75,7 @@ def _headline(figure: Figure, comparison: Comparison, title: str) -> None:
 
 
 def _window(comparison: Comparison) -> tuple[float, float]:
-    """A few turns in the middle of what was compared, beginning with a turn [s from the first prediction]."""
+    """Choose a few whole turns in the middle of the comparison [s from the first prediction]."""
     used = np.flatnonzero(comparison.used)
     turn = np.floor(comparison.theta_rad[used] / (2.0 * np.pi))
     middle = turn[turn.size // 2]
@@ -93,21 +93,21 @@ def _torque_over_time(axes: Axes, comparison: Comparison, window: tuple[float, f
     ) * 1e-9 + comparison.fit.delay_s
     expected = comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm
     sigma = comparison.predicted_sigma_Nm
-    gaps = gap_times(predicted_time)  # across which no line is drawn
+    gaps = gap_times(predicted_time)  # no line is drawn across them
     at = np.searchsorted(predicted_time, gaps)
     predicted_time = np.insert(predicted_time, at, gaps)
     expected, sigma = (np.insert(values, at, np.nan) for values in (expected, sigma))
-    told = (predicted_time >= window[0]) & (predicted_time <= window[1])
+    in_window = (predicted_time >= window[0]) & (predicted_time <= window[1])
     _shade_times(axes, time[shown], comparison.theta_rad[shown], inside)
     axes.plot(time[shown], measured[shown], color=paper.MEASURED, linewidth=1.5, label="measured")
-    axes.plot(predicted_time[told], expected[told], color=paper.PREDICTED, linewidth=1.5, label="predicted")
-    sigma = sigma[told]
+    axes.plot(predicted_time[in_window], expected[in_window], color=paper.PREDICTED, linewidth=1.5, label="predicted")
+    sigma = sigma[in_window]
     if np.isfinite(sigma).any():
         spread = np.nan_to_num(sigma) * abs(comparison.sensor_gain)
         axes.fill_between(
-            predicted_time[told],
-            expected[told] - spread,
-            expected[told] + spread,
+            predicted_time[in_window],
+            expected[in_window] - spread,
+            expected[in_window] + spread,
             color=paper.PREDICTED,
             alpha=0.25,
             linewidth=0,
@@ -122,14 +122,14 @@ def _torque_over_angle(axes: Axes, comparison: Comparison, inside: BoolArray, ma
     turn = np.floor(comparison.theta_rad[used] / (2.0 * np.pi))
     middle = turn[turn.size // 2]
     near = np.abs(turn - middle) < _KEPT_TURNS / 2
-    kept, turns = used[near], np.unique(turn[near]).size
-    degrees = np.rad2deg(np.mod(comparison.theta_rad[kept], 2.0 * np.pi))
+    chosen, turns = used[near], np.unique(turn[near]).size
+    degrees = np.rad2deg(np.mod(comparison.theta_rad[chosen], 2.0 * np.pi))
     _shade_angles(axes, inside)
     axes.plot(
-        degrees, comparison.measured_Nm[kept], ".", color=paper.MEASURED, markersize=2.2, alpha=0.55, rasterized=True
+        degrees, comparison.measured_Nm[chosen], ".", color=paper.MEASURED, markersize=2.2, alpha=0.55, rasterized=True
     )
     order = np.argsort(degrees)
-    x, y = degrees[order], comparison.expected_Nm[kept][order]
+    x, y = degrees[order], comparison.expected_Nm[chosen][order]
     for part in _pieces(x, marks):
         axes.plot(x[part], y[part], color=paper.PREDICTED, linewidth=1.8)
     _mark(axes, marks)
@@ -171,7 +171,7 @@ def _measured(comparison: Comparison) -> tuple[FloatArray, FloatArray]:
 
 
 def _pieces(degrees: FloatArray, marks: list[tuple[str, float]]) -> list[slice]:
-    """Parts of a sorted angle between the marks, so that no line is drawn across a jump."""
+    """Split a sorted angle at the marks, so that no line crosses a discontinuity."""
     cuts = np.searchsorted(degrees, np.rad2deg([angle for _, angle in marks]))
     edges = [0, *sorted(int(cut) for cut in cuts), degrees.size]
     return [slice(a, b) for a, b in pairwise(edges) if b > a]

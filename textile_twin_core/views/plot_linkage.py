@@ -1,4 +1,4 @@
-"""A sketch of the linkage: links, pins, paths of the points, and the backing where there is one."""
+"""Sketch of the linkage: links, pins, paths of the points, and the backing where there is one."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 _PATH = "#b9c0c9"
 _ANGLES = 72
 _COVERED = 0.01
-"""Distance of a pin from a link, over the size of the machine, below which nearer makes little difference."""
+"""Regularisation of the logarithm of a distance, over the size of the machine."""
 
 
 def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine, theta_rad: float | None = None) -> None:
-    """Draw the linkage at a shaft angle; without one where its links cover each other least."""
+    """Draw the linkage at a shaft angle [rad]; by default at the angle where its links cover each other least."""
     theta = clearest_angle(machine, scene) if theta_rad is None else theta_rad
     points = {name: place[0] for name, place in PointPositions(machine)(np.array([theta])).items()}
     for path in scene.paths.values():
@@ -69,7 +69,7 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine, theta_rad: f
 
 
 def clearest_angle(machine: Machine, scene: MachineScene) -> float:
-    """The shaft angle [rad] at which pins are farthest from links that they are not on, by the sum of logarithms."""
+    """Find the shaft angle [rad] that maximises the sum of log distances between pins and the links they are not on."""
     theta = machine.shaft_angles(_ANGLES)
     points = PointPositions(machine)(theta)
     clearness = np.zeros(theta.size)
@@ -85,7 +85,7 @@ def clearest_angle(machine: Machine, scene: MachineScene) -> float:
 
 
 def _label(axes: Axes, scene: MachineScene, points: dict[str, FloatArray]) -> None:
-    """Letters at the pins and names beside the links."""
+    """Write letters at the pins and names beside the links."""
     lines = {part.name: np.array([points[part.start], points[part.end]]) for part in scene.moving}
     places = LabelPlaces(axes, lines.values(), radius=5.0)
     common: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
@@ -103,7 +103,7 @@ def _label(axes: Axes, scene: MachineScene, points: dict[str, FloatArray]) -> No
 def _draw_cam(
     axes: Axes, outlines: tuple[FloatArray, ...], axis: FloatArray, along: FloatArray, colour: tuple[float, ...]
 ) -> None:
-    """A cam's outlines, turned as its link is, the conjugate cam paler and behind."""
+    """Draw the outlines of a cam, turned with its link; a conjugate cam is paler and behind."""
     u = along / np.hypot(*along)
     for k, outline in enumerate(outlines):
         places = axis + outline @ np.array([u, [-u[1], u[0]]])
@@ -111,7 +111,7 @@ def _draw_cam(
 
 
 def _outward(name: str, scene: MachineScene, points: dict[str, FloatArray]) -> FloatArray:
-    """Direction from a point away from the links that meet there, for its letter."""
+    """Return the direction from a point away from the links that meet there, for its letter."""
     total = np.zeros(2)
     for part in scene.moving:
         if name in (part.start, part.end):

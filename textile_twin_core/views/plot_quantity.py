@@ -1,4 +1,4 @@
-"""A measured quantity over the shaft angle, the machine's beside it, and what is left: one picture."""
+"""Picture of a measured quantity over the shaft angle, the machine's beside it, and the residual."""
 
 from __future__ import annotations
 
@@ -14,16 +14,20 @@ _MOST_POINTS = 20_000
 
 
 def plot_quantity(path: str | os.PathLike[str], found: QuantityComparison, title: str) -> Path:
-    """Write the picture, 1400 x 900 pixels, as PNG. Raises RecordingError when it cannot be written there."""
+    """Write the picture, 1400 x 900 pixels, as PNG, and return its path.
+
+    Raises:
+        RecordingError: The file cannot be written there.
+    """
     unit, factor = shown_unit(found.name)
     few = np.linspace(0, found.time_s.size - 1, min(found.time_s.size, _MOST_POINTS)).astype(np.int64)
     angle = np.rad2deg(np.mod(found.theta_rad[few], 2.0 * np.pi))
     order = np.argsort(angle)
-    left = found.measured[few] - found.expected[few]
+    residual = found.measured[few] - found.expected[few]
     figure = paper.new_figure(14.0, 9.0)
     said = (
         f"scale {found.scale.value:.4f}, delay {found.delay_s.value * 1e3:.2f} ms,"
-        f" zero {np.degrees(found.zero_rad.value):+.2f} deg; left: {found.rms * factor:.3g} {unit} RMS;"
+        f" zero {np.degrees(found.zero_rad.value):+.2f} deg; residual {found.rms * factor:.3g} {unit} RMS;"
         f" range over a turn {found.measured_range * factor:.4g} {unit}, of the machine"
         f" {found.machine_range * factor:.4g} {unit}"
     )
@@ -38,8 +42,8 @@ def plot_quantity(path: str | os.PathLike[str], found: QuantityComparison, title
         angle[order], found.expected[few][order] * factor, color=paper.PREDICTED, linewidth=1.3, label="machine, fitted"
     )
     above.legend(loc="upper center", frameon=False, fontsize=11)
-    below.plot(angle, left * factor, ".", color=paper.MEASURED, markersize=2.0)
-    for axes, name in ((above, found.name), (below, "what is left")):
+    below.plot(angle, residual * factor, ".", color=paper.MEASURED, markersize=2.0)
+    for axes, name in ((above, found.name), (below, "residual")):
         axes.set_title(f"{name}, {unit}" if unit else name, loc="left", fontsize=12, color=paper.INK)
         paper.show_one_turn(axes)
         axes.grid(color=paper.GRID, linewidth=0.8)

@@ -1,4 +1,4 @@
-"""A port to serve on: the one asked for, or the next that is free and not claimed by another view."""
+"""Port to serve on: the requested one, or the next that is free and not claimed by another view."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import socket
 from textile_twin_core.errors import TwinError
 
 TRIED = 100
-"""Ports after the first that are tried."""
+"""Number of ports to try after the first."""
 
 
 class Port:
-    """A claimed port; the claim holds until `release`, or the end of the process.
+    """Claimed port; the claim holds until `release` or the end of the process.
 
-    A server that is about to listen cannot hold its port beforehand, and two that start at once would both find it
-    free: an abstract socket (Linux) of the port's name, which only one process can have, decides between them.
+    A port cannot be reserved before its server listens, so two servers that start together would both find it free. An
+    abstract socket (Linux) named after the port, which only one process can own, decides between them.
 
     Args:
-        host: address to serve on.
-        wanted: the first port to try.
+        host: Address to serve on.
+        wanted: First port to try.
 
     Raises:
-        TwinError: none of the ports from there on is free, or the address is not this computer's.
+        TwinError: No port from `wanted` on is free, or the address is not of this computer.
     """
 
     def __init__(self, host: str, wanted: int) -> None:
@@ -39,7 +39,7 @@ class Port:
         raise TwinError(f"cannot serve a live view on {host}: all ports from {wanted} to {self.number} are taken")
 
     def release(self) -> None:
-        """Give the port to others."""
+        """Release the claim."""
         self._claim.close()
 
 

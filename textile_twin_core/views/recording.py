@@ -1,4 +1,4 @@
-"""Write a comparison as a recording of the rerun viewer, with the layout inside."""
+"""Comparison as a recording of the rerun viewer, with the layout inside."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import rerun as rr
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import Comparison, summary_rows, verdict_lines
 from textile_twin_core.files.atomic import staged
-from textile_twin_core.views import backdrop
+from textile_twin_core.views import static_scene
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.frames import Frames
 from textile_twin_core.views.layout import Layout
+from textile_twin_core.views.measure_curves import marks_for, phase_rows_for
 from textile_twin_core.views.phases import Direction, inside_backing, state_changes
+from textile_twin_core.views.recording_writer import RecordingWriter, blocks, gap_times, turn_s
 from textile_twin_core.views.rrd_file import written
 from textile_twin_core.views.scene import PointPositions, build_scene
-from textile_twin_core.views.scribe import Scribe, blocks, gap_times, turn_s
-from textile_twin_core.views.travels import lanes_for, marks_for
 from textile_twin_core.views.whole_width import WholeWidth, largest_twist
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ APPLICATION = "textile-twin"
 _FRAME_RATE_HZ = 125.0  # of the moving linkage: 18 pictures a turn at 400 rpm
 _WIDTH_BLOCK = 4096
 _TURNS = 10
-_LIMIT = 2.0  # over the largest residual of a turn as the first turns have it, their median
+_LIMIT = 2.0  # over the median, in the first turns, of the largest residual of a turn
 _FIRST_TURNS = 20
 _NAMED = 40  # turns over the limit that the list of events names
 
@@ -43,23 +43,23 @@ def write_comparison_recording(
     title: str,
     stations: tuple[IntArray, FloatArray] | None = None,
 ) -> Path:
-    """Write what was compared as a recording that `rerun` opens: moving machine, torques, residual, summary.
+    """Write a comparison as a recording for `rerun`: moving machine, torques, residual, summary.
 
-    The file appears when it is complete.
+    The file appears once it is complete.
 
     Args:
-        path: the .rrd file to write.
-        comparison: the result of `compare_torque`.
-        machine: the machine whose linkage is shown.
-        title: what the recording is of, for the summary.
-        stations: of a machine with an elastic shaft, stamps (k,) [ns] and angles (k, stations) of its stations.
+        path: The .rrd file to write.
+        comparison: Result of `compare_torque`.
+        machine: Machine whose linkage is shown.
+        title: Name of the recording, for the summary.
+        stations: For a machine with an elastic shaft, stamps (k,) [ns] and angles (k, stations) [rad] of its stations.
 
     Returns:
         The path written.
 
     Raises:
-        OutputError: the file cannot be written there.
-        RecordingError: or not to its end.
+        OutputError: The file cannot be written there.
+        RecordingError: Writing fails before the end of the file.
     """
     with staged(Path(path)) as partial:
         _write(partial, comparison, machine, title, stations)
@@ -80,39 +80,39 @@ def _write(
     theta = comparison.predicted_theta_rad
     scene = build_scene(machine)
     width = None if stations is None else WholeWidth(machine, scene, largest_twist(machine, stations[1]))
-    lanes, marks = lanes_for(machine), marks_for(machine)
-    inside = inside_backing(lanes)
+    phase_rows, marks = phase_rows_for(machine), marks_for(machine)
+    inside = inside_backing(phase_rows)
     torque_canvas, residual_canvas = _canvases(comparison)
     period = turn_s(predicted_s, theta)
     layout = Layout(
         machine=machine.name,
         scene=scene,
         travel=None,
-        travels=(),
-        lanes=len(lanes),
+        measures=(),
+        phase_rows=len(phase_rows),
         torque=torque_canvas,
         residual=residual_canvas,
         window_s=(2.4 * period, 0.4 * period),
         turn_s=period,
-        kept_s=_TURNS * period,
-        kept=f"last {_TURNS} turns",
+        history_s=_TURNS * period,
+        history=f"last {_TURNS} turns",
         residual_title=f"Residual = measured - predicted [N m], limit {limit:.2f}",
         width=width,
     )
 
     stream = rr.RecordingStream(APPLICATION, recording_id=f"{machine.name}-{origin}")
     with written(stream, path, layout.blueprint()):
-        scribe = Scribe(stream, scene, torque_canvas, residual_canvas)
+        writer = RecordingWriter(stream, scene, torque_canvas, residual_canvas)
         stream.send_recording_name(title)
-        backdrop.draw_machine(stream, scene, names=width is None)
+        static_scene.draw_machine(stream, scene, names=width is None)
         if width is not None:
             width.prepare(stream)
-        backdrop.style_series(stream)
-        backdrop.style_angle_curves(stream)
-        backdrop.style_lanes(stream, lanes)
-        backdrop.draw_canvas(stream, "angle", torque_canvas, marks, inside)
-        backdrop.draw_canvas(stream, "by_angle", residual_canvas, marks, inside)
-        scribe.summary(summary_markdown(comparison, title, limit))
+        static_scene.style_series(stream)
+        static_scene.style_angle_curves(stream)
+        static_scene.style_phases(stream, phase_rows)
+        static_scene.draw_canvas(stream, "angle", torque_canvas, marks, inside)
+        static_scene.draw_canvas(stream, "by_angle", residual_canvas, marks, inside)
+        writer.summary(summary_markdown(comparison, title, limit))
 
         step = max(1, int(predicted_s.size / max(predicted_s[-1] * _FRAME_RATE_HZ, 1.0)))
         frames = np.arange(0, predicted_s.size, step)
@@ -121,32 +121,33 @@ def _write(
             times = _seconds(stations[0], origin)
             shown_at = Frames(_FRAME_RATE_HZ).of(times)
             for part in blocks(shown_at.size, _WIDTH_BLOCK):
-                scribe.whole_width(times[shown_at[part]], width, stations[1][shown_at[part]])
+                writer.whole_width(times[shown_at[part]], width, stations[1][shown_at[part]])
         for part in blocks(frames.size if width is None else 0):
-            scribe.motion(predicted_s[frames[part]], positions(theta[frames[part]]))
-        # Through the sensor, so that both curves and the residual speak of the same instant.
+            writer.motion(predicted_s[frames[part]], positions(theta[frames[part]]))
+        # Apply the sensor model, so that both curves and the residual refer to the same instant.
         shown = comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm
         sigma = abs(comparison.sensor_gain) * comparison.predicted_sigma_Nm
-        scribe.predicted(predicted_s + comparison.fit.delay_s, shown, sigma)
+        writer.predicted(predicted_s + comparison.fit.delay_s, shown, sigma)
         gaps = gap_times(predicted_s) + comparison.fit.delay_s
-        scribe.predicted(gaps, np.full_like(gaps, np.nan), np.full_like(gaps, np.nan))
-        scribe.over_angle("predicted", predicted_s, theta, shown)
-        scribe.point("angle/now", torque_canvas, predicted_s[frames], theta[frames], shown[frames])
-        scribe.measured(measured_s, comparison.measured_Nm)
-        scribe.residual(measured_s, comparison.residual_Nm, limit)
+        writer.predicted(gaps, np.full_like(gaps, np.nan), np.full_like(gaps, np.nan))
+        writer.over_angle("predicted", predicted_s, theta, shown)
+        writer.point("angle/now", torque_canvas, predicted_s[frames], theta[frames], shown[frames])
+        writer.measured(measured_s, comparison.measured_Nm)
+        writer.residual(measured_s, comparison.residual_Nm, limit)
         for which in ("measured", "last"):
-            scribe.over_angle(which, measured_s, comparison.theta_rad, comparison.measured_Nm)
+            writer.over_angle(which, measured_s, comparison.theta_rad, comparison.measured_Nm)
         backward = Direction().take(theta)
-        scribe.phases([state_changes(lane, predicted_s, theta, backward) for lane in lanes])
-        scribe.residual_by_angle(comparison.by_angle)
-        _say(scribe, comparison, origin, limit)
+        writer.phases([state_changes(row, predicted_s, theta, backward) for row in phase_rows])
+        writer.residual_by_angle(comparison.by_angle)
+        _say(writer, comparison, origin, limit)
 
 
 def limit_of(comparison: Comparison) -> float:
-    """The residual [N m] that no turn passes while the machine is as in its first turns.
+    """Return the residual [N m] that no turn exceeds while the machine behaves as in its first turns.
 
-    A turn has hundreds of samples: the largest of them passes three RMS errors in every other turn of a machine
-    that is in order. What is exceptional is a turn whose largest residual is twice that of others.
+    The limit is a multiple of the typical maximum per turn. A multiple of the RMS error would be exceeded in every
+    other
+    turn of a sound machine, since a turn has hundreds of samples.
     """
     worst = np.abs(comparison.by_revolution.worst_Nm)
     worst = worst[np.isfinite(worst)]
@@ -156,32 +157,32 @@ def limit_of(comparison: Comparison) -> float:
 
 
 def summary_markdown(comparison: Comparison, title: str, limit_Nm: float) -> str:
-    """The run's summary as markdown: what was compared, the numbers, the verdict, what to know when reading them."""
+    """Format the summary of the run as markdown: recording, numbers, verdict and notes."""
     rows = summary_rows(comparison)
-    head, *rest = [(name, value) for name, value in rows if name != "note"]
+    head, *others = [(name, value) for name, value in rows if name != "note"]
     lines = [f"### {title}", "", f"| {head[0]} | {head[1]} |", "|---|---|"]
-    lines += [f"| {name} | {value} |" for name, value in rest]
+    lines += [f"| {name} | {value} |" for name, value in others]
     lines += [f"| limit shown | {limit_Nm:.3f} N m |"]
     lines += ["", *(f"**{line}**  " for line in verdict_lines(comparison))]
     lines += ["", *(f"*{value}*" for name, value in rows if name == "note")]
     return "\n".join(lines)
 
 
-def _say(scribe: Scribe, comparison: Comparison, origin: int, limit: float) -> None:
-    """The list of events: where comparing begins, the verdict, and every turn that passes the limit."""
+def _say(writer: RecordingWriter, comparison: Comparison, origin: int, limit: float) -> None:
+    """List the events: start of the comparison, verdict, and each turn that exceeds the limit."""
     start = float(_seconds(comparison.stamps_ns[comparison.used][0], origin))
-    scribe.say(start, "INFO", "comparison starts: the shaft's motion is settled")
+    writer.say(start, "INFO", "comparison starts: the shaft estimate has converged")
     for cause in comparison.verdict:
-        scribe.say(start, "WARN", cause.text)
+        writer.say(start, "WARN", cause.text)
     turns = comparison.by_revolution
     over = np.flatnonzero(np.abs(turns.worst_Nm) > limit)
     worst = over[np.argsort(-np.abs(turns.worst_Nm[over]), kind="stable")]
     if worst.size > _NAMED:
-        scribe.say(start, "INFO", f"{worst.size} turns pass the limit; the {_NAMED} worst are listed")
+        writer.say(start, "INFO", f"{worst.size} turns pass the limit; the {_NAMED} worst are listed")
     for k in np.sort(worst[:_NAMED]):
         angle = np.rad2deg(turns.worst_rad[k])
         text = f"turn {turns.number[k]}: residual {turns.worst_Nm[k]:+.2f} N m at {angle:.0f}°"
-        scribe.say(float(_seconds(turns.worst_ns[k], origin)), "WARN", text)
+        writer.say(float(_seconds(turns.worst_ns[k], origin)), "WARN", text)
 
 
 def _canvases(comparison: Comparison) -> tuple[AngleCanvas, AngleCanvas]:

@@ -1,4 +1,4 @@
-"""The report: one HTML file with verdict, numbers, plots, settings and provenance, to keep and to print."""
+"""Report: one HTML file with verdict, numbers, plots, configuration and provenance."""
 
 from __future__ import annotations
 
@@ -54,22 +54,25 @@ def write_report(
     """Write a comparison as one self-contained HTML file.
 
     Args:
-        path: the .html file to write.
-        comparison: with its verdict (see `assess`).
-        machine: the machine compared with.
-        title: what was compared.
-        declaration: the machine as its file would say it.
-        provenance: what else tells where the numbers come from, by name.
+        path: The .html file to write.
+        comparison: Comparison with its verdict (see `assess`).
+        machine: Machine of the comparison.
+        title: Name of the recording.
+        declaration: Text of the machine file.
+        provenance: Further facts about the origin of the numbers, by name.
 
     Returns:
-        The path written. Raises RecordingError when the file cannot be written there.
+        The path written.
+
+    Raises:
+        RecordingError: The file cannot be written there.
     """
     lines = verdict_lines(comparison)
     fit = comparison.fit
-    delay = f"{fit.delay_s * 1e3:.3f} ± {fit.delay_sigma_s * 1e3:.3f} ms" if fit.identifiable else "not told"
-    line = (f"{fit.gain:.4f}", f"{fit.offset_Nm:+.4f} N m") if fit.sought else ("not told", "not told")
+    delay = f"{fit.delay_s * 1e3:.3f} ± {fit.delay_sigma_s * 1e3:.3f} ms" if fit.identifiable else "not identifiable"
+    line = (f"{fit.gain:.4f}", f"{fit.offset_Nm:+.4f} N m") if fit.sought else ("not identifiable", "not identifiable")
     sensor = [
-        ("", "configured", "as the recording tells"),
+        ("", "configured", "estimated from the recording"),
         ("delay", f"{comparison.sensor_delay_s * 1e3:.3f} ms", delay),
         ("gain", f"{comparison.sensor_gain:.4f}", line[0]),
         ("offset", f"{comparison.sensor_offset_Nm:.4f} N m", line[1]),
@@ -125,9 +128,9 @@ def _picture(comparison: Comparison, machine: Machine, title: str) -> str:
 
 
 def _orders(comparison: Comparison, machine: Machine) -> list[str]:
-    """Order analysis of speed, measured torque and residual; nothing where the recording has too few turns.
+    """Render the order analysis of speed, torque and residual; empty when the recording has too few turns.
 
-    Over the maps of a machine with an elastic shaft stand its critical speeds.
+    For a machine with an elastic shaft the maps also show its critical speeds.
     """
     try:
         maps = comparison_orders(comparison)
@@ -139,7 +142,7 @@ def _orders(comparison: Comparison, machine: Machine) -> list[str]:
 
 
 def _resonances(found: OrderMap, machine: Machine) -> Resonances | None:
-    """Natural frequencies and critical speeds in the recorded range of speeds; None on a rigid shaft."""
+    """Find natural frequencies and critical speeds in the recorded range of speeds; None for a rigid shaft."""
     if machine.shaft is None or machine.missing_for_torque:
         return None
     edges, _ = found.over_speed()
@@ -147,14 +150,14 @@ def _resonances(found: OrderMap, machine: Machine) -> Resonances | None:
 
 
 def _critical_words(found: Resonances) -> str:
-    """The natural frequencies, and the critical speeds at which an order meets one."""
+    """Describe the natural frequencies and the critical speeds."""
     natural = ", ".join(f"{mode.damped_Hz:.4g} Hz" for mode in found.modes[:3])
     worst = sorted(found.critical, key=lambda each: -each.severity)[:_NAMED_SPEEDS]
     met = "; ".join(
         f"{each.speed_rad_s * 30.0 / math.pi:.1f} rpm, order {each.order} meets {each.frequency_Hz:.4g} Hz"
         for each in sorted(worst, key=lambda each: each.speed_rad_s)
     )
-    return f"Elastic main shaft: it swings at {natural}. Critical speeds in the recorded range: {met or 'none'}."
+    return f"Elastic main shaft: natural frequencies {natural}. Critical speeds in the recorded range: {met or 'none'}."
 
 
 def _png(figure: Figure) -> bytes:

@@ -1,4 +1,4 @@
-"""Where a comparison's errors lie: over the recording, per turn, by order, by speed."""
+"""Figure of the residual of a comparison: over the recording, per turn, by order, by speed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _MOST_POINTS = 20_000
 
 
 def errors_figure(comparison: Comparison) -> Figure:
-    """The figure, 1600 x 800 pixels."""
+    """Draw the figure, 1600 x 800 pixels."""
     figure = paper.new_figure(16.0, 8.0)
     grid = figure.add_gridspec(2, 2, left=0.05, right=0.98, top=0.94, bottom=0.08, hspace=0.36, wspace=0.16)
     _over_time(figure.add_subplot(grid[0, 0]), comparison)

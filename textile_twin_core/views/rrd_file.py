@@ -1,7 +1,7 @@
-"""Files of the viewer, whole or told of.
+"""Files of the viewer that are either complete or reported as failed.
 
-The viewer's own writer stops on a full disk, logs it and leaves half a file, or waits for ever with what is still to
-come. So it writes into a pipe, and what comes out of it is written here.
+On a full disk the viewer's own writer stops, logs it and leaves half a file, or blocks on the remaining data. Here the
+viewer writes into a pipe, and a thread of ours copies the pipe into the file and notices each error.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ import rerun.blueprint as rrb
 from textile_twin_core.errors import RecordingError
 
 _PIPES = Path("/dev/fd")
-"""Where pipes have names; without it the viewer's writer has the file itself."""
+"""Directory that names open pipes; without it the viewer writes the file directly."""
 _CHUNK = 1 << 20
 _BEGIN, _END, _LAST = b"RRF", b"FOOT", 64
-"""How a file begins, and what its last bytes hold."""
+"""First bytes of a file, marker within its last bytes, and how many last bytes to search."""
 
 
 class RrdFile:
-    """An .rrd file while it is written; what stood there before is replaced at once.
+    """An .rrd file while it is written; an existing file is replaced at once.
 
     Raises:
-        RecordingError: the file cannot be written there.
+        RecordingError: The file cannot be written there.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -41,11 +41,11 @@ class RrdFile:
 
     @property
     def error(self) -> RecordingError | None:
-        """Why the file ends too early, None while all is well."""
+        """Reason why the file is incomplete; None while writing succeeds."""
         return RecordingError(f"cannot write {self._path}: {self._error}") if self._error else None
 
     def attach(self, save: Callable[[str], object]) -> None:
-        """Begin; `save` gives the viewer's writer the name that it is called with."""
+        """Start writing; call `save` with the file name that the viewer's writer has to use."""
         if not _PIPES.exists():
             self._file.close()
             save(str(self._path))
@@ -58,7 +58,11 @@ class RrdFile:
             os.close(end)
 
     def finish(self) -> None:
-        """Wait for the file's end, once its stream is disconnected. Raises RecordingError where it has none."""
+        """Wait for the end of the file, after its stream is disconnected.
+
+        Raises:
+            RecordingError: The file is incomplete.
+        """
         if self._copier.ident is not None:
             self._copier.join()
         if self.error is not None:
@@ -70,13 +74,17 @@ class RrdFile:
                 try:
                     while chunk and not self._error:
                         chunk = chunk[self._file.write(chunk) :]
-                except OSError as error:  # what comes after it is taken all the same, so that nobody waits
+                except OSError as error:  # keep reading the pipe, so that the viewer's writer does not block
                     self._error = error.strerror or str(error)
         os.close(self._source)
 
 
 def check_whole(path: Path) -> None:
-    """Raise RecordingError for a file that the viewer would wait for without showing any of it."""
+    """Check that a file is a complete recording; the viewer would wait for the rest of a truncated one.
+
+    Raises:
+        RecordingError: The file is missing, truncated or not a recording of the viewer.
+    """
     try:
         with path.open("rb") as file:
             begin, size = file.read(len(_BEGIN)), file.seek(0, os.SEEK_END)
@@ -89,15 +97,15 @@ def check_whole(path: Path) -> None:
     if begin != _BEGIN:
         raise RecordingError(f"{path}: is no recording of the viewer; those are written by compare --rrd or view_node")
     if _END not in last:
-        raise RecordingError(f"{path}: has no end: it is still being written, or was cut off; write it anew")
+        raise RecordingError(f"{path}: has no end: it is still being written, or was cut off; write it again")
 
 
 @contextmanager
 def written(stream: rr.RecordingStream, path: str | os.PathLike[str], blueprint: rrb.Blueprint) -> Iterator[None]:
-    """Write what is logged into a stream within the block as an .rrd file.
+    """Write the data logged into a stream within the `with` block as an .rrd file.
 
     Raises:
-        RecordingError: the file cannot be written there, or not to its end.
+        RecordingError: The file cannot be written there, or not to its end.
     """
     file = RrdFile(path)
     try:

@@ -1,4 +1,4 @@
-"""The machine as solids that move: bars, pins, guides, needle and backing, from the machine's declaration."""
+"""Machine as moving solids, built from its declaration: bars, pins, guides, needle and backing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _TURN = np.linspace(0.0, 2.0 * np.pi, 361)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovingPart:
-    """A solid in the frame of a link: origin at the link's start, x along it, z towards the reader."""
+    """Solid in the frame of a link: origin at the start of the link, x along it, z towards the reader."""
 
     name: str
     start: str
@@ -36,13 +36,13 @@ class MovingPart:
     colour: palette.Colour
     layer_m: float
     outlines: tuple[FloatArray, ...] = ()
-    """Of a cam its outline (n, 2) [m] in the frame of the link, and that of a conjugate cam; of gears pitch circles."""
+    """Outlines (n, 2) [m] of a cam and its conjugate cam, or pitch circles of gears, in the frame of the link."""
     is_cam: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class BackingPlane:
-    """The backing's surface: the line through `point_m` across `direction`, the way the needle goes in."""
+    """Surface of the backing: the line through `point_m` perpendicular to `direction`, in which the needle enters."""
 
     point_m: tuple[float, float]
     direction: tuple[float, float]
@@ -50,15 +50,15 @@ class BackingPlane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MachineScene:
-    """What to draw of a machine, in its frame `base`: x right, y up, z towards the reader, metres.
+    """Geometry of a machine to draw, in its frame `base`: x right, y up, z towards the reader, metres.
 
     Attributes:
-        moving: one part per link.
-        fixed: pins on the ground and guides.
-        backing: the surface that needles go through, None for a machine without one.
-        paths: path of every moving point over one turn, or the part of it that is declared, (k, 2) each.
-        fixed_points: the ground's points.
-        lower, upper: corners of the box that holds every point over the turn.
+        moving: One part per link.
+        fixed: Pins on the ground, and guides.
+        backing: Surface that the needles pass through; None for a machine without one.
+        paths: Path (k, 2) of each moving point over one turn, or over its declared part.
+        fixed_points: Points of the ground.
+        lower, upper: Corners of the box around every point over the turn.
     """
 
     moving: tuple[MovingPart, ...]
@@ -76,7 +76,7 @@ class MachineScene:
 
 
 class PointPositions:
-    """Positions (n, 2) [m] of every point of a machine at shaft angles (n,)."""
+    """Positions (n, 2) [m] of every point of a machine at shaft angles (n,) [rad]."""
 
     def __init__(self, machine: Machine) -> None:
         self._points = machine.point_names
@@ -84,9 +84,9 @@ class PointPositions:
         self._twin = compile_machine(machine, outputs=names, method="exact")
 
     def __call__(self, theta_rad: FloatArray) -> dict[str, FloatArray]:
-        """The positions by point."""
-        rest = np.zeros_like(theta_rad)
-        found = self._twin.evaluate(theta_rad, rest, rest)
+        """Return the positions by point."""
+        zero = np.zeros_like(theta_rad)
+        found = self._twin.evaluate(theta_rad, zero, zero)
         return {
             point: np.column_stack(
                 [np.broadcast_to(found[f"point_{point}_{axis}_m"], theta_rad.shape) for axis in "xy"]
@@ -96,7 +96,9 @@ class PointPositions:
 
 
 def poses(part: MovingPart, points: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Place of a part: translations (n, 3) [m] and angles about z (n,) [rad], from the positions of the points."""
+    """Return the pose of a part from the positions of its points: translations (n, 3) [m], angles about z (n,)
+    [rad].
+    """
     start, end = points[part.start], points[part.end]
     along = end - start
     place = np.column_stack([start, np.full(start.shape[0], part.layer_m)])
@@ -106,18 +108,18 @@ def poses(part: MovingPart, points: Mapping[str, FloatArray]) -> tuple[FloatArra
 def build_scene(machine: Machine) -> MachineScene:
     """Build the scene of a machine from its links, joints, measures and loads."""
     paths = PointPositions(machine)(_TURN if machine.linkage.solved.turns_fully else machine.shaft_angles(_TURN.size))
-    known = np.all([np.isfinite(path).all(axis=1) for path in paths.values()], axis=0)  # not at a dead point
+    known = np.all([np.isfinite(path).all(axis=1) for path in paths.values()], axis=0)  # excludes dead points
     paths = {name: path[known] for name, path in paths.items()}
     corners = np.concatenate(list(paths.values()))
     low, high = corners.min(axis=0), corners.max(axis=0)
     size = float(np.max(high - low))
     width = 0.04 * size
-    travels = float(np.max([np.ptp(path) for path in paths.values()])) or 1.0
+    longest = float(np.max([np.ptp(path) for path in paths.values()])) or 1.0
     meshes = [group.mesh for group in machine.groups if isinstance(group, GearPair)]
     fixed_points = {
         name: (float(path[0, 0]), float(path[0, 1]))
         for name, path in paths.items()
-        if float(np.max(np.ptp(path, axis=0))) < 1e-9 * travels and name not in meshes
+        if float(np.max(np.ptp(path, axis=0))) < 1e-9 * longest and name not in meshes
     }
     backing = _backing(machine, paths)
     sliding = {joint.child_link: joint for joint in machine.joints if joint.kind == "prismatic"}
@@ -153,13 +155,13 @@ def build_scene(machine: Machine) -> MachineScene:
 
 
 def _gears(machine: Machine, link: Link) -> list[PitchCircle]:
-    """The round gears about a link's start that are fixed to it."""
+    """Return the round gears about the start of a link that are fixed to it."""
     pairs = (group.pitch_circles(machine.linkage.solved) for group in machine.groups if isinstance(group, GearPair))
     return [gear for pair in pairs for gear in pair if gear.link == link.name and gear.centre == link.start]
 
 
 def _outlines(machine: Machine, link: str) -> tuple[FloatArray, ...]:
-    """The outlines (n, 2) [m], counter-clockwise, of the cams on a link; none where it does not turn fully."""
+    """Return the outlines (n, 2) [m] of the cams on a link, counter-clockwise; empty without full rotation."""
     found = []
     for ending in ("", "_second"):
         names = [f"outline_{link}{ending}_{axis}_m" for axis in "xy"]
@@ -184,7 +186,7 @@ def _backing(machine: Machine, paths: Mapping[str, FloatArray]) -> BackingPlane 
 
 
 def _bar(length: float, width: float, colour: palette.Colour) -> Solid:
-    """A bar with round ends and pins; a link hardly longer than it is wide is an eccentric disc."""
+    """Build a bar with round ends and pins; a link hardly longer than it is wide becomes an eccentric disc."""
     thick = 0.42 * width
     pin = extrude(circle(0.22 * width), -0.5 * width, 0.75 * width, palette.DARK_STEEL)
     if length < 1.6 * width:
@@ -200,7 +202,7 @@ def _bar(length: float, width: float, colour: palette.Colour) -> Solid:
 
 
 def _cam(outlines: tuple[FloatArray, ...], width: float, colour: palette.Colour) -> Solid:
-    """A plate of the cam's outline on a hub, and behind it that of a conjugate cam."""
+    """Build a plate with the outline of a cam on a hub, and behind it the conjugate cam."""
     thick = 0.42 * width
     plates = [
         extrude(outline, -(k + 0.5) * thick, (0.5 - k) * thick, colour, centre=(0.0, 0.0))
@@ -210,7 +212,7 @@ def _cam(outlines: tuple[FloatArray, ...], width: float, colour: palette.Colour)
 
 
 def _slider(length: float, width: float, colour: palette.Colour) -> Solid:
-    """A sliding block at the start, with a rod to the end where the link has a length."""
+    """Build a sliding block at the start, with a rod to the end where the link has a length."""
     block = extrude(
         rectangle(-0.8 * width, 0.8 * width, -0.55 * width, 0.55 * width), -0.4 * width, 0.4 * width, colour
     )
@@ -220,7 +222,7 @@ def _slider(length: float, width: float, colour: palette.Colour) -> Solid:
 
 
 def _needle_bar(length: float, width: float, colour: palette.Colour) -> Solid:
-    """A sliding rod with a cross bar and a row of needles, their tips at the link's end."""
+    """Build a sliding rod with a cross bar and a row of needles, their tips at the end of the link."""
     needle = min(0.24 * length, 3.2 * width)
     bar_from, bar_to = length - 1.45 * needle, length - needle
     half_row, count = 3.0 * width, 11
@@ -230,7 +232,7 @@ def _needle_bar(length: float, width: float, colour: palette.Colour) -> Solid:
     pin = extrude(circle(0.22 * width), -0.5 * width, 0.75 * width, palette.DARK_STEEL)
     shaft = extrude(circle(0.075 * width, sides=12), 0.0, 0.75 * needle, palette.NEEDLE)
     tip = extrude(circle(0.075 * width, sides=12), 0.75 * needle, needle, palette.NEEDLE, end_scale=0.08)
-    # Extruded along z, laid along the link's x.
+    # Needles are extruded along z, then turned along x of the link.
     needles = [
         solid.turned((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)).moved((bar_to, 0.0, z))
         for z in np.linspace(-0.9 * half_row, 0.9 * half_row, count)
@@ -240,7 +242,7 @@ def _needle_bar(length: float, width: float, colour: palette.Colour) -> Solid:
 
 
 def _guide(path: FloatArray, axis: tuple[float, float], width: float) -> Solid:
-    """Two rails beside the path of a slider."""
+    """Build two rails beside the path of a slider."""
     along = np.asarray(axis)
     travel = path @ along
     across = np.array([-along[1], along[0]])
@@ -264,7 +266,7 @@ def _guide(path: FloatArray, axis: tuple[float, float], width: float) -> Solid:
 
 
 def _bearing(point: tuple[float, float], width: float, depth: float) -> Solid:
-    """A shaft through all layers on a bearing block behind them."""
+    """Build a shaft through all layers on a bearing block behind them."""
     shaft = extrude(circle(0.24 * width), -1.1 * width, depth + 0.6 * width, palette.STEEL)
     block = extrude(circle(0.85 * width), -1.1 * width, -0.55 * width, palette.GROUND)
     foot = extrude(

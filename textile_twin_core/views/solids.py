@@ -1,4 +1,4 @@
-"""Solid shapes for the machine's picture: outlines extruded into flat-shaded triangles."""
+"""Solid shapes for the picture of a machine: outlines extruded into flat-shaded triangles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Points = Sequence[tuple[float, float]] | FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solid:
-    """Triangles: vertices and normals (n, 3) in metres, colours (n, 3), triangles (t, 3)."""
+    """Triangle mesh: vertices and normals (n, 3) in metres, colours (n, 3), triangles (t, 3)."""
 
     vertices: FloatArray
     normals: FloatArray
@@ -24,17 +24,17 @@ class Solid:
     triangles: IntArray
 
     def turned(self, x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> Solid:
-        """The solid with its axes laid along the orthonormal x, y, z."""
+        """Return the solid with its axes turned to the orthonormal x, y, z."""
         axes = np.array([x, y, z], dtype=np.float64)
         return Solid(self.vertices @ axes, self.normals @ axes, self.colours, self.triangles)
 
     def moved(self, by: Sequence[float]) -> Solid:
-        """The solid shifted by (x, y, z) [m]."""
+        """Return the solid shifted by (x, y, z) [m]."""
         return Solid(self.vertices + np.asarray(by, dtype=np.float64), self.normals, self.colours, self.triangles)
 
 
 def join(solids: Sequence[Solid]) -> Solid:
-    """Several solids as one."""
+    """Join several solids into one."""
     starts = np.cumsum([0, *(solid.vertices.shape[0] for solid in solids)])
     return Solid(
         np.concatenate([solid.vertices for solid in solids]),
@@ -52,9 +52,10 @@ def extrude(
     end_scale: float = 1.0,
     centre: tuple[float, float] | None = None,
 ) -> Solid:
-    """A counter-clockwise outline (n, 2) from z0 to z1, drawn to `end_scale` of its size at z1.
+    """Extrude a counter-clockwise outline (n, 2) from z0 to z1, scaled by `end_scale` at z1.
 
-    From `centre` the whole outline must be in sight; without one from its mean, as of every convex outline.
+    The end faces are fans about `centre`, from which the whole outline must be visible; the default is the mean of the
+    outline, which suits every convex one.
     """
     base = np.asarray(outline, dtype=np.float64)
     middle = base.mean(axis=0) if centre is None else np.asarray(centre, dtype=np.float64)
@@ -85,13 +86,13 @@ def extrude(
 
 
 def circle(radius: float, sides: int = 40) -> FloatArray:
-    """Outline of a circle about (0, 0)."""
+    """Return the outline of a circle about (0, 0)."""
     angle = np.arange(sides) * (2.0 * np.pi / sides)
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
 
 
 def stadium(length: float, radius: float, sides: int = 20) -> FloatArray:
-    """Outline of a bar with round ends, centred on (0, 0) and (length, 0)."""
+    """Return the outline of a bar with round ends, centred on (0, 0) and (length, 0)."""
     half = np.linspace(-0.5 * np.pi, 0.5 * np.pi, sides)
     right = np.column_stack([length + radius * np.cos(half), radius * np.sin(half)])
     left = np.column_stack([-radius * np.cos(half), -radius * np.sin(half)])
@@ -99,5 +100,5 @@ def stadium(length: float, radius: float, sides: int = 20) -> FloatArray:
 
 
 def rectangle(x0: float, x1: float, y0: float, y1: float) -> FloatArray:
-    """Outline of a rectangle."""
+    """Return the outline of a rectangle."""
     return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])

@@ -1,4 +1,4 @@
-"""Open a recording in the rerun viewer, or take its picture without a screen."""
+"""Opening of a recording in the rerun viewer, and screenshots without a display."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ _PICTURE_S = 180.0
 
 
 def open_viewer(path: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
-    """Open a .rrd recording in the viewer, which runs on when this program ends.
+    """Open an .rrd recording in the viewer, which outlives this program.
 
     Raises:
-        RecordingError: there is no such file, or it is not whole.
-        TwinError: the viewer is not installed.
+        RecordingError: The file is missing or incomplete.
+        TwinError: The viewer is not installed.
     """
     recording = Path(path)
     check_whole(recording)
-    # A viewer listens for data from others: on loopback only.
+    # The viewer accepts data from other programs; restrict it to loopback.
     command = [str(_program()), "--bind", "127.0.0.1", "--hide-welcome-screen", str(recording)]
     return subprocess.Popen(command, start_new_session=True)
 
@@ -48,20 +48,20 @@ def screenshot(
     time_s: float | None = None,
     size: tuple[int, int] = (1920, 1080),
 ) -> Path:
-    """Draw a recording as the viewer shows it and save the picture as PNG. Needs no screen, but Vulkan.
+    """Save a picture of a recording as PNG, as the viewer shows it. Needs Vulkan but no display.
 
     Args:
-        source: a .rrd file, or the address of a live view.
-        picture: the PNG to write.
-        time_s: where the time cursor stands, seconds on the recording's time; its end without it.
-        size: width and height of the window.
+        source: An .rrd file, or the address of a live view.
+        picture: The PNG to write.
+        time_s: Time of the cursor [s]; the end of the recording by default.
+        size: Width and height of the window in pixels.
 
     Returns:
         The path of the picture.
 
     Raises:
-        RecordingError: there is no such file, or it is not whole.
-        TwinError: the viewer does not start, or does not draw in time.
+        RecordingError: The file is missing or incomplete.
+        TwinError: The viewer does not start, or does not draw in time.
     """
     return screenshots(source, [(time_s, picture)], size=size)[0]
 
@@ -72,11 +72,11 @@ def screenshots(
     *,
     size: tuple[int, int] = (1920, 1080),
 ) -> list[Path]:
-    """Several pictures of one recording, each (time [s], PNG to write), with the viewer started once.
+    """Save several pictures of one recording, each (time [s], PNG to write), with one start of the viewer.
 
     Raises:
-        RecordingError: there is no such file, or it is not whole.
-        TwinError: the viewer does not start, or does not draw in time.
+        RecordingError: The file is missing or incomplete.
+        TwinError: The viewer does not start, or does not draw in time.
     """
     address = str(source)
     if "://" not in address:
@@ -86,9 +86,9 @@ def screenshots(
     command = [str(_program()), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
     command += ["--window-size", f"{size[0]}x{size[1]}"]
     with tempfile.TemporaryDirectory(prefix="viewer-") as home, tempfile.TemporaryFile() as log:
-        # The viewer keeps its settings in its own home, so that the picture is of the layout that was recorded.
+        # A private home without stored settings, so that the picture shows the recorded layout.
         place = {**os.environ, "HOME": home, "XDG_CONFIG_HOME": home, "XDG_CACHE_HOME": home, "XDG_DATA_HOME": home}
-        # In a group of its own: the program is a launcher, and the viewer its child.
+        # A process group of its own, since the program is a launcher and the viewer its child.
         viewer = subprocess.Popen(command, env=place, stdout=log, stderr=log, start_new_session=True)
         try:
             client = _connect(viewer, port)
@@ -97,7 +97,7 @@ def screenshots(
         except TwinError as error:
             log.seek(0)
             said = log.read().decode(errors="replace").strip().splitlines()
-            failed = (viewer.poll() or 0) > 0  # else its last line is about a transport that was cut
+            failed = (viewer.poll() or 0) > 0  # otherwise its last line only reports a closed connection
             last = [line for line in said if "panicked" in line] or (said[-1:] if failed else [])
             raise TwinError(f"{source}: {error}{f' ({last[0]})' if last else ''}") from error
         finally:
@@ -117,16 +117,17 @@ def _end(viewer: subprocess.Popen[bytes]) -> None:
             viewer.wait(timeout=5.0)
 
 
-def _patiently(viewer: subprocess.Popen[bytes], what: str, seconds: float, ask: Callable[[], _T]) -> _T:
-    """What the viewer answers; asked again while its transport fails, as on a busy machine.
+def _ask_repeatedly(viewer: subprocess.Popen[bytes], what: str, seconds: float, ask: Callable[[], _T]) -> _T:
+    """Return the viewer's answer; repeat the request while its transport fails, as on a busy machine.
 
-    Raises TwinError when the viewer has ended, or has not answered in time.
+    Raises:
+        TwinError: The viewer has ended, or has not answered in time.
     """
     end = time.monotonic() + seconds
     while True:
         try:
             return ask()
-        except Exception as error:  # the client raises what its transport raises, in words that are for its makers
+        except Exception as error:  # the client passes on the exceptions of its transport
             if viewer.poll() is not None:
                 raise TwinError(_ended(viewer.returncode)) from error
             if time.monotonic() > end:
@@ -135,17 +136,17 @@ def _patiently(viewer: subprocess.Popen[bytes], what: str, seconds: float, ask: 
 
 
 def _ended(code: int) -> str:
-    """How the viewer ended, and what to do."""
+    """Describe how the viewer ended, and what to do."""
     if code >= 0:
         return f"the viewer ended with code {code}; {_NEEDS}"
     return f"the viewer was ended by signal {-code} ({signal.strsignal(-code)}); draw it again"
 
 
 def _load(viewer: subprocess.Popen[bytes], client: ViewerClient, address: str) -> None:
-    _patiently(viewer, "open it", _LOAD_S, lambda: client.open(address))
+    _ask_repeatedly(viewer, "open it", _LOAD_S, lambda: client.open(address))
     end = time.monotonic() + _LOAD_S
     while True:
-        state = _patiently(viewer, "load it", _LOAD_S, client.get_state)
+        state = _ask_repeatedly(viewer, "load it", _LOAD_S, client.get_state)
         if state.active_recording is not None and not state.loading:
             return
         if time.monotonic() > end:
@@ -155,17 +156,17 @@ def _load(viewer: subprocess.Popen[bytes], client: ViewerClient, address: str) -
 
 def _picture(viewer: subprocess.Popen[bytes], client: ViewerClient, time_s: float | None) -> bytes:
     if time_s is not None:
-        # Refused, too, as long as no data have arrived.
+        # The viewer refuses this until data have arrived.
         what = f"show it at {time_s:g} s"
-        _patiently(viewer, what, _LOAD_S, lambda: client.set_time("time", duration=time_s, play_state="paused"))
+        _ask_repeatedly(viewer, what, _LOAD_S, lambda: client.set_time("time", duration=time_s, play_state="paused"))
     time.sleep(1.0)
-    # The first pictures are of empty plots: wait until three in a row are the same.
+    # The first pictures show empty plots: wait until three in a row are the same.
     last: list[bytes] = []
     end = time.monotonic() + _PICTURE_S
     while len(last) < 3 or len(set(last)) > 1:
         if time.monotonic() > end:
             raise TwinError(f"the viewer did not draw it in {_PICTURE_S:g} s: {_BUSY}")
-        last = [*last, _patiently(viewer, "draw it", _PICTURE_S, client.take_screenshot)][-3:]
+        last = [*last, _ask_repeatedly(viewer, "draw it", _PICTURE_S, client.take_screenshot)][-3:]
         time.sleep(0.3)
     return last[-1]
 
@@ -178,7 +179,7 @@ def _connect(viewer: subprocess.Popen[bytes], port: int) -> ViewerClient:
         client.get_state()
         return client
 
-    return _patiently(viewer, "answer", _START_S, connected)
+    return _ask_repeatedly(viewer, "answer", _START_S, connected)
 
 
 def _free_port() -> int:

@@ -1,4 +1,4 @@
-"""The figures of the four papers, drawn anew from the machines."""
+"""Figures of the four papers, redrawn from the machines."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ _DEGREES = np.linspace(0.0, 360.0, 7201)
 
 
 def figure_4() -> Figure:
-    """The three curves over a turn of the spindle, with the printed dwell and the printed largest values."""
+    """Draw the three curves over a turn of the spindle, with the printed dwell and the printed maxima."""
     made, panels = style.figure(
         3,
         1,

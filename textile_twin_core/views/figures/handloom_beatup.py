@@ -21,7 +21,7 @@ _ANGLE = "angle of the crank [deg]"
 
 
 def figure_6() -> Figure:
-    """Position, velocity and acceleration of the beater (a-c) and the force on it (d), over two turns."""
+    """Draw position, velocity and acceleration of the beater (a-c) and the force on it (d), over two turns."""
     made, panels = style.figure(
         2,
         2,
@@ -52,7 +52,7 @@ def figure_6() -> Figure:
 
 
 def figure_7() -> Figure:
-    """Loads on the pins C and B over two turns, from inertia alone and with the weights of the links."""
+    """Draw the loads on the pins C and B over two turns, from inertia alone and with the weights of the links."""
     made, panels = style.figure(
         2,
         1,

@@ -33,13 +33,13 @@ class _Run:
     motion: ContactRun
 
     def of(self, what: str, element: str) -> FloatArray:
-        """Positions, velocities or accelerations of one element (times,)."""
+        """Return positions, velocities or accelerations of one element (times,)."""
         rows: FloatArray = getattr(self.motion, what)[self.motion.model.index[element]]
         return rows
 
 
 def figure_6() -> Figure:
-    """Accelerations of the elements; impacts have none."""
+    """Draw the accelerations of the elements; impacts have no finite acceleration."""
     made, panels = _figure(6, "accelerations", "Rings: printed time of the largest acceleration of element 2.")
     for axes, run in zip(panels, _runs(), strict=True):
         _draw(axes, run, "accelerations")
@@ -51,7 +51,7 @@ def figure_6() -> Figure:
 
 
 def figure_7() -> Figure:
-    """Velocities of the elements."""
+    """Draw the velocities of the elements."""
     made, panels = _figure(7, "velocities", "Dashed: printed time at which element 2 reaches the pad.")
     for axes, run in zip(panels, _runs(), strict=True):
         _draw(axes, run, "velocities")
@@ -61,7 +61,7 @@ def figure_7() -> Figure:
 
 
 def figure_8() -> Figure:
-    """Positions of the elements, and the face of the rubber pad."""
+    """Draw the positions of the elements and the face of the rubber pad."""
     made, panels = _figure(8, "positions", "Dashed: printed time at which element 2 reaches the pad.")
     for axes, run in zip(panels, _runs(), strict=True):
         _draw(axes, run, "positions", 1e3)
@@ -74,7 +74,7 @@ def figure_8() -> Figure:
 
 
 def figure_9() -> Figure:
-    """Positions of the points F and G, which meet when element 2 opens the collets."""
+    """Draw the positions of the points F and G, which meet when element 2 opens the collets."""
     made, panels = _figure(9, "points F and G", "Dashed: printed time at which elements 2 and 3 meet.")
     for axes, run in zip(panels, _runs(), strict=True):
         on_2 = run.of("positions", "element_2") + run.machine.parameters["value_d_m"]
@@ -92,7 +92,7 @@ def _runs() -> list[_Run]:
 
 
 def _draw(axes: Axes, run: _Run, what: str, scale: float = 1.0) -> None:
-    """A quantity of all elements; the faster ones lie below."""
+    """Draw a quantity of all elements, the faster ones below."""
     for depth, (element, colour) in enumerate(_COLOURS.items()):
         label = element.replace("_", " ")
         axes.plot(_TIMES_S * 1e3, run.of(what, element) * scale, color=colour, label=label, zorder=4 - depth)

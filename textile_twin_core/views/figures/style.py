@@ -1,4 +1,4 @@
-"""What the redrawn figures have in common: paper-white, light grids, colours that colour-blind eyes tell apart."""
+"""Common style of the redrawn figures: white paper, light grids, a palette for colour-blind readers."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _STYLE: Any = {
 def figure(
     rows: int, columns: int, size: tuple[float, float], title: str, note: str, sharey: bool = False
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of rows x columns panels with a title and a note below; panels in reading order."""
+    """Create a figure of rows x columns panels with a title and a note below; panels are in reading order."""
     with rc_context(_STYLE):
         made = Figure(figsize=size, layout="constrained", facecolor="white")
         made.suptitle(title, x=0.008, ha="left", fontsize=11.5, fontweight="bold")
@@ -56,12 +56,12 @@ def figure(
 
 
 def panel(axes: Axes, letter: str, what: str, unit: str) -> None:
-    """Title of a panel: its letter as in print, what it shows and in which unit."""
+    """Set the title of a panel: its letter as printed, its quantity and unit."""
     axes.set_title(f"{letter})  {what} [{unit}]" if letter else f"{what} [{unit}]", loc="left", fontsize=9.5)
 
 
 def curves(axes: Axes, x: FloatArray, named: Sequence[tuple[str, FloatArray, str]]) -> None:
-    """Curves with label and colour; a legend where there are several."""
+    """Draw curves with label and colour, and a legend when there are several."""
     for label, values, colour in named:
         axes.plot(x, values, color=colour, label=label)
     if len(named) > 1:
@@ -69,13 +69,13 @@ def curves(axes: Axes, x: FloatArray, named: Sequence[tuple[str, FloatArray, str
 
 
 def legend(axes: Axes, columns: int) -> None:
-    """A legend above the panel, right of its title."""
+    """Add a legend above the panel, right of its title."""
     with rc_context(_STYLE):
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.985), ncols=columns, columnspacing=1.0, borderaxespad=0.1)
 
 
 def shaft_axis(axes: Axes, label: str, turns: int = 1) -> None:
-    """Shaft angle in degrees over whole turns."""
+    """Label the x axis with the shaft angle in degrees over whole turns."""
     axes.set_xlim(0.0, 360.0 * turns)
     axes.set_xticks(np.arange(0, 360 * turns + 1, 60 if turns == 1 else 120))
     if label:
@@ -83,6 +83,6 @@ def shaft_axis(axes: Axes, label: str, turns: int = 1) -> None:
 
 
 def marked(axes: Axes, x: float, y: float, text: str, offset: tuple[float, float], side: str = "left") -> None:
-    """A printed value: a hollow ring with its words."""
+    """Mark a printed value with a hollow ring and its text."""
     axes.plot([x], [y], "o", ms=6.0, mfc="white", mec=PRINTED, mew=1.2, zorder=5, clip_on=False)
     axes.annotate(text, (x, y), offset, textcoords="offset points", ha=side, va="center", fontsize=8.0, color=PRINTED)

@@ -21,7 +21,7 @@ _COLOURS = {1: style.FAINT, 2: style.BLUE, 3: style.ORANGE, 4: style.GREEN, 5: s
 
 
 def figure_7() -> Figure:
-    """Angles, speeds and accelerations of rods 2 to 5 (a-c) and of the slider (d-f), over a turn at 160 rpm."""
+    """Draw angles, speeds and accelerations of rods 2 to 5 (a-c) and of the slider (d-f), over a turn at 160 rpm."""
     made, panels = style.figure(
         2,
         3,
@@ -65,7 +65,7 @@ def figure_7() -> Figure:
 
 
 def figure_8() -> Figure:
-    """Inertia forces and torques (a-c), forces in the joints (d-i) and the balancing torque (j), over a turn."""
+    """Draw inertia forces and torques (a-c), forces in the joints (d-i) and the balancing torque (j), over a turn."""
     made, panels = style.figure(
         5,
         2,
@@ -106,7 +106,7 @@ def figure_8() -> Figure:
 
 
 def figure_9() -> Figure:
-    """Balancing torque and torque on the driven shaft over the turn that Fig. 9 shows, from 14 s on."""
+    """Draw the balancing torque and the torque on the driven shaft over the turn of Fig. 9, from 14 s on."""
     made, panels = style.figure(
         2,
         1,
@@ -146,7 +146,7 @@ def _over_a_turn(*names: str) -> dict[str, FloatArray]:
 
 
 def _shade(panels: list[Axes]) -> None:
-    """Where the needle is in the backing."""
+    """Shade the angles at which the needle is in the backing."""
     angle = {event.name: math.degrees(event.angle_rad) for event in tufting().events()}
     for axes in panels:
         axes.axvspan(angle["needle_enters_backing"], angle["needle_leaves_backing"], color=style.BAND, zorder=0)

@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.machine.sizes import LARGEST
-from textile_twin_core.twin.references import reference_of
+from textile_twin_core.twin.encoder_reference import reference_of
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import Status
 from textile_twin_ros.health import Finding, unit_findings

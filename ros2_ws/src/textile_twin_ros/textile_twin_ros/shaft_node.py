@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 import textile_twin_core as ttc
-from textile_twin_core.twin.references import reference_of
+from textile_twin_core.twin.encoder_reference import reference_of
 from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import SECOND_NS, HeaderTemplate, JointTemplate, WrenchTemplate

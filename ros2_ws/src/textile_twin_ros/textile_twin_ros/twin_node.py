@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.machine import AnyMachine
-from textile_twin_core.twin.references import reference_of
+from textile_twin_core.twin.encoder_reference import reference_of
 from textile_twin_ros.description import Description
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, publisher_name, refuse_own_outputs

@@ -1,4 +1,6 @@
-"""Where the shaft stands, from events: edges of a wheel counted from its gap, angles from an index pulse."""
+"""Reference of the shaft angle from events: edges of a toothed wheel counted from its gap, angles from an index
+pulse.
+"""
 
 from __future__ import annotations
 
@@ -11,62 +13,63 @@ from typing import Protocol, TypeAlias
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine.sensors import Encoder
 
-#: Stamp [ns], angle as the encoder measures it [rad], speed [rad/s] or NaN.
+#: Stamp [ns], measured angle of the encoder [rad], speed [rad/s] or NaN.
 Reading: TypeAlias = tuple[int, float, float]
 TURN = 2.0 * math.pi
-HELD = 4096
-"""Readings that are remembered for a pulse that comes late, by another topic."""
-ANEW = 10
-"""So many stamps in a row before the newest: time was set back."""
+CAPACITY = 4096
+"""Capacity for readings that precede a late pulse from another topic."""
+SET_BACK_AFTER = 10
+"""Number of consecutive stamps before the newest one that mean that time was set back."""
 GAP_FROM, GAP_TO = 0.75, 1.35
-"""An interval of this many times what the missing teeth make of its neighbours' mean is the gap."""
+"""Range of the duration of a gap over its expected duration, from the mean of the intervals beside it."""
 EVEN = 1.5
-"""The intervals beside a gap differ less than by this factor."""
+"""Largest ratio of the intervals beside a gap."""
 SLIP_RAD = 0.02
-"""An index pulse this far from where it has been is told, and the angle follows it."""
+"""Distance of an index pulse from its expected angle that counts as a slip and shifts the angle."""
 _NAN = math.nan
 
 
 class Reference(Protocol):
-    """Readings and index pulses in, each in the order of their stamps; readings of the encoder's own angle out.
+    """Converter of readings and index pulses, each in the order of their stamps, into referenced readings.
 
-    counts: `unreferenced` readings before the place of the shaft was known, `miscounts`: times that a gap or a pulse
-    was elsewhere than counted, `older` readings whose stamps were not newer than the last.
+    Attributes:
+        counts: `unreferenced` readings before the first reference, `miscounts` where a gap or a pulse was not at its
+            expected place, `older` readings whose stamps were not newer than the last.
     """
 
     counts: Counter[str]
 
     def take(self, readings: Iterable[Reading]) -> list[Reading]:
-        """Take readings; those that are known by now."""
+        """Add readings, and return those whose angle is known by now."""
 
     def index(self, stamp_ns: int) -> list[Reading]:
-        """Take an index pulse; the readings that have waited for it. None of them is older than the first pulse."""
+        """Add an index pulse, and return the readings that waited for it; none is older than the first pulse."""
 
 
 def reference_of(encoder: Encoder, edges: bool, index: bool) -> Reference | None:
-    """What the readings of an encoder need before they are angles; None where they need nothing.
+    """Create the reference that an encoder needs; None if its readings are angles already.
 
     Args:
-        encoder: as the machine says.
-        edges: readings are edges of a toothed wheel, with a stamp alone.
-        index: there are index pulses, one in a turn.
+        encoder: Encoder of the machine.
+        edges: True if readings are edges of a toothed wheel, with a stamp alone.
+        index: True if there are index pulses, one per turn.
 
     Raises:
-        SceneError: edges of a wheel that has no teeth, or whose tooth 0 nothing tells.
+        SceneError: The wheel has no teeth, or neither a gap nor an index pulse marks tooth 0.
     """
     if edges:
         if not encoder.teeth:
             raise SceneError("edges are counted only when the number of teeth is known: set teeth of the encoder")
         if not encoder.missing_teeth and not index:
             raise SceneError(
-                "nothing tells which tooth comes by: set missing_teeth of the encoder, or give index pulses"
+                "nothing marks tooth 0 of the wheel: set missing_teeth of the encoder, or give index pulses"
             )
         return EdgeCounter(encoder.teeth, encoder.missing_teeth, index)
     return IndexedAngle() if index else None
 
 
 class _InOrder:
-    """Leaves out readings that are not newer than the last, and begins anew where time was set back."""
+    """Filter that drops readings that are not newer than the last, and restarts where time was set back."""
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter(unreferenced=0, miscounts=0, older=0)
@@ -80,7 +83,7 @@ class _InOrder:
         if self._newest_ns is not None and stamp_ns <= self._newest_ns:
             self.counts["older"] += 1
             self._behind += 1
-            if self._behind < ANEW:
+            if self._behind < SET_BACK_AFTER:
                 return False
             self._begin()
         self._newest_ns, self._behind = stamp_ns, 0
@@ -88,17 +91,18 @@ class _InOrder:
 
 
 class EdgeCounter(_InOrder):
-    """Counts the edges of a toothed wheel: edge k of the wheel is the angle k * pitch.
+    """Counter of the edges of a toothed wheel: edge k of the wheel is the angle k * pitch.
 
-    Tooth 0 is the first after the gap of missing teeth; with an index pulse it is the first after the pulse. A gap is
-    known by its intervals: it lasts as long as its missing teeth say, between two even ones. Where gaps are found twice
-    at another place than counted, or a pulse once, an edge was lost or too much, and the count follows. One wheel does
-    not tell the direction in which it turns.
+    Tooth 0 is the first after the gap of missing teeth or, with an index pulse, the first after the pulse. A gap
+    lasts as
+    long as its missing teeth imply, between two similar intervals. An edge was lost or added if a gap is at
+    another place
+    than counted twice, or a pulse once; the count is then corrected. One wheel does not show the direction of rotation.
 
     Args:
-        teeth: in a turn, missing ones counted.
-        missing: teeth that the gap lacks.
-        index: tooth 0 is told by pulses.
+        teeth: Teeth per turn, missing ones included.
+        missing: Missing teeth in the gap.
+        index: True if pulses mark tooth 0.
     """
 
     def __init__(self, teeth: int, missing: int, index: bool) -> None:
@@ -108,14 +112,14 @@ class EdgeCounter(_InOrder):
     def _begin(self) -> None:
         super()._begin()
         self._number: int | None = None
-        """Of the latest edge, counting on over turns."""
-        self._edges: deque[tuple[int, int]] = deque(maxlen=HELD)
-        """Stamps and numbers, in their order; while the place is not known numbers are 0."""
+        """Number of the latest edge, counted over turns."""
+        self._edges: deque[tuple[int, int]] = deque(maxlen=CAPACITY)
+        """Stamps and numbers in order; numbers are 0 before the first reference."""
         self._pulse_ns: int | None = None
-        self._doubt = 0
+        self._suspected_offset = 0
 
     def take(self, readings: Iterable[Reading]) -> list[Reading]:
-        """Take edges, of which the stamps alone count."""
+        """Add edges; only their stamps are used."""
         known: list[Reading] = []
         for stamp, _, _ in readings:
             if self._is_newer(stamp):
@@ -134,23 +138,23 @@ class EdgeCounter(_InOrder):
         return self._latest(1)
 
     def _next(self, number: int) -> int:
-        """The number of the edge after this one, over the gap where it is next."""
+        """Return the number of the edge after this one, across the gap where it follows."""
         return number + 1 + self._missing * (number % self._teeth == self._teeth - self._missing - 1)
 
     def index(self, stamp_ns: int) -> list[Reading]:
-        """Take an index pulse."""
+        """Add an index pulse."""
         if self._newest_ns is None or stamp_ns >= self._newest_ns:
             self._pulse_ns = stamp_ns
             return []
         after = sum(1 for stamp, _ in self._edges if stamp > stamp_ns)
-        if after == len(self._edges):  # a pulse from before the first edge that is remembered
+        if after == len(self._edges):  # the pulse precedes the first stored edge
             return []
         was_known = self._number is not None
         known = self._zero_at(after, sure=True)
         return [] if was_known else known
 
     def _gap_before_last(self) -> bool:
-        """Whether the gap lies before the last edge but one: one edge more shows that it has ended."""
+        """Return true if the gap precedes the last edge but one; one further edge confirms the end of the gap."""
         if len(self._edges) < 4:
             return False
         before, gap, after = (b[0] - a[0] for a, b in pairwise(self._edges[k] for k in range(-4, 0)))
@@ -159,9 +163,9 @@ class EdgeCounter(_InOrder):
         return even and GAP_FROM < share < GAP_TO
 
     def _zero_at(self, place: int, sure: bool) -> list[Reading]:
-        """The last edge but `place` - 1 is tooth 0 of some turn; the edges from there on.
+        """Identify the last edge but `place` - 1 as tooth 0 of some turn, and return the edges from there on.
 
-        sure: the count follows at once, otherwise when it is told so for the second time.
+        The count is corrected at once if `sure`, otherwise at the second identical observation.
         """
         number, known = self._edges[-place][1], self._number is not None
         off = number % self._teeth
@@ -169,15 +173,15 @@ class EdgeCounter(_InOrder):
         if not known:
             self.counts["unreferenced"] += len(self._edges) - place
             self._count_on(place, 0)
-        elif off and (sure or off == self._doubt):
+        elif off and (sure or off == self._suspected_offset):
             self.counts["miscounts"] += 1
             self._count_on(place, number - off)
             off = 0
-        self._doubt = off
+        self._suspected_offset = off
         return self._latest(1 if known else place)
 
     def _count_on(self, place: int, number: int) -> None:
-        """The last edge but `place` - 1 has this number, and those after it follow."""
+        """Number the last edge but `place` - 1, and the edges after it in sequence."""
         stamps = [stamp for stamp, _ in self._edges][-place:]
         for _ in stamps:
             self._edges.pop()
@@ -193,7 +197,7 @@ class EdgeCounter(_InOrder):
 
 
 class IndexedAngle(_InOrder):
-    """Angles that count from where the encoder was switched on: zero is where its index pulse comes.
+    """Reference for angles that count from power-on of the encoder: zero is the angle of its index pulse.
 
     The angle at a pulse is interpolated between the readings around it.
     """
@@ -201,11 +205,11 @@ class IndexedAngle(_InOrder):
     def _begin(self) -> None:
         super()._begin()
         self._shift: float | None = None
-        self._readings: deque[Reading] = deque(maxlen=HELD)
+        self._readings: deque[Reading] = deque(maxlen=CAPACITY)
         self._pulse_ns: int | None = None
 
     def take(self, readings: Iterable[Reading]) -> list[Reading]:
-        """Take angles."""
+        """Add angles."""
         known: list[Reading] = []
         for reading in readings:
             if not self._is_newer(reading[0]):
@@ -219,7 +223,7 @@ class IndexedAngle(_InOrder):
         return known
 
     def index(self, stamp_ns: int) -> list[Reading]:
-        """Take an index pulse."""
+        """Add an index pulse."""
         if self._newest_ns is None or stamp_ns >= self._newest_ns:
             self._pulse_ns = stamp_ns
             return []
@@ -229,7 +233,7 @@ class IndexedAngle(_InOrder):
         return [] if was_known else known
 
     def _refer(self, pulse_ns: int, after: int) -> list[Reading]:
-        """Zero lies at the pulse, which comes before so many of the readings; those after it."""
+        """Set zero at the pulse, which precedes the last `after` readings, and return those readings."""
         if after < len(self._readings):
             (t0, a0, _), (t1, a1, _) = self._readings[-after - 1], self._readings[-after]
             at_pulse = a0 + math.remainder(a1 - a0, TURN) * (pulse_ns - t0) / (t1 - t0)

@@ -1,4 +1,4 @@
-"""Predictions from estimated states: no friction at rest, all of it in the slowest motion whose sense is known."""
+"""Predictions from estimated states: no friction at standstill, full friction in the slowest motion of known sense."""
 
 from __future__ import annotations
 
@@ -17,15 +17,17 @@ from textile_twin_core.twin import Samples, Twin
 TORQUE, LOAD = "balancing_torque_Nm", "torque_load_Nm"
 STEP_RAD = 2.0 * math.pi / 2**14
 PERIOD_S = 0.002
-SPEED = 16.755  # [rad/s], 160 turns a minute
+SPEED = 16.755  # [rad/s], 160 rpm
 START_S, STOP_S, RAMP_S, END_S = 1.0, 4.0, 1.0, 7.0
-UNSEEN_S = 0.08  # in which a start or a stop moves the encoder by a step or two
+UNSEEN_S = 0.08  # a start or a stop moves the encoder by one or two steps within this time
 VIEWS = ("causal", "lag", "smooth")
 Motion = tuple[FloatArray, FloatArray, FloatArray]
 
 
-def between_rests(stop_rad: float) -> tuple[FloatArray, Motion]:
-    """Rest, run-up, working speed, coast-down, and rest at an angle; times [s], and the motion in closed form."""
+def between_standstills(stop_rad: float) -> tuple[FloatArray, Motion]:
+    """Return times [s] and the motion in closed form: standstill, run-up, constant speed, coast-down, standstill
+    at an angle.
+    """
     time = np.arange(0.0, END_S, PERIOD_S)
     theta, omega, alpha = np.zeros((3, time.size))
     for begin, way in ((START_S, 1.0), (STOP_S, -1.0)):
@@ -44,7 +46,7 @@ def stamps_of(time: FloatArray) -> np.ndarray:
 
 
 def predicted(twin: Twin, shaft: str, time: FloatArray, theta: FloatArray) -> Samples:
-    """All predictions of a record of an encoder of 14 bits."""
+    """Return all predictions for a record of a 14-bit encoder."""
     session = twin.session(shaft)
     stamps, angles = stamps_of(time), np.mod(np.floor(theta / STEP_RAD) * STEP_RAD, 2.0 * math.pi)
     parts = [part for part in (session.step(stamps, angles), session.finish()) if len(part)]
@@ -60,23 +62,23 @@ def twin() -> Twin:
 
 @pytest.mark.parametrize("shaft", VIEWS)
 @pytest.mark.parametrize("stop_rad", [0.7, 1.5, 2.5, 3.2])
-def test_a_needle_that_stops_in_the_backing_is_not_held_by_it(twin: Twin, shaft: str, stop_rad: float) -> None:
-    time, motion = between_rests(stop_rad)
+def test_a_needle_that_stops_in_the_backing_has_no_friction(twin: Twin, shaft: str, stop_rad: float) -> None:
+    time, motion = between_standstills(stop_rad)
     truth = twin.evaluate(*motion)[TORQUE]
-    assert abs(twin.evaluate(stop_rad, 1e-7, 0.0)[LOAD]) > 1.0  # the needle does stop in it
+    assert abs(twin.evaluate(stop_rad, 1e-7, 0.0)[LOAD]) > 1.0  # the needle stops in the backing
     found = predicted(twin, shaft, time, motion[0])
     error = found[TORQUE] - truth[found.index]
     moment = time[found.index]
     rests = (moment < START_S - UNSEEN_S) | (moment > STOP_S + RAMP_S + UNSEEN_S)
     assert np.abs(found[LOAD][rests]).max() < 1e-6
-    assert np.abs(error[rests & found.settled]).max() < 1.0  # inertia, where the estimate still swings
+    assert np.abs(error[rests & found.settled]).max() < 1.0  # inertia, while the estimate still converges
     measured = truth + 0.05 * np.random.default_rng(3).standard_normal(truth.size)
     stamps = stamps_of(time)
     compared = compare_torque(
         stamps, measured, stamps[found.index], found[TORQUE], found.theta_rad,
         events=twin.machine.events(), settled=found.settled,
     )  # fmt: skip
-    # What is left: a start is not seen until the encoder has moved by more than its steps.
+    # The remaining error: a start is not visible until the encoder has moved by more than its steps.
     assert compared.errors.rms_error_Nm < 2.0
     assert compared.errors.correlation > 0.95
 
@@ -110,7 +112,7 @@ def test_a_reversal_turns_the_friction_round(twin: Twin, shaft: str) -> None:
 def test_samples_one_by_one_are_those_of_a_block_around_rests(twin: Twin) -> None:
     sensors = Sensors(encoder=Encoder(resolution_rad=STEP_RAD))
     twin = ttc.compile(replace(twin.machine, sensors=sensors), twin.outputs, method="exact")
-    time, motion = between_rests(2.5)
+    time, motion = between_standstills(2.5)
     angles = np.floor(motion[0] / STEP_RAD) * STEP_RAD
     block = twin.session().step(stamps_of(time), angles)
     session, one_by_one = twin.session(), []
@@ -124,8 +126,8 @@ def test_samples_one_by_one_are_those_of_a_block_around_rests(twin: Twin) -> Non
 
 @pytest.mark.parametrize("shaft", VIEWS)
 def test_only_friction_waits_for_the_sense(twin: Twin, shaft: str) -> None:
-    """Velocities, inertia and damping are as the estimate says, whether its sign is sure or not."""
-    time, motion = between_rests(0.7)
+    """Check that velocity, inertia and damping follow the estimate even where its sign is uncertain."""
+    time, motion = between_standstills(0.7)
     found = predicted(twin, shaft, time, motion[0])
     plain = twin.evaluate(found.states.phase_rad, found.omega_rad_s, found.alpha_rad_s2)
     apart = np.abs(found["needle_velocity_m_s"] - plain["needle_velocity_m_s"])

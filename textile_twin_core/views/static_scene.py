@@ -1,4 +1,6 @@
-"""What stands still in a recording: the machine's solids, colours of series and phases, plots over the angle."""
+"""Static scene of a recording: solids of the machine, colours of series and phases, grids of the plots over the
+angle.
+"""
 
 from __future__ import annotations
 
@@ -11,18 +13,18 @@ import rerun as rr
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.views import palette
 from textile_twin_core.views.angle_canvas import TWO_PI, AngleCanvas, round_ticks, split_turns
-from textile_twin_core.views.phases import Lane
+from textile_twin_core.views.phases import PhaseRow
 from textile_twin_core.views.scene import BackingPlane, MachineScene
 from textile_twin_core.views.solids import Solid
 
-_MIN_MAX = rr.components.AggregationPolicy.MinMax  # or peaks of the torque are averaged away
+_MIN_MAX = rr.components.AggregationPolicy.MinMax  # averaging would hide peaks of the torque
 
 _CLOSE = 0.1
-"""A path this near to a fixed point, in the machine's size, passes where its name would stand."""
+"""Largest distance of a path from a fixed point, over the machine's size, at which it would cross the point's label."""
 
 
 def draw_machine(stream: rr.RecordingStream, scene: MachineScene, names: bool = True) -> None:
-    """The machine's solids, in the frame `world` (z up) that is `base` rolled by +90 degrees, and its points' names."""
+    """Draw the solids and the names of points, in the frame `world` (z up): `base` rolled by +90 degrees."""
     log = stream.log
     half = float(np.sqrt(0.5))
     log("world/base", rr.Transform3D(quaternion=rr.Quaternion(xyzw=[half, 0.0, 0.0, half])), static=True)
@@ -46,7 +48,7 @@ def draw_machine(stream: rr.RecordingStream, scene: MachineScene, names: bool = 
 
 
 def _draw_names(stream: rr.RecordingStream, scene: MachineScene, front: float) -> None:
-    """The names of points, in front of all links."""
+    """Draw the names of points, in front of all links."""
     log = stream.log
     for part in scene.moving:
         label = rr.Points3D(
@@ -69,14 +71,14 @@ def _draw_names(stream: rr.RecordingStream, scene: MachineScene, front: float) -
 
 
 def _label_drop_m(scene: MachineScene, x: float, y: float) -> float:
-    """How far below a fixed point its name stands: below what turns closely around it, whose name goes with it."""
+    """Return the distance of a fixed point's label below it [m]; the label clears the points that turn close to it."""
     reaches = [float(np.max(np.hypot(path[:, 0] - x, path[:, 1] - y))) for path in scene.paths.values()]
     closely = max((reach for reach in reaches if reach < _CLOSE * scene.size_m), default=0.0)
     return closely + 0.05 * scene.size_m
 
 
 def style_series(stream: rr.RecordingStream) -> None:
-    """Colours and names of the series."""
+    """Set colours and names of the series over time."""
     log = stream.log
     log(
         "torque/measured",
@@ -111,9 +113,9 @@ def style_series(stream: rr.RecordingStream) -> None:
         )
 
 
-def style_travels(stream: rr.RecordingStream, names: Sequence[str]) -> None:
-    """Colours and names of what measures tell, over time and over the shaft angle, and of the shaft's speed."""
-    for name, colour in zip(names, cycle(palette.TRAVELS)):
+def style_measures(stream: rr.RecordingStream, names: Sequence[str]) -> None:
+    """Set colours and names of the measures, over time and over the shaft angle, and of the shaft speed."""
+    for name, colour in zip(names, cycle(palette.MEASURES)):
         style = rr.SeriesLines(colors=[colour], names=[name], widths=[1.8], aggregation_policy=_MIN_MAX)
         stream.log(f"travel/{name}", style, static=True)
         line = rr.LineStrips2D.from_fields(colors=[colour], radii=[-1.4], draw_order=1.0)
@@ -127,13 +129,13 @@ def style_travels(stream: rr.RecordingStream, names: Sequence[str]) -> None:
 def draw_curve(
     stream: rr.RecordingStream, entity: str, canvas: AngleCanvas, theta_rad: FloatArray, value: FloatArray
 ) -> None:
-    """A curve over one turn (k,) that stays; its colour comes from elsewhere."""
+    """Draw a static curve over one turn (k,); `style_measures` sets its colour."""
     strips = split_turns(theta_rad, np.column_stack([theta_rad * (canvas.width / TWO_PI), canvas.y(value)]))
     stream.log(entity, rr.LineStrips2D.from_fields(strips=strips), static=True)
 
 
 def style_angle_curves(stream: rr.RecordingStream) -> None:
-    """Colours of the curves over the shaft angle: the prediction thin and on top, so that it hides nothing."""
+    """Set colours of the curves over the shaft angle. The prediction is thin and on top, so that it covers nothing."""
     for name, colour, radius, order in (
         ("measured", palette.dim(palette.MEASURED, 0.6), -0.6, 0.0),
         ("last", palette.MEASURED, -2.0, 1.0),
@@ -145,12 +147,12 @@ def style_angle_curves(stream: rr.RecordingStream) -> None:
     stream.log("angle/now", now, static=True)
 
 
-def style_lanes(stream: rr.RecordingStream, lanes: Sequence[Lane]) -> None:
-    """Colours of the phases."""
-    for lane in lanes:
+def style_phases(stream: rr.RecordingStream, phase_rows: Sequence[PhaseRow]) -> None:
+    """Set the colours of the phases."""
+    for row in phase_rows:
         stream.log(
-            f"phase/{lane.name}",
-            rr.StateConfiguration(values=list(lane.colours), colors=list(lane.colours.values())),
+            f"phase/{row.name}",
+            rr.StateConfiguration(values=list(row.colours), colors=list(row.colours.values())),
             static=True,
         )
 
@@ -158,13 +160,13 @@ def style_lanes(stream: rr.RecordingStream, lanes: Sequence[Lane]) -> None:
 def draw_canvas(
     stream: rr.RecordingStream, origin: str, canvas: AngleCanvas, events: Sequence[tuple[str, float]], inside: BoolArray
 ) -> None:
-    """Grid, scale and event lines of a plot over the shaft angle.
+    """Draw grid, scale and event lines of a plot over the shaft angle.
 
     Args:
-        origin: entity under which the plot stands.
-        canvas: its scale.
-        events: name and angle [rad] of what is marked.
-        inside: (k,) whether the needle is in the backing, over one turn; those angles are tinted.
+        origin: Entity of the plot.
+        canvas: Scale of the plot.
+        events: Name and angle [rad] of each event to mark.
+        inside: (k,) over one turn, true where the needle is in the backing; these angles are tinted.
     """
     log = stream.log
     width, height = canvas.width, canvas.height
@@ -183,7 +185,7 @@ def draw_canvas(
         static=True,
     )
     if inside.any():
-        # Lines have round ends and planes no filled shapes: the tint is a comb of fine lines.
+        # A 2D view has no filled shapes and its lines have round ends, so the tint is a comb of fine lines.
         comb = np.arange(0.0, width, 2.0)
         comb = comb[inside[(comb * (inside.size / width)).astype(np.int64)]]
         log(
@@ -236,7 +238,7 @@ def _depth_m(scene: MachineScene) -> float:
 
 
 def _backing_weave(scene: MachineScene, plane: BackingPlane) -> rr.LineStrips3D:
-    """The backing as warp and weft: the needles stay in sight above and below it."""
+    """Return the backing as warp and weft, so that the needles stay visible above and below it."""
     size = scene.size_m
     (dx, dy), (x, y), depth = plane.direction, plane.point_m, _depth_m(scene)
     across = np.array([-dy, dx, 0.0])
@@ -253,7 +255,7 @@ def _backing_weave(scene: MachineScene, plane: BackingPlane) -> rr.LineStrips3D:
 
 
 def mesh(solid: Solid) -> rr.Mesh3D:
-    """A solid as the viewer takes it."""
+    """Convert a solid to the viewer's mesh."""
     return rr.Mesh3D(
         vertex_positions=solid.vertices,
         vertex_normals=solid.normals,

@@ -1,4 +1,4 @@
-"""Writes a machine's motion, torques and phases to a recording stream in columns: for files and for live views."""
+"""Recording writer: motion, torques and phases of a machine as columns, for files and for live views."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from textile_twin_core.views.whole_width import LINKS, WholeWidth
 
 _SEGMENT = 8  # samples of a line in the plot over the shaft angle
 _MOST_SEGMENTS = 20_000
-"""Lines of one torque over the angle; in an hour at 500 Hz and 160 rpm each is then half a turn long."""
+"""Largest number of line segments of one torque over the angle; an hour at 500 Hz and 160 rpm gives half turns."""
 _BLOCK = 65_536
-"""Samples that are handed to the viewer's writer at a time: what it makes of hours together would fill the memory."""
+"""Samples per call of the viewer's writer; whole hours at once would fill the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scribe:
-    """One recording of one machine.
+class RecordingWriter:
+    """Writer of one recording of one machine.
 
-    Times are seconds from the recording's start; what is not finite is drawn as a gap.
+    Times are seconds from the start of the recording; values that are not finite are drawn as gaps.
     """
 
     stream: rr.RecordingStream
@@ -37,12 +37,12 @@ class Scribe:
     torque_canvas: AngleCanvas
     residual_canvas: AngleCanvas
 
-    def scaled(self, *, torque: AngleCanvas | None = None, residual: AngleCanvas | None = None) -> Scribe:
-        """The same recording with other scales for the plots over the shaft angle."""
-        return Scribe(self.stream, self.scene, torque or self.torque_canvas, residual or self.residual_canvas)
+    def scaled(self, *, torque: AngleCanvas | None = None, residual: AngleCanvas | None = None) -> RecordingWriter:
+        """Return a writer of the same recording with other scales for the plots over the shaft angle."""
+        return RecordingWriter(self.stream, self.scene, torque or self.torque_canvas, residual or self.residual_canvas)
 
     def motion(self, time_s: FloatArray, points: dict[str, FloatArray], under: str = LINKS) -> None:
-        """A linkage at times (n,) from the positions (n, 2) of its points."""
+        """Write the pose of a linkage at times (n,) from the positions (n, 2) of its points."""
         times = at_times(time_s)
         for part in self.scene.moving:
             place, angle = poses(part, points)
@@ -52,7 +52,7 @@ class Scribe:
             self.stream.send_columns(f"{under}/{part.name}", times, columns)
 
     def whole_width(self, time_s: FloatArray, width: WholeWidth, stations_rad: FloatArray) -> None:
-        """Every linkage and the shaft, at times (n,), from the angles of the stations (n, stations)."""
+        """Write every linkage and the shaft at times (n,) from the angles of the stations (n, stations) [rad]."""
         drawn = width.angles(stations_rad)
         for place in width.row:
             under = f"world/base/row/{place.number}/links" if place.number else LINKS
@@ -61,18 +61,18 @@ class Scribe:
         self.stream.send_columns("world/base/shaft/line", at_times(time_s), columns)
 
     def predicted(self, time_s: FloatArray, torque_Nm: FloatArray, sigma_Nm: FloatArray) -> None:
-        """Predicted torque with its standard deviation (nan where unknown) over time."""
+        """Write predicted torque over time, with its standard deviation (NaN where unknown)."""
         for part in blocks(time_s.size):
             variance = np.where(np.isfinite(sigma_Nm[part]), sigma_Nm[part], 0.0) ** 2
             columns = rr.Measurements.columns(values=torque_Nm[part], variances=variance)
             self.stream.send_columns("torque/predicted", at_times(time_s[part]), columns)
 
     def measured(self, time_s: FloatArray, torque_Nm: FloatArray) -> None:
-        """Measured torque over time."""
+        """Write measured torque over time."""
         self.scalars("torque/measured", time_s, torque_Nm)
 
     def residual(self, time_s: FloatArray, residual_Nm: FloatArray, limit_Nm: float | None) -> None:
-        """Residual over time, with its limit where there is one."""
+        """Write the residual over time, and its limit where there is one."""
         self.scalars("residual/residual", time_s, residual_Nm)
         if limit_Nm is not None and time_s.size:
             ends = time_s[[0, -1]]
@@ -82,7 +82,7 @@ class Scribe:
             self.scalars("residual/over_limit", time_s[over], residual_Nm[over])
 
     def over_angle(self, which: str, time_s: FloatArray, theta_rad: FloatArray, torque_Nm: FloatArray) -> None:
-        """A torque over the shaft angle, in short lines that the viewer keeps for some turns."""
+        """Write a torque over the shaft angle as short lines, which the viewer shows for some turns."""
         length = max(_SEGMENT, time_s.size // _MOST_SEGMENTS)
         for block in blocks(time_s.size - 1, max(1, _BLOCK // length) * length):
             strips, ends = [], []
@@ -99,29 +99,31 @@ class Scribe:
     def point(
         self, entity: str, canvas: AngleCanvas, time_s: FloatArray, theta_rad: FloatArray, value: FloatArray
     ) -> None:
-        """The present point of a plot over the shaft angle."""
+        """Write the present point of a plot over the shaft angle."""
         points = canvas.place(theta_rad, value).astype(np.float32)
         self.stream.send_columns(entity, at_times(time_s), rr.Points2D.columns(positions=points))
 
     def phases(self, changes: Sequence[StateChanges]) -> None:
-        """Changes of phase, lane by lane."""
+        """Write the changes of phase, row by row."""
         for change in changes:
             if change.time_s.size:
                 columns = rr.StateChange.columns(state=list(change.states))
-                self.stream.send_columns(f"phase/{change.lane}", at_times(change.time_s), columns)
+                self.stream.send_columns(f"phase/{change.row}", at_times(change.time_s), columns)
 
     def say(self, time_s: float, level: str, text: str) -> None:
-        """A line in the list of events."""
+        """Write a line into the list of events."""
         say(self.stream, time_s, level, text)
 
     def summary(self, markdown: str, time_s: float | None = None) -> None:
-        """The run's summary; `time_s` as in `residual_by_angle`."""
+        """Write the summary of the run; `time_s` as in `residual_by_angle`."""
         self._log_at(time_s, "summary", rr.TextDocument(markdown, media_type="text/markdown"))
 
     def residual_by_angle(self, bins: AngleBins, time_s: float | None = None) -> None:
-        """Mean residual with its spread (one standard deviation) and its extremes over the shaft angle.
+        """Write mean, spread (one standard deviation) and extremes of the residual over the shaft angle.
 
-        time_s: when it was so, in a live view, whose server drops what is old; None: it holds for the whole recording.
+        Args:
+            bins: Statistics by bin of the shaft angle.
+            time_s: Time of the statistics in a live view, whose server drops old data; None: static for the recording.
         """
         canvas = self.residual_canvas
         good = bins.count > 0
@@ -169,14 +171,14 @@ class Scribe:
         self.stream.log(entity, drawn, static=time_s is None)
 
     def scalars(self, entity: str, time_s: FloatArray, values: FloatArray) -> None:
-        """A series of numbers over time."""
+        """Write a series of numbers over time."""
         scalars(self.stream, entity, time_s, values)
 
 
 def gap_times(time_s: FloatArray) -> FloatArray:
-    """Beginnings and ends of what samples (n,) at increasing times leave out: there lines over time have to break.
+    """Return start and end of each gap between samples (n,) at increasing times [s]; lines over time break there.
 
-    Both, since the viewer looks no further than to the next sample beside the time that it shows.
+    Both ends are needed because the viewer looks only as far as the next sample beside the displayed time.
     """
     step = np.diff(time_s)
     if not step.size:
@@ -187,13 +189,13 @@ def gap_times(time_s: FloatArray) -> FloatArray:
 
 
 def turn_s(time_s: FloatArray, theta_rad: FloatArray) -> float:
-    """Time of one turn where most of the recording runs [s]; 1 s for a shaft at rest."""
+    """Return the duration of one turn at the median speed [s]; 1 s for a shaft at standstill."""
     speed = float(np.median(np.abs(np.diff(theta_rad)) / np.maximum(np.diff(time_s), 1e-9))) if time_s.size > 1 else 0.0
     return 2.0 * np.pi / speed if speed > 1e-3 else 1.0
 
 
 def blocks(count: int, size: int = _BLOCK) -> Iterator[slice]:
-    """So many samples in blocks of at most `size`."""
+    """Iterate over `count` samples in blocks of at most `size`."""
     return (slice(first, min(first + size, count)) for first in range(0, count, size))
 
 
@@ -210,5 +212,5 @@ def say(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> Non
 
 
 def at_times(time_s: FloatArray) -> list[rr.TimeColumn]:
-    """Times (n,) [s] as the viewer takes them."""
+    """Convert times (n,) [s] to the viewer's column of times."""
     return [rr.TimeColumn(TIMELINE, duration=np.round(time_s * 1e9).astype("timedelta64[ns]"))]

@@ -1,4 +1,4 @@
-"""What a machine's measures do over a turn, for views: position by shaft angle, dwell and beat-up of a sley."""
+"""Measure curves over one turn, for views: position by shaft angle, dwell and beat-up of a sley."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from textile_twin_core.mechanism import Arc
 from textile_twin_core.twin import compile_machine
 from textile_twin_core.views import palette
 from textile_twin_core.views.angle_canvas import TORQUE_SIZE, TWO_PI, AngleCanvas
-from textile_twin_core.views.phases import Lane, lanes_of, marks_of
+from textile_twin_core.views.phases import PhaseRow, marks_of, phase_rows_of
 
 if TYPE_CHECKING:
     from textile_twin_core.machine.machine import Machine
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _SAMPLES = 1440
 _MM = 1e3
 SLEY_NAMES = frozenset(("sley", "slay", "beater", "batten", "lay", "lathe", "reed"))
-"""What people call the part of a loom that beats up the weft."""
+"""Names in use for the part of a loom that beats up the weft."""
 _COLOURS = {
     "dwell": palette.FREE,
     "forward": palette.ADVANCING,
@@ -30,10 +30,13 @@ _COLOURS = {
 }
 
 
-class Travels:
-    """Positions [mm] of a machine's measures at shaft angles (n,), by measure; empty for a machine without any.
+class MeasureCurves:
+    """Positions [mm] of the measures of a machine at shaft angles (n,) [rad]; empty for a machine without measures.
 
-    `over_turn` holds them at the shaft angles `angles` (k,) [rad], one turn or the part of it that is declared.
+    Attributes:
+        names: Names of the measures.
+        angles: Shaft angles (k,) [rad] of one turn, or of its declared part.
+        over_turn: Positions (k,) [mm] at `angles`, by measure.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -46,14 +49,14 @@ class Travels:
         self.over_turn = self(self.angles)
 
     def __call__(self, theta_rad: FloatArray) -> dict[str, FloatArray]:
-        """The positions by measure."""
+        """Return the positions by measure."""
         if self._twin is None:
             return {}
         found = self._twin.evaluate(theta_rad, np.zeros_like(theta_rad), np.zeros_like(theta_rad))
         return {name: _MM * found[f"{name}_position_m"] for name in self.names}
 
     def canvas(self) -> AngleCanvas | None:
-        """A plot over the shaft angle that holds them all; None without any."""
+        """Return a canvas over the shaft angle that holds all curves; None for a machine without measures."""
         if not self.names:
             return None
         low = min(float(np.nanmin(curve)) for curve in self.over_turn.values())
@@ -62,17 +65,17 @@ class Travels:
         return AngleCanvas(low - room, high + room, *TORQUE_SIZE)
 
 
-def lanes_for(machine: Machine) -> tuple[Lane, ...]:
-    """Rows of phases: of needles in and out of the backing, of a sley from dwell to beat-up, of what else moves."""
-    beats = {name: lane for name, lane in _beats(machine, set(_beating(machine))).items() if lane is not None}
-    plain = [lane for lane in lanes_of(machine.events()) if lane.name.removesuffix("_stroke") not in beats]
+def phase_rows_for(machine: Machine) -> tuple[PhaseRow, ...]:
+    """Build the rows of phases: needles in the backing, sleys between dwell and beat-up, strokes of other measures."""
+    beats = {name: row for name, row in _beats(machine, set(_beating(machine))).items() if row is not None}
+    plain = [row for row in phase_rows_of(machine.events()) if row.name.removesuffix("_stroke") not in beats]
     return (*plain, *beats.values())
 
 
 def marks_for(machine: Machine) -> list[tuple[str, float]]:
-    """What to mark over the shaft angle: name and angle [rad] of loads' events and of the foremost points of arcs.
+    """Return name and angle [rad] of the marks over the shaft angle: events of loads and foremost points of arcs.
 
-    A loom's sley beats up there; other arcs are named as the measure is.
+    The foremost point of a loom's sley is named beat-up; those of other arcs carry the name of the measure.
     """
     beating = _beating(machine)
     arcs = [measure.name for measure in machine.measures if isinstance(measure, Arc)]
@@ -85,36 +88,36 @@ def marks_for(machine: Machine) -> list[tuple[str, float]]:
 
 
 def _beating(machine: Machine) -> list[str]:
-    """Arcs that beat up the weft: those of a loom's sley, by its names in the field."""
+    """Return the arcs that beat up the weft, by the usual names of a sley."""
     arcs = [measure.name for measure in machine.measures if isinstance(measure, Arc)]
     return [name for name in arcs if SLEY_NAMES & set(name.lower().split("_"))]
 
 
 def foremost(machine: Machine, name: str) -> list[float]:
-    """Shaft angles [rad] where a measure turns back near the front of its stroke, the farthest first.
+    """Return the shaft angles [rad] of the turning points near the front of a measure's stroke, the farthest first.
 
-    A sley that swings a little while it rests turns back there, too: that is no beat.
+    Turning points of a small oscillation during the dwell are excluded.
     """
     turns = [event.angle_rad for event in machine.events() if event.name == f"{name}_largest"]
     if not turns:
         return []
-    travels = Travels(machine)
-    curve = travels.over_turn[name]
-    places = np.interp(turns, travels.angles, curve, period=TWO_PI)
+    curves = MeasureCurves(machine)
+    curve = curves.over_turn[name]
+    places = np.interp(turns, curves.angles, curve, period=TWO_PI)
     low, high = float(np.nanmin(curve)), float(np.nanmax(curve))
     front = high - DWELL_SHARE * (high - low)
     return [turns[k] for k in np.argsort(-places, kind="stable") if places[k] > front]
 
 
-def _beats(machine: Machine, arcs: set[str]) -> Mapping[str, Lane | None]:
+def _beats(machine: Machine, arcs: set[str]) -> Mapping[str, PhaseRow | None]:
     if not arcs or not machine.linkage.solved.turns_fully:
         return {}
-    travels = Travels(machine)
-    return {name: _beat(name, travels.angles, travels.over_turn[name]) for name in sorted(arcs)}
+    curves = MeasureCurves(machine)
+    return {name: _beat(name, curves.angles, curves.over_turn[name]) for name in sorted(arcs)}
 
 
-def _beat(name: str, angles: FloatArray, position: FloatArray) -> Lane | None:
-    """Dwell within 5 % of the stroke from the rear, beat-up within 5 % from the front; None where it beats twice."""
+def _beat(name: str, angles: FloatArray, position: FloatArray) -> PhaseRow | None:
+    """Build the row of dwell (rear 5 % of the stroke) and beat-up (front 5 %); None for a sley that beats twice."""
     low, high = float(position.min()), float(position.max())
     near = DWELL_SHARE * (high - low)
     state = np.where(position < low + near, 0, np.where(position > high - near, 2, 1))[:-1]
@@ -124,4 +127,4 @@ def _beat(name: str, angles: FloatArray, position: FloatArray) -> Lane | None:
         begins.append((float(angles[k]), ("dwell", "forward" if rising else "back", "beat-up")[state[k]]))
     if sorted(phase for _, phase in begins) != sorted(_COLOURS):
         return None
-    return Lane(f"{name}_beat", tuple(begins), _COLOURS)
+    return PhaseRow(f"{name}_beat", tuple(begins), _COLOURS)

@@ -1,4 +1,4 @@
-"""Edges counted into angles and angles from an index pulse, against wheels whose angle is known at every edge."""
+"""Edges counted into angles, and angles from an index pulse, against wheels whose angle is known at every edge."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import pytest
 
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine import Encoder
-from textile_twin_core.twin.references import TURN, EdgeCounter, IndexedAngle, Reading, reference_of
+from textile_twin_core.twin.encoder_reference import TURN, EdgeCounter, IndexedAngle, Reading, reference_of
 
 TEETH = 60
 NAN = math.nan
 
 
 def wheel(missing: int, turns: float, start_rad: float, ripple: float = 0.2) -> tuple[list[int], list[float]]:
-    """Stamps [ns] and angles [rad] of the edges of a wheel on a shaft at phase + ripple sin(phase)."""
+    """Return stamps [ns] and angles [rad] of the edges of a wheel on a shaft at phase + ripple sin(phase)."""
     numbers = np.arange(math.ceil(start_rad * TEETH / TURN), (start_rad + turns * TURN) * TEETH / TURN, dtype=np.int64)
     numbers = numbers[numbers % TEETH < TEETH - missing]
     angles = numbers * TURN / TEETH
@@ -28,12 +28,12 @@ def wheel(missing: int, turns: float, start_rad: float, ripple: float = 0.2) -> 
 
 
 def edges(stamps: list[int]) -> list[Reading]:
-    """Edges as messages tell them."""
+    """Return edges as messages carry them."""
     return [(stamp, NAN, NAN) for stamp in stamps]
 
 
 def off(found: list[Reading], stamps: list[int], angles: list[float]) -> np.ndarray:
-    """How far angles are from the truth, whole turns aside, in pitches of the wheel."""
+    """Return the error of angles modulo whole turns, in pitches of the wheel."""
     truth = dict(zip(stamps, angles, strict=True))
     return np.array([math.remainder(angle - truth[stamp], TURN) for stamp, angle, _ in found]) * TEETH / TURN
 
@@ -46,7 +46,7 @@ def test_teeth_are_counted_from_the_gap(missing: int, start_rad: float) -> None:
     found = counter.take(edges(stamps))
     assert np.abs(off(found, stamps, angles)).max() < 1e-9
     assert np.all(np.diff([angle for _, angle, _ in found]) > 0.0)
-    # All but those before the first gap, and the first of all has no interval before it.
+    # All edges after the first gap; the very first edge has no interval before it.
     assert len(stamps) - len(found) == counter.counts["unreferenced"] <= TEETH - missing + 2
     assert counter.counts["miscounts"] == 0
 
@@ -72,7 +72,7 @@ def test_an_edge_lost_or_too_much_is_found_within_two_turns(missing: int, fault:
 
 
 @pytest.mark.parametrize("late", [0, 1, 7, 100])
-def test_a_pulse_that_comes_late_tells_the_same(late: int) -> None:
+def test_a_late_pulse_gives_the_same_angles(late: int) -> None:
     stamps, angles = wheel(0, 4.0, 2.0)
     counter = EdgeCounter(TEETH, 0, index=True)
     first = next(k for k, angle in enumerate(angles) if angle > TURN - 1e-6)
@@ -101,7 +101,7 @@ def test_a_pulse_elsewhere_than_counted_sets_the_count_right_at_once() -> None:
 
 
 def turning(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps [ns] and true angles [rad] of a shaft at 16 rad/s, at 1 kHz."""
+    """Return stamps [ns] and true angles [rad] of a shaft at 16 rad/s, at 1 kHz."""
     time = np.arange(count) * 1e-3
     return np.rint(time * 1e9).astype(np.int64), 16.0 * time + 0.1 * np.sin(16.0 * time)
 
@@ -122,7 +122,7 @@ def test_angles_from_the_index(switched_on_at: float, late: int, wrapped: bool) 
     )
     assert [stamp for stamp, _, _ in found] == stamps[first:].tolist()
     wrong = [math.remainder(angle - true, TURN) for (_, angle, _), true in zip(found, truth[first:], strict=True)]
-    assert np.abs(wrong).max() < 1e-5  # of the straight line between two readings
+    assert np.abs(wrong).max() < 1e-5  # error of linear interpolation between two readings
     assert {speed for _, _, speed in found} == {1.0} and indexed.counts["unreferenced"] == first
 
 
@@ -159,6 +159,6 @@ def test_stamps_that_go_back() -> None:
         (Encoder(), True, "number of"),
     ],
 )
-def test_edges_that_nothing_makes_angles_of(encoder: Encoder, index: bool, text: str) -> None:
+def test_edges_without_a_reference_are_refused(encoder: Encoder, index: bool, text: str) -> None:
     with pytest.raises(SceneError, match=text):
         reference_of(encoder, edges=True, index=index)
