@@ -1,4 +1,4 @@
-"""A real headless Chromium on the design page, and the command that serves it."""
+"""Headless Chromium on the design page, and the command that serves it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FLAGS = (
 
 @contextmanager
 def served(*arguments: str, **variables: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """textile-twin explore as a process, and the address that it prints; `variables` are those of its environment."""
+    """Run textile-twin explore with environment `variables`, and yield the process and the address that it prints."""
     command = [str(Path(sys.executable).with_name("textile-twin")), "explore", *arguments, "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | variables) as process:
         assert process.stdout is not None
@@ -47,14 +47,14 @@ def served(*arguments: str, **variables: str) -> Iterator[tuple[subprocess.Popen
 
 
 class Moved(NamedTuple):
-    """Times [ms] by the page's own clock: from the slider's event to the painted frame, the server's share, drawing."""
+    """Times [ms] by the page's clock: from the slider event to the painted frame, share of the server, drawing."""
 
     painted_ms: float
     server_ms: float
     drawn_ms: float
 
 
-# A task posted from within the frame that shows a change runs when that frame has been painted.
+# A task posted from the frame that shows a change runs after that frame is painted.
 _MOVE = """
 const [id, value, done] = arguments, slider = document.getElementById(id), body = document.body;
 const before = body.dataset.states, channel = new MessageChannel();
@@ -73,7 +73,7 @@ slider.dispatchEvent(new Event("input", { bubbles: true }));
 
 
 class Page:
-    """The page in a browser, as a person uses it."""
+    """Page in a browser, operated as a person would."""
 
     def __init__(self, size: str = "1500,1400", downloads: Path | None = None) -> None:
         self._profile = tempfile.TemporaryDirectory(prefix="chromium-")
@@ -96,21 +96,21 @@ class Page:
         self.until(lambda: self.states > 0)
 
     def as_phone(self, width: int, height: int) -> None:
-        """Of a phone's size, narrower than a window can be; nothing else is changed."""
+        """Resize to a phone, which is narrower than a window can be."""
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
 
     def as_window(self) -> None:
-        """Of the window's own size again."""
+        """Restore the size of the window."""
         self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
     @property
     def states(self) -> int:
-        """How many answers have been shown."""
+        """Number of answers shown."""
         return int(self.driver.find_element(By.TAG_NAME, "body").get_attribute("data-states") or 0)
 
     def moved(self, slider: str, value: float) -> Moved:
-        """Put a slider to a value, as a drag does, and wait until what follows is painted."""
+        """Set a slider to a value, as a drag does, and wait until the result is painted."""
         return Moved(**self.driver.execute_async_script(_MOVE, slider, value))
 
     def find(self, selector: str) -> WebElement:
@@ -138,7 +138,7 @@ class Page:
         return self.find(f"[data-curve^='{title}/']").get_attribute("d") or ""
 
     def type(self, identity: str, text: str) -> None:
-        """Write into a number field and leave it."""
+        """Type into a number field and leave it."""
         field = self.find(f"[id='{identity}']")
         field.clear()
         field.send_keys(text + "\t")
@@ -149,5 +149,5 @@ class Page:
 
     @property
     def complaints(self) -> list[str]:
-        """What the browser's console holds of errors."""
+        """Return the errors in the browser's console."""
         return [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]

@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/explore.md anew: python -m tests.explore.screenshots"""
+"""Redraw the pictures of docs/explore.md: python -m tests.explore.screenshots"""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BAG = DOCS.parent / "bags" / "tufting_160rpm_synthetic"
 
 
 def main() -> None:
-    """All pictures."""
+    """Draw all pictures."""
     with served("tufting", "--recording", str(BAG)) as (_, address):
         _picture("tufting", address, 60)
     with served("handloom_beatup") as (_, address):

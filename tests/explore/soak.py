@@ -1,9 +1,9 @@
-"""A page left open and used without end: two tabs, sliders, undo, other machines, lost wires, sleep, reloads.
+"""Endurance test of the page: two tabs, sliders, undo, other machines, lost connections, sleep, reloads.
 
-    python -m tests.explore.soak --minutes 30 [--rest 60]
+    python -m tests.explore.soak --minutes 30 [--pause 60]
 
-One round is what a person does in an hour or so; a night is some ten. Memory of server and page is told as it goes:
-resident memory of the server [MB], heap of the page after its garbage is collected [MB], elements of its document.
+One round is about an hour of use, ten rounds a night. After each round the memory is printed: resident memory of the
+server [MB], heap of the page after garbage collection [MB], elements of its document.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MACHINES = {
     "elliptic_gear_beatup": "s_crank_m",
     "needle_transfer": "s_stroke_m",
 }
-# Moves a slider again and again, each time when the last answer is shown.
+# Moves a slider repeatedly, each time after the last answer is shown.
 _MOVES = """
 const [id, times, done] = arguments, slider = document.getElementById(id), middle = slider.valueAsNumber;
 const body = document.body;
@@ -46,8 +46,8 @@ move();
 """
 
 
-class Held(NamedTuple):
-    """What is held after a round."""
+class Memory(NamedTuple):
+    """Memory after a round."""
 
     moves: int
     server_MB: float
@@ -67,8 +67,8 @@ class Soak:
         page.open(address)
         self.tabs.append(page.driver.current_window_handle)
 
-    def round(self, moves: int) -> Held:
-        """One round: both tabs, `moves` slider moves a machine, a lost wire, a sleep, a reload."""
+    def round(self, moves: int) -> Memory:
+        """Run one round: both tabs, `moves` slider moves per machine, a lost connection, a sleep, a reload."""
         page = self.page
         for tab in self.tabs:
             page.driver.switch_to.window(tab)
@@ -84,7 +84,7 @@ class Soak:
         self._sleep()
         page.driver.refresh()
         page.until(lambda: page.states > 0)
-        return self.held()
+        return self.memory()
 
     def _lose_the_wire(self) -> None:
         page = self.page
@@ -97,7 +97,7 @@ class Soak:
         assert page.text("#numbers tbody tr:nth-child(2)") == stroke
 
     def _sleep(self) -> None:
-        """The server sleeps, as with the computer's lid closed; the wire does not survive it."""
+        """Suspend the server, as when the lid of the computer is closed; the connection breaks."""
         page, before = self.page, self.page.states
         os.kill(self.server, signal.SIGSTOP)
         self.link.cut()
@@ -107,28 +107,28 @@ class Soak:
         os.kill(self.server, signal.SIGCONT)
         page.until(lambda: page.states > before and not page.find("#banner").is_displayed())
 
-    def rest(self, seconds: float) -> None:
-        """Nobody is there; the linkage plays on."""
+    def pause(self, seconds: float) -> None:
+        """Leave the page alone; the linkage keeps moving."""
         if seconds:
             self.page.find("#play").click()
             time.sleep(seconds)
             self.page.find("#play").click()
 
-    def held(self) -> Held:
-        """Memory of server and of the tab looked at."""
+    def memory(self) -> Memory:
+        """Measure the memory of server and visible tab."""
         driver = self.page.driver
         driver.execute_cdp_cmd("HeapProfiler.collectGarbage", {})
         heap = driver.execute_cdp_cmd("Runtime.getHeapUsage", {})["usedSize"]
         elements = driver.execute_cdp_cmd("Memory.getDOMCounters", {})["nodes"]
         status = Path(f"/proc/{self.server}/status").read_text()
         resident = float(re.findall(r"VmRSS:\s+(\d+)", status)[0]) / 1024.0
-        return Held(self.moves, resident, heap / 2**20, elements)
+        return Memory(self.moves, resident, heap / 2**20, elements)
 
 
 def soak(
-    minutes: float, moves: int, names: tuple[str, ...] = tuple(MACHINES), rounds: int = 10**9, rest_s: float = 0.0
-) -> Iterator[Held]:
-    """Rounds for so long, with a rest after each in which the page plays; what is held after each round."""
+    minutes: float, moves: int, names: tuple[str, ...] = tuple(MACHINES), rounds: int = 10**9, pause_s: float = 0.0
+) -> Iterator[Memory]:
+    """Run rounds for a time, with a pause after each, and return the memory after each round."""
     with served("tufting") as (server, address):
         port = int(re.findall(r":(\d+)/", address)[0])
         with wire(port) as link:
@@ -139,24 +139,27 @@ def soak(
                 while time.monotonic() < end and rounds > 0:
                     rounds -= 1
                     yield run.round(moves)
-                    run.rest(rest_s)
+                    run.pause(pause_s)
                 assert not [c for c in page.complaints if "WebSocket" not in c and "ERR_" not in c]
             finally:
                 page.close()
 
 
 def main() -> None:
-    """Tell of every round."""
+    """Print the result of every round."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--moves", type=int, default=100, help="slider moves for each machine and tab in a round")
-    parser.add_argument("--rest", type=float, default=0.0, help="seconds between rounds with nobody there")
+    parser.add_argument("--pause", type=float, default=0.0, help="idle seconds between rounds")
     arguments = parser.parse_args()
     begun = time.monotonic()
     print(f"{'minutes':>8}{'moves':>8}{'server MB':>11}{'page MB':>9}{'elements':>10}")
-    for held in soak(arguments.minutes, arguments.moves, rest_s=arguments.rest):
+    for memory in soak(arguments.minutes, arguments.moves, pause_s=arguments.pause):
         minutes = (time.monotonic() - begun) / 60.0
-        print(f"{minutes:8.1f}{held.moves:8}{held.server_MB:11.1f}{held.page_MB:9.2f}{held.elements:10}", flush=True)
+        print(
+            f"{minutes:8.1f}{memory.moves:8}{memory.server_MB:11.1f}{memory.page_MB:9.2f}{memory.elements:10}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

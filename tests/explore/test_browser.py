@@ -1,4 +1,4 @@
-"""The design page in a real headless Chromium: what a person does, from opening it to the end of the server."""
+"""Design page in headless Chromium: the steps of a person from opening it to the end of the server."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def browser(downloads: Path) -> Iterator[Page]:
 
 @pytest.fixture
 def page(browser: Page, address: str) -> Iterator[Page]:
-    """The page, fresh; nothing has gone wrong in the browser when the test is over."""
+    """Open a fresh page, and check at the end that the browser has no errors."""
     browser.open(address)
     browser.driver.execute_script("sessionStorage.clear()")
     browser.open(address)
@@ -167,7 +167,7 @@ def test_hands_on_the_tufting_machine_under_its_recording(browser: Page) -> None
 
 
 def _drag_the_crank(page: Page, degrees: float) -> None:
-    """With the mouse on the crank's line, far out for an exact hand, about its pivot."""
+    """Drag the line of the crank with the mouse about its pivot, far out for precision."""
     places = page.driver.execute_script(
         "return Object.fromEntries([...document.querySelectorAll('#linkage text')].map("
         "t => [t.textContent, [+t.getAttribute('x') - 7, +t.getAttribute('y') + 7]]))"
@@ -209,7 +209,7 @@ return {
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [1400, 390])
 def test_a_machine_of_one_s_own_is_laid_out_on_any_screen(width: int, tmp_path: Path) -> None:
-    """A rocker arm whose reduced inertia hardly changes, at a speed that is no round number of rpm."""
+    """Show a rocker arm with an almost constant reduced inertia, at a speed that is not a round number of rpm."""
     pump = (Path(__file__).resolve().parents[2] / "examples" / "beam_pump.yaml").read_text()
     file = tmp_path / "pump.yaml"
     file.write_text(pump.replace("nominal_speed_rad_s: 1.0472", "nominal_speed_rad_s: 6.3"))
@@ -257,7 +257,7 @@ def test_two_tabs_hold_two_designs(page: Page, address: str) -> None:
 @pytest.mark.parametrize("name", ["tufting", "handloom_beatup", "needle_transfer", "elliptic_gear_beatup"])
 def test_every_machine_moves_and_fits_a_phone(page: Page, name: str) -> None:
     if name != "elliptic_gear_beatup":
-        # the loops of the needle transfer are compiled where nobody has done so yet
+        # the loops of the needle transfer may have to be compiled first
         page.answered(lambda: Select(page.find("#machine")).select_by_value(name), seconds=400.0)
     page.until(lambda: name.replace("_", " ") in page.driver.title)
     lines = page.driver.find_elements(By.CSS_SELECTOR, "#linkage [data-link]")
@@ -291,9 +291,9 @@ def test_without_the_token_there_is_nothing_and_the_end_of_the_server_is_said() 
 
 
 @pytest.mark.slow
-def test_page_left_open_comes_back_from_lost_wires_and_sleep_and_holds_no_more() -> None:
-    """The short form of `python -m tests.explore.soak`."""
-    held = list(soak(minutes=10.0, moves=10, names=("elliptic_gear_beatup",), rounds=3))
-    assert len(held) == 3 and held[-1].moves == 3 * 2 * 10
-    assert held[2].elements < 1.5 * held[1].elements and held[2].page_MB < held[1].page_MB + 1.5
-    assert held[2].server_MB < held[1].server_MB + 25.0
+def test_page_left_open_comes_back_from_lost_connections_and_sleep_and_uses_no_more_memory() -> None:
+    """Run the short form of `python -m tests.explore.soak`."""
+    memory = list(soak(minutes=10.0, moves=10, names=("elliptic_gear_beatup",), rounds=3))
+    assert len(memory) == 3 and memory[-1].moves == 3 * 2 * 10
+    assert memory[2].elements < 1.5 * memory[1].elements and memory[2].page_MB < memory[1].page_MB + 1.5
+    assert memory[2].server_MB < memory[1].server_MB + 25.0

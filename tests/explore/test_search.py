@@ -1,4 +1,4 @@
-"""The search for designs: from a poor start beyond the paper's loom, the same again with the same seed."""
+"""Search for designs: from a poor start beyond the paper's loom, and reproducible with the same seed."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ def test_same_seed_gives_the_same_front() -> None:
     assert search(design, Task(ranges, goals, (), 5), seconds=math.inf, generations=2).complete
 
 
-def test_progress_is_told_and_stop_is_heard() -> None:
+def test_progress_is_reported_and_stop_is_obeyed() -> None:
     seen: list[SearchProgress] = []
-    early: list[SearchProgress] = []  # a slow computer tells of three generations, too
+    early: list[SearchProgress] = []  # a slow computer reports three generations, too
     asked = 0
 
     def stopped() -> bool:
@@ -108,11 +108,11 @@ def test_machine_with_a_history_is_searched_one_by_one() -> None:
         (Task({"beauty": (0.0, 1.0)}, GOALS), "no parameter 'beauty'"),
         (Task({"crank_m": (0.05, 0.03)}, GOALS), "two rising numbers"),
         (Task({"crank_m": (0.03, math.nan)}, GOALS), "two rising numbers"),
-        (Task({"crank_m": (0.03, 0.05)}, (Goal("beauty", True),)), "no number"),
-        (Task({"crank_m": (0.03, 0.05)}, (Goal("peak_torque_Nm", True),)), "no number"),
+        (Task({"crank_m": (0.03, 0.05)}, (Goal("beauty", True),)), "no such number"),
+        (Task({"crank_m": (0.03, 0.05)}, (Goal("peak_torque_Nm", True),)), "no such number"),
     ],
 )
-def test_tasks_that_are_none(task: Task, says: str) -> None:
+def test_invalid_tasks_are_refused(task: Task, says: str) -> None:
     with pytest.raises(SceneError, match=says):
         search(Design.of(machines.elliptic_gear_beatup()), task)
 
@@ -123,15 +123,15 @@ def test_the_limit_that_no_design_keeps_is_named() -> None:
     near = Limit("smallest_transmission_angle_rad", True, math.radians(10.0))
     found = search(design, Task(RANGES, GOALS, (near, far), 2), seconds=math.inf, generations=10)
     assert not found.front
-    kept = {one.limit: one for one in found.kept}
-    assert kept[near].designs > 0 and kept[far].designs == 0
-    # The longest stroke that a crank of 50 mm gives, its arc at the sley's radius, is still far from half a metre.
-    assert 0.085 < kept[far].nearest < 0.5
-    text = failing_text(found.kept)
-    assert text == f"none has sley stroke at least 500 mm (the nearest has {1e3 * kept[far].nearest:.4g})"
-    # Each can be kept, and not both.
+    tallies = {one.limit: one for one in found.tallies}
+    assert tallies[near].designs > 0 and tallies[far].designs == 0
+    # The longest stroke with a crank of 50 mm, as an arc at the radius of the sley, is far below half a metre.
+    assert 0.085 < tallies[far].nearest < 0.5
+    text = failing_text(found.tallies)
+    assert text == f"none has sley stroke at least 500 mm (the nearest has {1e3 * tallies[far].nearest:.4g})"
+    # Each limit can be met, but not both.
     narrow = (Limit("sley_stroke_m", True, 0.09), Limit("sley_stroke_m", False, 0.08))
     found = search(design, Task(RANGES, GOALS, narrow, 2), seconds=math.inf, generations=10)
-    assert not found.front and all(one.designs for one in found.kept)
-    fewest = min(found.kept, key=lambda one: one.designs)
-    assert failing_text(found.kept).startswith(f"{fewest.designs} have sley stroke at ")
+    assert not found.front and all(one.designs for one in found.tallies)
+    fewest = min(found.tallies, key=lambda one: one.designs)
+    assert failing_text(found.tallies).startswith(f"{fewest.designs} have sley stroke at ")

@@ -123,10 +123,10 @@ def test_geometry_that_cannot_close_says_where_and_comes_back(loom: PageSession)
         ({"type": "dwell", "mm": -1.0}, "positive"),
         ({"type": "machine", "name": "spinning_jenny"}, "no machine"),
         ({"type": "load", "name": "x.yaml", "text": "groups: 7"}, "x.yaml"),
-        ({"type": "load", "name": "x.json", "text": "{"}, "no JSON"),
+        ({"type": "load", "name": "x.json", "text": "{"}, "not valid JSON"),
         ({"type": "load", "name": "x.json", "text": '{"format": "other"}'}, "no shared design"),
         ({"type": "pick", "index": 0}, "search again"),
-        ({"type": "balance", "way": "prayer"}, "lacks masses|no way"),
+        ({"type": "balance", "way": "prayer"}, "lacks masses|no balancing method"),
         ({"type": "tolerance", "free": {}, "width": 0.0}, "must be positive"),
     ],
 )
@@ -246,7 +246,7 @@ def test_sensitivity_of_the_stroke_is_the_slope_of_the_stroke(loom: PageSession)
     assert row["step"] == "0.1 mm" and row["changes"][place] == pytest.approx(after - before, rel=2e-2)
 
 
-def test_tolerances_tell_scrap_and_spread(loom: PageSession) -> None:
+def test_tolerances_give_scrap_and_spread(loom: PageSession) -> None:
     limit = {"number": "sley_stroke_m", "sense": "<=", "value": 84.991}
     message = {"type": "tolerance", "free": {"crank_m": [30, 50]}, "limits": [limit], "width": 0.1}
     head, _ = unpack(loom.answer(message))
@@ -283,7 +283,7 @@ def test_recording_lies_over_the_torque() -> None:
 
 
 def written(path: Path, set_back_s: float = 0.0, degrees: bool = False, most_Nm: float = math.inf) -> Path:
-    """Twelve seconds of the tufting machine; the torque's clock is set back at eight."""
+    """Write twelve seconds of the tufting machine; the torque's clock is set back at eight."""
     time = np.arange(6000) / 500.0
     stamps, theta = 10**18 + np.rint(time * 1e9).astype(np.int64), np.mod(16.0 * time, 2.0 * np.pi)
     torque = ttc.compile(machines.tufting(), ["balancing_torque_Nm"]).evaluate(theta, 16.0, 0.0)["balancing_torque_Nm"]
@@ -295,14 +295,14 @@ def written(path: Path, set_back_s: float = 0.0, degrees: bool = False, most_Nm:
     return path
 
 
-def test_what_a_person_should_know_of_a_recording_is_told_with_it(tmp_path: Path) -> None:
+def test_remarks_on_a_recording_are_shown_with_it(tmp_path: Path) -> None:
     machine = machines.tufting()
     right = overlay(written(tmp_path / "right"), machine)
     assert right.notes == ()
     known = np.isfinite(right.torque_Nm)
     back = overlay(written(tmp_path / "back", set_back_s=3600.0), machine)
     assert "balancing_torque/measured: a clock was set back" in back.notes[0]
-    assert np.quantile(np.abs(back.torque_Nm - right.torque_Nm)[known], 0.98) < 0.1  # but where the load leaps
+    assert np.quantile(np.abs(back.torque_Nm - right.torque_Nm)[known], 0.98) < 0.1  # except at the step of the load
     bag = written(tmp_path / "degrees", degrees=True)
     assert "tell it with --angle-unit deg" in overlay(bag, machine).notes[0]
     mended = overlay(bag, machine, MachineTopics(angle_unit_rad=math.radians(1.0)))
@@ -319,7 +319,7 @@ def test_round_gears_are_drawn() -> None:
     assert [gear.dxf.ratio for gear in drawing.modelspace().query("ELLIPSE[layer=='LINKS']")] == [1.0, 1.0]
 
 
-def test_an_angle_or_a_ripple_that_is_none_is_told() -> None:
+def test_an_invalid_angle_or_ripple_is_an_error() -> None:
     session = PageSession(Design.of(machines.tufting()))
     for angle in (math.inf, math.nan, 1e308):
         with pytest.raises(TwinError, match="angle: must be a finite number"):
@@ -329,8 +329,8 @@ def test_an_angle_or_a_ripple_that_is_none_is_told() -> None:
             session.answer({"type": "balance", "way": "flywheel", "ripple": ripple})
 
 
-def test_a_rest_does_not_lie_over_the_torque_of_the_turning_shaft(tmp_path: Path) -> None:
-    """Six seconds of rest in the backing, where a still needle has no friction, then some turns."""
+def test_a_standstill_does_not_distort_the_torque_of_the_turning_shaft(tmp_path: Path) -> None:
+    """Record six seconds of standstill in the backing, where a still needle has no friction, then some turns."""
     machine, time = machines.tufting(), np.arange(6000) / 500.0
     stamps, speed = np.rint(time * 1e9).astype(np.int64), 16.0 * (time >= 6.0)
     theta = 0.9 + 16.0 * np.maximum(time - 6.0, 0.0)
@@ -340,7 +340,7 @@ def test_a_rest_does_not_lie_over_the_torque_of_the_turning_shaft(tmp_path: Path
         bag.write_wrenches("balancing_torque/measured", stamps, torque["balancing_torque_Nm"])
     found = overlay(tmp_path / "bag", machine)
     there = found.torque_Nm[np.abs(np.degrees(found.theta_rad) - math.degrees(0.9)) < 5.0]
-    assert there.size >= 9 and np.nanmin(there) > 10.0  # the leap itself lies in one of them
+    assert there.size >= 9 and np.nanmin(there) > 10.0  # the step itself lies in one of them
     with BagWriter(tmp_path / "rest") as bag:
         bag.write_joint_states("main_shaft/angle", stamps[:2000], ["main_shaft"], theta[:2000])
         bag.write_wrenches("balancing_torque/measured", stamps[:2000], torque["balancing_torque_Nm"][:2000])
@@ -348,7 +348,7 @@ def test_a_rest_does_not_lie_over_the_torque_of_the_turning_shaft(tmp_path: Path
         overlay(tmp_path / "rest", machine)
 
 
-def test_a_sley_that_swings_while_it_rests_has_one_beat_up() -> None:
+def test_a_sley_that_swings_in_its_dwell_has_one_beat_up() -> None:
     text = (EXAMPLES / "cam_loom.yaml").read_text()
     start = text.index("strokes: [")
     lift = "{start_rad: 3.6, turn_rad: 0.8, to: 0.03}, {start_rad: 4.4, turn_rad: 0.8, to: 0}"
@@ -401,6 +401,6 @@ def test_many_changes_leave_nothing_behind(loom: PageSession) -> None:
         gc.collect()
         return len(gc.get_objects())
 
-    changed(70)  # plans of the last 64 evaluations are kept
+    changed(70)  # plans of the last 64 evaluations are cached
     before = changed(20)
     assert changed(60) - before < 500

@@ -1,4 +1,4 @@
-"""The design page on machines with slotted levers and gears: picture, sliders, random draws, search, drawings."""
+"""Design page on machines with slotted levers and gears: picture, sliders, random draws, search, drawings."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_design_is_drawn_and_exported(name: str) -> None:
         assert {centre: round(radius, 12) for centre, radius in gears} == {"O": 0.08, "G": 0.04}
     else:
         assert not gears
-        assert analysis.guides == ((0.0, 0.235, 1.0, 0.0),)  # the slot moves: it is no guide on the ground
+        assert analysis.guides == ((0.0, 0.235, 1.0, 0.0),)  # the slot moves, so it is not a guide on the ground
         assert not analysis.clashes  # block and crank's pin are in the lever's slot
 
 
@@ -57,7 +57,7 @@ def test_random_draws_within_tolerances_stay_near_the_design(name: str, measure:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_slider_of_the_page_moves_the_machine(name: str) -> None:
-    """A small turn of each parameter gives a machine like any other, or words."""
+    """Change each parameter slightly; the result is a valid machine or an error message."""
     family = family_of(ttc.load_machine(f"examples/{name}.yaml"))
     closed = 0
     for p in family.parameters:

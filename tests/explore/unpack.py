@@ -1,4 +1,4 @@
-"""Reads the messages of the design page as its JavaScript does."""
+"""Reader of the messages of the design page, equivalent to its JavaScript."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 
 def unpack(message: bytes) -> tuple[dict[str, Any], np.ndarray]:
-    """Head and floats of a message."""
+    """Return head and floats of a message."""
     size = int.from_bytes(message[:4], "little")
     return json.loads(message[4 : 4 + size]), np.frombuffer(message[4 + size :], dtype="<f4")
 
 
 def numbers(head: dict[str, Any]) -> dict[str, float]:
-    """Numbers of an analysis by name, in the units shown."""
+    """Return the numbers of an analysis by name, in display units."""
     return {number["name"]: number["value"] for number in head["analysis"]["numbers"]}

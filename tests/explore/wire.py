@@ -1,4 +1,4 @@
-"""The wire between browser and server, to be cut: a relay on a port of its own that can lose every connection."""
+"""Relay between browser and server that can drop every connection."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 
 
 class Wire:
-    """Passes bytes on both ways while it is whole."""
+    """Relay that passes bytes in both directions while it is connected."""
 
     def __init__(self, port: int) -> None:
         self._to, self._whole, self._ends = port, True, set[asyncio.StreamWriter]()
@@ -35,16 +35,16 @@ class Wire:
             self._ends -= {writer, far_writer}
 
     def cut(self) -> None:
-        """Lose every connection; new ones are refused until it is mended."""
+        """Drop every connection and refuse new ones until `mend`."""
         self._whole = False
         self._loop.call_soon_threadsafe(lambda: [end.transport.abort() for end in self._ends])
 
     def mend(self) -> None:
-        """Whole again."""
+        """Accept connections again."""
         self._whole = True
 
     def close(self) -> None:
-        """The end of it."""
+        """End the relay."""
         self.cut()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(60)
@@ -61,7 +61,7 @@ async def _pass(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> N
 
 @contextmanager
 def wire(port: int) -> Iterator[Wire]:
-    """A wire to a port of this computer."""
+    """Start a relay to a port of this computer."""
     made = Wire(port)
     try:
         yield made

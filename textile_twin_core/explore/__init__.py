@@ -1,1 +1,1 @@
-"""The design page: parameters in, moving linkage and curves out, person and computer optimise together."""
+"""Design page: a person changes parameters, sees the linkage move, and searches for better designs."""

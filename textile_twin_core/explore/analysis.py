@@ -1,4 +1,4 @@
-"""A design worked out for the page: curves over one turn, the moving linkage, marks and numbers."""
+"""Analysis of a design for the page: curves over one turn, moving linkage, marks and numbers."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 _TURN = 2.0 * math.pi
 _SLOWEST, _FASTEST = 0.2, 2.0
 _CRITICAL_SPEEDS = 4
-"""So many critical speeds are shown, of a range about the design's speed."""
+"""Number of critical speeds shown, in a range around the speed of the design."""
 _BEAT_UP = ("beater", "reed", "sley")
-"""Measures whose front is where the weft is beaten up."""
+"""Measures whose front end beats up the weft."""
 _TORQUE = {
     "balancing_torque_Nm": "balancing",
     "torque_inertial_Nm": "inertia",
@@ -46,11 +46,15 @@ _TORQUE = {
 
 
 def analyse(design: Design) -> Analysis:
-    """One turn of a design. Raises MachineError, with the shaft angle, where it cannot close."""
+    """Analyse one turn of a design.
+
+    Raises:
+        MachineError: The machine cannot close; the message names the shaft angle.
+    """
     machine = design.machine()
     if isinstance(machine, ContactMachine):
         return analyse_contact(machine, design.speed_rad_s) if design.has_speed else analyse_transfer(machine)
-    assert isinstance(machine, Machine)  # a family makes no other kind
+    assert isinstance(machine, Machine)  # the only other kind of machine
     theta, meshes = shaft_angles(), [group.mesh for group in machine.groups if isinstance(group, GearPair)]
     points = _points(machine, theta)
     charts, numbers, curves = _motion(machine, design, theta)
@@ -115,7 +119,7 @@ def _motion(
 
 
 def _swings(machine: Machine, theta: FloatArray) -> Chart:
-    """Angles of the links that do not turn with the shaft, for a machine that measures nothing."""
+    """Return the angles of the links that do not turn with the shaft, for a machine without measures."""
     motion = machine.model.first.motion
     links = [link for name, link in motion.links.items() if link.angle is None and not link.direction.x.is_constant]
     found = over_turn([part for link in links for part in (link.direction.x, link.direction.y)], theta)
@@ -137,7 +141,7 @@ def _forces(machine: Machine, speed: float, theta: FloatArray) -> tuple[list[Cha
     reactions |= {"guide" if len(guides) == 1 else name[15:-2]: np.abs(by_name[name]) for name in guides}
     reactions |= {
         f"on {name[14:-2].replace('_', ' ')}": by_name[name] for name in contacts
-    }  # negative: it would lift off
+    }  # negative: the roller would lift off
     charts = [
         Chart("Torque on the shaft", "N m", {_TORQUE[name]: by_name[name] for name in parts}),
         Chart("Reactions", "N", reactions),
@@ -151,7 +155,9 @@ def _forces(machine: Machine, speed: float, theta: FloatArray) -> tuple[list[Cha
 
 
 def _shaft_numbers(machine: Machine, speed: float) -> dict[str, float]:
-    """First natural frequency of an elastic main shaft, and its severest critical speeds up to twice this speed."""
+    """Return the first natural frequency of an elastic main shaft and its severest critical speeds up to twice
+    this speed.
+    """
     found = find_resonances(elastic_shaft(machine), (_SLOWEST * speed, _FASTEST * speed))
     severest = sorted(found.critical, key=lambda each: -each.severity)[:_CRITICAL_SPEEDS]
     return {"first_natural_frequency_Hz": found.modes[0].damped_Hz} | {
@@ -160,7 +166,7 @@ def _shaft_numbers(machine: Machine, speed: float) -> dict[str, float]:
 
 
 def _ratios(machine: Machine) -> dict[str, float]:
-    """Crank over coupler, or over rod, of the first dyad on a crank."""
+    """Return crank over coupler, or over rod, of the first dyad on a crank."""
     cranks = {group.end: group.length_m for group in machine.groups if isinstance(group, Crank)}
     for group in machine.groups:
         if isinstance(group, (RRRDyad, RRPDyad)) and group.from_point in cranks:
@@ -190,7 +196,7 @@ def _marks(machine: Machine, curves: dict[str, tuple[FloatArray, ...]], theta: F
         words, low, high = name.replace("_", " "), float(position.min()), float(position.max())
         for angle in _crossings(theta, -velocity):
             place = float(np.interp(angle, theta, position, period=_TURN))
-            beats = name in _BEAT_UP and place > high - DWELL_SHARE * (high - low)  # not where it swings while it rests
+            beats = name in _BEAT_UP and place > high - DWELL_SHARE * (high - low)  # excludes oscillations in the dwell
             found.append(Mark("beat-up" if beats else f"{words} front", angle))
         found += [Mark(f"{words} rear", angle) for angle in _crossings(theta, velocity)]
         for load in machine.loads:
@@ -201,7 +207,7 @@ def _marks(machine: Machine, curves: dict[str, tuple[FloatArray, ...]], theta: F
 
 
 def _dwells(design: Design, curves: dict[str, tuple[FloatArray, ...]], theta: FloatArray) -> Iterator[Span]:
-    """Where each measure dwells at its rear, as its number counts it."""
+    """Find the dwell of each measure at its rear, as its number counts it."""
     for name, (position, _, _) in curves.items():
         inside = smallest(position) + dwell_within(position, design.dwell_within_m) - position
         ends = _crossings(theta, -inside)
@@ -212,7 +218,7 @@ def _dwells(design: Design, curves: dict[str, tuple[FloatArray, ...]], theta: Fl
 
 
 def _crossings(theta: FloatArray, values: FloatArray) -> list[float]:
-    """Angles where values rise through zero, the samples joined by straight lines [rad]."""
+    """Return the angles [rad] where values rise through zero, with linear interpolation."""
     after = np.roll(values, -1)
     k = np.flatnonzero((values < 0.0) & (after >= 0.0))
     share = values[k] / (values[k] - after[k])

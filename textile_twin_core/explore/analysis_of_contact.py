@@ -1,4 +1,4 @@
-"""A contact machine on the page: its elements along their line over a settled cycle, with the impacts."""
+"""Analysis of a contact machine for the page: its elements along their line over a periodic cycle, with the impacts."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from textile_twin_core.explore.shown import Analysis, Bar, Chart, Mark
 from textile_twin_core.machine import ContactMachine
 from textile_twin_core.synthesis.turn import SAMPLES, shaft_angles
 
-NOTE = "Impacts are instants: curves of acceleration do not show them, marks do."
+NOTE = "Impacts have no duration: marks show them, the curves of acceleration do not."
 FINER = 10
-"""Extremes are read among so many more samples than are shown."""
+"""Samples for extremes per shown sample."""
 _TURN = 2.0 * math.pi
 _SHOWN = {"impact": "hits", "touch": "touches", "release": "leaves"}
 _SETTLED = "The second cycle, after a first one from the start that the machine declares."
@@ -23,7 +23,12 @@ _FRAME = "frame"
 
 
 def analyse_contact(machine: ContactMachine, speed_rad_s: float) -> Analysis:
-    """The second cycle at a constant speed. Raises ContactError and MachineError."""
+    """Analyse the second cycle at a constant speed.
+
+    Raises:
+        ContactError: The motion cannot be integrated.
+        MachineError: The machine is not valid.
+    """
     fine, theta = shaft_angles(FINER * SAMPLES), shaft_angles()
     run = machine.simulate(end_s=2.0 * _TURN / speed_rad_s, times=(_TURN + fine) / speed_rad_s)
     rows = [run.model.index[element] for element in machine.elements]
@@ -43,7 +48,7 @@ def analyse_contact(machine: ContactMachine, speed_rad_s: float) -> Analysis:
 
 
 def motion_charts(run: ContactRun, labels: list[str], rows: list[int]) -> tuple[Chart, ...]:
-    """Curves of the elements in these rows, of a run with `FINER` samples for each that is shown."""
+    """Build the curves of the elements in these rows, of a run with `FINER` samples per shown sample."""
     motion = (run.positions * 1e3, run.velocities, run.accelerations)
     heads = (("Displacement", "mm"), ("Velocity", "m/s"), ("Acceleration", "m/s²"))
     return tuple(
@@ -53,7 +58,7 @@ def motion_charts(run: ContactRun, labels: list[str], rows: list[int]) -> tuple[
 
 
 def contact_marks(events: Iterable[ContactEvent], speed_rad_s: float) -> tuple[Mark, ...]:
-    """Where each stop or pad is hit, touched and left for the first time among some events."""
+    """Mark the first impact, touch and release of each stop or pad among the events."""
     firsts: dict[str, float] = {}
     for event in events:
         if event.kind in _SHOWN:
@@ -63,15 +68,15 @@ def contact_marks(events: Iterable[ContactEvent], speed_rad_s: float) -> tuple[M
 
 
 def impact_numbers(events: Iterable[ContactEvent]) -> dict[str, float]:
-    """How many impacts there are among some events, and what they cost."""
-    hits = [event for event in events if event.kind == "impact"]
-    return {"impacts": float(len(hits)), "energy_lost_J": float(sum(event.energy_lost_J for event in events))}
+    """Count the impacts among the events and sum the energy that they dissipate."""
+    impacts = [event for event in events if event.kind == "impact"]
+    return {"impacts": float(len(impacts)), "energy_lost_J": float(sum(event.energy_lost_J for event in events))}
 
 
 def _picture(
     machine: ContactMachine, positions: FloatArray
 ) -> tuple[dict[str, tuple[FloatArray, FloatArray]], tuple[Bar, ...]]:
-    """Each element as a bar across the line, side by side; pads on the frame as bars over all of them."""
+    """Draw each element as a bar across the line, side by side, and pads on the frame as bars over all elements."""
     ux, uy = np.array(machine.axis) / math.hypot(*machine.axis)
     width = 0.2 * float(np.ptp(positions)) or 0.01
     points, bars = {}, []

@@ -1,4 +1,4 @@
-"""The needle transfer on the page: its three elements over one cycle, with the impacts."""
+"""Analysis of the needle transfer for the page: its three elements over one cycle, with the impacts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,12 @@ _LONG_M = 0.02
 
 
 def analyse_transfer(machine: ContactMachine) -> Analysis:
-    """One cycle from the published start, at the declared cycles per minute. Raises ContactError and MachineError."""
+    """Analyse one cycle from the published start, at the declared cycles per minute.
+
+    Raises:
+        ContactError: The motion cannot be integrated.
+        MachineError: The machine is not valid.
+    """
     fine, theta = shaft_angles(FINER * SAMPLES), shaft_angles()
     run = machine.simulate(times=fine / machine.nominal_speed_rad_s)
     rows = [run.model.index[element] for element in ELEMENTS]
@@ -61,7 +66,7 @@ def analyse_transfer(machine: ContactMachine) -> Analysis:
 
 
 def _forward(machine: ContactMachine) -> ForwardStroke:
-    """What the paper tells of the forward motion; NaN where element 2 meets neither pad nor element 3."""
+    """Return the forward stroke as the paper describes it; NaN where element 2 meets neither the pad nor element 3."""
     try:
         return forward_stroke(machine)
     except IndexError:

@@ -1,4 +1,4 @@
-"""Balancing on the page: one way or another, what it does said before and after, and the machine that it makes."""
+"""Balancing on the page: the balanced machine, and a sentence with the values before and after."""
 
 from __future__ import annotations
 
@@ -14,21 +14,26 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.synthesis.balancing import WAYS, balancing_spring, counterweights, flywheel, opposed_linkages
 
 
-def balanced(design: Design, way: str, ripple: float = 0.02) -> tuple[Design, str]:
-    """The design balanced in one of `WAYS` and a sentence of what changed. Raises MachineError and SceneError."""
+def balanced(design: Design, method: str, ripple: float = 0.02) -> tuple[Design, str]:
+    """Balance the design by one of the methods in `WAYS`, and describe the change in a sentence.
+
+    Raises:
+        MachineError: The machine cannot be balanced by this method.
+        SceneError: The method is unknown, or the machine is not a linkage.
+    """
     machine, speed = design.machine(), design.speed_rad_s
     if not isinstance(machine, Machine):
-        raise SceneError(f"machine '{machine.name}' is no linkage; there is nothing to balance on its shaft")
-    made, said = _balanced(machine, speed, way, ripple)
+        raise SceneError(f"machine '{machine.name}' is not a linkage; balancing needs one")
+    made, said = _balanced(machine, speed, method, ripple)
     return _as_design(design, made), said
 
 
-def _balanced(machine: Machine, speed: float, way: str, ripple: float) -> tuple[Machine, str]:
-    match way:
+def _balanced(machine: Machine, speed: float, method: str, ripple: float) -> tuple[Machine, str]:
+    match method:
         case "counterweight" | "force":
-            aim: Any = "gravity_torque" if way == "counterweight" else "shaking_force"
+            aim: Any = "gravity_torque" if method == "counterweight" else "shaking_force"
             found = counterweights(machine, None, aim, speed_rad_s=speed)
-            weight, unit = found.weights[0], "N m" if way == "counterweight" else "N"
+            weight, unit = found.weights[0], "N m" if method == "counterweight" else "N"
             place = (
                 f"{weight.mass_kg:.4g} kg at {1e3 * weight.radius_m:.4g} mm, {math.degrees(weight.angle_rad):.2f} deg"
             )
@@ -59,7 +64,7 @@ def _balanced(machine: Machine, speed: float, way: str, ripple: float) -> tuple[
                 f"Flywheel of {wheel.inertia_kgm2:.4g} kg m². Speed ripple {change} under a constant torque.",
             )
         case _:
-            raise SceneError(f"there is no way '{way}' of balancing; ways: {', '.join(WAYS)}")
+            raise SceneError(f"there is no balancing method '{method}'; choose one of {', '.join(WAYS)}")
 
 
 def _rms(values: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""A design on the page: a machine's family, the values that differ from it, speed, and what counts as dwell."""
+"""Design on the page: family of the machine, changed values, speed, and tolerance of a dwell."""
 
 from __future__ import annotations
 
@@ -18,9 +18,13 @@ _LARGEST_SPEED = 1e5
 
 @dataclass(frozen=True)
 class Design:
-    """One design. `values` are the parameters that differ from the family's own, by name.
+    """Design of a machine.
 
-    `dwell_within_m` is how near the rear point a dwell counts, None for 5 % of the stroke.
+    Attributes:
+        family: Family of the machine.
+        speed_rad_s: Speed of the shaft [rad/s].
+        values: Parameters that differ from those of the family, by name.
+        dwell_within_m: Distance from the rear point that counts as dwell [m]; None for 5 % of the stroke.
     """
 
     family: Family
@@ -30,30 +34,38 @@ class Design:
 
     @classmethod
     def of(cls, machine: AnyMachine) -> Design:
-        """What a machine is, as it came."""
+        """Create the design of a machine as declared."""
         return cls(family_of(machine), machine.nominal_speed_rad_s, {}, _own_dwell(machine))
 
     def fresh(self) -> Design:
-        """What the machine was as it came."""
+        """Return the design as declared, without changes."""
         return Design(self.family, self.family.base.nominal_speed_rad_s, {}, _own_dwell(self.family.base))
 
     @property
     def has_speed(self) -> bool:
-        """Whether the shaft's speed stands beside the parameters; the needle transfer's is one of them."""
+        """True if the shaft speed is separate from the parameters; in the needle transfer it is one of them."""
         return isinstance(self.family, DeclaredFamily) or not self.family.base.has_history
 
     def machine(self) -> AnyMachine:
-        """The machine. Raises MachineError where these values make none."""
+        """Build the machine.
+
+        Raises:
+            MachineError: The values give no valid machine.
+        """
         return self.family.machine(self.values)
 
     def value(self, name: str) -> float | None:
-        """A parameter's value; None where neither paper nor user gives one."""
+        """Return the value of a parameter; None where neither paper nor user gives one."""
         if name in self.values:
             return self.values[name]
         return next(p.value for p in self.family.parameters if p.name == name)
 
     def changed(self, values: Mapping[str, float]) -> Design:
-        """With other values of parameters. Raises SceneError for a name or number that is none."""
+        """Return the design with other values of parameters.
+
+        Raises:
+            SceneError: A name is unknown or a value is not a number.
+        """
         known = {p.name for p in self.family.parameters}
         for name, value in values.items():
             if name not in known:
@@ -62,14 +74,22 @@ class Design:
         return replace(self, values={**self.values, **{name: float(v) for name, v in values.items()}})
 
     def at_speed(self, speed_rad_s: float) -> Design:
-        """At another shaft speed. Raises SceneError for a speed that is none."""
+        """Return the design at another shaft speed.
+
+        Raises:
+            SceneError: The speed is not valid.
+        """
         check_number(speed_rad_s, "speed")
         if not 0.0 < speed_rad_s < _LARGEST_SPEED:
             raise SceneError(f"speed: must lie between 0 and {_LARGEST_SPEED * 30.0 / math.pi:.0f} rpm")
         return replace(self, speed_rad_s=float(speed_rad_s))
 
     def dwelling_within(self, within_m: float | None) -> Design:
-        """With a dwell that counts within another distance. Raises SceneError for a distance that is none."""
+        """Return the design with another tolerance of the dwell.
+
+        Raises:
+            SceneError: The distance is not valid.
+        """
         if within_m is not None:
             check_number(within_m, "dwell within")
             if not within_m > 0.0:
@@ -78,12 +98,12 @@ class Design:
 
 
 def _own_dwell(machine: AnyMachine) -> float | None:
-    """How near its rear point a machine's paper counts dwell [m]; None where it does not say."""
+    """Return the tolerance of a dwell in the paper of a machine [m]; None where it states none."""
     return WITHIN_M if machine.name == "elliptic_gear_beatup" else None
 
 
 def check_number(value: object, what: str) -> None:
-    """Raise SceneError unless this is a number that a machine can have."""
+    """Raise SceneError unless this is a number within the limits of a machine."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise SceneError(f"{what}: must be a number, not {value!r}")
     try:

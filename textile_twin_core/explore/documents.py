@@ -1,4 +1,4 @@
-"""Designs as files: the machine file that every other command takes, and the file in which a design is shared."""
+"""Designs as files: the machine file of the other commands, and the file that shares a design."""
 
 from __future__ import annotations
 
@@ -20,14 +20,18 @@ _LARGEST = 2_000_000
 
 
 def machine_text(design: Design) -> str:
-    """The design as a machine file (YAML). Raises MachineError where its values make no machine."""
+    """Format the design as a machine file (YAML).
+
+    Raises:
+        MachineError: The values give no valid machine.
+    """
     document: dict[str, Any] = _document(design.machine())
     text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110)
     return text
 
 
 def design_text(design: Design, task: dict[str, Any] | None = None) -> str:
-    """The design as a file to share (JSON): machine, values, speed, dwell, and what is searched for."""
+    """Format the design as a file to share (JSON): machine, values, speed, dwell, and task of the search."""
     shared = {
         "format": _FORMAT,
         "machine": _document(design.family.base),
@@ -40,21 +44,23 @@ def design_text(design: Design, task: dict[str, Any] | None = None) -> str:
 
 
 def read_design(text: str, name: str = "the file") -> tuple[Design, dict[str, Any]]:
-    """A design, and what is searched for, from either kind of file.
+    """Read a design and the task of its search from either kind of file.
 
-    Raises MachineError or SceneError that say what is wrong in it.
+    Raises:
+        MachineError: The machine in the file is not valid.
+        SceneError: The file is not valid.
     """
     if len(text) > _LARGEST:
-        raise SceneError(f"{name}: more than 2 MB is no machine file")
-    braced = text.lstrip().startswith("{")  # as a short machine file may be, too
+        raise SceneError(f"{name}: a machine file has at most 2 MB")
+    braced = text.lstrip().startswith("{")  # a short machine file may start like this, too
     if not (braced and (name.endswith(".json") or '"format"' in text)):
         return Design.of(_machine(text, name)), {}
     try:
         shared = json.loads(text)
     except json.JSONDecodeError as error:
-        raise SceneError(f"{name}: no JSON: {error}") from None
+        raise SceneError(f"{name}: is not valid JSON: {error}") from None
     if not isinstance(shared, dict) or shared.get("format") != _FORMAT:
-        raise SceneError(f"{name}: is no shared design of textile-twin")
+        raise SceneError(f"{name}: is not a shared design of textile-twin")
     design = Design.of(_machine(yaml.safe_dump(shared.get("machine")), name))
     values, task = shared.get("values") or {}, shared.get("task") or {}
     if not isinstance(values, dict) or not isinstance(task, dict):
@@ -74,7 +80,7 @@ def _machine(text: str, name: str) -> AnyMachine:
         try:
             path.write_text(text, encoding="utf-8")
         except (OSError, ValueError):
-            raise SceneError(f"{name[:60]!r}: is no name that a file can have, or its text is none") from None
+            raise SceneError(f"{name[:60]!r}: cannot be stored as a file; use another name, and plain text") from None
         try:
             return load_machine_file(path)
         except MachineError as error:

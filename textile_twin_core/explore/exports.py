@@ -1,4 +1,4 @@
-"""What the page hands out: curves as CSV, linkage and curves as PNG or SVG, the linkage as DXF."""
+"""Exports of the page: curves as CSV, linkage and curves as PNG or SVG, linkage as DXF."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _INK, _FAINT = "#22272e", "#c8ced6"
 _COLOURS = ("#0072b2", "#e07b00", "#2a9d63", "#c2377a", "#6b7480", "#8a63d2", "#22272e", "#a8821a", "#56b4e9")
 _MILLI = 1e3
 _SHORT = 2
-"""Names of points that are no longer are written beside them; else that of the bar."""
+"""Longest point name that is written beside its point; for longer ones the bar is named instead."""
 
 
 def as_csv(analysis: Analysis) -> str:
-    """Every curve over the shaft angle, in the units of the page."""
+    """Format every curve over the shaft angle, in the units of the page."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     columns = {f"{c.title}: {name} [{c.unit}]": v for c in analysis.charts for name, v in c.curves.items()}
@@ -37,7 +37,7 @@ def as_csv(analysis: Analysis) -> str:
 
 
 def as_picture(analysis: Analysis, title: str, angle_rad: float, kind: str) -> bytes:
-    """The linkage at a shaft angle and all curves, as a `png` or `svg` of one page."""
+    """Draw the linkage at a shaft angle and all curves on one page, as `png` or `svg`."""
     rows = len(analysis.charts)
     figure = Figure(figsize=(11.0, max(4.5, 1.7 * rows)), layout="constrained")
     FigureCanvasAgg(figure)
@@ -84,7 +84,9 @@ def as_picture(analysis: Analysis, title: str, angle_rad: float, kind: str) -> b
 
 
 def as_dxf(analysis: Analysis, angle_rad: float) -> str:
-    """The linkage at a shaft angle in millimetres: links, joints, and the paths of the moving points, by layer."""
+    """Draw the linkage at a shaft angle in millimetres: links, joints and paths of the moving points, each in a
+    layer.
+    """
     drawing = new_drawing("R2010", units=4)
     space, places = drawing.modelspace(), _places(analysis, angle_rad)
     for layer in ("LINKS", "JOINTS", "PATHS"):
@@ -96,7 +98,7 @@ def as_dxf(analysis: Analysis, angle_rad: float) -> str:
             space.add_line((a.real, a.imag), (b.real, b.imag), dxfattribs={"layer": "LINKS"})
         else:
             middle, (major, minor) = (a + b) / 2.0, bar.half_axes_m
-            along = cmath.rect(_MILLI * major, cmath.phase(b - a))  # of a round gear both foci are one point
+            along = cmath.rect(_MILLI * major, cmath.phase(b - a))  # the foci of a round gear coincide
             ends = (middle.real, middle.imag), (along.real, along.imag)
             space.add_ellipse(*ends, ratio=minor / major, dxfattribs={"layer": "LINKS"})
         for centre, radius in bar.gears:
@@ -115,13 +117,13 @@ def as_dxf(analysis: Analysis, angle_rad: float) -> str:
 
 
 def _places(analysis: Analysis, angle_rad: float) -> dict[str, complex]:
-    """Every point at the sample nearest to a shaft angle [mm]."""
+    """Return every point at the sample nearest to a shaft angle [mm]."""
     step = float(analysis.theta_rad[1] - analysis.theta_rad[0])
     k = round(angle_rad / step) % analysis.theta_rad.size
     return {name: _MILLI * complex(x[k], y[k]) for name, (x, y) in analysis.points.items()}
 
 
 def _moving(analysis: Analysis) -> list[str]:
-    """Points whose paths are drawn: those that move, but for the second foci of gears."""
+    """Return the points whose paths are drawn: moving points, except the second foci of gears."""
     foci = [bar.end for bar in analysis.bars if bar.half_axes_m is not None]
     return [name for name in analysis.points if name not in analysis.fixed and name not in foci]

@@ -1,7 +1,7 @@
-"""The first look at a machine with impacts: its loops are compiled once on a computer, beside all else.
+"""First analysis of a machine with impacts, which compiles its loops once per computer, in the background.
 
-In a process of its own, which leaves them in the cache, so that no slider waits for the compiler; a mark in the cache
-says that it has been done for this code.
+It runs in a separate process, which leaves the compiled loops in the cache, so that no slider waits for the compiler. A
+mark in the cache records that this has been done for the present code.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from textile_twin_core.errors import TwinError
 from textile_twin_core.explore.analysis_of_transfer import analyse_transfer
 
 _PATIENCE_S = 2.0
-"""Loops that were compiled before are read in less."""
+"""Longest wait; loops in the cache load faster."""
 _BESIDE = f"import os; os.nice(5); from {__name__} import look; look()"
 
 
 class NotYetCompiledError(TwinError):
-    """The loops are being compiled; `begun` is when that began, as time.monotonic() counts."""
+    """Error while the loops are being compiled; `begun` is the start time by time.monotonic()."""
 
     def __init__(self, begun: float) -> None:
         super().__init__("the loops of machines with impacts are being compiled; look again in a minute")
@@ -36,13 +36,13 @@ class NotYetCompiledError(TwinError):
 
 
 def look() -> None:
-    """Look at a machine with impacts; what that needs is compiled, or read."""
+    """Analyse a machine with impacts, which compiles or loads its loops."""
     analyse_transfer(machines.needle_transfer())
 
 
 @cache
 def first_look() -> tuple[Future[None], float]:
-    """The first look, the same for everybody who waits for it, and when it began."""
+    """Start the first analysis once; return its future, shared by all callers, and its start time."""
     looked: Future[None] = Future()
 
     def run() -> None:
@@ -62,7 +62,11 @@ def first_look() -> tuple[Future[None], float]:
 
 
 def await_first_look() -> None:
-    """Return once the loops are there. Raises NotYetCompiledError where that takes longer than a person waits."""
+    """Wait for the compiled loops.
+
+    Raises:
+        NotYetCompiledError: Compiling takes longer than a person waits.
+    """
     looked, begun = first_look()
     try:
         looked.result(_PATIENCE_S if time.monotonic() - begun < _PATIENCE_S else 0.0)
@@ -71,9 +75,9 @@ def await_first_look() -> None:
 
 
 def _mark() -> Path:
-    """Where it stands that the loops of this code have been compiled."""
-    told = sha256(sys.version.encode())
+    """Return the path of the mark for the loops of the present code."""
+    digest = sha256(sys.version.encode())
     for source in sorted(files("textile_twin_core.contact").iterdir(), key=lambda f: f.name):
         if source.name.endswith(".py"):
-            told.update(source.read_bytes())
-    return cache_directory() / f"first_look-{told.hexdigest()[:32]}"
+            digest.update(source.read_bytes())
+    return cache_directory() / f"first_look-{digest.hexdigest()[:32]}"

@@ -1,4 +1,4 @@
-"""Undo and redo: the states that a person has been through."""
+"""Undo and redo of designs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ _MOST = 500
 
 
 class History(Generic[State]):
-    """A line of states with a present one; what was undone can be redone until something new is done.
+    """Sequence of states with a present one. Undone states can be redone until a new one is added.
 
-    `put` with the same `gesture` as the last replaces it, so that one drag of a slider is one step.
+    `put` with the same `gesture` as the last replaces the present state, so that one drag of a slider is one step.
     """
 
     def __init__(self, state: State) -> None:
@@ -22,21 +22,21 @@ class History(Generic[State]):
 
     @property
     def present(self) -> State:
-        """The state now."""
+        """Present state."""
         return self._present
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is a state before."""
+        """True if there is an earlier state."""
         return bool(self._past)
 
     @property
     def can_redo(self) -> bool:
-        """Whether something was undone."""
+        """True if there is an undone state."""
         return bool(self._future)
 
     def put(self, state: State, gesture: str | None = None) -> None:
-        """A new state."""
+        """Add a state."""
         if gesture is None or gesture != self._gesture:
             self._past.append(self._present)
             del self._past[:-_MOST]
@@ -44,14 +44,14 @@ class History(Generic[State]):
         self._present, self._gesture = state, gesture
 
     def undo(self) -> State:
-        """Back by one step, or where we are."""
+        """Go back by one step if possible, and return the present state."""
         if self._past:
             self._future.append(self._present)
             self._present, self._gesture = self._past.pop(), None
         return self._present
 
     def redo(self) -> State:
-        """Forward again by one step, or where we are."""
+        """Go forward by one step if possible, and return the present state."""
         if self._future:
             self._past.append(self._present)
             self._present, self._gesture = self._future.pop(), None

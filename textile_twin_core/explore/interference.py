@@ -1,4 +1,4 @@
-"""Interference: which links cross each other in the plane over a turn, where they would need planes of their own."""
+"""Interference: links that cross in the plane over a turn and therefore need different planes."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import EllipticGearPair
 
 _EVERY = 4
-"""Of the samples looked at."""
+"""Step between the checked samples."""
 _TOUCH = 1e-9
-"""Sine of an angle below which a link's end lies on the other link, as a crank's pin in a slot does."""
+"""Sine of the angle below which the end of a link lies on the other link, such as a crank pin in a slot."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,9 @@ class Clash:
 def clashes(
     machine: Machine, points: Mapping[str, tuple[FloatArray, FloatArray]], theta: FloatArray
 ) -> tuple[Clash, ...]:
-    """Pairs of links, gears apart, that share no joint or slot and cross, with the widest range over which they do."""
+    """Find pairs of links, other than gears, that share no joint or slot and cross, with their widest range of
+    crossing.
+    """
     places = {name: (x + 1j * y)[::_EVERY] for name, (x, y) in points.items()}
     gears = {name for g in machine.groups if isinstance(g, EllipticGearPair) for name in (g.driver, g.driven)}
     links = [link for link in machine.links if link.name not in gears]
@@ -49,12 +51,12 @@ def clashes(
 
 
 def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolArray:
-    """(n,) whether the segments a-b and c-d cross."""
+    """Return (n,) true where the segments a-b and c-d cross."""
 
     def side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
-        way, to = q - p, r - p
-        found = np.asarray((np.conj(way) * to).imag)
-        return np.where(np.abs(found) > _TOUCH * np.abs(way) * np.abs(to), found, 0.0)
+        along, to = q - p, r - p
+        found = np.asarray((np.conj(along) * to).imag)
+        return np.where(np.abs(found) > _TOUCH * np.abs(along) * np.abs(to), found, 0.0)
 
     return np.asarray((side(a, b, c) * side(a, b, d) < 0.0) & (side(c, d, a) * side(c, d, b) < 0.0))
 

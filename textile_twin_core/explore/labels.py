@@ -1,4 +1,4 @@
-"""What the page calls a number, in which unit people read it, and what the papers print of it."""
+"""Labels of numbers on the page, their display units, and the values printed in the papers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Label(NamedTuple):
-    """Words, unit and factor from SI."""
+    """Text, unit and factor from SI."""
 
     text: str
     unit: str
@@ -34,7 +34,7 @@ _OTHERS = {
     "first_natural_frequency_Hz": Label("first natural frequency of the shaft", "Hz"),
     "largest_reaction_N": Label("largest reaction", "N"),
     "element_2_largest_deceleration_m_s2": Label("largest deceleration of element 2", "m/s²"),
-    "element_2_largest_deceleration_s": Label("it comes at", "ms", 1e3),
+    "element_2_largest_deceleration_s": Label("time of this deceleration", "ms", 1e3),
     "pad_reached_s": Label("pad reached at", "ms", 1e3),
     "collets_meet_s": Label("elements 2 and 3 meet at", "ms", 1e3),
     "element_2_off_the_pin_m": Label("element 2 leaves the pin by", "mm", 1e3),
@@ -60,11 +60,11 @@ PRINTED: dict[str, dict[str, str]] = {
         "collets_meet_s": "19.23",
     },
 }
-"""By machine and number, in the unit shown; they belong to the paper's parameters and speed."""
+"""Printed values by machine and number, in the display unit, for the parameters and speed of the paper."""
 
 
 def label(number: str) -> Label:
-    """The label of a number."""
+    """Return the label of a number."""
     if number in _OTHERS:
         return _OTHERS[number]
     for ending, found in _OF_MEASURES.items():
@@ -81,5 +81,5 @@ _UNITS = {"m": ("mm", 1e3), "rad": ("deg", _DEGREES)}
 
 
 def shown_unit(unit: str) -> tuple[str, float]:
-    """The unit in which a parameter of this SI unit is shown, and its factor."""
+    """Return the display unit of a parameter in this SI unit, and its factor."""
     return _UNITS.get(unit, (unit, 1.0))

@@ -1,4 +1,4 @@
-"""A recording laid over the page's torque: the measured torque by the angle of the shaft."""
+"""Overlay of a recording on the torque of the page: measured torque by shaft angle."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from textile_twin_core.recordings.sample_times import evenly_timed
 
 _BINS = 360
 _TURNING_SHARE = 0.1
-"""Of the fast end of the recorded speeds; a shaft at rest fills one bin with what it takes to hold it."""
+"""Least speed over the fast recorded speeds; a shaft at standstill would fill one bin with its holding torque."""
 
 
 @dataclass(frozen=True)
 class Overlay:
-    """Measured torque over one turn: middle of each bin [rad] and the mean torque in it [N m]; NaN where none fell.
+    """Measured torque over one turn: mean torque [N m] by bin of the angle [rad]; NaN in empty bins.
 
-    notes: what a person should know of the recording.
+    `notes` are remarks on the recording for the user.
     """
 
     name: str
@@ -38,10 +38,12 @@ class Overlay:
 
 
 def overlay(path: str | Path, machine: Machine, topics: MachineTopics | None = None) -> Overlay:
-    """The measured torque of a recording by the angle that the machine's encoder gives, sensor delay, gain, offset out.
+    """Average the measured torque of a recording by shaft angle, corrected for sensor delay, gain and offset.
 
-    Without torques at an end of their sensor's range. Raises RecordingError where the recording cannot be read or
-    holds no torque while the shaft moves.
+    Torques at the limits of the sensor's range are excluded.
+
+    Raises:
+        RecordingError: The recording cannot be read, or has no torque while the shaft turns.
     """
     bag = open_bag(Path(path))
     topics = topics or MachineTopics()

@@ -1,4 +1,4 @@
-"""Analyses as messages: a JSON head and the curves as 32-bit floats behind it, small enough to follow a slider."""
+"""Messages of the page: a JSON head followed by the curves as 32-bit floats, small enough to follow a slider."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from textile_twin_core.explore.shown import Analysis
 
 
 class Arrays:
-    """Collects arrays; a message names them by their place."""
+    """Collection of arrays, to which a message refers by position."""
 
     def __init__(self) -> None:
-        self._held: list[FloatArray] = []
+        self._arrays: list[FloatArray] = []
         self._size = 0
 
     def add(self, values: FloatArray) -> list[int]:
-        """Where the array begins and how long it is, in floats."""
+        """Add an array; return its position and length in floats."""
         begin = self._size
-        self._held.append(values)
+        self._arrays.append(values)
         self._size += values.size
         return [begin, values.size]
 
     def packed(self, head: dict[str, Any]) -> bytes:
-        """The message: the head's length in bytes (4, little-endian), the head padded to 4 bytes, the floats."""
+        """Build the message: length of the head in bytes (4, little-endian), head padded to 4 bytes, floats."""
         text = json.dumps(plain(head), allow_nan=False, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
-        floats = np.concatenate(self._held).astype("<f4") if self._held else np.empty(0, "<f4")
+        floats = np.concatenate(self._arrays).astype("<f4") if self._arrays else np.empty(0, "<f4")
         return len(text).to_bytes(4, "little") + text + floats.tobytes()
 
 
 def plain(value: Any) -> Any:
-    """Plain JSON values; NaN and infinities as null."""
+    """Convert to plain JSON values; NaN and infinities become null."""
     if isinstance(value, dict):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -48,7 +48,7 @@ def plain(value: Any) -> Any:
 
 
 def analysis_head(analysis: Analysis, arrays: Arrays, printed: dict[str, str]) -> dict[str, Any]:
-    """An analysis for the page; its arrays go to `arrays`."""
+    """Describe an analysis for the page; its arrays go to `arrays`."""
     return {
         "points": {name: [arrays.add(x), arrays.add(y)] for name, (x, y) in analysis.points.items()},
         "fixed": list(analysis.fixed),
@@ -72,9 +72,9 @@ def _number(name: str, value: float, printed: str) -> dict[str, Any]:
 
 
 def design_head(design: Design) -> dict[str, Any]:
-    """A design for the page: its parameters in the units that people read, speed in rpm, dwell in mm.
+    """Describe a design for the page, with parameters in display units, speed in rpm and dwell in mm.
 
-    The speed of the needle transfer is a parameter of its own, the cycles per minute.
+    The needle transfer has no separate speed; its cycles per minute are a parameter.
     """
     parameters = []
     for p in design.family.parameters:
@@ -103,7 +103,7 @@ def design_head(design: Design) -> dict[str, Any]:
 
 
 def printed_of(design: Design) -> dict[str, str]:
-    """What the paper prints, where the design stands as it does."""
+    """Return the values printed in the paper, if the design has the parameters and speed of the paper."""
     if design.values or not math.isclose(design.speed_rad_s, design.family.base.nominal_speed_rad_s, rel_tol=1e-3):
         return {}
     kind = getattr(design.family, "kind", "")

@@ -1,4 +1,4 @@
-"""The search for designs: goals, limits and free parameters in, the Pareto front out, while people look on."""
+"""Search for designs: from goals, limits and free parameters to the Pareto front, with progress reports."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _TELL_S = 0.25
 
 @dataclass(frozen=True)
 class Goal:
-    """A number to be made as large, or as small, as it can be."""
+    """Number to maximise or minimise."""
 
     number: str
     maximise: bool
@@ -34,7 +34,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class Task:
-    """What is searched for: free parameters with their ranges (SI), goals, limits, and the seed."""
+    """Task of a search: free parameters with their ranges (SI), goals, limits, and the seed."""
 
     free: Mapping[str, tuple[float, float]]
     goals: tuple[Goal, ...]
@@ -44,15 +44,15 @@ class Task:
 
 @dataclass(frozen=True)
 class FrontDesign:
-    """A design of the front: its free parameters and its goals and limited numbers (SI)."""
+    """Design of the front: its free parameters, goals and limited numbers (SI)."""
 
     values: Mapping[str, float]
     numbers: Mapping[str, float]
 
 
 @dataclass(frozen=True)
-class LimitKept:
-    """How many of the designs keep a limit, and the value of its number (SI) that comes nearest to it; NaN without."""
+class LimitTally:
+    """Number of designs that meet a limit, and the nearest value of its number (SI); NaN without designs."""
 
     limit: Limit
     designs: int
@@ -61,10 +61,15 @@ class LimitKept:
 
 @dataclass(frozen=True)
 class SearchProgress:
-    """How far the search is: its front, designs looked at, designs a second of pure evaluation, share of the time.
+    """Progress of a search.
 
-    `complete` says that all generations were gone through: then the seed alone decides what is found. `kept` tells of
-    each limit by how many designs it was kept.
+    Attributes:
+        front: Best designs so far.
+        designs: Number of evaluated designs.
+        designs_per_second: Rate of pure evaluation.
+        share: Share of the time.
+        complete: True if all generations have run, so that the seed alone determines the front.
+        tallies: Number of designs that meet each limit.
     """
 
     front: tuple[FrontDesign, ...]
@@ -72,7 +77,7 @@ class SearchProgress:
     designs_per_second: float
     share: float
     complete: bool = False
-    kept: tuple[LimitKept, ...] = ()
+    tallies: tuple[LimitTally, ...] = ()
 
 
 Report = Callable[[SearchProgress], None]
@@ -86,45 +91,58 @@ def search(
     seconds: float = 60.0,
     generations: int = GENERATIONS,
 ) -> SearchProgress:
-    """The designs of which none is better in all goals, within the limits, from the present one and random others.
+    """Search for Pareto-optimal designs within the limits, from the present design and random ones.
 
-    Generalised differential evolution (see `synthesis.pareto`) through the batched closed forms, a generation at a
-    time, so that the same seed and generations give the same front. It ends after `generations`, or `seconds`, or when
-    `stopped` says so after one; the front is then evaluated anew on a finer grid. `report` is told of it a few times a
-    second. Machines without a batch form are looked at one by one.
-    Raises SceneError for unknown names, empty ranges, or no goal.
+    The algorithm is generalised differential evolution (see `synthesis.pareto`) on the batched closed forms, or
+    on single
+    designs for machines without a batch form. The same seed and generations give the same front. The final front is
+    evaluated again on a finer grid.
+
+    Args:
+        design: Present design.
+        task: Goals, limits and free parameters.
+        report: Called with the progress a few times per second.
+        stopped: Checked after each generation; true ends the search.
+        seconds: Time limit [s].
+        generations: Largest number of generations.
+
+    Returns:
+        The final front and its statistics.
+
+    Raises:
+        SceneError: A name is unknown, a range is empty, or there is no goal.
     """
     numbers_of, numbers, slow = _evaluator(design, SAMPLES)
     _check(design, task, numbers)
     goals = _Goals(task, numbers_of)
     low, high = np.array(list(task.free.values()), dtype=np.float64).T
     random = np.random.default_rng(task.seed)
-    begin = told = time.monotonic()
+    begin = reported = time.monotonic()
     start = _start(design, task, _SLOW_POPULATION if slow else _POPULATION, random)
     for number, population in enumerate(pareto.generations(start, low, high, goals, random), 1):
         now = time.monotonic()
-        if report and now - told > _TELL_S:
-            told = now
+        if report and now - reported > _TELL_S:
+            reported = now
             share = max((now - begin) / seconds, number / generations)
             front = _again(_front(population, task), task, numbers_of)
-            report(SearchProgress(front, goals.designs, goals.rate, min(1.0, share), kept=goals.kept()))
+            report(SearchProgress(front, goals.designs, goals.rate, min(1.0, share), tallies=goals.tallies()))
         if number >= generations or now - begin > seconds or (stopped and stopped()):
             break
     finer = numbers_of if slow else _evaluator(design, _FINE)[0]
     front = _again(_front(population, task), task, finer)
-    return SearchProgress(front, goals.designs, goals.rate, 1.0, number >= generations, goals.kept())
+    return SearchProgress(front, goals.designs, goals.rate, 1.0, number >= generations, goals.tallies())
 
 
 Evaluate = Callable[[Mapping[str, FloatArray], Sequence[str]], dict[str, FloatArray]]
 
 
 def _evaluator(design: Design, samples: int) -> tuple[Evaluate, tuple[str, ...], bool]:
-    """Numbers of many designs, their names, and whether it goes one by one."""
+    """Return the function that evaluates many designs, the names of its numbers, and whether it works one by one."""
     try:
         batch = batch_of(design.family, design.values, design.speed_rad_s, design.dwell_within_m)
     except SceneError:
-        slowly = OneByOne(design)
-        return slowly.evaluate, slowly.names, True
+        one_by_one = OneByOne(design)
+        return one_by_one.evaluate, one_by_one.names, True
     batch = Batch(batch.machine, design.speed_rad_s, design.dwell_within_m, samples)
     fixed = dict(design.values)
 
@@ -137,14 +155,14 @@ def _evaluator(design: Design, samples: int) -> tuple[Evaluate, tuple[str, ...],
 
 
 class OneByOne:
-    """The numbers of many designs, one after the other: what a machine without a batch form has."""
+    """Evaluation of designs one by one, for machines without a batch form."""
 
     def __init__(self, design: Design) -> None:
         self._design = design
         self.names = tuple(analyse(design).numbers)
 
     def evaluate(self, values: Mapping[str, FloatArray], names: Iterable[str]) -> dict[str, FloatArray]:
-        """Numbers by name, each (n,), for the values (n,) by parameter; NaN for a design that cannot be."""
+        """Return numbers (n,) by name for values (n,) by parameter; NaN for a design that is not valid."""
         rows = [self._numbers(dict(zip(values, row, strict=True))) for row in zip(*values.values(), strict=True)]
         return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 
@@ -168,49 +186,49 @@ def _check(design: Design, task: Task, numbers: Sequence[str]) -> None:
             raise SceneError(f"range of '{name}': give two rising numbers")
     for number in [goal.number for goal in task.goals] + [limit.number for limit in task.limits]:
         if number not in numbers:
-            raise SceneError(f"'{number}' is no number of this machine that can be searched for")
+            raise SceneError(f"'{number}' cannot be a goal or limit: this machine has no such number")
 
 
 class _Goals:
-    """A task's goals, all to be made small, and by how much a design breaks its limits, for many designs."""
+    """Goals of a task, as values to minimise, and violations of its limits, for many designs."""
 
     def __init__(self, task: Task, evaluate: Evaluate) -> None:
         self.task, self._evaluate = task, evaluate
         self.names = tuple(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
         self.designs, self._seconds = 0, 0.0
-        self._kept = [0] * len(task.limits)
-        self._lacks = [(np.inf, np.nan)] * len(task.limits)
+        self._met = [0] * len(task.limits)
+        self._violations = [(np.inf, np.nan)] * len(task.limits)
 
-    def kept(self) -> tuple[LimitKept, ...]:
-        """Of each limit, how it was kept so far."""
-        counts = zip(self.task.limits, self._kept, self._lacks, strict=True)
-        return tuple(LimitKept(limit, designs, nearest) for limit, designs, (_, nearest) in counts)
+    def tallies(self) -> tuple[LimitTally, ...]:
+        """Return the tally of each limit so far."""
+        counts = zip(self.task.limits, self._met, self._violations, strict=True)
+        return tuple(LimitTally(limit, designs, nearest) for limit, designs, (_, nearest) in counts)
 
     @property
     def rate(self) -> float:
-        """Designs a second of evaluation."""
+        """Designs per second of evaluation."""
         return self.designs / self._seconds if self._seconds else 0.0
 
     def __call__(self, designs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Goals (n, goals) and lacks (n,) of designs (n, parameters)."""
+        """Return goals (n, goals) and violations (n,) of designs (n, parameters)."""
         begin = time.perf_counter()
         found = self._evaluate({name: designs[:, k] for k, name in enumerate(self.task.free)}, self.names)
         self._seconds += time.perf_counter() - begin
         self.designs += designs.shape[0]
         goals = np.column_stack([-found[g.number] if g.maximise else found[g.number] for g in self.task.goals])
-        lacks = np.where(np.isfinite(goals).all(axis=1), 0.0, _OPEN)
+        violations = np.where(np.isfinite(goals).all(axis=1), 0.0, _OPEN)
         for k, limit in enumerate(self.task.limits):
-            way = limit.value - found[limit.number] if limit.at_least else found[limit.number] - limit.value
-            lacks += np.maximum(0.0, np.nan_to_num(way / (abs(limit.value) or 1.0), nan=0.0))
-            self._kept[k] += int(np.count_nonzero(way <= 0.0))
-            if np.isfinite(way).any():
-                best = int(np.nanargmin(way))
-                self._lacks[k] = min(self._lacks[k], (float(way[best]), float(found[limit.number][best])))
-        return np.nan_to_num(goals, nan=_OPEN), lacks
+            excess = limit.value - found[limit.number] if limit.at_least else found[limit.number] - limit.value
+            violations += np.maximum(0.0, np.nan_to_num(excess / (abs(limit.value) or 1.0), nan=0.0))
+            self._met[k] += int(np.count_nonzero(excess <= 0.0))
+            if np.isfinite(excess).any():
+                best = int(np.nanargmin(excess))
+                self._violations[k] = min(self._violations[k], (float(excess[best]), float(found[limit.number][best])))
+        return np.nan_to_num(goals, nan=_OPEN), violations
 
 
 def _start(design: Design, task: Task, size: int, random: np.random.Generator) -> FloatArray:
-    """Random designs of the ranges; the first is the present one, as far as it lies in them."""
+    """Draw random designs within the ranges; the first is the present one, clipped to them."""
     low, high = np.array(list(task.free.values()), dtype=np.float64).T
     drawn = random.uniform(low, high, (size, low.size))
     drawn[0] = np.clip([design.value(name) or 0.0 for name in task.free], low, high)
@@ -218,7 +236,7 @@ def _start(design: Design, task: Task, size: int, random: np.random.Generator) -
 
 
 def _front(population: pareto.Population, task: Task) -> tuple[FrontDesign, ...]:
-    """The best designs so far that keep all limits, with their goals."""
+    """Return the best designs so far that meet all limits, with their goals."""
     front = population.front
     found = [
         FrontDesign(
@@ -231,7 +249,7 @@ def _front(population: pareto.Population, task: Task) -> tuple[FrontDesign, ...]
 
 
 def _again(front: tuple[FrontDesign, ...], task: Task, evaluate: Evaluate) -> tuple[FrontDesign, ...]:
-    """The front with all goals and limited numbers, evaluated anew."""
+    """Evaluate the front again with all goals and limited numbers."""
     if not front:
         return front
     names = tuple(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))

@@ -1,4 +1,4 @@
-"""The page's server: on the loopback address, for those who have the token, one session for each tab."""
+"""Server of the page: on the loopback address, protected by a token, with one session per tab."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _NO_ENTRY = "This page needs the address with its token, as textile-twin explore
 
 
 class Page:
-    """The page of one process. `make_session` gives a new tab its session."""
+    """Page of one process. `make_session` creates the session of a new tab."""
 
     def __init__(self, make_session: Callable[[], PageSession], token: str | None = None) -> None:
         self.token = secrets.token_urlsafe(24) if token is None else token
@@ -47,7 +47,7 @@ class Page:
         self._searches = ThreadPoolExecutor(2, thread_name_prefix="search")
 
     def application(self) -> web.Application:
-        """The aiohttp application."""
+        """Build the aiohttp application."""
         app = web.Application(middlewares=[self._guard], client_max_size=_LARGEST_MESSAGE)
         app.router.add_get("/", self._index)
         app.router.add_get("/page/{name}", self._static)
@@ -60,7 +60,7 @@ class Page:
     async def _guard(
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
-        """Lets in who has the token and speaks to us by our own name; another site's page does not."""
+        """Admit requests that carry the token, address us by our own host name, and come from our own page."""
         host = request.headers.get("Host", "").rsplit(":", 1)[0]
         origin = request.headers.get("Origin")
         given = request.query.get("token") or request.cookies.get(_COOKIE, "")
@@ -74,7 +74,7 @@ class Page:
         return response
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        if "token" in request.query:  # so that the token does not stay in the history of the browser
+        if "token" in request.query:  # a redirect keeps the token out of the browser's history
             response = web.Response(status=303, headers={"Location": "/"})
             response.set_cookie(_COOKIE, self.token, httponly=True, samesite="Strict", path="/")
             return response
@@ -98,7 +98,7 @@ class Page:
         socket_ = web.WebSocketResponse(heartbeat=_HEARTBEAT_S, compress=False, max_msg_size=_LARGEST_MESSAGE)
         await socket_.prepare(request)
         tab = request.query.get("tab", "")[:64]
-        if tab in self._sockets and not self._sockets[tab].closed:  # a tab that was duplicated goes its own way
+        if tab in self._sockets and not self._sockets[tab].closed:  # a duplicated tab gets its own session
             tab = self._part(tab)
             self._sockets[tab] = socket_
             await self._send(tab, Arrays().packed({"type": "tab", "tab": tab}), None)
@@ -141,7 +141,7 @@ class Page:
         await self._send(tab, done, request.get("id"))
 
     async def _later(self, tab: str, session: PageSession) -> None:
-        """The state again when what it waits for is there."""
+        """Send the state again once the loops that it waits for are compiled."""
         while awaited := session.awaited:
             await asyncio.wait([asyncio.wrap_future(awaited)])
         try:
@@ -151,24 +151,24 @@ class Page:
         await self._send(tab, state, None)
 
     async def _send(self, tab: str, message: bytes, number: Any) -> None:
-        """To the tab's present connection, if it has one; `number` says which message this answers."""
+        """Send to the present connection of a tab, if it has one; `number` identifies the message that this answers."""
         socket_ = self._sockets.get(tab)
         if socket_ is not None and not socket_.closed:
             known = number if isinstance(number, int) and 0 <= number < 2**32 else 0
-            with suppress(ConnectionError, RuntimeError):  # it left while we spoke
+            with suppress(ConnectionError, RuntimeError):  # the tab was closed meanwhile
                 await socket_.send_bytes(known.to_bytes(4, "little") + message)
 
     def _session(self, tab: str) -> PageSession:
         if tab not in self._sessions:
             self._sessions[tab] = self._make_session()
             for old in [name for name in self._sessions if name not in self._sockets]:
-                if len(self._sessions) > _MOST_SESSIONS:  # of those tabs that nobody has open, the longest unused
+                if len(self._sessions) > _MOST_SESSIONS:  # remove closed tabs, the longest unused first
                     del self._sessions[old]
         self._sessions.move_to_end(tab)
         return self._sessions[tab]
 
     def _part(self, tab: str) -> str:
-        """A new tab's name, with a session that begins where another stands."""
+        """Create a new tab name, with a copy of the session of another tab."""
         other = secrets.token_hex(16)
         self._sessions[other] = self._sessions[tab].copy()
         return other
@@ -186,7 +186,11 @@ class Page:
 
 
 def _parsed(text: str) -> dict[str, Any]:
-    """A message. Raises SceneError for a text that is none."""
+    """Parse a message.
+
+    Raises:
+        SceneError: The text is not a JSON object.
+    """
     try:
         parsed = json.loads(text)
     except (ValueError, RecursionError):
@@ -205,7 +209,11 @@ def _angle(text: str) -> float:
 
 def _error(error: BaseException) -> bytes:
     known = isinstance(error, TwinError)
-    text = str(error) if known else f"a fault of textile-twin, please report it ({type(error).__name__}: {error})"
+    text = (
+        str(error)
+        if known
+        else f"an internal error of textile-twin; please report it ({type(error).__name__}: {error})"
+    )
     return Arrays().packed({"type": "error", "text": " ".join(text.split())})
 
 
@@ -218,7 +226,11 @@ def _resource(name: str) -> web.Response:
 
 
 def serve(page: Page, port: int, started: Callable[[str], None]) -> None:
-    """Serve until interrupted; `started` is told the address, token included. Raises SceneError for a port in use."""
+    """Serve until interrupted; call `started` with the address, token included.
+
+    Raises:
+        SceneError: The port is in use.
+    """
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
@@ -227,5 +239,5 @@ def serve(page: Page, port: int, started: Callable[[str], None]) -> None:
         listener.close()
         raise SceneError(f"port {port} cannot be used ({error}); give another by --port, or 0 for any") from None
     address = f"http://{LOOPBACK}:{listener.getsockname()[1]}/?token={page.token}"
-    gc.freeze()  # what is loaded by now stays: no collection need look at it while a slider moves
+    gc.freeze()  # spares garbage collections the loaded modules while a slider moves
     web.run_app(page.application(), sock=listener, print=lambda *_: started(address), handle_signals=True)

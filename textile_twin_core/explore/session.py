@@ -1,4 +1,4 @@
-"""One tab of the page: its design and history, and an answer for every message."""
+"""Session of one tab of the page: design, history, and an answer to every message."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from textile_twin_core.synthesis.tolerance import Limit, ManyDesigns, batch_of, 
 Message = Mapping[str, Any]
 _MOST_SECONDS = 600.0
 _FEW = 400
-"""Machines drawn for the tolerances where they are worked out one by one."""
+"""Number of random machines for the tolerances if they are evaluated one by one."""
 
 
 @dataclass(frozen=True)
 class File:
-    """A file that the page hands out."""
+    """File that the page offers for download."""
 
     name: str
     kind: str
@@ -45,7 +45,7 @@ class File:
 
 
 class PageSession:
-    """What one tab knows. Every public method answers with a message; a mistake of the user's is a TwinError."""
+    """State of one tab. Every public method answers with a message; mistakes of the user raise TwinError."""
 
     def __init__(self, design: Design, recording: Overlay | None = None) -> None:
         self._history = History(design)
@@ -57,23 +57,29 @@ class PageSession:
         self._seen: tuple[Design, Analysis] | None = None
 
     def copy(self) -> PageSession:
-        """Another session that begins where this one stands."""
+        """Return another session with the present design."""
         return PageSession(self.design, self._recording)
 
     @property
     def design(self) -> Design:
-        """The present design."""
+        """Present design."""
         return self._history.present
 
     def answer(self, message: Message) -> bytes:
-        """The answer to a message. Raises TwinError for one that cannot be followed."""
+        """Answer a message.
+
+        Raises:
+            TwinError: The message is not valid.
+        """
         act = _ACTS.get(str(message.get("type")))
         if act is None:
             raise SceneError(f"the page does not know '{message.get('type')}'")
         return act(self, message)
 
     def state(self, said: str = "", loaded: bool = False) -> bytes:
-        """The present design with its analysis, and the pinned one; a design that cannot be says why instead."""
+        """Describe the present design with its analysis, and the pinned design; an invalid design gives the
+        reason instead.
+        """
         begin, arrays = time.perf_counter(), Arrays()
         head: dict[str, Any] = {
             "type": "state",
@@ -105,7 +111,12 @@ class PageSession:
         return arrays.packed(head)
 
     def analysis(self) -> Analysis:
-        """The present design's analysis. Raises MachineError where it cannot close; NotYetCompiledError."""
+        """Analyse the present design.
+
+        Raises:
+            MachineError: The machine cannot close.
+            NotYetCompiledError: The loops are still being compiled.
+        """
         if self._seen is None or self._seen[0] is not self.design:
             if self.design.family.base.has_history:
                 await_first_look()
@@ -114,7 +125,7 @@ class PageSession:
 
     @property
     def awaited(self) -> Future[None] | None:
-        """What the present design still waits for: the loops' first compilation, or nothing."""
+        """Future of the first compilation if the present design waits for it; None otherwise."""
         if not self.design.family.base.has_history:
             return None
         run, _ = first_look()
@@ -161,17 +172,17 @@ class PageSession:
 
     def _machine(self, message: Message) -> bytes:
         self._history.put(_published(str(message.get("name"))))
-        self._forget()
+        self._clear_results()
         return self.state()
 
     def _load(self, message: Message) -> bytes:
         design, self._task = read_design(str(message.get("text", "")), str(message.get("name") or "the file"))
         self._history.put(design)
-        self._forget()
+        self._clear_results()
         return self.state(f"Loaded {message.get('name')}.", loaded=True)
 
-    def _forget(self) -> None:
-        """What belongs to another machine."""
+    def _clear_results(self) -> None:
+        """Clear everything that belongs to another machine."""
         self._front, self._recording = (), None
         if self._pinned is not None and _measured(self._pinned) != _measured(self.design):
             self._pinned = None
@@ -247,21 +258,25 @@ class PageSession:
         )
 
     def _many(self) -> ManyDesigns:
-        """What works out many designs like the present one: all at once where the machine has such a form."""
+        """Return the evaluator of many variants of the present design: batched where the machine has a batch form."""
         try:
             return batch_of(self.design.family, self.design.values, self.design.speed_rad_s, self.design.dwell_within_m)
         except SceneError:
             return OneByOne(self.design)
 
     def _asked(self, message: Message) -> tuple[list[str], list[str]]:
-        """Numbers of the present design, and the parameters that are free."""
+        """Return the numbers of the present design and its free parameters."""
         searchable = self.design.family.searchable
         free = [name for name in _object(message, "free") if name in searchable]
         lengths = [p.name for p in self.design.family.parameters if p.unit == "m" and p.name in searchable]
         return list(self.analysis().numbers), free or lengths
 
     def task(self, message: Message) -> Task:
-        """The task that a message describes, in the units of the page. Raises SceneError where it is none."""
+        """Read the task from a message in the units of the page.
+
+        Raises:
+            SceneError: The message describes no valid task.
+        """
         free = {}
         factors = {p.name: shown_unit(p.unit)[1] for p in self.design.family.parameters}
         for name, ends in _object(message, "free").items():
@@ -282,7 +297,7 @@ class PageSession:
         return Task(free, goals, tuple(limits), abs(int(seed)))
 
     def search(self, message: Message, report: Callable[[bytes], None]) -> bytes:
-        """Search as the message asks; `report` gets a message now and then. The last message."""
+        """Search as the message requests; call `report` with messages meanwhile, and return the last message."""
         task, design = self.task(message), self.design
         seconds = message.get("seconds") or 60.0
         check_number(seconds, "seconds")
@@ -299,11 +314,16 @@ class PageSession:
         return progress_message(done, task, running=False, took=time.monotonic() - begin)
 
     def stop(self) -> None:
-        """Stop a search after its generation."""
+        """Stop a search after its present generation."""
         self._stop.set()
 
     def file(self, kind: str, angle_rad: float) -> File:
-        """The design as a file of a kind. Raises SceneError for no such kind or angle, MachineError for no machine."""
+        """Return the design as a file of a kind.
+
+        Raises:
+            SceneError: The kind or the angle is not valid.
+            MachineError: The design gives no valid machine.
+        """
         check_number(angle_rad, "angle")
         name = self.design.family.name
         match kind:
@@ -324,18 +344,18 @@ class PageSession:
 
 @cache
 def _published(name: str) -> Design:
-    """A published machine, the same for every tab and every step of its history."""
+    """Return a published machine, shared by all tabs and all steps of their histories."""
     return Design.of(machines.create(name))
 
 
 def _measured(design: Design) -> tuple[str, ...]:
-    """Names of what is measured on a machine."""
+    """Return the names of the measures of a machine."""
     base = design.family.base
     return base.elements if isinstance(base, ContactMachine) else tuple(m.name for m in getattr(base, "measures", ()))
 
 
 def _object(message: Message, what: str) -> Mapping[str, Any]:
-    """What stands there, by name; nothing where nothing does."""
+    """Return an object of a message by name; empty if missing."""
     value = message.get(what) or {}
     if not isinstance(value, dict):
         raise SceneError(f"{what}: must be an object, not {value!r:.40}")
@@ -350,7 +370,7 @@ def _objects(message: Message, what: str) -> list[Mapping[str, Any]]:
 
 
 def _of_number(given: Mapping[str, Any], what: str) -> str:
-    """The number that a goal or limit speaks of."""
+    """Return the name of the number in a goal or limit."""
     if not isinstance(given.get("number"), str):
         raise SceneError(f"{what}: each needs a 'number', the name of one")
     return str(given["number"])
@@ -362,7 +382,7 @@ def _number(value: object, what: str) -> float:
 
 
 def _small_step(unit: str, value: float) -> tuple[float, str]:
-    """What counts as a small error of a parameter (SI), and its words."""
+    """Return a typical small error of a parameter (SI), and its text."""
     if unit == "m":
         return 1e-4, "0.1 mm"
     if unit == "rad":

@@ -1,4 +1,4 @@
-"""What the page shows of a design: curves over one turn, the moving linkage, marks and numbers."""
+"""Data of a design on the page: curves over one turn, moving linkage, marks and numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from textile_twin_core.explore.interference import Clash
 
 @dataclass(frozen=True)
 class Chart:
-    """Curves over the shaft angle that share an axis: (n,) values by label, in the unit that people read."""
+    """Curves over the shaft angle that share an axis: (n,) values by label, in the display unit."""
 
     title: str
     unit: str
@@ -19,7 +19,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class Mark:
-    """A shaft angle [rad] at which something happens."""
+    """Shaft angle [rad] of an event."""
 
     name: str
     angle_rad: float
@@ -27,7 +27,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Span:
-    """A range of the shaft angle [rad] over which something holds; its end lies before its begin past 0."""
+    """Range of the shaft angle [rad]; the end is smaller than the begin if the range includes 0."""
 
     name: str
     begin_rad: float
@@ -36,9 +36,9 @@ class Span:
 
 @dataclass(frozen=True)
 class Bar:
-    """A link as it is drawn, from point to point; an elliptic gear has half axes [m] and is drawn about its middle.
+    """Drawn link from point to point; an elliptic gear has half axes [m] and is drawn about its middle.
 
-    Round gears that are drawn with the link have a centre, by its point's name, and a pitch radius [m] each.
+    Each round gear drawn with the link has a centre, by the name of its point, and a pitch radius [m].
     """
 
     name: str
@@ -50,7 +50,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class Analysis:
-    """One design over one turn of (n,) angles."""
+    """Analysis of one design over one turn of (n,) angles."""
 
     theta_rad: FloatArray
     points: dict[str, tuple[FloatArray, FloatArray]]
